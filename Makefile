@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 
 # The tests that changes since BASE reach, by imports and names: make near BASE=main~3
 BASE ?= HEAD
-.PHONY: demo test quick near images full sanitize fuzz figures bench batch driving sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches loops roads imports lint setup clean
+.PHONY: demo test quick near images full sanitize fuzz figures pictures lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --integrator dormand-prince --out results/simul1.csv --plots results/simul1
@@ -35,24 +35,28 @@ sanitize: setup
 fuzz: setup
 	$(BIN)/python -m tests.fuzz $(or $(SECONDS),300) $(SEED)
 
-bench: setup
-	$(BIN)/python -m cutjoint_bench.studies.iltis
+# The studies of cutjoint_bench, each by its name; `of` are its modules where they have others, `with` their arguments
+STUDIES := report tables beside bench methods newton batch sweep chain instructions realtime flags waits choice verification stiff errors branches loops roads driving imports
+.PHONY: $(STUDIES) peers
+$(STUDIES): %: setup
+	for study in $(or $(of),$*); do $(BIN)/python -m cutjoint_bench.studies.$$study $(with) || exit; done
 
-roads: setup
-	$(BIN)/python -m cutjoint_bench.studies.roads
+bench: of := iltis
+flags: of := flags fmu_targets
+instructions: of := instructions fmu
+errors: of := estimates
+# Modules of cutjoint drive under Node.js
+driving: of := drive
+beside: with := vehicle chain verification governor
+# Robots that others wrote, as URDF with loops, beside Pinocchio: make imports ROBOTS=folder
+imports: with := $(or $(ROBOTS),tests/importing)
+beside report imports: peers
 
-flags: setup
-	$(BIN)/python -m cutjoint_bench.studies.flags
-	$(BIN)/python -m cutjoint_bench.studies.fmu_targets
-
-sweep: setup
-	$(BIN)/python -m cutjoint_bench.studies.sweep
-
-batch: setup
-	$(BIN)/python -m cutjoint_bench.studies.batch
+peers: setup
+	$(BIN)/pip install --quiet --editable './measuring[peers]'
 
 # Every figure and table of README and docs, from nothing: hours, on a machine that does nothing else.  What is in results/figures is not made again.
-FIGURES := report tables beside pictures bench methods newton batch sweep chain instructions realtime flags waits choice verification stiff errors branches loops roads
+FIGURES := report tables beside pictures $(filter-out report tables beside imports driving, $(STUDIES))
 .NOTPARALLEL: figures
 figures: $(FIGURES:%=results/figures/%.txt)
 
@@ -61,69 +65,11 @@ results/figures/%.txt: | setup
 	$(MAKE) --no-print-directory $* > $@.part
 	mv $@.part $@
 
-instructions: setup
-	$(BIN)/python -m cutjoint_bench.studies.instructions
-	$(BIN)/python -m cutjoint_bench.studies.fmu
-
-waits: setup
-	$(BIN)/python -m cutjoint_bench.studies.waits
-
-chain: setup
-	$(BIN)/python -m cutjoint_bench.studies.chain
-
-realtime: setup
-	$(BIN)/python -m cutjoint_bench.studies.realtime
-
-newton: setup
-	$(BIN)/python -m cutjoint_bench.studies.newton
-
-methods: setup
-	$(BIN)/python -m cutjoint_bench.studies.methods
-
 pictures: setup
 	$(BIN)/python docs/pictures/simul1.py
 	$(BIN)/python -m docs.pictures.models
 	$(BIN)/cutjoint simulate models/press.yaml --out results/press.csv --plots results/press
 	cp results/press/position.png docs/pictures/press.png
-
-tables: setup
-	$(BIN)/python -m cutjoint_bench.studies.tables
-
-beside: setup
-	$(BIN)/pip install --quiet --editable './measuring[peers]'
-	$(BIN)/python -m cutjoint_bench.studies.beside vehicle chain verification governor
-
-report: setup
-	$(BIN)/pip install --quiet --editable './measuring[peers]'
-	$(BIN)/python -m cutjoint_bench.studies.report
-
-choice: setup
-	$(BIN)/python -m cutjoint_bench.studies.choice
-
-stiff: setup
-	$(BIN)/python -m cutjoint_bench.studies.stiff
-
-verification: setup
-	$(BIN)/python -m cutjoint_bench.studies.verification
-
-errors: setup
-	$(BIN)/python -m cutjoint_bench.studies.estimates
-
-loops: setup
-	$(BIN)/python -m cutjoint_bench.studies.loops
-
-# Modules of cutjoint drive under Node.js
-driving: setup
-	$(BIN)/python -m cutjoint_bench.studies.drive
-
-# Robots that others wrote, as URDF with loops, beside Pinocchio: make imports ROBOTS=folder
-ROBOTS ?= tests/importing
-imports: setup
-	$(BIN)/pip install --quiet --editable './measuring[peers]'
-	$(BIN)/python -m cutjoint_bench.studies.imports $(ROBOTS)
-
-branches: setup
-	$(BIN)/python -m cutjoint_bench.studies.branches
 
 lint: setup
 	$(BIN)/ruff check

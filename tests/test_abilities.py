@@ -12,8 +12,8 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.elements.force import Force as ForceElement
 from cutjoint.elements.interactions import LineForce
-from cutjoint.emit.steps import STEPS
 from cutjoint.export.laws import KNOWN
+from cutjoint.methods import STEPS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Force, PointSpring
 from cutjoint.topology.reading import read_model

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
 from typing import Any
 
+import click
 import pytest
 
+from cutjoint.cli import main
 from cutjoint.methods import (
     AUTO,
     CLOSURES,
@@ -22,8 +25,10 @@ from cutjoint.methods import (
     METHODS,
     PRECISIONS,
     SOLVERS,
+    STEPS,
     Events,
     Implementation,
+    Integrator,
 )
 from cutjoint.model.document import json_schema
 from cutjoint.model.read import read_model_text
@@ -32,6 +37,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Options
+from tests.conftest import ROOT
 from tests.run.test_failing_starts import PENDULUM
 
 MODEL = read_model_text(PENDULUM, "pendulum.yaml")
@@ -67,6 +73,26 @@ def test_records_name_what_there_is() -> None:
     defaults = (DEFAULT_METHOD, DEFAULT_INTEGRATOR, DEFAULT_CLOSURE, DEFAULT_SOLVER, DEFAULT_PRECISION)
     assert all(name in catalogue for name, catalogue in zip(defaults, catalogues, strict=True))
     assert all(record.name == name for catalogue in catalogues for name, record in catalogue.items())
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS.values(), ids=INTEGRATORS)
+def test_a_row_of_an_integrator_reaches_all_that_follow_from_it(integrator: Integrator) -> None:
+    """Exports, the reader of run files, drivers, help and docs know the name; its C++ is there."""
+    name, runtime = integrator.name, ROOT / "runtime"
+    tables = (runtime / "include/cutjoint/core/runge_kutta/tables.hpp").read_text(encoding="utf-8")
+    assert tuple(method for method, steps in STEPS.items() if name in steps) == integrator.methods
+    for steps in integrator.steps.values():
+        text = (runtime / "include" / steps.header).read_text(encoding="utf-8")
+        assert re.search(rf"(class|using) {steps.name.partition('<')[0]}\b", text)
+        assert all(f"struct {table} {{" in tables for table in re.findall(r"runge_kutta::(\w+)", steps.name))
+    assert f'IntegratorRow{{"{name}",' in (runtime / "include/cutjoint/integrator_table.hpp").read_text(encoding="utf-8")
+    assert f"\n| `{name}` | " in (ROOT / "docs/reference/integrators.md").read_text(encoding="utf-8")
+    for command in ("simulate", "compile", "export", "couple", "gradient"):
+        found = main.get_command(click.Context(main), command)
+        assert found is not None
+        assert name in next(p.type for p in found.params if p.name == "integrator").choices  # type: ignore[attr-defined]
+    assert integrator.order
+    assert integrator.about
 
 
 def test_every_method_takes_the_default_integrator() -> None:

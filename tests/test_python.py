@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -19,9 +20,11 @@ from click.testing import CliRunner
 import cutjoint
 from cutjoint.cli import main
 from cutjoint.compile import pipeline
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_scene
+from cutjoint.tasks import taken
 from cutjoint.tasks.batch import BatchArtifact
 from cutjoint_bench.twin.artifact import compile_generic_model
 from tests.conftest import MODELS, ROOT, needs_cpp
@@ -66,6 +69,18 @@ def test_the_import_is_light() -> None:
     assert done.stdout == "[]\n"
 
 
+def test_the_list_of_commands_imports_none_of_them() -> None:
+    known = "print([n for n in ('sympy', 'numpy', 'yaml') if n in sys.modules])"
+    script = f"import sys, atexit, cutjoint.cli; atexit.register(lambda: {known}); cutjoint.cli.main()"
+    done = subprocess.run([sys.executable, "-c", script, "--help"], capture_output=True, text=True, check=True, env=environment())
+    assert done.stdout.endswith("[]\n")
+    context = click.Context(main)
+    for name in main.list_commands(context):
+        known = main.get_command(context, name)
+        assert known is not None
+        assert f"  {name}  ".ljust(len("  equilibrium  ")) + known.get_short_help_str(61) in done.stdout
+
+
 @needs_cpp
 def test_a_run_that_fails_raises_what_the_command_line_says(tmp_path: Path) -> None:
     out = tmp_path / "run.csv"
@@ -81,6 +96,14 @@ def test_a_run_that_fails_raises_what_the_command_line_says(tmp_path: Path) -> N
     assert returned.failure is not None
     assert returned.failure.what == run.failure.what
     assert np.array_equal(returned["slider.x"], run["slider.x"])
+
+
+def test_models_are_compiled_by_the_method_of_their_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pipeline, "compile_scene", lambda model, scene, options: options.method)
+    text = PRESS.read_text(encoding="utf-8").replace("turn: {", "turn: {method: augmented, ")
+    named = read_model_text(text, "press.yaml")
+    found = [cutjoint.compile_model(PRESS), cutjoint.compile_model(named), cutjoint.compile_model(named, method="classical")]
+    assert found == ["recursive", "augmented", "classical"]
 
 
 @needs_cpp
@@ -140,7 +163,7 @@ def test_a_file_a_model_and_an_artifact_are_as_good(monkeypatch: pytest.MonkeyPa
     artifact = compile_interpreted(model, find_scene(model, None))
     states = [cutjoint.find_initial_state(given)["slider.x"] for given in (PRESS, model, artifact)]
     assert states[1:] == states[:1] * 2
-    monkeypatch.setattr(pipeline, "compile_scene", lambda model, scene, options: compile_interpreted(model, scene, method=options.method))
+    monkeypatch.setattr(taken, "compile_scene", lambda model, scene, options: compile_interpreted(model, scene, method=options.method))
     runs = [cutjoint.simulate(given, end=0.02, error=False) for given in (str(PRESS), model, artifact)]
     assert [list(run["slider.x"]) for run in runs[1:]] == [list(runs[0]["slider.x"])] * 2
     tunable = cutjoint.simulate(PRESS, tunable=["B.*"], parameters={"B.z": 0.05}, end=0.02, error=False, method="recursive-newton")
@@ -168,7 +191,7 @@ def test_the_earlier_name_of_the_solver_s_tolerance_works_with_a_warning() -> No
 def test_what_is_no_model_is_reported() -> None:
     with pytest.raises(TypeError, match="a model is its file, what read_model has made of it, or an artifact, not int"):
         cutjoint.simulate(5)  # type: ignore[arg-type]
-    with pytest.raises(cutjoint.RunError, match=r"numbers are opened while the file is read; give the file, or read_model\(path, opened="):
+    with pytest.raises(cutjoint.RunError, match=r"constants become tunable while the file is read; .* read_model\(path, tunable="):
         cutjoint.find_equilibrium(cutjoint.read_model(PRESS), tunable=["B.*"])
     with pytest.raises(cutjoint.RunError, match="no scene 'fast'; the model has turn"):
         cutjoint.find_equilibrium(cutjoint.read_model(PRESS), scene="fast")

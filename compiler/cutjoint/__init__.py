@@ -31,9 +31,10 @@ if TYPE_CHECKING:
     from cutjoint.run.outputs import OutputError
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
+    from cutjoint.stepping.handle import SimulationError
     from cutjoint.stepping.load import load
     from cutjoint.stepping.rollout import rollout
-    from cutjoint.stepping.simulation import Simulation, SimulationError
+    from cutjoint.stepping.simulation import Simulation
     from cutjoint.stepping.values import (
         AdjointSensitivities,
         EigenvalueSensitivities,
@@ -83,7 +84,8 @@ _HOMES = {
     "cutjoint.tasks.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes"),
     "cutjoint.stepping.load": ("load",),
     "cutjoint.stepping.rollout": ("rollout",),
-    "cutjoint.stepping.simulation": ("Simulation", "SimulationError"),
+    "cutjoint.stepping.handle": ("SimulationError",),
+    "cutjoint.stepping.simulation": ("Simulation",),
     "cutjoint.stepping.values": (
         "EventSensitivities", "EigenvalueSensitivities", "StateSensitivities", "AdjointSensitivities", "ForwardSensitivities", "StateSpace",
         "StepDerivatives",

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import ast
 import errno
 import gc
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from importlib.util import find_spec
 from keyword import iskeyword
+from pathlib import Path
 from typing import Any
 
 import click
@@ -55,7 +58,7 @@ class _Commands(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in _COMMANDS:
-            command = import_module(f"cutjoint.commands.{cmd_name}{'_' * iskeyword(cmd_name)}").command
+            command = import_module(_module_of(cmd_name)).command
         elif cmd_name in COMMANDS.names():
             try:
                 command = COMMANDS.load(cmd_name)
@@ -66,9 +69,30 @@ class _Commands(click.Group):
         assert isinstance(command, click.Command)
         return command
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """A line of each command, read from its source: to import them all takes seconds."""
+        commands = [click.Command(name, help=_text_of(name)) for name in self.list_commands(ctx)]
+        room = formatter.width - 6 - max(len(each.name or "") for each in commands)
+        with formatter.section("Commands"):
+            formatter.write_dl([(each.name or "", each.get_short_help_str(room)) for each in commands])
+
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
         with _plain_errors():
             return super().make_context(*args, **kwargs)
+
+
+def _module_of(command: str) -> str:
+    return f"cutjoint.commands.{command}{'_' * iskeyword(command)}"
+
+
+def _text_of(command: str) -> str:
+    """The docstring of a command's function in its module, which is not imported; "" without one."""
+    module = _module_of(command) if command in _COMMANDS else COMMANDS.installed()[command].module
+    place = find_spec(module)
+    if place is None or place.origin is None:
+        return ""
+    functions = (node for node in ast.parse(Path(place.origin).read_bytes()).body if isinstance(node, ast.FunctionDef))
+    return next((ast.get_docstring(node) or "" for node in functions if node.name == "command"), "")
 
 
 @contextmanager

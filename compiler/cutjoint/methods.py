@@ -7,7 +7,7 @@ and number types.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TypeVar
 
@@ -106,12 +106,32 @@ class Method:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Steps:
+    """The C++ class of an integrator's steps by one method, for a mechanism, or for that and a system, and its header.
+
+    ``stages`` is the number of slopes that an explicit one holds, with parts of its interpolant beyond five, ``finds_events`` whether its
+    steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can,
+    ``differentiable`` whether steps have derivatives, ``by_residual`` whether these need the slopes of the balance of forces.
+    """
+
+    header: str
+    name: str
+    stages: int = 0
+    finds_events: bool = False
+    is_iterated: bool = False
+    adaptive: bool = False
+    differentiable: bool = False
+    by_residual: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class Integrator:
     """A rule of steps.
 
-    ``methods`` are those whose equations it takes, ``closures`` those it can hold and ``closure`` the one where none is wanted; ``twin`` is
-    whether generic twins have it.  ``events``
-    is the default of its steps, None where they cannot end at events.  An ``adaptive`` one takes steps as long as the tolerance allows.
+    ``methods`` are those whose equations it takes, ``steps`` its classes by them, which those of other packages have not; ``order`` and
+    ``about`` are for readers.  ``closures`` are those it can hold and ``closure`` the one where none is wanted; ``twin`` is whether generic
+    twins have it.  ``events`` is the default of its steps, None where they cannot end at events, and steps of the core end there by
+    themselves where that is located.  An ``adaptive`` one takes steps as long as the tolerance allows.
     ``uses_solver`` is whether steps solve with the linear solver of a method that has one.  ``settings`` are those that it reads besides
     the method's, ``largest_penalty`` bounds a penalty that is not given for the method itself.  ``balances`` is whether it balances work
     and energy beside the motion.
@@ -119,6 +139,9 @@ class Integrator:
 
     name: str
     methods: tuple[str, ...]
+    order: str = ""
+    about: str = ""
+    steps: Mapping[str, Steps] = field(default_factory=dict)
     closures: tuple[str, ...] = ("penalty",)
     closure: str = "proximal"
     twin: bool = False
@@ -230,34 +253,63 @@ METHODS: Mapping[str, Method] = _catalogue(
 #: fewer digits of the accelerations.
 _EXPLICIT_PENALTY = 1e6
 
-#: The trapezoidal rule; explicit Runge-Kutta methods with steps of equal length and with steps as long as the tolerance allows; implicit
-#: ones of order 5, adaptive and with equal steps, and one of order 2 that damps what is fast.
+_ALL_CLOSURES = ("penalty", "proximal", "solved")
+_NEWTON = Steps(header="cutjoint/core/newton/recursive_newton.hpp", name="RecursiveNewtonSteps<Mechanism, System>")
+
+
+def _explicit(name: str, table: str, *, order: str, stages: int, about: str, adaptive: bool = True) -> Integrator:
+    """An explicit Runge-Kutta method by its table of core/runge_kutta/tables.hpp."""
+    of_table = f"ExplicitSteps<Mechanism, cutjoint::runge_kutta::{table}>"
+    steps = Steps(header="cutjoint/core/explicit_steps.hpp", name=of_table, stages=stages, differentiable=True)
+    return Integrator(
+        name=name, methods=("recursive",), order=order, about=about, steps={"recursive": steps},
+        closures=_ALL_CLOSURES, closure="solved", adaptive=adaptive, settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY,
+    )  # fmt: skip
+
+
+def _radau(name: str, *, about: str, adaptive: bool) -> Integrator:
+    """Radau IIA of order 5."""
+    of_length = f"RadauSteps<Mechanism, System, {str(adaptive).lower()}>"
+    steps = Steps(header="cutjoint/core/implicit_steps.hpp", name=of_length, differentiable=True, by_residual=True)
+    return Integrator(
+        name=name, methods=("recursive-newton",), order="5", about=about, steps={"recursive-newton": steps},
+        adaptive=adaptive, uses_solver=True, settings=("absolute_tolerance",),
+    )  # fmt: skip
+
+
+#: A row an integrator: runs, run files and their reader, drivers, exports, help and tables of docs follow from it by `make regenerate`.
 INTEGRATORS: Catalogue[Integrator] = Catalogue(
     Integrator(
-        name="trapezoidal", methods=tuple(METHODS), closures=("penalty", "proximal", "solved"), twin=True, events=Events.CROSSED,
-        uses_solver=True, fixed_cost=True, batch=True, tangents=True,
+        name="trapezoidal", methods=tuple(METHODS), order="2", about="bounded work in a step; loops stabilised or projected",
+        steps={
+            "recursive": Steps(
+                header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True, differentiable=True
+            ),
+            "augmented": Steps(header="cutjoint/core/newton/augmented.hpp", name="AugmentedSteps<Mechanism, System>"),
+            "classical": Steps(header="cutjoint/core/newton/classical.hpp", name="ClassicalSteps<Mechanism, System>"),
+            "recursive-newton": replace(_NEWTON, differentiable=True),
+        },
+        closures=_ALL_CLOSURES, twin=True, events=Events.CROSSED, uses_solver=True, fixed_cost=True, batch=True, tangents=True,
     ),
+    _explicit("rk4", "ClassicalTable", order="4", stages=5, adaptive=False, about="bounded work in a step"),
+    _explicit("dormand-prince", "DormandPrinceTable", order="5(4)", stages=7, about="error: the difference of orders 5 and 4"),
+    _explicit("dop853", "Dop853Table", order="8(5,3)", stages=20, about="error: the combined estimate of orders 5 and 3"),
+    _radau("radau5", adaptive=True, about="L-stable; error: an embedded formula of order 3"),
+    _radau("radau5-fixed", adaptive=False, about="L-stable"),
     Integrator(
-        name="rk4", methods=("recursive",), closures=("penalty", "proximal", "solved"), closure="solved",
-        settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY,
-    ),
-    Integrator(
-        name="dormand-prince", methods=("recursive",), closures=("penalty", "proximal", "solved"), closure="solved", adaptive=True,
-        settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY,
-    ),
-    Integrator(
-        name="dop853", methods=("recursive",), closures=("penalty", "proximal", "solved"), closure="solved", adaptive=True,
-        settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY,
-    ),
-    Integrator(
-        name="radau5", methods=("recursive-newton",), adaptive=True, uses_solver=True, settings=("absolute_tolerance",)
-    ),
-    Integrator(name="radau5-fixed", methods=("recursive-newton",), uses_solver=True, settings=("absolute_tolerance",)),
-    Integrator(
-        name="generalised-alpha", methods=("recursive-newton",), events=Events.CROSSED, uses_solver=True, settings=("spectral_radius",)
+        name="generalised-alpha", methods=("recursive-newton",), order="2", about="bounded work in a step; damps by `spectral_radius`",
+        steps={"recursive-newton": _NEWTON}, events=Events.CROSSED, uses_solver=True, settings=("spectral_radius",),
     ),
     added=extensions.INTEGRATORS,
 )  # fmt: skip
+
+#: The steps of the core by the names of methods and integrators.
+STEPS: Mapping[str, Mapping[str, Steps]] = {
+    method: {
+        name: replace(i.steps[method], adaptive=i.adaptive, finds_events=i.events is Events.LOCATED)
+        for name, i in INTEGRATORS.items() if method in i.steps
+    } for method in METHODS
+}  # fmt: skip
 
 #: Integrators of earlier versions, and those that have taken their places.
 FORMER_INTEGRATORS: Mapping[str, str] = {"sdirk4": "radau5", "sdirk4-fixed": "radau5-fixed"}
@@ -301,6 +353,12 @@ def find_additions(solver: str | None) -> tuple[str, ...]:
 def names_of(catalogue: Mapping[str, R], condition: Callable[[R], bool]) -> tuple[str, ...]:
     """The names of the records of a catalogue that meet a condition."""
     return tuple(name for name, record in catalogue.items() if condition(record))
+
+
+def describe_steps(condition: Callable[[Steps], bool]) -> str:
+    """The methods and integrators whose steps meet a condition, for a sentence."""
+    found = {method: names_of(steps, condition) for method, steps in STEPS.items()}
+    return ", or ".join(f"method {method} with {join_or(names)}" for method, names in found.items() if names)
 
 
 def join_or(names: Iterable[str]) -> str:

@@ -34,7 +34,7 @@ namespace cutjoint::batch {
 
 namespace {
 
-const Abilities abilities{.tasks = {Task::batch}, .integrators = {Integrator::trapezoidal}};
+const Abilities abilities{.tasks = {Task::batch}, .integrators = &IntegratorRow::batch};
 
 /// The keys that a case may have of its own.
 constexpr auto keys_of_cases = std::to_array<std::string_view>({"parameters", "inputs", "positions", "rates", "roads"});

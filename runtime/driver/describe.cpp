@@ -39,8 +39,8 @@ void fill(Description& d, const constants::Mechanism& mechanism) {
   take(d.guards, mechanism.guards, [](const constants::Guard& x) { return Guard{.force = x.force, .place = x.place, .ends = x.ends, .left_out = x.left_out}; });
   take(d.domains, mechanism.domains,
        [](const constants::Domain& x) { return Domain{.what = x.what, .element = x.element, .place = x.place, .strict = x.strict, .cure = x.cure}; });
-  take(d.switches, mechanism.switches,
-       [](const constants::Switch& x) { return Switch{.element = x.element, .place = x.place, .road = x.road, .across = x.across}; });
+  take(d.indicators, mechanism.indicators,
+       [](const constants::EventIndicator& x) { return EventIndicator{.element = x.element, .place = x.place, .road = x.road, .across = x.across}; });
   take(d.nominals, mechanism.nominals, [](double x) { return x; });
   take(d.controllers, mechanism.controllers, [](const constants::Controller& x) { return Controller{.name = x.name, .place = x.place, .times = x.times}; });
   d.states = static_cast<std::size_t>(mechanism.states);

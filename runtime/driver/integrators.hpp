@@ -7,9 +7,10 @@
 #include "cutjoint/core/runge_kutta/scheme.hpp"
 #include "cutjoint/core/runge_kutta/tables.hpp"
 #include "cutjoint/core/runge_kutta/closed_loop_dynamics.hpp"
-#include "cutjoint/core/stepping/switch_cells.hpp"
+#include "cutjoint/core/stepping/indicator_cells.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 #include "cutjoint/core/trapezoidal.hpp"
+#include "cutjoint/integrator_table.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/precision.hpp"
 
@@ -24,19 +25,17 @@ using CompiledDynamics = runge_kutta::ClosedLoopDynamics<CompiledMechanism>;
 
 CUTJOINT_INSTANTIATE class Projection<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class Trapezoidal<CompiledMechanism>;
-CUTJOINT_INSTANTIATE class stepping::SwitchCells<CompiledMechanism>;
+CUTJOINT_INSTANTIATE class stepping::IndicatorCells<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class Relative<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class Relative<CompiledMechanism, runge_kutta::Solved<CompiledMechanism>>;
 CUTJOINT_INSTANTIATE class runge_kutta::Solved<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class runge_kutta::ClosedLoopDynamics<CompiledMechanism>;
-CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::ClassicalTable>;
-CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::DormandPrinceTable>;
-CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::Dop853Table>;
-CUTJOINT_INSTANTIATE class runge_kutta::Scheme<CompiledDynamics, runge_kutta::ClassicalTable>;
-CUTJOINT_INSTANTIATE class runge_kutta::Scheme<CompiledDynamics, runge_kutta::DormandPrinceTable>;
-CUTJOINT_INSTANTIATE class runge_kutta::Scheme<CompiledDynamics, runge_kutta::Dop853Table>;
-CUTJOINT_INSTANTIATE class stepping::Stepper<runge_kutta::Scheme<CompiledDynamics, runge_kutta::ClassicalTable>>;
-CUTJOINT_INSTANTIATE class stepping::Stepper<runge_kutta::Scheme<CompiledDynamics, runge_kutta::DormandPrinceTable>>;
-CUTJOINT_INSTANTIATE class stepping::Stepper<runge_kutta::Scheme<CompiledDynamics, runge_kutta::Dop853Table>>;
+// all of one kind, then of the next: what GCC inlines follows from the order, and with it how products are joined to sums
+#define CUTJOINT_FORMULA(name, table) CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::table>;
+#define CUTJOINT_SCHEME(name, table) CUTJOINT_INSTANTIATE class runge_kutta::Scheme<CompiledDynamics, runge_kutta::table>;
+#define CUTJOINT_STEPPER(name, table) CUTJOINT_INSTANTIATE class stepping::Stepper<runge_kutta::Scheme<CompiledDynamics, runge_kutta::table>>;
+CUTJOINT_EXPLICIT_INTEGRATORS(CUTJOINT_FORMULA)
+CUTJOINT_EXPLICIT_INTEGRATORS(CUTJOINT_SCHEME)
+CUTJOINT_EXPLICIT_INTEGRATORS(CUTJOINT_STEPPER)
 
 }  // namespace cutjoint

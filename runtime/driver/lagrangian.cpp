@@ -26,7 +26,7 @@ using S = AnySystem<Precision>;
 
 const Abilities abilities{
     .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate, Task::factor},
-    .integrators = {Integrator::trapezoidal, Integrator::radau5, Integrator::radau5_fixed, Integrator::generalised_alpha},
+    .integrators = &IntegratorRow::lagrangian,
     .solvers = true,
     .added = is_added<S>,
 };
@@ -38,10 +38,10 @@ Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnySystem<
   switch (settings.integrator) {
     case Integrator::added:
       return added_integrators<S>().at(file.at("integrator"))(start, system, settings, file);
-    case Integrator::radau5:
-      return run_by<Simulated<RadauSteps<S, S, true, CompiledSolver>>>(start, system, settings, file);
-    case Integrator::radau5_fixed:
-      return run_by<Simulated<RadauSteps<S, S, false, CompiledSolver>>>(start, system, settings, file);
+#define CUTJOINT_CASE(name, of_own_length) \
+    case Integrator::name:                 \
+      return run_by<Simulated<RadauSteps<S, S, of_own_length, CompiledSolver>>>(start, system, settings, file);
+    CUTJOINT_RADAU_INTEGRATORS(CUTJOINT_CASE)
     default:
       if (settings.events) return run_by<Simulated<SplitSteps<stepping::NewtonRule<S, CompiledSolver>>>>(start, system, settings, file);
       switch (system.description().method) {

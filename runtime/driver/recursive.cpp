@@ -20,7 +20,7 @@ using M = AnyMechanism<Precision>;
 
 const Abilities abilities{
     .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate},
-    .integrators = {Integrator::trapezoidal, Integrator::rk4, Integrator::dormand_prince, Integrator::dop853},
+    .integrators = &IntegratorRow::recursive,
     .added = is_added<M>,
 };
 
@@ -31,12 +31,10 @@ Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnyMechani
   switch (settings.integrator) {
     case Integrator::added:
       return added_integrators<M>().at(file.at("integrator"))(start, mechanism, settings, file);
-    case Integrator::rk4:
-      return run_by<Simulated<ExplicitSteps<M, runge_kutta::ClassicalTable>>>(start, mechanism, settings, file);
-    case Integrator::dormand_prince:
-      return run_by<Simulated<ExplicitSteps<M, runge_kutta::DormandPrinceTable>>>(start, mechanism, settings, file);
-    case Integrator::dop853:
-      return run_by<Simulated<ExplicitSteps<M, runge_kutta::Dop853Table>>>(start, mechanism, settings, file);
+#define CUTJOINT_CASE(name, table) \
+    case Integrator::name:         \
+      return run_by<Simulated<ExplicitSteps<M, runge_kutta::table>>>(start, mechanism, settings, file);
+    CUTJOINT_EXPLICIT_INTEGRATORS(CUTJOINT_CASE)
     default:
       if (settings.events) return run_by<Simulated<SplitSteps<stepping::TrapezoidalRule<M>>>>(start, mechanism, settings, file);
       return run_by<Simulated<FixedPointSteps<M>>>(start, mechanism, settings, file);

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <utility>
 
+#include "cutjoint/core/functions.hpp"
+
 namespace cutjoint::interpreter {
 
 namespace {
@@ -144,18 +146,8 @@ constexpr Entry entries[] = {
     one<[](auto a) { return 1.0 - a; }>("not"),
     three<[](auto condition, auto a, auto b) { return condition != 0.0 ? a : b; }>("where"),
     function_of_one<[](double a) { return std::abs(a); }>("abs"),
-    function_of_one<[](double a) { return std::sqrt(a); }>("sqrt"),
-    function_of_one<[](double a) { return std::sin(a); }>("sin"),
-    function_of_one<[](double a) { return std::cos(a); }>("cos"),
-    function_of_one<[](double a) { return std::tan(a); }>("tan"),
-    function_of_one<[](double a) { return std::asin(a); }>("asin"),
-    function_of_one<[](double a) { return std::acos(a); }>("acos"),
-    function_of_one<[](double a) { return std::atan(a); }>("atan"),
-    function_of_one<[](double a) { return std::sinh(a); }>("sinh"),
-    function_of_one<[](double a) { return std::cosh(a); }>("cosh"),
-    function_of_one<[](double a) { return std::tanh(a); }>("tanh"),
-    function_of_one<[](double a) { return std::exp(a); }>("exp"),
-    function_of_one<[](double a) { return std::log(a); }>("log"),
+#define CUTJOINT_ENTRY(name, slope) function_of_one<[](double a) { return std::name(a); }>(#name),
+    CUTJOINT_FUNCTIONS(CUTJOINT_ENTRY)
     function_of_two<[](double a, double b) { return std::atan2(a, b); }>("atan2"),
     function_of_two<[](double a, double b) { return std::pow(a, b); }>("pow"),
     entry<Spread>("spread", 1, Entry::spreading),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
+from cutjoint.emit.statuses import STATUSES
 from cutjoint.model.functions import leave_to_host
 from cutjoint.topology.reading import read_model
 
@@ -16,6 +17,7 @@ HEAD = """# C reference
 
 The interface of exported code, as its header declares it. `cutjoint compile MODEL --out FOLDER` writes the header with the name of
 the model in place of `NAME` and `name`. [Embed a model in C](../how-to/embed-in-c.md) shows the calls in order.
+A header has the status codes that its method can return.
 """
 
 
@@ -29,6 +31,8 @@ def page() -> str:
     body = re.sub(r"\bEVERY_PART_", "NAME_", re.sub(r"\bevery_part_", "name_", body))
     body = re.sub(r"(name_create)_[0-9a-f]{16}", r"\1_DIGEST", re.sub(r'(DIGEST) "[0-9a-f]{16}"', r'\1 "..."', body))
     body = re.sub(r"(POSES_DIGEST|NAME_SIZE) (0x[0-9a-f]{16}ULL|\d+)", r"\1 ...", body)
+    statuses = "".join(f"  NAME_{status.name} = {status.number}, /* {status.text} */\n" for status in STATUSES.values())
+    body = re.sub(r"(  NAME_OK = 0,\n)(?:  NAME_\w+ = [1-9].*\n)*", lambda found: found[1] + statuses, body)
     lines = [HEAD]
     for comment, code in re.findall(r"^/\*(.*?)\*/\n((?:(?!/\*)[^\n]*\n)*)", body, re.DOTALL | re.MULTILINE):
         lines += [f"## {title}\n"] if (title := _title(code)) else []

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import cutjoint
 
 HEAD = """# Python reference
 
 `import cutjoint` gives these functions, classes and exceptions. Values are in SI units, paths are `str` or `Path`.
-[Use cutjoint from Python](../how-to/python.md) shows them at work.
+[Use cutjoint from Python](../how-to/python.md) shows them at work. Members of a `Simulation` that need a
+state raise `SimulationError` before its first `reset`.
 """
+
+#: What the head says once, with what takes its place in each entry.
+_NO_RESET = {"; or there was no `reset`": "", ", ([^,;:]+), or there was no `reset`": r" or \1", ",?(?: or)? there was no `reset`": ""}
 
 
 def page() -> str:
@@ -27,7 +31,7 @@ def page() -> str:
     lines.append("## Classes\n")
     for name, found in classes.items():
         lines += [f"### {name}\n", _prose(found)]
-        for member, value in vars(found).items():
+        for member, value in _members(found, public):
             if not member.startswith("_") and (callable(value) or _is_property(value)):
                 lines += _entry("####", f"{name}.{member}", value)
     lines.append("## Exceptions\n\n| class | base | raised when |\n|---|---|---|")
@@ -35,6 +39,13 @@ def page() -> str:
         text = " ".join(_first_paragraph(error).split()).replace("|", "\\|")
         lines.append(f"| `{name}` | `{error.__mro__[1].__name__}` | {text} |")
     return "\n".join(lines) + "\n"
+
+
+def _members(found: type, public: Mapping[str, object]) -> Iterator[tuple[str, object]]:
+    """The members of a class and of those bases that have no section of their own."""
+    for kind in reversed(found.__mro__):
+        if kind is found or (kind.__module__.startswith("cutjoint.") and kind not in public.values()):
+            yield from vars(kind).items()
 
 
 def _entry(level: str, name: str, found: object) -> Iterator[str]:
@@ -72,8 +83,16 @@ def _prose(found: object) -> str:
     body, *sections = re.split(r"^(Args|Returns|Raises|Attributes|Source):\n", text, flags=re.MULTILINE)
     parts = [body.strip()]
     for title, lines in zip(sections[::2], sections[1::2], strict=True):
-        parts.append(f"**{title}**\n\n" + "\n".join(_items(inspect.cleandoc("\n" + lines))))
+        if items := [item for item in map(_without_reset, _items(inspect.cleandoc("\n" + lines))) if item != "* SimulationError:."]:
+            parts.append(f"**{title}**\n\n" + "\n".join(items))
     return "\n\n".join(parts) + "\n"
+
+
+def _without_reset(entry: str) -> str:
+    """An entry without what the head of the page says of all."""
+    for pattern, text in _NO_RESET.items():
+        entry = re.sub(pattern, text, entry)
+    return entry
 
 
 def _items(text: str) -> Iterator[str]:

@@ -15,7 +15,8 @@ from cutjoint.analysis.assembled import assemble_loops
 from cutjoint.analysis.closing import design_coordinates, retract
 from cutjoint.analysis.natural import call, evaluate_results
 from cutjoint.cli import main
-from cutjoint.compile.pipeline import compile_interpreted, compile_model, generate
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
@@ -67,8 +68,8 @@ def test_a_slider_crank_is_one_equation() -> None:
     outcome = assemble_loops(model, scene)
     assembly = outcome.model.assemblies[0]
     assert assembly.functions.turns
-    assert assembly.functions.gap < 1e-10
-    assert assembly.functions.rate_gap < 1e-9
+    assert assembly.functions.violation < 1e-10
+    assert assembly.functions.violation_rate < 1e-9
     made = run(outcome.model, replace(scene, end=1.0, numerics=scene.numerics))
     r, length = 0.1, np.hypot(0.3, 0.1)
 
@@ -280,7 +281,7 @@ OPENED_GUIDE = STEERED.replace("at: [-0.15, 0.1, 0.45]", "at: [behind, 0.1, 0.45
         (FIVE_BAR % "", "it has 2 degrees of freedom beside 'ground', and one is wanted"),
         (OPENED_GUIDE, "its geometry has open parameters, and its guide moves"),
         (SWING.replace("joints:", "gears: {g: {joints: [a.angle, d.angle], ratio: 1}}\njoints:") % "", "a gear couples its joints"),
-        (SWING % ", positions: {d.angle: 0.1}", "the scene gives a and d, and one of them may lead"),
+        (SWING % ", positions: {d.angle: 0.1}", "the scene gives a and d, and one of them may be independent"),
     ],
 )  # fmt: skip
 def test_blocks_that_stay_say_why(text: str, reason: str) -> None:
@@ -403,7 +404,7 @@ def test_check_says_what_becomes_of_loops(tmp_path: Path) -> None:
     file = tmp_path / "swing.yaml"
     file.write_text(HELD, encoding="utf-8")
     said = CliRunner().invoke(main, ["check", str(file)]).output.replace("\n", " ")
-    told = re.search(r"'a' leads 3 other joints by functions of its coordinate, gap \S+; (.*)", said)
+    told = re.search(r"'a' embeds 3 other joints as functions of its coordinate, violation \S+; (.*)", said)
     assert told is not None, said
     off = re.match(r"at 1000 random coordinates speeds are (\S+) off at q' = 1, accelerations (\S+) ", told[1])
     assert off is not None, said

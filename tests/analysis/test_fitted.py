@@ -13,7 +13,8 @@ import cutjoint
 from cutjoint.analysis.assembled import assemble_loops
 from cutjoint.analysis.assemblies import evaluate, refit
 from cutjoint.cli import main
-from cutjoint.compile.pipeline import compile_interpreted, compile_model
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import Loops
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene

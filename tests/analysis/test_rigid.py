@@ -9,7 +9,7 @@ import pytest
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.shaky import ShakyError, describe_misfit
 from cutjoint.analysis.skew import describe_geometry
-from cutjoint.compile.pipeline import schedule_method
+from cutjoint.compile.derivation import schedule_method
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene

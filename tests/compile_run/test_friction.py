@@ -11,7 +11,8 @@ from click.testing import CliRunner
 import cutjoint
 from cutjoint.analysis.assembled import assemble_loops
 from cutjoint.cli import main
-from cutjoint.compile.pipeline import CompileOptions, compile_interpreted, compile_scene
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import CompileOptions, compile_scene
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from cutjoint.analysis.closing import FlatRoad, design_coordinates, evaluate_scene_inputs
-from cutjoint.compile.pipeline import compile_interpreted, generate
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import generate
 from cutjoint.elements.joints import JOINTS
 from cutjoint.methods import INTEGRATORS, METHODS, names_of
 from cutjoint.model.read import read_model, read_model_text
@@ -228,7 +229,7 @@ DAMAGES = {
     "array beyond": (put(10**6, "arrays", "q"), "has no room for q"),
     "no memory": (put(2**60, "registers"), "has no memory of 1152921504606846976 registers"),
     "chart beyond": (put(9, "description", "charts", 0, 0), "has no place 9"),
-    "switch of no road": (put(0, "description", "switches", 0, 2), "has no place 0"),
+    "indicator of no road": (put(0, "description", "indicators", 0, 2), "has no place 0"),
     "no function": (lambda d: d["functions"].pop("report"), "key 'report' not found"),
     "text for a number": (put("1", "registers"), "type must be number"),
 }  # fmt: skip

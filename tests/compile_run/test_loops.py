@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint.compile.pipeline import derive, generate
+from cutjoint.compile.derivation import derive
+from cutjoint.compile.pipeline import generate
 from cutjoint.emit.simulator import emit_batch
 from cutjoint.emit.source import Source
 from cutjoint.formulate.lanes import schedule_recursive

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint.compile.pipeline import derive, generate
+from cutjoint.compile.derivation import derive
+from cutjoint.compile.pipeline import generate
 from cutjoint.emit.simulator import emit_batch
 from cutjoint.emit.source import name_of_mechanism, name_of_system
 from cutjoint.formulate.lanes import schedule_recursive

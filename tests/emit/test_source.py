@@ -9,7 +9,8 @@ from hashlib import sha256
 
 import pytest
 
-from cutjoint.compile.pipeline import derive, generate
+from cutjoint.compile.derivation import derive
+from cutjoint.compile.pipeline import generate
 from cutjoint.emit.simulator import emit
 from cutjoint.emit.source import Source
 from cutjoint.formulate.lanes import schedule_recursive

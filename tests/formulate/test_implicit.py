@@ -17,7 +17,7 @@ import pytest
 from cutjoint.analysis.closing import design_coordinates, retract
 from cutjoint.analysis.natural import call
 from cutjoint.formulate.implicit.equations import ImplicitEquations, formulate_implicit
-from cutjoint.formulate.records import SwitchPlace
+from cutjoint.formulate.records import IndicatorPlace
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
@@ -284,9 +284,9 @@ def test_events_are_those_of_the_recursion() -> None:
     expected = [values[results[f"value:{i}"]].item() for i in range(len(results))]
     found = np.ravel(system.call("events", q=q, v=v)["value"])
 
-    def named(places: Sequence[SwitchPlace], values: Sequence[float]) -> list[tuple[str, str, str, float]]:
+    def named(places: Sequence[IndicatorPlace], values: Sequence[float]) -> list[tuple[str, str, str, float]]:
         return sorted((s.element, s.place, s.road, float(x)) for s, x in zip(places, values, strict=True))
 
-    one, other = named(oracle.equations.switches, expected), named(system.equations.switches, found.tolist())
+    one, other = named(oracle.equations.indicators, expected), named(system.equations.indicators, found.tolist())
     assert [x[:3] for x in one] == [x[:3] for x in other]
     assert [x[3] for x in one] == pytest.approx([x[3] for x in other], rel=1e-9, abs=1e-9)

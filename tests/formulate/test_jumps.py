@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cutjoint.formulate.switches import jump_times
+from cutjoint.formulate.events import jump_times
 from cutjoint.model.read import read_model, read_model_text
 from tests.conftest import ROOT
 

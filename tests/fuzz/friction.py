@@ -10,7 +10,7 @@ import math
 import random
 from typing import Any
 
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.elements.joints import JOINTS
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.errors import ModelError

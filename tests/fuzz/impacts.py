@@ -13,15 +13,16 @@ from typing import Any
 import numpy as np
 
 from cutjoint.analysis.inertia import NoInertiaError
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
+from cutjoint.stepping.handle import SimulationError
 from cutjoint.stepping.load import load_scene
-from cutjoint.stepping.simulation import Simulation, SimulationError
+from cutjoint.stepping.simulation import Simulation
 
 from . import mechanisms
 from .drivers import build_interpreters

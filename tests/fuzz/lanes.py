@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.compile.pipeline import derive
+from cutjoint.compile.derivation import derive
 from cutjoint.compile.systems import formulate_system
 from cutjoint.formulate.lanes import find_corresponding
 from cutjoint.formulate.records import Equations, Function

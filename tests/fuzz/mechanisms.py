@@ -14,7 +14,7 @@ import numpy as np
 
 from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.analysis.mobility import find_mobility
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.package.errors import RunError

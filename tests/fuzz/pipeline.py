@@ -66,7 +66,7 @@ def code_of(model: Model) -> str:
 
 
 def _compile(text: str) -> Outcome:
-    """A text's outcome; of one text in six all numbers are opened, of another its masses."""
+    """A text's outcome; of one text in six all numbers are tunable, of another its masses."""
     tunable = {0: ["*"], 1: ["*.mass"]}.get(crc32(text.encode()) % 6, [])
     try:
         model = read_model_text(text, FILE, tunable=tunable)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from cutjoint.compile.pipeline import derive
+from cutjoint.compile.derivation import derive
 from cutjoint.elements.interaction import Frame, Point
 from cutjoint.elements.joint import Direction
 from cutjoint.model.elements import Elements

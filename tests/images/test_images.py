@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Numerics
 from cutjoint.run.results import Trajectory

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sympy
 
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.importing import mjcf_process
 from cutjoint.importing.document import import_file
 from cutjoint.importing.robot import of_quaternion

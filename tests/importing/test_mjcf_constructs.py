@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.importing.document import Imported, import_file
 from cutjoint.model.errors import ModelError
 from cutjoint.tasks.batch import simulate

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.importing.document import import_file
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model

@@ -39,7 +39,7 @@ class Bend(Interaction):
 
     def act(self, force: LawForce, m: Mechanics) -> dict[str, Block]:
         """Three forces that are in balance."""
-        b, ways = m.b, [m.way(self.middle, end) for end in (self.first, self.last)]
+        b, ways = m.b, [m.displacement(self.middle, end) for end in (self.first, self.last)]
         bend, rate = b.add(ways[0].x, ways[1].x), b.add(ways[0].v, ways[1].v)
         F = b.column([m.scalar(force.law, {"position": b.element(bend, i), "rate": b.element(rate, i)}) for i in range(3)])
         for at, push in ((self.first, b.neg(F)), (self.last, b.neg(F)), (self.middle, b.add(F, F))):
@@ -69,8 +69,8 @@ class Pointer(Interaction):
         b, e, g = m.b, m.direction(self.base).x, m.direction(self.follower).x
         spin = b.sub(m.spin(self.follower.carrier), m.spin(self.base.carrier))
         T = b.sub(b.scale(m.scalar(force.stiffness, {}), b.cross(g, e)), b.scale(m.scalar(force.damping, {}), spin))
-        m.turn(self.follower.carrier, T)
-        m.turn(self.base.carrier, b.neg(T))
+        m.apply_torque(self.follower.carrier, T)
+        m.apply_torque(self.base.carrier, b.neg(T))
         return {f"M{axis}": b.element(m.in_global(T), i) for i, axis in enumerate("xyz")}
 
 

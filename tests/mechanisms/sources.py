@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import cutjoint
-from cutjoint.compile.pipeline import derive, generate
+from cutjoint.compile.derivation import derive
+from cutjoint.compile.pipeline import generate
 from cutjoint.emit.simulator import emit_batch
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.methods import METHODS, PRECISIONS
@@ -118,7 +119,7 @@ def groups(every: bool) -> dict[str, Callable[[], Subjects]]:
     }
     texts = {name: partial(_text, make) for name, make in TEXTS.items()}
     simul1 = partial(_file, "iltis", ("simul1",))
-    reducible = {"iltis": simul1, "carriage": texts["carriage"], "planar swing": texts["planar swing"]}
+    reducible = {"iltis": simul1, "planar swing": texts["planar swing"]}
     reduced = {f"{name} reduced": partial(_reduced, read, every=every) for name, read in reducible.items()}
     return found | texts | reduced | (_all_random() if every else _some_random())
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 import sympy
 
-from cutjoint.compile.pipeline import compile_interpreted, generate
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import generate
 from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions import variable

@@ -140,7 +140,7 @@ def test_a_pattern_without_a_number_is_reported() -> None:
     with pytest.raises(ModelError) as caught:
         read_model(PRESS, tunable=["*.mass", "crank.mas"])
     (problem,) = caught.value.problems
-    assert problem.message == "no number that could be opened is called 'crank.mas'"
+    assert problem.message == "no constant that could be tunable is called 'crank.mas'"
     assert problem.hint == "did you mean 'crank.mass'?"
 
 
@@ -169,5 +169,5 @@ def test_the_command_opens_and_says_the_price(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     done = CliRunner().invoke(main, ["compile", str(PRESS), "--tunable", "*.mass", "--out", str(folder)])
     assert done.exit_code == 0, done.output
-    assert "3 numbers are opened; 230 without" in done.output
+    assert "3 constants are tunable; 230 without" in done.output
     assert "crank.mass" in (folder / "press.run").read_text(encoding="utf-8")

@@ -25,7 +25,7 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.methods import Implementation
 from cutjoint.package import system
 from cutjoint.run.run_file import make_run_file

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from cutjoint.compile import pipeline
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import DEFAULT, CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.run.artifact import Artifact

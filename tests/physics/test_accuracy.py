@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from rich.console import Console
 from scipy.linalg import expm
 
+from cutjoint.cli import main
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.report.tables import error_facts
 from cutjoint.run.accuracy import compare
@@ -200,6 +203,30 @@ def test_the_accuracy_of_a_caller_comes_before_what_its_scene_says(scene: str) -
     assert true_errors(run)["block.x"] < 1e-6
     assert run.error.converged
     assert true_errors(completed(simulate(oscillator(scene=", numerics: {dt: 0.01}"))))["block.x"] > 1e-6
+
+
+@pytest.mark.parametrize(("asked", "status"), [("1e-6", 0), ("1e-15", 1)])
+def test_an_accuracy_that_is_not_reached_ends_with_a_status(tmp_path: Path, asked: str, status: int) -> None:
+    """No run with numbers of 16 digits shows that places keep 1e-15 m; without a wish the goal is no promise."""
+    model = tmp_path / "oscillator.yaml"
+    for scene, more in (("", ["--accuracy", asked]), (f", accuracy: {float(asked):.1e}", [])):
+        model.write_text(OSCILLATOR.replace("SCENE", scene), encoding="utf-8")
+        words = ["simulate", str(model), "--implementation", "interpreted", "--out", str(tmp_path / "run.csv"), *more]
+        done = CliRunner().invoke(main, words)
+        assert done.exit_code == status, done.output
+        assert done.output.count("accuracy not reached") == 2 * status
+        assert (tmp_path / "run.csv").exists()
+
+
+def test_places_converge_beside_an_output_that_does_not() -> None:
+    """A signal has a thousand periods within the rounding of the place that it follows, and moves nothing."""
+    text = OSCILLATOR.replace("SCENE", "").replace("[block", "[noise.value, block")
+    text = text.replace("forces:", "signals: {noise: sin(1e18*block.x)}\nforces:")
+    model = read_model_text(text, "noise.yaml")
+    run = simulate(compile_interpreted(model, model.scenes["swing"]))
+    assert run.error.converged
+    assert run.error.rough == ("noise.value",)
+    assert true_errors(run)["block.x"] < run.error.goal
 
 
 def test_a_chaotic_run_says_that_it_has_not_converged() -> None:

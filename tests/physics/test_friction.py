@@ -233,8 +233,75 @@ def test_loads_of_a_loop_do_not_depend_on_the_cut(tmp_path: Path) -> None:
 
 
 def test_load_that_redundancy_leaves_open_is_refused(tmp_path: Path) -> None:
+    """A moment across the axis of A, in a mechanism whose masses lie beside the plane of its motion."""
+    text = FOUR_BAR.format(cut="true", more=", arm: 0.05").replace("[1, 0, 1]", "[1, 0.1, 1]")
     with pytest.raises(ModelError, match=r"force 'at_A'.*redundant equations"):
-        run(tmp_path, FOUR_BAR.format(cut="true", more=", arm: 0.05"))
+        run(tmp_path, text)
+    with pytest.raises(ModelError, match=r"force 'at_A'.*redundant equations"):
+        run(tmp_path, FOUR_BAR.format(cut="true", more=", arm: 0.05").replace("gravity: [0, 0,", "gravity: [0, 1,"))
+
+
+def test_load_across_a_plane_of_symmetry_is_none(tmp_path: Path) -> None:
+    with_arm, without = (completed(run(tmp_path, FOUR_BAR.format(cut="true", more=more), tolerance=1e-9)) for more in (", arm: 0.05", ""))
+    assert with_arm.columns["at_A.load"] == pytest.approx(without.columns["at_A.load"], rel=1e-6)
+
+
+#: All axes across one plane, which leaves loads across it open.
+SLIDER_CRANK = """
+cutjoint: 1
+name: rail
+gravity: [0, 0, -9.81]
+points: {A: [0, 0, 0], B: [0, 0, 0.1], C: [0.3, 0, 0]}
+bodies:
+  crank: {mass: 1, centre_of_mass: {midpoint: [A, B]}, inertia: [0.01, 0.01, 0.01]}
+  rod: {mass: 0.5, centre_of_mass: {midpoint: [B, C]}, inertia: [0.001, 0.004, 0.004]}
+  slider: {mass: 0.8, centre_of_mass: C, inertia: [0.001, 0.001, 0.001]}
+joints:
+  a: {kind: revolute, bodies: [ground, crank], at: A, axis: y}
+  b: {kind: revolute, bodies: [crank, rod], at: B, axis: y}
+  c: {kind: revolute, bodies: [rod, slider], at: C, axis: y}
+  rail: {kind: prismatic, bodies: [ground, slider], at: C, axis: x}
+forces: {drag: {kind: joint_friction, joint: rail, coefficient: 0.3}}
+outputs: [slider.x, a.angle, drag.load]
+scenes: {run: {end: 0.3, output_step: 0.01, rates: {a.angle_rate: 20}}}
+"""
+
+
+def in_the_plane(angle: float, rate: float, s: float) -> tuple[float, float, float, float]:
+    """The crank's acceleration, the bristle's rate, the rail's force and the slider's place, by bodies and pins in the plane of x and z."""
+    b = 0.1 * np.array([np.sin(angle), np.cos(angle)])
+    rod = np.array([np.sqrt(0.1 - b[1] ** 2), -b[1]])
+    turns = np.array([rate, -b[0] * rate / rod[0], 0.0])
+    v = b[1] * rate + rod[1] * turns[1]
+    rows, gains = np.zeros((8, 9)), np.zeros(8)
+    for pin, ends in enumerate((((0, -b / 2, 1),), ((0, b / 2, 1), (1, -rod / 2, -1)), ((1, rod / 2, 1), (2, 0 * rod, -1)))):
+        for body, arm, sign in ends:
+            rows[2 * pin : 2 * pin + 2, 3 * body : 3 * body + 3] = sign * np.array([[1, 0, arm[1]], [0, 1, -arm[0]]])
+            gains[2 * pin : 2 * pin + 2] += sign * turns[body] ** 2 * arm
+    rows[6, 7] = rows[7, 8] = 1
+    w = max(0.0, 2 * s * s - 1)
+    a = w * w / (1 + w * w) * (1 + np.tanh(s * v / 1e-5))
+    by_load = -0.3 * (s + (1 - s * s) / 2 * np.tanh(v / 0.01))
+    masses = [1, 1, 0.01, 0.5, 0.5, 0.004, 0.8, 0.8, 0.001]
+    weight = -9.81 * np.array([0, 1, 0, 0, 0.5, 0, 0, 0.8, 0])
+    for side in (1, -1):
+        matrix = np.block([[np.diag(masses), rows.T], [rows, np.zeros((8, 8))]])
+        matrix[6, 9 + 6] -= side * by_load
+        found = np.linalg.solve(matrix, np.concatenate([weight, gains]))
+        if side * found[9 + 6] >= 0:
+            break
+    return found[2], v / 1e-4 * (1 - a) / (1 + 4 * a * s * v / 1e-4 * 1e-3), abs(found[9 + 6]), b[0] + rod[0]
+
+
+@pytest.mark.parametrize("method", RULES)
+def test_plane_slider_crank_follows_equations_of_the_plane(tmp_path: Path, method: str) -> None:
+    done = completed(run(tmp_path, SLIDER_CRANK, method, tolerance=1e-9))
+    steps = {"t_eval": done.t, "rtol": 1e-8, "atol": 1e-9, "method": "Radau"}
+    exact = solve_ivp(lambda t, y: [y[1], *in_the_plane(*y)[:2]], (0, 0.3), [0, 20, 0], **steps).y
+    places = np.array([in_the_plane(*y) for y in exact.T])
+    assert np.abs(done["a.angle"] - exact[0]).max() < 1e-5
+    assert np.abs(done["slider.x"] - places[:, 3]).max() < 1e-6
+    assert np.abs(done["drag.load"] - places[:, 2]).max() < 1e-3 * places[:, 2].max()
 
 
 @pytest.mark.parametrize("text", [PENDULUM, SPATIAL, FOUR_BAR.format(cut="true", more=", arm: 0.05")], ids=["tree", "space", "plane"])

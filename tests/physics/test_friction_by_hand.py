@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson, solve_ivp
 
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.run.results import Trajectory

@@ -11,14 +11,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import cutjoint
+from cutjoint.cli import main
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.elements.joints import JOINTS
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError
+from cutjoint.report.tables import held_facts
+from cutjoint.run.results import read_held
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes
@@ -79,6 +84,62 @@ def test_runs_begin_there(method: str, compiled: bool) -> None:
     assert run["upper.pitch"][-1] < HELD  # released, it falls
 
 
+#: Two bodies without a common motion: a crank with a slider, where 8000 N push, and 4 t in a plane guide, which is pushed down too.
+PUSHED = """\
+cutjoint: 1
+name: pushed
+gravity: [0, 0, -9.81]
+points: {A: [0, 0, 0], B: [0.3, 0, 0.4], C: [1.5, 0, 0]}
+bodies:
+  crank: {massless: true}
+  rod: {massless: true}
+  slider: {mass: 1, inertia: [1, 1, 1], centre_of_mass: C}
+  block: {mass: 4000, inertia: [1, 1, 1], centre_of_mass: A}
+joints:
+  pin: {kind: revolute, bodies: [ground, crank], at: A, axis: [0, 1, 0]}
+  elbow: {kind: revolute, bodies: [crank, rod], at: B, axis: [0, 1, 0], cut: true}
+  wrist: {kind: revolute, bodies: [rod, slider], at: C, axis: [0, 1, 0]}
+  rail: {kind: prismatic, bodies: [ground, slider], at: C, axis: [1, 0, 0]}
+  plane: {kind: planar, bodies: [ground, block], at: A, axis: [0, 1, 0]}
+forces: {push: {kind: joint_force, joint: rail, law: -8000}}
+outputs: [slider.x, block.z]
+scenes:
+  start:
+    {end: 0.01, output_step: 0.01, pose: equilibrium, positions: {pin.angle: 0, plane.displacement_1: 0, plane.displacement_2: 0}}
+"""
+
+
+def test_a_run_reports_what_holds_its_start(tmp_path: Path) -> None:
+    """The moment at the crank by virtual work, with dx/dphi of the slider; in the plane the weight along one of its axes."""
+    model = read_model_text(TEXT, "hanging.yaml")
+    start = model.scenes["start"]
+    run, rest = simulate(compile_interpreted(model, start)), find_scene_equilibrium(model, start)
+    for held in (run.held, rest.held):
+        assert held == {"top.angle": (pytest.approx(9.81 * 1.5 * sin(HELD), rel=1e-8), "N*m")}
+    model = read_model_text(PUSHED, "pushed.yaml")
+    run = simulate(compile_interpreted(model, model.scenes["start"]), error=False)
+    slope = 0.4 + 0.4 * 0.3 / 1.2  # of x = 0.5 cos(a) + sqrt(l^2 - (0.5 sin(a))^2), where phi turns from z to x
+    assert run.held["pin.angle"] == (pytest.approx(8000 * slope, rel=1e-8), "N*m")
+    ((name, (force, unit)),) = ((name, found) for name, found in run.held.items() if name.startswith("plane"))
+    assert (name.partition("_")[0], abs(force), unit) == ("plane.displacement", pytest.approx(4000 * 9.81, rel=1e-8), "N")
+    assert "39.24 kN" in held_facts(run.held)[0][1]
+    path = tmp_path / "hanging.yaml"
+    path.write_text(TEXT, encoding="utf-8")
+    done = CliRunner().invoke(main, ["simulate", str(path), "--implementation", "interpreted", "--out", str(tmp_path / "run.csv")])
+    assert "held at the start by: top.angle 7.358 N*m, released at t = 0\n" in done.output
+    free = read_model_text(near(0.1, 0.1), "hanging.yaml")
+    assert not simulate(compile_interpreted(free, free.scenes["start"]), error=False).held
+
+
+@pytest.mark.parametrize("kind", JOINTS)
+def test_forces_along_coordinates_have_the_names_and_units_of_these(kind: str) -> None:
+    joint = JOINTS[kind]
+    found = read_held({"held": dict.fromkeys((f"a.{rate}" for rate in joint.speeds), 2.0)})
+    units = [unit for _, unit in found.values()]
+    assert units == ["N" if joint.units[rate] == "m/s" else "N*m" for rate in joint.speeds]
+    assert list(found)[: len(joint.coordinates)] == [f"a.{name}" for name in joint.coordinates]
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_positions_may_be_where_a_rest_is_sought(method: str) -> None:
     """Two rods have four poses at rest; each is found from near it, and nothing holds it there."""
@@ -131,7 +192,7 @@ def test_a_host_is_reported_where_a_scene_is_not_made_for_that(tmp_path: Path) -
 
 def test_modes_say_why_there_are_none() -> None:
     model = hanging()
-    with pytest.raises(RunError, match=r"hanging.yaml:16:3: scene 'start': a force holds 'top.angle_rate', which would accelerate by -"):
+    with pytest.raises(RunError, match=r"hanging.yaml:16:3: scene 'start': .* N\*m hold 'top.angle', so that small motions have no"):
         find_scene_modes(model, model.scenes["start"])
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import sympy
 
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Output
 from cutjoint.run.artifact import Artifact

@@ -11,7 +11,7 @@ import pytest
 
 from cutjoint.analysis.closing import explore
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Patch
 from cutjoint.program.blocks import BindingTime, Builder

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import derive, generate
+from cutjoint.compile.derivation import derive
+from cutjoint.compile.pipeline import generate
 from cutjoint.compile.systems import formulate_system
 from cutjoint.formulate.lanes import find_corresponding
 from cutjoint.formulate.records import RecursiveEquations

@@ -10,7 +10,8 @@ import pytest
 from cutjoint.formulate.inputs import INPUTS, LAW_TIME, LAW_VALUES
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene, Tyre
-from cutjoint.program.interpret import FUNCTIONS, interpret_blocks, interpret_scalars
+from cutjoint.ops import OPERATIONS
+from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
 from cutjoint.topology.build import build_topology
@@ -125,7 +126,7 @@ def run(tried: Tried, statements: tuple[int, ...], values: dict[int, float], sym
             values[n] = look_up(*(values[a] for a in node.args))
         else:
             with np.errstate(all="ignore"):
-                values[n] = float(FUNCTIONS[node.op](*(values[a] for a in node.args)))
+                values[n] = float(OPERATIONS[node.op].numpy(*(values[a] for a in node.args)))
 
 
 def test_a_node_is_known_no_earlier_than_its_arguments(tried: Tried) -> None:

@@ -181,7 +181,7 @@ def test_the_balance_of_forces(model: str, scene: str | None, loops: Loops) -> N
         if symbol.startswith("q:") and len(numbers) >= 4:
             numbers[-4:] /= np.linalg.norm(numbers[-4:])
     roads = dict.fromkeys(balance.roads, Ground())
-    results, of_motion = program.function("balance").results, generated.program.function("evaluate").results
+    results, of_motion = program.function("residual_of_forces").results, generated.program.function("evaluate").results
     forces = len(balance.speed_names)
     rows = {r.target: balance.slots[r.target].offset + (forces if r.target.startswith("curvature") else 0) for r in results}
     places = [rows[r.target] + r.index for r in results]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.outcome import Outcome
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene

@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.reduce.reach import drop_unreached

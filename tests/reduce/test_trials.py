@@ -7,7 +7,8 @@ from math import inf
 
 import pytest
 
-from cutjoint.compile.pipeline import compile_interpreted, schedule_method
+from cutjoint.compile.derivation import schedule_method
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Numerics, Scene

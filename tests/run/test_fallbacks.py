@@ -12,17 +12,21 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from cutjoint.compile.pipeline import compile_interpreted, compile_scene, derive
+from cutjoint.compile.derivation import derive
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
+from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.report.tables import run_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
 from cutjoint.run.failures import FailedRunError
-from cutjoint.run.fallbacks import Fallback, try_fallbacks
+from cutjoint.run.fallbacks import Fallback, Trials, try_fallbacks, with_trials
+from cutjoint.run.results import FailureReport
 from cutjoint.run.scenes import find_case, find_scene, with_closure
 from cutjoint.run.settings import Options
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
-from cutjoint.run.simulator_run import Start, start
+from cutjoint.run.simulator_run import SimulatorRun, Start, start
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint.tasks.realtime import run_in_real_time
 from tests.conftest import MODELS, needs_cpp
@@ -78,7 +82,7 @@ def test_what_is_said_to_help_helps(case: str) -> None:
     assert trials.helped
 
     def ends(fallback: Fallback) -> bool:
-        other = fallback.applied_to(plan)
+        other = fallback.plan
         return start(replace(other, run_file=replace(other.run_file, end=trials.past))).failure is None
 
     assert all(ends(fallback) for fallback in trials.helped)
@@ -98,6 +102,50 @@ def test_the_message_has_what_was_tried_and_what_was_not() -> None:
     assert "method" not in str(error.value).partition("try: ")[2]
 
 
+def test_no_method_sends_to_one_that_sends_back() -> None:
+    """Methods that nobody has tried for a failure, by the advice of each method for the same failure."""
+    failure, plan = FailureReport(message="", time=1.0, step=5, element="a", residual=1.0, advice="try: a smaller dt"), _press_plan()
+    nothing = Trials(past=1.0, helped=(), failed=(), skipped=())
+    advice = {method: with_trials(failure, replace(plan, method=method), nothing).advice for method in METHODS}
+    named = {method: set(re.findall(r"method ([a-z-]+)", text)) for method, text in advice.items()}
+    assert any(named.values())
+    assert not [(one, other) for one in METHODS for other in named[one] if one in named[other]]
+
+
+def _press_plan() -> SimulatorRun:
+    model = read_model(MODELS / "press.yaml")
+    return make_simulator_run(compile_interpreted(model, find_scene(model, None)), Options())
+
+
+#: The sources of messages by the methods that have them.
+SOURCES = {
+    "recursive": ("trapezoidal.hpp", "runge_kutta/*.hpp"), "recursive-newton": ("newton/recursive_newton.hpp", "radau/*.hpp"),
+    "classical": ("newton/classical.hpp",),
+}  # fmt: skip
+
+
+def test_no_message_names_the_method_that_has_it() -> None:
+    """The advice of each cause beside the methods whose headers have that cause."""
+    core = Path("runtime/include/cutjoint/core")
+    text = (core / "fault.hpp").read_text(encoding="utf-8")
+    shared = re.search(r'shorter_steps = "(.*)"', text)
+    assert shared is not None
+    table = text.partition("advice_of(const Fault& fault)")[2].replace("shorter_steps", shared[1])
+    named = {
+        cause: {m for m in METHODS if re.search(rf"methods?\b.*[ ,]{m}(?![-a-z])", advice)}
+        for causes, advice in re.findall(r"((?:case Cause::\w+:\s*)+)return ([^;]*(?:;[^\n]*)?)", table)
+        for cause in re.findall(r"::(\w+)", causes)
+    }  # fmt: skip
+    found = 0
+    for method, patterns in SOURCES.items():
+        for path in (path for pattern in patterns for path in core.glob(pattern)):
+            causes = re.findall(r"Cause::(\w+)", path.read_text(encoding="utf-8"))
+            found += sum(bool(named.get(cause)) for cause in causes)
+            assert not [cause for cause in causes if method in named.get(cause, ())], path
+    assert found >= 5
+    assert named["pose_singular"] == {"augmented", "recursive"}
+
+
 def test_what_nobody_chose_gives_way_to_what_can() -> None:
     """2 N stop 1 kg at 1 m/s after 0.5 s and 0.25 m; steps that end where the law jumps never leave that place."""
     for check in (True, False):
@@ -110,6 +158,18 @@ def test_what_nobody_chose_gives_way_to_what_can() -> None:
     with pytest.raises(FailedRunError, match=r"tried up to .* events crossed"):
         simulate(block(), integrator="dormand-prince")
     assert simulate(block(), integrator="dormand-prince", check=False).failure is not None
+
+
+@pytest.mark.parametrize("accuracy", [1e-5, 1e-8])
+def test_what_takes_over_keeps_the_accuracy(accuracy: float) -> None:
+    """The block stops at 0.25 m; the same steps for all accuracies leave 1.6e-8 m."""
+    model = read_model_text(BLOCK, "block.yaml")
+    run = simulate(compile_interpreted(model, model.scenes["stop"]), accuracy=accuracy, end=0.51)
+    assert run.fallback.startswith("events crossed")
+    assert abs(run["block.x"][-1] - 0.25) < accuracy
+    assert run.error["block.x"] < accuracy
+    assert run.error.converged
+    assert run.error.goal == accuracy
 
 
 def test_a_method_that_somebody_names_stays(tmp_path: Path) -> None:
@@ -244,3 +304,36 @@ def test_a_guide_that_leads_a_loop_past_its_reach_is_named(method: str) -> None:
     longest = 2 * np.hypot(0.3, 0.5)
     angle = np.arccos(1 - longest**2 / (2 * 0.8**2)) - np.pi / 2
     assert error.value.trajectory.failure.time == pytest.approx(2 * angle, abs=2e-3)
+
+
+#: A crank as long as half a bar leads its end C along z; where the foot passes the crank's axis, both could turn together.
+SCOTT_RUSSELL = """
+cutjoint: 1
+name: scott
+gravity: [0, 0, -9.81]
+points: {A: [0, 0, 0], B: [0.3, 0, 0.2], C: [0, 0, 0.4], D: [0.6, 0, 0]}
+bodies:
+  crank: {mass: 1, centre_of_mass: B, inertia: [0.01, 0.01, 0.01]}
+  bar: {mass: 2, centre_of_mass: C, inertia: [0.03, 0.03, 0.03]}
+  foot: {mass: 0.3, centre_of_mass: D, inertia: [0.001, 0.001, 0.001]}
+joints:
+  o: {kind: revolute, bodies: [ground, crank], at: A, axis: y}
+  b: {kind: revolute, bodies: [crank, bar], at: B, axis: y}
+  d: {kind: revolute, bodies: [bar, foot], at: D, axis: y}
+  ds: {kind: prismatic, bodies: [ground, foot], at: D, axis: x}
+forces: {lift: {kind: joint_force, joint: ds, law: "-200*(position + 0.4)"}}
+outputs: [bar.x, bar.z, foot.x]
+scenes: {run: {end: 0.4, output_step: 10 ms}}
+"""
+
+
+def test_a_singular_pose_is_named_with_the_method_that_crosses_it() -> None:
+    """Steps become short there, but no force jumps."""
+    model = read_model_text(SCOTT_RUSSELL, "scott.yaml")
+    run = simulate(compile_interpreted(model, model.scenes["run"], method="recursive"))
+    assert run["foot.x"].min() < -0.02
+    assert run["bar.x"] == pytest.approx(np.zeros(len(run.t)), abs=1e-4)
+    assert np.hypot(run["foot.x"], run["bar.z"]) == pytest.approx(np.full(len(run.t), np.hypot(0.6, 0.4)), abs=1e-4)
+    with pytest.raises(FailedRunError, match=r"the pose is singular, or nearly: .*tried up to .*method recursive\b(?!-)") as error:
+        simulate(compile_interpreted(model, model.scenes["run"], method="recursive-newton"), integrator="radau5")
+    assert "force that jumps" not in str(error.value)

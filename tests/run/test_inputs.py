@@ -13,8 +13,9 @@ from click.testing import CliRunner, Result
 from scipy.interpolate import CubicHermiteSpline
 
 from cutjoint.cli import main
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted, compile_scene
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene

@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_interpreted, compile_scene
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import RoadSegment, SegmentKind, Span
 from cutjoint.run.roads import Piece, WheelRoad, disc_pieces, profile_pieces

@@ -124,7 +124,7 @@ def test_no_setting_has_a_default(key: str, tmp_path: Path) -> None:
     [
         ("recursive", {"integrator": "rk4"}, "'absolute_tolerance' is null"),
         ("recursive-newton", {"integrator": "generalised-alpha", "numerics.spectral_radius": 0.8, "stabilisation.closure": "proximal"},
-         "'closure' is \"proximal\", which trapezoidal"),
+         "'closure' is \"proximal\", which this integrator does not take"),
         ("recursive", {"integrator": "rk4", "task": "evaluate", "numerics.absolute_tolerance": 1e-6},
          "'task' needs steps of the integrator trapezoidal"),
         ("recursive-newton", {"integrator": "radau5"}, "'absolute_tolerance' is null"),

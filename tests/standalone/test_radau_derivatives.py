@@ -109,7 +109,8 @@ def test_no_number_is_read_before_it_is_written() -> None:
     """A free top beside a force that ends does not follow its end, wherever the memory of its steps begins as a pattern."""
     body = "bodies: {top: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 2, 3]}, mass:"
     joint = "joints: {tip: {kind: spherical, bodies: [ground, top], at: [0, 0, 0]}, slide:"
-    text = PUSHED.replace("bodies: {mass:", body).replace("joints: {slide:", joint).replace("0.01}}", "0.01, rates: {tip.wx: 1, tip.wy: 2}}}")
+    text = PUSHED.replace("bodies: {mass:", body).replace("joints: {slide:", joint)
+    text = text.replace("0.01}}", "0.01, rates: {tip.wx: 1, tip.wy: 2}}}")
     model = read_model_text(text.replace("[mass.z]", "[top.wx, top.wz]"), "top.yaml")
     flags = ("-O0", "-ftrivial-auto-var-init=pattern")
     sim = load_scene(model, find_scene(model, None), method="recursive-newton", integrator="radau5-fixed", linearise=True, flags=flags)

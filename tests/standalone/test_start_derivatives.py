@@ -186,7 +186,7 @@ def test_a_kink_at_the_pose_has_none() -> None:
     """A damper of the mass that sags has other rates for bump and rebound."""
     law = "-k*position - hard*position**3"
     sim = loaded(SWING.replace(law, f'"where(rate < 0, -30, -90)*rate {law}"'), "swing", integrator="rk4").reset()
-    with pytest.raises(ValueError, match="by 'load' there is no derivative: what changes with it jumps or has a kink at this state"):
+    with pytest.raises(ValueError, match="by 'load' there is no derivative: what changes with it jumps or is not smooth at this state"):
         sim.eigenvalue_sensitivities(["load"])
     with pytest.raises(TypeError, match="by: 'k' is one name; give a list"):
         sim.eigenvalue_sensitivities("k")

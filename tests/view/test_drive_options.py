@@ -10,6 +10,7 @@ import pytest
 
 from cutjoint.methods import Loops
 from cutjoint.model.read import read_model, read_model_text
+from cutjoint.package.errors import RunError
 from cutjoint.run.scenes import find_case, with_loops
 from cutjoint.view.drive import Ends, make_drive
 from cutjoint.view.page import own_script
@@ -45,6 +46,24 @@ def test_ends_follow_from_options_units_and_names(tmp_path: Path, monkeypatch: p
     assert (axes["kp"]["low"], axes["kp"]["rest"], axes["kp"]["high"], axes["kp"]["kind"]) == (800, 800, 900, "parameter")
     assert (axes["q1"]["low"], axes["q1"]["high"]) == (-0.5, 0.5)
     assert (axes["q2"]["low"], axes["q2"]["high"]) == (-0.1, 0.2)
+
+
+def test_parameters_of_the_start_alone_are_no_controls(monkeypatch: pytest.MonkeyPatch) -> None:
+    compile_nothing(monkeypatch)
+    model, scene = find_case(read_model_text("""
+cutjoint: 1
+name: arm
+gravity: [0, 0, -9.81]
+parameters: {v: {value: 0.5, unit: rad/s, binding: param}, k: {value: 2, unit: N*m/rad, binding: param}}
+bodies: {arm: {mass: 1, centre_of_mass: [0.5, 0, 0], inertia: [0.1, 0.1, 0.1]}}
+joints: {pin: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: [0, 1, 0]}}
+forces: {spring: {kind: joint_force, joint: pin, law: -k*position}}
+outputs: [pin.angle]
+scenes: {swing: {end: 1, output_step: 0.01, rates: {pin.angle_rate: v}}}
+""", "arm.yaml"), None)
+    assert [axis["name"] for axis in make_drive(model, scene, {}).facts["axes"]] == ["k"]  # type: ignore[attr-defined]
+    with pytest.raises(RunError, match="'v' changes the start alone, which a page has as numbers; change it in the file"):
+        make_drive(model, scene, {"v": 1.0})
 
 
 @pytest.mark.parametrize(("options", "said"), [

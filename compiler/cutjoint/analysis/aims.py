@@ -132,12 +132,12 @@ class _Search:
     def find(self, start: _Reached) -> _Reached:
         """The wanted pose nearest to the start, else that with the nearest places, from the start and from random steps beside it."""
         best, alike = self._approach(start), 0
-        rng, ways = np.random.default_rng(0), self._ways(start.q)
-        for _ in range(_TRIALS if ways.size else 0):
+        rng, moves = np.random.default_rng(0), self._moves(start.q)
+        for _ in range(_TRIALS if moves.size else 0):
             if best.distance == 0 or alike == _ENOUGH:
                 break
-            way = ways @ rng.uniform(-1, 1, ways.shape[1])
-            begun = self.reach(retract(self._equations, start.q, _STRAY * way / np.abs(way).max()))
+            move = moves @ rng.uniform(-1, 1, moves.shape[1])
+            begun = self.reach(retract(self._equations, start.q, _STRAY * move / np.abs(move).max()))
             if begun is None:
                 continue
             found = self._approach(begun)
@@ -155,7 +155,7 @@ class _Search:
 
     def freedom(self, q: Array) -> int:
         """The number of directions of motion beside what is given."""
-        return int(self._ways(q).shape[1])
+        return int(self._moves(q).shape[1])
 
     def _approach(self, at: _Reached) -> _Reached:
         """The places' least squares from a pose on, by steps along closed loops (Levenberg, Q. Appl. Math. 2, 1944)."""
@@ -163,10 +163,10 @@ class _Search:
         for _ in range(_ITERATIONS):
             if at.distance == 0:
                 break
-            ways = self._ways(at.q)
-            slopes = self._slopes(at.q) @ ways
-            weight = np.sqrt(damping * max(float(np.vdot(slopes, slopes)), 1e-12)) * np.eye(ways.shape[1])
-            step = -ways @ np.linalg.lstsq(np.vstack([slopes, weight]), np.concatenate([at.left, np.zeros(len(weight))]))[0]
+            moves = self._moves(at.q)
+            derivatives = self._derivatives(at.q) @ moves
+            weight = np.sqrt(damping * max(float(np.vdot(derivatives, derivatives)), 1e-12)) * np.eye(moves.shape[1])
+            step = -moves @ np.linalg.lstsq(np.vstack([derivatives, weight]), np.concatenate([at.left, np.zeros(len(weight))]))[0]
             step *= min(1.0, _FARTHEST / max(np.abs(step).max(initial=0.0), 1e-300))
             after = self.reach(retract(self._equations, at.q, step))
             if after is not None and after.distance < at.distance:
@@ -177,18 +177,18 @@ class _Search:
                 break
         return at
 
-    def _ways(self, q: Array) -> Array:
+    def _moves(self, q: Array) -> Array:
         """The directions of motion (speeds, n) in which closed loops stay closed and given coordinates where they are."""
         jacobian = evaluate_closures(self._equations, q)[1][:, self._free]
         m, n = jacobian.shape
-        ways = np.zeros((len(self._free), n))
-        ways[self._free] = np.eye(n)
+        moves = np.zeros((len(self._free), n))
+        moves[self._free] = np.eye(n)
         if not (m and n):
-            return ways
+            return moves
         values, directions = np.linalg.svd(jacobian, full_matrices=m < n)[1:]
-        return np.asarray(ways @ directions[int(np.sum(values > TOLERANCE * values.max())) :].T)
+        return np.asarray(moves @ directions[int(np.sum(values > TOLERANCE * values.max())) :].T)
 
-    def _slopes(self, q: Array) -> Array:
+    def _derivatives(self, q: Array) -> Array:
         """The changes of the places (places, speeds) by each speed, by central differences."""
         steps = _DIFFERENCE * np.eye(len(self._free))
         values = self._values(retract(self._equations, np.broadcast_to(q, (2 * len(steps), len(q))), np.concatenate([steps, -steps])))

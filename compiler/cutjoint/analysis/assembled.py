@@ -15,7 +15,7 @@ import sympy
 from cutjoint.analysis.assemblies import Ranges, Wanted, accuracy, fit
 from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError
 from cutjoint.analysis.body_poses import find_followers
-from cutjoint.analysis.leads import Followed, fastest_joints, find_leads, follow, spanning_cuts
+from cutjoint.analysis.independent import NO_INDEPENDENT, Followed, fastest_joints, find_independent, follow, spanning_cuts
 from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.layout import Chart
@@ -79,7 +79,7 @@ def _assemble_loops(model: Model, scene: Scene, measure: bool) -> Outcome:
         if after >= before:
             words = f"beside loops that stay, functions would take {after} operations an evaluation in place of {before}"
             left, done, whole = [*left, *(_stays(found.block, words) for found in done)], [], model
-    return Outcome(model=whole, scene=scene, done=tuple(_leads(found) for found in done), left=tuple(left))
+    return Outcome(model=whole, scene=scene, done=tuple(_embedded(found) for found in done), left=tuple(left))
 
 
 def _operations(model: Model, scene: Scene) -> int:
@@ -117,12 +117,13 @@ def _stays(block: Block, reason: str) -> Note:
     return Note(element=block.joints[0].name, words=f"stays in a loop: {reason}", span=block.joints[0].span)
 
 
-def _leads(found: _Assembled) -> Note:
-    words = f"leads {len(found.block.joints) - 1} other joints by functions of its coordinate, gap {found.assembly.functions.gap:.1g}"
+def _embedded(found: _Assembled) -> Note:
+    functions = found.assembly.functions
+    words = f"embeds {len(found.block.joints) - 1} other joints as functions of its coordinate, violation {functions.violation:.1g}"
     if found.accuracy is not None:
-        slopes, bends = found.accuracy
-        words += f"; at 1000 random coordinates speeds are {slopes:.1g} off at q' = 1, accelerations {bends:.1g}"
-    return Note(element=found.assembly.leader, words=words, span=found.assembly.span)
+        derivatives, bends = found.accuracy
+        words += f"; at 1000 random coordinates speeds are {derivatives:.1g} off at q' = 1, accelerations {bends:.1g}"
+    return Note(element=found.assembly.independent, words=words, span=found.assembly.span)
 
 
 def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, seen: _Seen) -> _Assembled:
@@ -131,7 +132,7 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, seen
     names = {joint.name for joint in block.joints}
     given = sorted({key.rpartition(".")[0] for key in (*scene.positions, *scene.rates)} & names)
     if len(given) > 1:
-        raise NoAssemblyError(f"the scene gives {join_and(given)}, and one of them may lead")
+        raise NoAssemblyError(f"the scene gives {join_and(given)}, and one of them may be independent")
     drive = block.drives[0] if block.drives else None
     motion = _drive_motion(model, drive, scene.end, input_functions(model, scene)) if drive is not None else None
     u = motion.range if motion is not None else Interval(lower=0.0, upper=0.0)
@@ -143,27 +144,27 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, seen
         _require_closed(first, motion)
     if motion is not None and motion.rate != 0 and not {key.rpartition(".")[0] for key in scene.rates} & names:
         raise NoAssemblyError("its guide moves at the start, where the scene gives no speed of it")
-    joint, tried = _first_lead(fastest_joints(first, u.middle), given), list[str]()
+    joint, tried = _first_independent(fastest_joints(first, u.middle), given), list[str]()
     used = [force.joint_of for force in model.forces if force.joint_of]
     while True:
         cuts = spanning_cuts(block, joint, used)
         tree, closing = split(model, {cut.name for cut in topology.cuts} - names | cuts)
         loops = BlockLoops(driven_by_time(replace(topology, tree=tree, cuts=closing), moved), block)
-        leads = find_leads(loops, follow(loops, u.middle, seen.curves))
-        best = next((lead for lead in leads if not given or lead.joint.name in given), None)
-        own = next((lead for lead in leads if lead.joint is joint), None)
+        candidates = find_independent(loops, follow(loops, u.middle, seen.curves))
+        best = next((independent for independent in candidates if not given or independent.joint.name in given), None)
+        own = next((independent for independent in candidates if independent.joint is joint), None)
         tried.append(joint.name)
         if best is not None and own is not None and own.travel >= best.travel / 2:
             break
         if best is None or best.joint.name in tried:
-            raise NoAssemblyError(f"the scene gives {given[0]}, which cannot lead" if given else "no joint with one coordinate leads it")
+            raise NoAssemblyError(f"the scene gives {given[0]}, which cannot be independent" if given else NO_INDEPENDENT)
         joint = best.joint
     functions = fit(loops, own, u, Wanted(tolerance=scene.numerics.loop_tolerance, terms=scene.numerics.loop_terms), seen.ranges)
     terms = sum(coefficient != 0 for found in functions.series.values() for one in found for row in one.coefficients for coefficient in row)
     if u.half > 0 and terms > DEAREST:
         raise NoAssemblyError(f"its guide moves, and functions of two numbers with {terms} terms take longer than its loops")
     assembly = Assembly(
-        leader=joint.name, drive=moved, carrier=block.carrier,
+        independent=joint.name, drive=moved, carrier=block.carrier,
         bodies=tuple(t.child for t in tree if t.child in block.bodies), cuts=tuple(j.name for j in block.joints if j.name in cuts),
         functions=functions if drive is not None else replace(functions, drive_range=None), span=joint.span,
     )  # fmt: skip
@@ -174,18 +175,18 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, seen
 #: simul3, by its loops 42 ms.
 DEAREST = 500
 
-#: The largest gap in the design position, m or rad, that a start may leave to the functions.
+#: The largest violation in the design position, m or rad, that a start may leave to the functions.
 _CLOSED = 1e-8
 
 
 def _require_closed(loops: BlockLoops, motion: _DriveMotion | None) -> None:
     """Refuse a block that its start would move: the loops' equations share such a motion out among all bodies."""
-    gap = np.abs(loops.evaluate(loops.design(), np.full(1, motion.start if motion is not None else 0.0))[0]).max(initial=0.0)
-    if gap > _CLOSED:
-        raise NoAssemblyError(f"its loops stand open by {gap:.1g} at the start, in the design position")
+    violation = np.abs(loops.evaluate(loops.design(), np.full(1, motion.start if motion is not None else 0.0))[0]).max(initial=0.0)
+    if violation > _CLOSED:
+        raise NoAssemblyError(f"its loops stand open by {violation:.1g} at the start, in the design position")
 
 
-def _first_lead(fastest: Sequence[Joint], given: Sequence[str]) -> Joint:
+def _first_independent(fastest: Sequence[Joint], given: Sequence[str]) -> Joint:
     """The joint that the scene gives, or else the one that turns or slides fastest where the scene has the block."""
     return next((joint for joint in fastest if not given or joint.name in given), fastest[0])
 
@@ -233,7 +234,7 @@ def _drive_motion(model: Model, drive: Joint, end: float, laws: Mapping[Scalar, 
 
 def without_functions(topology: Topology) -> Model:
     """The model with the equations of all loops, cut where it is cut beside its functions: the joints of the tree stay the same."""
-    cut = {joint.name for joint in (*topology.cuts, *topology.held)}
+    cut = {joint.name for joint in (*topology.cuts, *topology.embedded)}
     joints = tuple(replace(joint, cut=joint.name in cut) for joint in topology.model.joints)
     return replace(topology.model, joints=joints, assemblies=())
 

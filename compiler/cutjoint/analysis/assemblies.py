@@ -1,6 +1,6 @@
-"""The functions of an assembly: series through what its joints do over a range of the coordinate that leads.
+"""The functions of an assembly: series through what its joints do over a range of the independent coordinate.
 
-Loops are closed at Chebyshev nodes, or at equidistant ones on a full turn.  The slopes of all joints there become series, which are
+Loops are closed at Chebyshev nodes, or at equidistant ones on a full turn.  The derivatives of all joints there become series, which are
 integrated: that keeps the digits which differentiating twice would lose.  The range is as long as the number of terms allows.
 """
 
@@ -16,7 +16,7 @@ from numpy.polynomial import chebyshev
 
 from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, Poses
 from cutjoint.analysis.closing import Array
-from cutjoint.analysis.leads import STEP, Lead, turns_of
+from cutjoint.analysis.independent import STEP, Independent, turns_of
 from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.recursive.fitted import driven_by_time, joints_of, without_assemblies
 from cutjoint.model.records import Assembly, Interval, LoopFunctions, Series
@@ -65,11 +65,11 @@ class Wanted:
 #: the longest function's terms: with n nodes the coefficient of order 2n - k adds to that of order k.
 SPARE, SPARE_NODES = 2, 4
 
-#: The ranges that functions reached, by the ways of the coordinates that lead: an equal or mirrored block reaches as far.
+#: The ranges that functions reached, by the ways of the independent coordinate: an equal or mirrored block reaches as far.
 Ranges: TypeAlias = dict[tuple[float, ...], Interval]
 
 
-def fit(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted, known: Ranges) -> LoopFunctions:
+def fit(loops: BlockLoops, independent: Independent, u: Interval, wanted: Wanted, known: Ranges) -> LoopFunctions:
     """Series as they are wanted on the largest range that they reach, which joins the ``known`` ones.
 
     Raises:
@@ -77,37 +77,37 @@ def fit(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted, known: Range
     """
     if loops.open:
         wanted = replace(wanted, terms=wanted.terms - SPARE, spare=SPARE)
-    way = *(round(x, 9) for x in (lead.lower, lead.upper, lead.value)), *(u.lower, u.upper)
+    way = *(round(x, 9) for x in (independent.lower, independent.upper, independent.value)), *(u.lower, u.upper)
     if (found := known.get(way)) is not None:
         with suppress(NoAssemblyError):
-            return _fit(loops, replace(lead, turns=lead.turns and found.half > 3), found, u, wanted)
-    functions = _fit_longest(loops, lead, u, wanted)
+            return _fit(loops, replace(independent, turns=independent.turns and found.half > 3), found, u, wanted)
+    functions = _fit_longest(loops, independent, u, wanted)
     known[way] = functions.range
     return functions
 
 
-def _fit_longest(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted) -> LoopFunctions:
-    whole = Interval(lower=lead.lower, upper=lead.upper)
-    if lead.turns:
+def _fit_longest(loops: BlockLoops, independent: Independent, u: Interval, wanted: Wanted) -> LoopFunctions:
+    whole = Interval(lower=independent.lower, upper=independent.upper)
+    if independent.turns:
         with suppress(NoAssemblyError):
-            return _fit(loops, lead, whole, u, wanted)
-        lead = replace(lead, turns=False)
+            return _fit(loops, independent, whole, u, wanted)
+        independent = replace(independent, turns=False)
     middle = Interval(lower=u.middle, upper=u.middle)
-    length = _terms(loops, lead, whole, middle, wanted)
+    length = _terms(loops, independent, whole, middle, wanted)
     while length > wanted.terms:
-        if whole.half < 0.5 * STEP * loops.scales[lead.place]:
+        if whole.half < 0.5 * STEP * loops.scales[independent.place]:
             raise NoAssemblyError(f"a function would need more than {wanted.terms} terms")
-        shorter = _shorter(whole, lead.value, length > wanted.nodes)
-        lengths = [_terms(loops, lead, one, middle, wanted) for one in shorter]
+        shorter = _shorter(whole, independent.value, length > wanted.nodes)
+        lengths = [_terms(loops, independent, one, middle, wanted) for one in shorter]
         length = min(lengths)
         whole = shorter[lengths.index(length)]
     while True:
         try:
-            return _fit(loops, lead, whole, u, wanted)
+            return _fit(loops, independent, whole, u, wanted)
         except NoAssemblyError:
-            lower, upper = (lead.value + _SHORTER * (end - lead.value) for end in (whole.lower, whole.upper))
+            lower, upper = (independent.value + _SHORTER * (end - independent.value) for end in (whole.lower, whole.upper))
             whole = Interval(lower=lower, upper=upper)
-            if u.half == 0 or whole.half < 0.5 * STEP * loops.scales[lead.place]:
+            if u.half == 0 or whole.half < 0.5 * STEP * loops.scales[independent.place]:
                 raise
 
 
@@ -128,14 +128,14 @@ def _shorter(whole: Interval, value: float, unresolved: bool) -> list[Interval]:
     return found[:1] if unresolved else found
 
 
-def _terms(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wanted: Wanted) -> float:
+def _terms(loops: BlockLoops, independent: Independent, interval: Interval, u: Interval, wanted: Wanted) -> float:
     """The length of the longest series over a range, between whole numbers by the size of what is left out."""
     try:
-        _, slopes = _sampled(loops, lead, interval, u, wanted)
+        _, derivatives = _sampled(loops, independent, interval, u, wanted)
     except NoAssemblyError:
         return np.inf
     longest = 0.0
-    for _, rates in slopes.values():
+    for _, rates in derivatives.values():
         for i in range(rates.shape[-1]):
             c = np.abs(chebyshev_series(rates[:, i, np.newaxis])[:, 0]) / max(1.0, float(np.abs(rates).max()))
             left = 1e-3 * float(np.log10(float(c[wanted.terms:].sum()) + 1e-16))
@@ -144,33 +144,35 @@ def _terms(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wante
     return longest
 
 
-def _fit(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wanted: Wanted) -> LoopFunctions:
+def _fit(loops: BlockLoops, independent: Independent, interval: Interval, u: Interval, wanted: Wanted) -> LoopFunctions:
     across = NODES_ACROSS if u.half > 0 else 1
-    nodes, samples = _sampled(loops, lead, interval, u, wanted)
+    nodes, samples = _sampled(loops, independent, interval, u, wanted)
     series = {}
-    for joint, (places, slopes) in samples.items():
+    for joint, (places, derivatives) in samples.items():
         shape = (len(nodes), across, places.shape[-1])
-        place, slope = places.reshape(shape), slopes.reshape(shape)
-        series[joint] = tuple(_series(place[:, :, i], slope[:, :, i], interval, u, lead, nodes, wanted) for i in range(shape[2]))
-    found = LoopFunctions(series=series, range=interval, drive_range=u, turns=lead.turns, gap=0.0, rate_gap=0.0)
-    gap, rate_gap = _gaps(loops, lead, found, wanted)
-    if not gap < _ALLOWED * wanted.tolerance or not rate_gap < _ALLOWED * wanted.tolerance * _largest_slope(found):
-        raise NoAssemblyError(f"its functions leave a gap of {gap:.1g}, which opens at {rate_gap:.1g}")
+        place, derivative = places.reshape(shape), derivatives.reshape(shape)
+        series[joint] = tuple(_series(place[..., i], derivative[..., i], interval, u, independent, nodes, wanted) for i in range(shape[2]))
+    found = LoopFunctions(series=series, range=interval, drive_range=u, turns=independent.turns, violation=0.0, violation_rate=0.0)
+    violation, violation_rate = _violations(loops, independent, found, wanted)
+    if not violation < _ALLOWED * wanted.tolerance or not violation_rate < _ALLOWED * wanted.tolerance * _largest_derivative(found):
+        raise NoAssemblyError(f"its functions leave a violation of {violation:.1g}, with the rate {violation_rate:.1g}")
     terms = max((len(s.coefficients) for each in series.values() for s in each), default=1)
-    enough = len(nodes) if lead.turns else min(len(nodes), terms + SPARE_NODES)
-    return replace(found, gap=gap, rate_gap=rate_gap, open=loops.open, nodes=enough, allowed=_ALLOWED * wanted.tolerance)
+    enough = len(nodes) if independent.turns else min(len(nodes), terms + SPARE_NODES)
+    found = replace(found, violation=violation, violation_rate=violation_rate, open=loops.open)
+    return replace(found, nodes=enough, allowed=_ALLOWED * wanted.tolerance)
 
 
 def _sampled(
-    loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wanted: Wanted
+    loops: BlockLoops, independent: Independent, interval: Interval, u: Interval, wanted: Wanted
 ) -> tuple[Array, dict[str, tuple[Array, Array]]]:  # fmt: skip
-    """The nodes, and by joint the coordinates and slopes at them, those of the drive next to each other, (nodes, k)."""
-    nodes = _nodes(interval, wanted.nodes_around if lead.turns else wanted.nodes, turns=lead.turns)
+    """The nodes, and by joint the coordinates and derivatives at them, those of the drive next to each other, (nodes, k)."""
+    nodes = _nodes(interval, wanted.nodes_around if independent.turns else wanted.nodes, turns=independent.turns)
     values = np.full(1, u.middle)
     if u.half > 0:
         values = u.middle + u.half * np.cos(np.pi * (np.arange(NODES_ACROSS) + 0.5) / NODES_ACROSS)[::-1]
-    grid = _grid(loops, lead, nodes, values, u.middle)
-    return nodes, {chart.joint: _coordinates(loops, chart, grid, lead.place) for chart in loops.own if chart.joint != lead.joint.name}
+    grid = _grid(loops, independent, nodes, values, u.middle)
+    others = (chart for chart in loops.own if chart.joint != independent.joint.name)
+    return nodes, {chart.joint: _coordinates(loops, chart, grid, independent.place) for chart in others}
 
 
 def _nodes(interval: Interval, count: int, *, turns: bool) -> Array:
@@ -180,15 +182,15 @@ def _nodes(interval: Interval, count: int, *, turns: bool) -> Array:
     return np.asarray(interval.middle + interval.half * np.cos(np.pi * (np.arange(count) + 0.5) / count)[::-1])
 
 
-def _grid(loops: BlockLoops, lead: Lead, nodes: Array, values: Array, middle: float) -> Poses:
+def _grid(loops: BlockLoops, independent: Independent, nodes: Array, values: Array, middle: float) -> Poses:
     """Closed poses at all nodes: from the middle of the drive's range to both of its ends."""
-    chart = next(c for c in loops.own if c.joint == lead.joint.name)
-    begin = _guess(loops, lead, chart, nodes)
+    chart = next(c for c in loops.own if c.joint == independent.joint.name)
+    begin = _guess(loops, independent, chart, nodes)
     columns: dict[int, Poses] = {}
     for part in ([i for i, u in enumerate(values) if u >= middle], [i for i, u in reversed(list(enumerate(values))) if u < middle]):
         q = begin
         for i in part:
-            closed = loops.close(q, np.full(len(nodes), values[i]), lead.place)
+            closed = loops.close(q, np.full(len(nodes), values[i]), independent.place)
             if closed is None:
                 raise NoAssemblyError("its loops do not close over its range")
             columns[i], q = closed, closed.q
@@ -197,11 +199,11 @@ def _grid(loops: BlockLoops, lead: Lead, nodes: Array, values: Array, middle: fl
     return Poses(q=q, jacobian=jacobian, residual=residual)
 
 
-def _guess(loops: BlockLoops, lead: Lead, chart: Chart, nodes: Array) -> Array:
+def _guess(loops: BlockLoops, independent: Independent, chart: Chart, nodes: Array) -> Array:
     """Poses near those at nodes of the leading coordinate: between those of the curve."""
-    curve = lead.curve
+    curve = independent.curve
     along = curve[:, chart.q]
-    if lead.closes:  # on with the turn before and the one after, for nodes beyond the ends of the curve
+    if independent.closes:  # on with the turn before and the one after, for nodes beyond the ends of the curve
         turned = turns_of(curve)
         curve = np.concatenate([curve[:-1] - turned, curve, curve[1:] + turned])
         along = curve[:, chart.q]
@@ -216,18 +218,18 @@ def _guess(loops: BlockLoops, lead: Lead, chart: Chart, nodes: Array) -> Array:
     return q
 
 
-def _coordinates(loops: BlockLoops, chart: Chart, poses: Poses, leader: int) -> tuple[Array, Array]:
-    """The coordinates that series have, scalars and then Rodrigues parameters, and their slopes by the speed of the number ``leader``,
-    (n, k)."""
-    slopes, first = loops.slopes(poses, leader), loops.speeds[chart.joint]
+def _coordinates(loops: BlockLoops, chart: Chart, poses: Poses, independent: int) -> tuple[Array, Array]:
+    """The coordinates that series have, scalars and then Rodrigues parameters, and their derivatives by the speed of the number
+    ``independent``, (n, k)."""
+    derivatives, first = loops.derivatives(poses, independent), loops.speeds[chart.joint]
     places = [poses.q[:, chart.q : chart.q + chart.scalars]]
-    rates = [slopes[:, first : first + chart.scalars]]
+    rates = [derivatives[:, first : first + chart.scalars]]
     if chart.ball:
         e = poses.q[:, chart.q + chart.scalars : chart.q + chart.scalars + 4]
         if np.abs(e[:, 0]).min() < _LEAST:
             raise NoAssemblyError(f"'{chart.joint}' turns by more than its functions can")
         g = e[:, 1:] / e[:, :1]
-        w = slopes[:, first + chart.scalars : first + chart.scalars + 3]
+        w = derivatives[:, first + chart.scalars : first + chart.scalars + 3]
         places.append(g)
         rates.append((w - np.cross(g, w) + g * np.sum(g * w, axis=1, keepdims=True)) / 2)
     return np.concatenate(places, axis=1), np.concatenate(rates, axis=1)
@@ -237,11 +239,13 @@ def _coordinates(loops: BlockLoops, chart: Chart, poses: Poses, leader: int) -> 
 _LEAST = 0.4
 
 
-def _series(places: Array, slopes: Array, interval: Interval, u: Interval, lead: Lead, nodes: Array, wanted: Wanted) -> Series:
-    """A series through values and slopes (nodes, nodes across)."""
-    if lead.turns:
-        return _turning_series(places, slopes, nodes, wanted)
-    whole = chebyshev_integral(slopes, interval.half)
+def _series(
+    places: Array, derivatives: Array, interval: Interval, u: Interval, independent: Independent, nodes: Array, wanted: Wanted
+) -> Series:
+    """A series through values and derivatives (nodes, nodes across)."""
+    if independent.turns:
+        return _turning_series(places, derivatives, nodes, wanted)
+    whole = chebyshev_integral(derivatives, interval.half)
     set_constants(whole, places, (nodes - interval.middle) / interval.half)
     size = _length(whole, interval.half, wanted.tolerance)
     if size > wanted.terms:
@@ -254,15 +258,15 @@ def _across(whole: Array, u: Interval, half: float, tolerance: float) -> Array:
     if whole.shape[1] == 1:
         return whole
     found = chebyshev_series(whole.T)
-    size = _length(found, 1.0, tolerance)  # slopes by the drive beside half of its range: in a second it moves about so far
+    size = _length(found, 1.0, tolerance)  # derivatives by the drive beside half of its range: in a second it moves about so far
     if size > MOST_ACROSS:
         raise NoAssemblyError(f"a function would need more than {MOST_ACROSS} terms of the drive")
     return _trimmed(found[:size].T, half, tolerance)
 
 
 def _trimmed(c: Array, half: float, tolerance: float) -> Array:
-    """Coefficients (n, m) with zeros where those of a power of u matter less than the tolerance, in value, slopes and tenths of bends: the
-    higher one of them is, the lower may the other be."""
+    """Coefficients (n, m) with zeros where those of a power of u matter less than the tolerance, in value, derivatives and tenths of bends:
+    the higher one of them is, the lower may the other be."""
     k, j = (np.arange(size, dtype=float) for size in c.shape)
     along = (np.ones_like(k), k**2 / half, k**2 * (k**2 - 1) / (3 * half**2))
     across = (np.ones_like(j), j**2, j**2 * (j**2 - 1) / 3)
@@ -276,10 +280,11 @@ _ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 
 def _length(c: Array, half: float, tolerance: float) -> int:
-    """The least number of terms by which value and slope are good to the tolerance, and the bend to ten times that, beside their sizes.
+    """The least number of terms by which value and derivative are good to the tolerance, and the bend to ten times that, beside their
+    sizes.
 
     What is left out is bounded by the largest values 1, k^2 and k^2 (k^2 - 1)/3 of polynomial k and its derivatives.  Coefficients that
-    are the rounding of slopes count as nothing.
+    are the rounding of derivatives count as nothing.
     """
     longest, k = 1, np.arange(len(c), dtype=float)
     rounding = 1e-15 * half * max(1.0, float(np.abs(chebyshev.chebder(c, scl=1 / half)).max(initial=0.0))) / np.maximum(k, 1.0)
@@ -293,12 +298,12 @@ def _length(c: Array, half: float, tolerance: float) -> int:
     return longest
 
 
-def _turning_series(places: Array, slopes: Array, nodes: Array, wanted: Wanted) -> Series:
-    """A trigonometric series through values and slopes at equidistant nodes."""
-    if slopes.shape[1] > 1:
+def _turning_series(places: Array, derivatives: Array, nodes: Array, wanted: Wanted) -> Series:
+    """A trigonometric series through values and derivatives at equidistant nodes."""
+    if derivatives.shape[1] > 1:
         raise NoAssemblyError("it makes full turns, and a drive moves it")
-    growth = float(np.round(slopes.mean())) + 0.0  # full turns; what slides comes back
-    whole = fourier_integral(places, slopes, nodes, growth)
+    growth = float(np.round(derivatives.mean())) + 0.0  # full turns; what slides comes back
+    whole = fourier_integral(places, derivatives, nodes, growth)
     order = np.arange(1, len(nodes) // 2)
     amplitude = np.abs(whole[1::2]) + np.abs(whole[2::2])
     bent = (np.concatenate([[1.0], order**2])[:, np.newaxis] * np.concatenate([np.abs(whole[:1]), amplitude]))[:, 0]
@@ -307,7 +312,7 @@ def _turning_series(places: Array, slopes: Array, nodes: Array, wanted: Wanted) 
     harmonics = int(np.argmax(small)) if small.any() else len(small)
     if harmonics > wanted.harmonics:
         raise NoAssemblyError("a function would need too many harmonics")
-    return Series(coefficients=_rows(whole[: 2 * max(harmonics, 2) - 1 + 2 * wanted.spare]), slope=growth)
+    return Series(coefficients=_rows(whole[: 2 * max(harmonics, 2) - 1 + 2 * wanted.spare]), growth=growth)
 
 
 def _rows(c: Array) -> tuple[tuple[float, ...], ...]:
@@ -316,7 +321,7 @@ def _rows(c: Array) -> tuple[tuple[float, ...], ...]:
 
 def evaluate(series: Series, functions: LoopFunctions, q: Array, u: Array, order: int = 0) -> Array:
     """A series, or its derivative of that ``order`` by q, at coordinates (n,) and values of the drive (n,)."""
-    c, growth = np.array(series.coefficients), series.slope * (q if order == 0 else float(order == 1))
+    c, growth = np.array(series.coefficients), series.growth * (q if order == 0 else float(order == 1))
     for _ in range(order):
         c = fourier_derivative(c) if functions.turns else derivative(c, functions.range.half)
     x = (q - functions.range.middle) / functions.range.half
@@ -327,77 +332,77 @@ def evaluate(series: Series, functions: LoopFunctions, q: Array, u: Array, order
     return np.asarray(np.einsum("ni,ij,nj->n", basis, c, across) + growth)
 
 
-def place(loops: BlockLoops, leader: str, functions: LoopFunctions, q: Array, u: Array) -> tuple[Array, Array]:
+def place(loops: BlockLoops, independent: str, functions: LoopFunctions, q: Array, u: Array) -> tuple[Array, Array]:
     """The tree's coordinates (n, coordinates) by the functions of a block, and the block's speeds (n, speeds) at the speed q' = 1."""
     whole, rates = loops.design(len(q)), np.zeros((len(q), loops.size))
     for chart in loops.own:
         first = loops.speeds[chart.joint]
-        if chart.joint == leader:
+        if chart.joint == independent:
             whole[:, chart.q], rates[:, first] = q, 1.0
             continue
-        values, slopes = (
+        values, derivatives = (
             np.stack([evaluate(s, functions, q, u, order) for s in functions.series[chart.joint]], axis=1) for order in range(2)
         )  # fmt: skip
         ball = chart.q + chart.scalars
-        whole[:, chart.q : ball], rates[:, first : first + chart.scalars] = values[:, : chart.scalars], slopes[:, : chart.scalars]
+        whole[:, chart.q : ball], rates[:, first : first + chart.scalars] = values[:, : chart.scalars], derivatives[:, : chart.scalars]
         if chart.ball:
-            g, turned = values[:, chart.scalars :], slopes[:, chart.scalars :]
+            g, turned = values[:, chart.scalars :], derivatives[:, chart.scalars :]
             share = 1 / (1 + np.sum(g * g, axis=1, keepdims=True))
             whole[:, ball : ball + 4] = np.sqrt(share) * np.concatenate([np.ones((len(q), 1)), g], axis=1)
             rates[:, first + chart.scalars : first + chart.scalars + 3] = 2 * share * (turned + np.cross(g, turned))
     return whole, rates
 
 
-#: The gap that is allowed beside the tolerance of a function: several functions and arms have a part in it.
+#: The violation that is allowed beside the tolerance of a function: several functions and arms have a part in it.
 _ALLOWED = 10.0
 
 
-def _gaps(loops: BlockLoops, lead: Lead, functions: LoopFunctions, wanted: Wanted) -> tuple[float, float]:
+def _violations(loops: BlockLoops, independent: Independent, functions: LoopFunctions, wanted: Wanted) -> tuple[float, float]:
     """The largest residual, and the largest rate of one at q' = 1, on a grid four times finer than the nodes."""
     nodes = wanted.nodes_around if functions.turns else wanted.nodes
     q, u = np.linspace(functions.range.lower, functions.range.upper, 4 * nodes + 1), functions.drive_range
     across = np.zeros(1) if u is None else np.linspace(u.lower, u.upper, 4 * NODES_ACROSS + 1) if u.half > 0 else np.full(1, u.middle)
     qs, us = (x.ravel() for x in np.meshgrid(q, across, indexing="ij"))
-    gap = rate_gap = 0.0
+    violation = violation_rate = 0.0
     for first in range(0, len(qs), 1024):
         part = slice(first, first + 1024)
-        whole, rates = place(loops, lead.joint.name, functions, qs[part], us[part])
+        whole, rates = place(loops, independent.joint.name, functions, qs[part], us[part])
         residual, jacobian = loops.evaluate(whole, us[part])
-        gap = max(gap, float(np.abs(residual).max(initial=0.0)))
-        rate_gap = max(rate_gap, float(np.abs(np.einsum("nij,nj->ni", jacobian, rates)).max(initial=0.0)))
-    return gap, rate_gap
+        violation = max(violation, float(np.abs(residual).max(initial=0.0)))
+        violation_rate = max(violation_rate, float(np.abs(np.einsum("nij,nj->ni", jacobian, rates)).max(initial=0.0)))
+    return violation, violation_rate
 
 
 #: The number of random coordinates at which functions are beside closed loops, and the way to the neighbours, beside half the range.
 _RANDOM, _NEIGHBOUR = 1000, 1e-4
 
 
-def accuracy(loops: BlockLoops, lead: Lead, functions: LoopFunctions, u: Interval) -> tuple[float, float]:
-    """The largest differences of slopes and of bends by q from those of closed loops, at random coordinates: of speeds and accelerations
-    at q' = 1 (1/s)."""
+def accuracy(loops: BlockLoops, independent: Independent, functions: LoopFunctions, u: Interval) -> tuple[float, float]:
+    """The largest differences of derivatives and of bends by q from those of closed loops, at random coordinates: of speeds and
+    accelerations at q' = 1 (1/s)."""
     random, way = np.random.default_rng(0), _NEIGHBOUR * functions.range.half
     q = functions.range.middle + (functions.range.half - way) * random.uniform(-1, 1, _RANDOM)
     values = u.middle + u.half * random.uniform(-1, 1, _RANDOM)
-    slopes = []
+    derivatives = []
     for step in (-way, 0.0, way):
-        whole, made = place(loops, lead.joint.name, functions, q + step, values)
-        closed = loops.close(whole, values, lead.place)
+        whole, made = place(loops, independent.joint.name, functions, q + step, values)
+        closed = loops.close(whole, values, independent.place)
         if closed is None:
             raise NoAssemblyError("its loops do not close over its range")
-        slopes.append(made - loops.slopes(closed, lead.place))
-    return float(np.abs(slopes[1]).max()), float(np.abs(slopes[2] - slopes[0]).max() / (2 * way))
+        derivatives.append(made - loops.derivatives(closed, independent.place))
+    return float(np.abs(derivatives[1]).max()), float(np.abs(derivatives[2] - derivatives[0]).max() / (2 * way))
 
 
-#: The number of places at which slopes are looked at.
+#: The number of places at which derivatives are looked at.
 _LOOKS = 40
 
 
-def _largest_slope(functions: LoopFunctions) -> float:
-    """The largest slope of a function over the range, or 1 if that is larger."""
+def _largest_derivative(functions: LoopFunctions) -> float:
+    """The largest derivative of a function over the range, or 1 if that is larger."""
     q = np.linspace(functions.range.lower, functions.range.upper, _LOOKS)
     u = np.full(_LOOKS, functions.drive_range.middle if functions.drive_range is not None else 0.0)
-    slopes = [evaluate(s, functions, q, u, 1) for found in functions.series.values() for s in found]
-    return max([1.0, *(float(np.abs(slope).max()) for slope in slopes)])
+    derivatives = [evaluate(s, functions, q, u, 1) for found in functions.series.values() for s in found]
+    return max([1.0, *(float(np.abs(derivative).max()) for derivative in derivatives)])
 
 
 def refit(topology: Topology, assembly: Assembly, parameters: Mapping[str, float]) -> LoopFunctions:
@@ -407,24 +412,24 @@ def refit(topology: Topology, assembly: Assembly, parameters: Mapping[str, float
     model = replace(model, parameters=tuple(replace(p, value=parameters.get(p.name, p.value)) for p in model.parameters))
     block = Block(carrier=assembly.carrier, bodies=assembly.bodies, joints=joints_of(model, assembly), drives=())
     loops = BlockLoops(driven_by_time(without_assemblies(replace(topology, model=model)), moved), block)
-    leader, interval = loops.speeds[assembly.leader], functions.range
+    independent, interval = loops.speeds[assembly.independent], functions.range
     nodes = _nodes(interval, functions.nodes, turns=functions.turns)
     u = np.full(len(nodes), functions.drive_range.middle if functions.drive_range is not None else 0.0)
-    poses = loops.close(place(loops, assembly.leader, functions, nodes, u)[0], u, leader)
+    poses = loops.close(place(loops, assembly.independent, functions, nodes, u)[0], u, independent)
     if poses is None:
         return functions
     series = {}
     for chart in loops.own:
-        if chart.joint == assembly.leader:
+        if chart.joint == assembly.independent:
             continue
         found = []
-        whole_values, whole_slopes = _coordinates(loops, chart, poses, leader)
+        whole_values, whole_derivatives = _coordinates(loops, chart, poses, independent)
         for i, one in enumerate(functions.series[chart.joint]):
-            values, slopes = whole_values[:, i : i + 1], whole_slopes[:, i : i + 1]
+            values, derivatives = whole_values[:, i : i + 1], whole_derivatives[:, i : i + 1]
             if functions.turns:
-                whole = fourier_integral(values, slopes, nodes, one.slope)
+                whole = fourier_integral(values, derivatives, nodes, one.growth)
             else:
-                whole = chebyshev_integral(slopes, interval.half)
+                whole = chebyshev_integral(derivatives, interval.half)
                 set_constants(whole, values, (nodes - interval.middle) / interval.half)
             found.append(replace(one, coefficients=_rows(whole[: len(one.coefficients)])))
         series[chart.joint] = tuple(found)

@@ -151,11 +151,11 @@ class BlockLoops:
             q = self.moved(q, _with_zero(step, held))
         return None
 
-    def slopes(self, poses: Poses, leader: int) -> Array:
-        """The block's speeds by that of the number ``leader``, (n, speeds)."""
-        free = _without(poses.jacobian, leader)
-        found = -(np.linalg.pinv(free, rcond=TOLERANCE) @ poses.jacobian[:, :, leader, np.newaxis])[:, :, 0]
-        return _with_zero(found, leader, 1.0)
+    def derivatives(self, poses: Poses, independent: int) -> Array:
+        """The block's speeds by that of the number ``independent``, (n, speeds)."""
+        free = _without(poses.jacobian, independent)
+        found = -(np.linalg.pinv(free, rcond=TOLERANCE) @ poses.jacobian[:, :, independent, np.newaxis])[:, :, 0]
+        return _with_zero(found, independent, 1.0)
 
 
 def _without(jacobian: Array, column: int | None) -> Array:

@@ -52,8 +52,8 @@ def _inputs(equations: PoseEquations, t: Array, q: Array, parameters: Mapping[st
     values = np.array([parameters[p.name] for p in equations.parameters])
     laws = interpret_blocks(equations.laws, {LAW_TIME: t[:, np.newaxis], "parameters": values}, {})
     given = [np.broadcast_to(laws[law][..., 0], (t.size, 1)) for law in equations.laws]
-    opened = [a for a in equations.topology.model.assemblies if a.functions.open]
-    fitted = (replace(a, functions=refit(equations.topology, a, parameters)) for a in opened)
+    tunable = [a for a in equations.topology.model.assemblies if a.functions.open]
+    fitted = (replace(a, functions=refit(equations.topology, a, parameters)) for a in tunable)
     return {
         "t": t[:, np.newaxis],
         "parameters": values,

@@ -233,9 +233,9 @@ def explore(equations: RecursiveEquations) -> tuple[Pose, ...]:
     poses = [_pose(*start)]
     free, rng, step = poses[0].free, np.random.default_rng(0), _STEP
     for _ in range(_ATTEMPTS if free.size else 0):
-        way = free @ rng.standard_normal(free.shape[1])
-        way /= np.abs(way).max()
-        found = close_loops(equations, retract(equations, start[0], step * way), across=way)
+        direction = free @ rng.standard_normal(free.shape[1])
+        direction /= np.abs(direction).max()
+        found = close_loops(equations, retract(equations, start[0], step * direction), across=direction)
         if found is None or not step / 8 < np.abs(found[0] - start[0]).max() < 8 * step:
             step = max(step / 2, _SMALLEST)
             continue

@@ -1,4 +1,4 @@
-"""A mechanism linearised about a state, by interpretation: mass, damping and stiffness are the exact tangent of its balance."""
+"""A mechanism linearised about a state, by interpretation: mass, damping and stiffness are the exact tangent of its residual."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class Point:
     """A state at time ``t`` (s): coordinates ``q``, speeds ``v``, accelerations ``vdot``; zero of a mechanism at rest.
 
     ``parameters`` have the order of the equations' own, ``held`` the values of inputs that do not follow the scene and what controllers
-    hold, ``roads`` the roads of tyres, flat where there are none.  Multipliers follow from the balance.
+    hold, ``roads`` the roads of tyres, flat where there are none.  Multipliers follow from the residual.
     """
 
     t: float

@@ -91,7 +91,7 @@ def require_guides(equations: RecursiveEquations) -> None:
     moving = _moving(equations)
     if not moving or not equations.closures:
         return
-    gaps = np.zeros(len(equations.equation_names))
+    violations = np.zeros(len(equations.equation_names))
     q = design_coordinates(equations)
     for time in (equations.scene.end * share for share in _TIMES):
         rates = evaluate_guided_rates(equations, q, time)
@@ -100,9 +100,9 @@ def require_guides(equations: RecursiveEquations) -> None:
         left = _not_made_up_for(evaluate_closures(equations, q, time)[1], rates)
         if np.abs(left).max() < _PART * np.abs(rates).max() or close_loops(equations, q, t=time) is not None:
             return
-        gaps = np.maximum(gaps, np.abs(left))
-    if gaps.any():
-        raise GuideError(_words(equations, moving, gaps))
+        violations = np.maximum(violations, np.abs(left))
+    if violations.any():
+        raise GuideError(_words(equations, moving, violations))
 
 
 def _moving(equations: RecursiveEquations) -> list[Joint]:
@@ -125,8 +125,8 @@ def _not_made_up_for(jacobian: Array, rates: Array) -> Array:
     return np.asarray(rates - jacobian @ speeds)
 
 
-def _words(equations: RecursiveEquations, moving: list[Joint], gaps: Array) -> str:
-    worst = int(np.argmax(gaps))
+def _words(equations: RecursiveEquations, moving: list[Joint], violations: Array) -> str:
+    worst = int(np.argmax(violations))
     torn = next(c.joint for c in equations.closures if c.first <= worst < c.first + len(c.names))
     if any(gear.name == torn for gear in equations.topology.model.gears):
         names = ", ".join(f"'{joint.name}'" for joint in moving)

@@ -173,8 +173,8 @@ def _shape(of: Linearisation, x: Complex | Array) -> Mapping[str, Participant]:
     followed = np.where(_followed(of), shares, 0.0)
     shares = followed if followed.any() else shares
     shares /= shares.sum()
-    leader = int(np.flatnonzero(shares > (1 - _ALIKE) * shares.max())[0])
-    amplitudes = x / x[leader]
+    dominant = int(np.flatnonzero(shares > (1 - _ALIKE) * shares.max())[0])
+    amplitudes = x / x[dominant]
     return {
         name: Participant(amplitude=complex(a), share=float(share)) for name, a, share in zip(of.names, amplitudes, shares, strict=True)
     }
@@ -189,12 +189,12 @@ def _followed(of: Linearisation) -> NDArray[np.bool_]:
 def _rigid_body_modes(of: Linearisation, x: Array) -> Iterator[tuple[str, Mapping[str, Participant]]]:
     """Combinations of the columns of x (speeds, directions) of which each has a coordinate of its own."""
     directions = x.shape[1]
-    sizes, rest, leaders = np.sqrt(of.M.diagonal().clip(0.0)), x.copy(), []
+    sizes, rest, dominants = np.sqrt(of.M.diagonal().clip(0.0)), x.copy(), []
     for _ in range(directions):
-        leader = int((np.linalg.norm(rest, axis=1) * sizes).argmax())
-        leaders.append(leader)
-        along = rest[leader] / np.linalg.norm(rest[leader])
+        dominant = int((np.linalg.norm(rest, axis=1) * sizes).argmax())
+        dominants.append(dominant)
+        along = rest[dominant] / np.linalg.norm(rest[dominant])
         rest -= np.outer(rest @ along, along)
-    basis = x @ np.linalg.inv(x[leaders]) if directions else x
-    for leader, column in sorted(zip(leaders, basis.T, strict=True)):
-        yield of.names[leader], _shape(of, np.where(np.abs(column) > _PART, column, 0.0))
+    basis = x @ np.linalg.inv(x[dominants]) if directions else x
+    for dominant, column in sorted(zip(dominants, basis.T, strict=True)):
+        yield of.names[dominant], _shape(of, np.where(np.abs(column) > _PART, column, 0.0))

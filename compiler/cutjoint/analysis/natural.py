@@ -104,8 +104,8 @@ def states_off_a_single_pose(equations: LagrangianEquations, states: Sequence[Na
     if not free.size:
         return []
     rng = np.random.default_rng(1)
-    ways = (free @ rng.standard_normal(free.shape[1]) for _ in range(2))
-    poses = (replace(pose, q=retract(equations.start, pose.q, _OFF * way / np.abs(way).max())) for way in ways)
+    directions = (free @ rng.standard_normal(free.shape[1]) for _ in range(2))
+    poses = (replace(pose, q=retract(equations.start, pose.q, _OFF * direction / np.abs(direction).max())) for direction in directions)
     return [_moving(equations, off, rng) for off in poses]
 
 

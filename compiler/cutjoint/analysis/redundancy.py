@@ -6,7 +6,7 @@ reaction that some such n changes is statically indeterminate.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cutjoint.analysis.closing import Array, FlatRoad, Pose, explore, make_inputs
 from cutjoint.formulate.forces import is_active
+from cutjoint.formulate.inputs import HELD, INPUTS
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.friction import refuse_friction
@@ -144,7 +145,7 @@ def reaction_outputs(model: Model) -> tuple[Output, ...]:
 
 def find_indeterminate(topology: Topology, scene: Scene, outputs: Sequence[Output]) -> tuple[str, ...]:
     """The columns among ``outputs`` that are components of reactions and indeterminate, in the design position or in poses near it."""
-    if topology.held:  # by the equations of the joints that functions close
+    if topology.embedded:  # by the equations of the joints that functions close
         topology = build_topology(replace(topology.model, assemblies=()))
     names = {reaction.name for reaction in topology.model.reactions if isinstance(reaction, Reaction)}
     asked = tuple({read.column: read for o in outputs for read in read_by(topology.model, o) if read.element in names}.values())
@@ -166,14 +167,38 @@ def require_loads(topology: Topology, scene: Scene) -> Topology:
     if not forces or not topology.closing:
         return topology
     equations = formulate_recursive(topology, scene, tuple(Output(element=f.name, quantity="load", span=f.span) for f in forces))
-    shares = np.max([_ways(equations, pose) for pose in _regular(explore(equations))], axis=0)
+    poses = _regular(explore(equations))
+    shares = np.max([_ways(equations, pose) for pose in poses], axis=0)
     loose = [f.name for f, share in zip(forces, shares, strict=True) if share > _DETERMINED]
-    if loose:
+    if loose and not (_is_constant(poses) and all(_is_even(equations, pose) for pose in poses)):
         raise refuse_friction(
             topology.model, loose, "redundant equations of its loop leave open what the joint carries, so friction by it has no value",
             "give joints of the loop more freedom until 'check' finds no redundant equation, or leave out arm or thrust_radius",
         )  # fmt: skip
     return topology
+
+
+def _is_constant(poses: Sequence[Pose]) -> bool:
+    """Return whether the null space is the same in all poses, so that multipliers that begin without a part in it stay without."""
+    spaces = [np.linalg.svd(pose.jacobian)[0][:, pose.rank :] for pose in poses]
+    return all(np.allclose(space @ space.T, spaces[0] @ spaces[0].T, atol=1e-6) for space in spaces)
+
+
+def _is_even(equations: RecursiveEquations, pose: Pose) -> bool:
+    """Return whether multipliers of the null space and their opposites give the same loads in any motion of the loops, as across the plane
+    of a mechanism that lies, moves, and is pushed in it: by symmetry there are none."""
+    random = np.random.default_rng(7)
+    left, _, right = np.linalg.svd(pose.jacobian)
+    null, free = left[:, pose.rank :].T, right[pose.rank :]
+    v, vdot = random.standard_normal((2, len(free))) @ free
+    rows = pose.jacobian @ random.standard_normal(equations.speeds)
+    size = np.linalg.norm(rows) or 1.0
+    inputs = make_inputs(equations, pose.q, v, 0.37)
+    inputs |= {f"vdot:{c.joint}": vdot[c.v : c.v + len(c.speed_names)] for c in equations.charts}
+    acting = {INPUTS, HELD, *(f"v:{state.name}" for state in equations.state.states)} & inputs.keys()
+    inputs |= {name: inputs[name] + random.standard_normal(inputs[name].shape) for name in sorted(acting)}
+    one, other = (_columns(equations, inputs, rows + way * size * null) for way in (1, -1))
+    return bool(np.allclose(one, other, rtol=1e-7, atol=1e-9 * size))
 
 
 def _ways(equations: RecursiveEquations, pose: Pose) -> Array:
@@ -202,9 +227,13 @@ def _shares(equations: RecursiveEquations, pose: Pose) -> Array:
 def _changes(equations: RecursiveEquations, pose: Pose, each: Array) -> Array:
     """The change of each column by the multipliers of each row."""
     still = make_inputs(equations, pose.q, np.zeros(equations.speeds))
-    pushed = {f"lambda:{c.joint}": each[:, c.first : c.first + len(c.names)] for c in equations.closures}
+    with_each, without = (_columns(equations, still, rows) for rows in (each, np.zeros_like(each)))
+    return with_each - without
+
+
+def _columns(equations: RecursiveEquations, inputs: Mapping[str, Array], multipliers: Array) -> Array:
+    """The columns for each row of multipliers."""
+    loaded = {f"lambda:{c.joint}": multipliers[:, c.first : c.first + len(c.names)] for c in equations.closures}
     results = equations.function("report").results
-    roads = {name: FlatRoad() for name in equations.roads}
-    with_each, without = (interpret_blocks(results.values(), inputs, roads) for inputs in ({**still, **pushed}, still))
-    columns = [np.broadcast_to(with_each[block][..., 0, 0] - without[block][..., 0, 0], len(each)) for block in results.values()]
-    return np.stack(columns, axis=1)
+    found = interpret_blocks(results.values(), {**inputs, **loaded}, {name: FlatRoad() for name in equations.roads})
+    return np.stack([np.broadcast_to(found[block][..., 0, 0], len(multipliers)) for block in results.values()], axis=1)

@@ -82,9 +82,9 @@ def _sizes(artifact: Artifact, folder: Path) -> str:
 
 
 def _price(artifact: Artifact, path: Path) -> str:
-    """The cost of opened numbers, in words."""
+    """The cost of tunable constants, in words."""
     plain = replace(read_model(path), code=artifact.model.code)
     case, scene = find_case(plain, artifact.scene.name)
     _, program, _ = generate(case, scene, artifact.scene.outputs, method=artifact.method)
     count = len(open_parameters(artifact.topology.model)) - len(open_parameters(plain))
-    return f" ({count} numbers are opened; {program.operations(artifact.iteration)} without)"
+    return f" ({count} constants are tunable; {program.operations(artifact.iteration)} without)"

@@ -13,9 +13,8 @@ from cutjoint.compile.prepared import Request
 from cutjoint.coupling.connections import connect, open_system
 from cutjoint.coupling.controller import CALL_LIMIT, ControllerFmu, open_controller
 from cutjoint.coupling.run import Party, Plan, co_simulate
-from cutjoint.emit.steps import STEPS
 from cutjoint.formulate.inputs import input_parameters, open_parameters
-from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation, join_or
+from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, Implementation, describe_steps, join_or, names_of
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
@@ -26,8 +25,9 @@ from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error
 from cutjoint.run.results import Trajectory
 from cutjoint.run.settings import Options, require_settings, with_options
+from cutjoint.stepping.handle import SimulationError
 from cutjoint.stepping.load import load_scene
-from cutjoint.stepping.simulation import Simulation, SimulationError
+from cutjoint.stepping.simulation import Simulation
 from cutjoint.view.views import require_view, show_run, write_shown
 
 
@@ -91,10 +91,10 @@ def _plan(
         simulation = _load(model, scene, method, asked)
     settings, steps = simulation.library.settings, simulation.library.steps
     if asked.tolerance is not None and not steps.adaptive:
-        able = join_or(name for known in STEPS.values() for name, kind in known.items() if kind.adaptive)
+        able = join_or(names_of(INTEGRATORS, lambda i: i.adaptive))
         raise RunError(f"--solver-tolerance: beside an FMU only {able} has one; take it, or --dt")
     if asked.iterations is not None and not steps.is_iterated:
-        raise RunError("--iterations: only the trapezoidal rule of the method recursive has them")
+        raise RunError(f"--iterations: only {describe_steps(lambda s: s.is_iterated)} has them")
     return Plan(
         simulation=simulation, parties=tuple(parties), end=scene.end if asked.end is None else asked.end, output_step=scene.output_step,
         dt=settings.step if asked.dt is None else asked.dt, iterations=asked.iterations, parameters=parameters,

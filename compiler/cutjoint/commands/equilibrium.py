@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cutjoint.commands import options, table
+from cutjoint.report.tables import held_facts
 from cutjoint.report.tasks import force_table, pose_table
 from cutjoint.run.outputs import require_apart
 from cutjoint.tasks.states import find_scene_equilibrium
@@ -26,9 +27,8 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: t
         found = find_scene_equilibrium(checked, chosen, parameters=parameters)
     options.out.print(pose_table(found))
     options.out.print(force_table(found))
-    if found.held:
-        forces = ", ".join(f"{name} {value:.4g} {unit}" for name, (value, unit) in found.held.items())
-        options.out.print(f"held at the start by: {forces}, released at t = 0", markup=False)
+    for name, value in held_facts(found.held):
+        options.out.print(f"{name}: {value}", markup=False)
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):
             write_shown(view, show_equilibrium(checked, chosen, parameters, found))

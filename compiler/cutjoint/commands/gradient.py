@@ -81,7 +81,7 @@ def command(
 
 @dataclass(frozen=True)
 class _Found:
-    """A table: its title, the names and units of columns, their values and slopes (columns, by)."""
+    """A table: its title, the names and units of columns, their values and derivatives (columns, by)."""
 
     title: str
     columns: Sequence[str]
@@ -162,7 +162,7 @@ def _count_steps(sim: Simulation, end: float, output_step: float) -> tuple[int, 
 
 
 def _checkable(sim: Simulation, names: Sequence[str], derivatives: Array) -> tuple[list[str], Array]:
-    """Names, and their slopes, without inputs that follow the scene over time: differences of runs would hold them."""
+    """Names, and their derivatives, without inputs that follow the scene over time: differences of runs would hold them."""
     driven = [name for name in names if name in sim.inputs and np.isnan(sim.inputs[name])]
     if driven:
         options.out.print(f"not beside differences: {', '.join(driven)}, which the scene moves", markup=False)
@@ -196,7 +196,8 @@ def _tabled(found: _Found, names: Sequence[str]) -> Table:
 
 
 def _error(sim: Simulation, trajectory: Callable[[str, float], Array], names: Sequence[str], derivatives: Array) -> float:
-    """The largest error of slopes beside central differences of fourth order, as a share of the largest slope by the same number."""
+    """The largest error of derivatives beside central differences of fourth order, as a share of the largest derivative by the same
+    number."""
     errors, start = [], sim.snapshot()
     for name, row in zip(names, derivatives.T, strict=True):
         sim.restore(start)

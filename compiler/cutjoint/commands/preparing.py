@@ -179,7 +179,7 @@ def _compile_generic(request: Request, model: Model, scene: Scene, method: str) 
 def _compile_interpreted(
     request: Request, model: Model, scene: Scene, method: str, scheduled: tuple[Equations, Program] | None = None
 ) -> Artifact:  # fmt: skip
-    from cutjoint.compile.pipeline import compile_interpreted
+    from cutjoint.compile.interpreted import compile_interpreted
 
     if request.precision != DEFAULT_PRECISION:
         raise RunError(f"--precision {request.precision}: programs are interpreted in {DEFAULT_PRECISION}; use --implementation generated")

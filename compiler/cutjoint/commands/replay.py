@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cutjoint.commands.preparing import FinishedRun, read_request
-from cutjoint.compile.pipeline import with_requested_loops
+from cutjoint.compile.derivation import with_requested_loops
 from cutjoint.compile.prepared import Request
 from cutjoint.export.laws import Numbers
 from cutjoint.methods import INTEGRATORS

@@ -104,6 +104,9 @@ def command(
         where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model, parameters)
         options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)
         raise SystemExit(1)
+    if error and prepared.run.is_asked and run.error.goal is not None and not run.error.converged:
+        options.err.print(f"accuracy not reached: nothing shows that places and angles keep {run.error.goal:g} m or rad", markup=False)
+        raise SystemExit(1)
 
 
 class _StiffRun(Exception):  # noqa: N818 -- no error

@@ -14,12 +14,14 @@ from cutjoint.commands.options import reports_errors
 from cutjoint.methods import (
     AUTO,
     CLOSURES,
+    DEFAULT_INTEGRATOR,
     DEFAULT_METHOD,
     DEFAULT_PRECISION,
     INTEGRATORS,
     METHODS,
     PRECISIONS,
     SOLVERS,
+    STEPS,
     Events,
     Formulation,
     Implementation,
@@ -139,7 +141,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 _READ = click.Path(exists=True, dir_okay=False, path_type=Path)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 
-_STEPS, _RULES = (_of("cutjoint.emit.steps", names) for names in ("STEPS", "INTEGRATORS_OF_CORE"))
+_RULES = click.Choice(list(INTEGRATORS))
 
 _FIRST_SCENE = click.option("--scene", metavar="NAME", help="Scene of the model file. Default: the first.")
 
@@ -167,32 +169,31 @@ OPTIONS: Mapping[str, Row] = {
         help="Formulation; auto chooses one that meets the accuracy. Default: the scene's, else recursive."),
     "batch.method": _one_of("--method", names=lambda: names_of(METHODS, lambda m: m.batch),
         help="Formulation. Default: the scene's, else recursive."),
-    "couple.method": _one_of("--method", names=_STEPS, help="Formulation. Default: the scene's, else recursive."),
-    "export.method": _one_of("--method", names=_STEPS, help="Formulation of an FMU. Default: recursive."),
+    "couple.method": click.option("--method", type=click.Choice(list(METHODS)), help="Formulation. Default: the scene's, else recursive."),
+    "export.method": click.option("--method", type=click.Choice(list(METHODS)), help="Formulation of an FMU. Default: recursive."),
     "accuracy": click.option("--accuracy", type=Setting("accuracy"),
         help="Target error of positions (m) and angles (rad), for example 0.1mm. Default: the scene's, else 1e-4."),
     "tolerance": click.option("--solver-tolerance", "tolerance", type=Setting("tolerance"),
-        help="Relative and absolute tolerance of dormand-prince, dop853 and radau5; else of the iteration in a step. Default: "
-        "the scene's."),
+        help=f"Relative and absolute tolerance of {join_and(names_of(INTEGRATORS, lambda i: i.adaptive))}; else of the iteration in a "
+        "step. Default: the scene's."),
     "implementation": click.option("--implementation", type=click.Choice([AUTO, *(x.value for x in Implementation)]), default=AUTO,
         show_default=True, envvar="CUTJOINT_IMPLEMENTATION",
         help="generated: C++ for the model. interpreted: the same equations without a compiler. generic: a solver of cutjoint- "
         "bench written by hand. auto: generated; on a terminal, interpreted while compiling takes longer than 2 s."),
     "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver of the Lagrangian methods, by default emitted, of the generic "
         f"twin a library's{_packages(SOLVERS.added)}."),
-    "integrator": click.option("--integrator", type=click.Choice(list(INTEGRATORS)),
-        help="Integrator. rk4, dormand-prince and dop853 need recursive; radau5, radau5-fixed and generalised-alpha need "
-        "recursive-newton. Default: the scene's; else trapezoidal with --dt; else an adaptive one that meets the "
-        "accuracy."),
+    "integrator": click.option("--integrator", type=_RULES,
+        help=f"Integrator; {'; '.join(f'{method} has {join_and(names)}' for method, names in STEPS.items())}. Default: the scene's; "
+        f"else {DEFAULT_INTEGRATOR} with --dt; else an adaptive one that meets the accuracy."),
     "batch.integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.batch)),
         help="Equal steps of all runs side by side. Default: the scene's."),
-    "couple.integrator": _one_of("--integrator", names=_RULES, help="Integrator. Default: the scene's, else that of simulate."),
-    "gradient.integrator": _one_of("--integrator", names=_RULES, help="Integrator. Default: the scene's, else that of simulate."),
-    "compile.integrator": _one_of("--integrator", names=_RULES, help="Integrator. Default: the scene's, else trapezoidal."),
-    "export.integrator": _one_of("--integrator", names=_RULES, help="Integrator of an FMU. Default: that of simulate."),
+    **dict.fromkeys(("couple.integrator", "gradient.integrator"),
+        click.option("--integrator", type=_RULES, help="Integrator. Default: the scene's, else that of simulate.")),
+    "compile.integrator": click.option("--integrator", type=_RULES, help=f"Integrator. Default: the scene's, else {DEFAULT_INTEGRATOR}."),
+    "export.integrator": click.option("--integrator", type=_RULES, help="Integrator of an FMU. Default: that of simulate."),
     "events": click.option("--events", type=click.Choice([x.value for x in Events]),
         help="located: steps end where a force changes its formula; crossed: steps pass over. Default: the scene's; else "
-        "crossed for trapezoidal and generalised-alpha, located for others."),
+        f"crossed for {join_and(names_of(INTEGRATORS, lambda i: i.events is Events.CROSSED))}, located for others."),
     **dict.fromkeys(("batch.events", "couple.events"), click.option("--events", type=click.Choice([Events.CROSSED.value]),
         help="Steps do not end where forces change their formulas, where the scene has them located.")),
     "precision": _one_of("--precision", names=PRECISIONS.names, default=DEFAULT_PRECISION, show_default=True,

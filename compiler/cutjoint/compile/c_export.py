@@ -21,13 +21,12 @@ from cutjoint.emit.library import emit_library
 from cutjoint.emit.sizes import record_length, seed_rows, simulation_size
 from cutjoint.emit.source import Generated, Page, Source
 from cutjoint.emit.standalone import emit_standalone, mark_of
-from cutjoint.emit.steps import STEPS, Steps
+from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.implicit.equations import formulate_residual
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import POSES, Equations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.formulate.switches import guides_jump
 from cutjoint.formulate.transposed import Derived, Linearised, linearise_residual, transpose
 from cutjoint.methods import (
     DEFAULT_INTEGRATOR,
@@ -35,9 +34,11 @@ from cutjoint.methods import (
     DEFAULT_PRECISION,
     INTEGRATORS,
     METHODS,
+    STEPS,
     Events,
     Formulation,
     Implementation,
+    Steps,
     join_and,
     join_or,
     names_of,
@@ -274,8 +275,7 @@ def make_standalone(
 
     The integrator follows from ``integrator`` and ``equal_steps`` (`choose_steps`).  ``lanes`` computes isomorphic parts side by
     side.  With ``linearise`` it has minimal coordinates and derivatives too, also those of steps if it ``derives_steps``, with ``adjoint``
-    those from the end of a run.
-    With ``side_by_side`` it also has the class of several instances, if its steps can be taken in lanes.
+    those from the end of a run. With ``side_by_side`` it also has the class of several instances, if its steps can be taken in lanes.
 
     Raises:
         RunError: the core has not the integrator, Newton's iteration has nothing to solve for, the state of the method has natural
@@ -297,7 +297,7 @@ def make_standalone(
         require_differentiable(parts.method, chosen, "adjoint: ")
         parts = replace(parts, transposed=_transposed(parts))
     if linearise and derives_steps and STEPS[parts.method][chosen].differentiable:
-        parts = replace(parts, balance=_balance(parts, equations.scene, STEPS[parts.method][chosen]))
+        parts = replace(parts, force_residual=_force_residual(parts, equations.scene, STEPS[parts.method][chosen]))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
     alone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
     if not (side_by_side and alone.fits_lanes):
@@ -384,12 +384,12 @@ def _transposed(parts: SimulationCode) -> Derived:
     return transpose(mechanism, schedule_recursive(mechanism, lanes=parts.program.lanes))
 
 
-def _balance(parts: SimulationCode, scene: Scene, steps: Steps) -> Linearised | None:
-    """The slopes of the balance of forces of a mechanism; None where steps do not need them, as they do where Newton's iteration has the
-    equations of loops, and evaluations over numbers with derivatives take fewer operations."""
+def _force_residual(parts: SimulationCode, scene: Scene, steps: Steps) -> Linearised | None:
+    """The derivatives of the residual of the equations of motion of a mechanism; None where steps do not need them, as they do where
+    Newton's iteration has the equations of loops, and evaluations over numbers with derivatives take fewer operations."""
     needed = steps.by_residual or (parts.system is not None and parts.mechanism.equation_names)
-    balance = formulate_residual(parts.mechanism, find_closure(scene.numerics, METHODS[parts.method]).name)
-    derived = linearise_residual(balance, schedule_recursive(balance, lanes=parts.program.lanes))
+    force_residual = formulate_residual(parts.mechanism, find_closure(scene.numerics, METHODS[parts.method]).name)
+    derived = linearise_residual(force_residual, schedule_recursive(force_residual, lanes=parts.program.lanes))
     most = _EVALUATIONS * parts.program.instructions("evaluate")
     return derived if needed or derived.program.instructions("residual_jacobian") <= most else None
 

@@ -23,7 +23,8 @@ from cutjoint.run.accuracy import SHORTER, STRICTER, compare
 from cutjoint.run.result_files import Stream, TableFile, open_table, write_all
 from cutjoint.run.results import Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress
-from cutjoint.stepping.simulation import Simulation, SimulationError
+from cutjoint.stepping.handle import SimulationError
+from cutjoint.stepping.simulation import Simulation
 
 #: Exchanges at the start until outputs and inputs go together.
 _EXCHANGES = 20

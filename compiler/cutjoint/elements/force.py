@@ -338,7 +338,7 @@ class LawForce(Force):
 
     @property
     def quantities(self) -> Mapping[str, str]:
-        """The law's value and its slopes by position and rate; these too, unless they are a joint's, which reports them."""
+        """The law's value and its derivatives by position and rate; these too, unless they are a joint's, which reports them."""
         law = self.variables
         unit = law.variables[law.position]
         measured = {} if self.joint_of else law.variables

@@ -88,7 +88,7 @@ class Rotation(Motion, Protocol):
     def axes(self) -> Sequence[Sequence[Block]]: ...
 
     @property
-    def by_turn(self) -> Block: ...
+    def by_rotation(self) -> Block: ...
 
 
 class Mechanics(Protocol):
@@ -115,8 +115,8 @@ class Mechanics(Protocol):
     def point(self, at: Point) -> Motion:
         """The place of a point from the world's origin in global axes, and its velocity in those of the method."""
 
-    def way(self, start: Point, end: Point) -> Motion:
-        """The way from one point to another."""
+    def displacement(self, start: Point, end: Point) -> Motion:
+        """The displacement from one point to another."""
 
     def direction(self, axis: Axis) -> Motion:
         """A direction."""
@@ -148,7 +148,7 @@ class Mechanics(Protocol):
     def coordinate(self) -> dict[str, Block]:
         """The ``position``, where it is known, and the ``rate`` of the joint's coordinate on which the force works."""
 
-    def pull(self, start: Point, end: Point, force: Block) -> None:
+    def apply_force_pair(self, start: Point, end: Point, force: Block) -> None:
         """A force on the end along the line between two points, and its reaction on the start."""
 
     def apply_force_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
@@ -160,11 +160,11 @@ class Mechanics(Protocol):
     def apply_force_at_offset(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
         """A force at ``arm`` from a point of a body, and a moment on the body."""
 
-    def turn(self, carrier: Carrier, torque: Block) -> None:
+    def apply_torque(self, carrier: Carrier, torque: Block) -> None:
         """A torque on a body."""
 
-    def twist(self, frame: Frame, torque: Block) -> None:
-        """A force on the small rotations in a frame."""
+    def apply_frame_torque(self, frame: Frame, torque: Block) -> None:
+        """A torque on the small rotations in a frame, and its reaction."""
 
     def apply_joint_force(self, force: Block) -> None:
         """A force on the joint's coordinate."""
@@ -210,7 +210,7 @@ Arrow: TypeAlias = tuple[Any, Any] | None
 class VisualContext(Protocol):
     """Arrows of a force's quantities over time; None where a run's outputs do not have them."""
 
-    def pull(self, start: Point, end: Point, quantity: str) -> Arrow:
+    def apply_force_pair(self, start: Point, end: Point, quantity: str) -> Arrow:
         """A tension on the end, towards the start."""
 
     def apply_force_along(self, at: Point, axis: Axis, quantity: str) -> Arrow:

@@ -90,7 +90,7 @@ class Carried:
     direction: Direction
 
 
-class JointGap(StrEnum):
+class JointDisplacement(StrEnum):
     """The way from the base's point of a joint to the follower's."""
 
     VECTOR = "way"
@@ -100,7 +100,7 @@ class JointGap(StrEnum):
 class Product:
     """A weight times the scalar product of two vectors."""
 
-    left: Carried | JointGap
+    left: Carried | JointDisplacement
     right: Carried
     weight: Fraction = Fraction(1)
 
@@ -143,7 +143,7 @@ class Products:
     @property
     def joins_points(self) -> bool:
         """Return whether the vector between the joint's points is in the products, and not directions alone."""
-        return any(p.left is JointGap.VECTOR for products in self.sums for p in products)
+        return any(p.left is JointDisplacement.VECTOR for products in self.sums for p in products)
 
 
 @dataclass(frozen=True)
@@ -172,11 +172,11 @@ def _on_base(direction: Direction) -> Carried:
 #: The follower's point stays on the base's axis.
 ON_LINE = Products(
     names=("across_1", "across_2"), base=AXIAL_FRAME,
-    sums=tuple((Product(JointGap.VECTOR, _on_base(d)),) for d in (Direction.ACROSS_1, Direction.ACROSS_2)),
+    sums=tuple((Product(JointDisplacement.VECTOR, _on_base(d)),) for d in (Direction.ACROSS_1, Direction.ACROSS_2)),
 )  # fmt: skip
 
 #: The follower's point stays in the plane across the base's axis.
-IN_PLANE = Products(names=("height",), base=(Direction.AXIS,), sums=((Product(JointGap.VECTOR, _on_base(Direction.AXIS)),),))
+IN_PLANE = Products(names=("height",), base=(Direction.AXIS,), sums=((Product(JointDisplacement.VECTOR, _on_base(Direction.AXIS)),),))
 
 #: The base's axis and the follower's second one stay perpendicular.
 PERPENDICULAR = Products(

@@ -14,18 +14,18 @@ from cutjoint.emit.source import (
     FACTORISATION,
     Page,
     Piece,
+    indicators_of,
     name_of_residual,
     name_of_system,
     name_of_transposed,
     nominals_of,
-    switches_of,
 )
 from cutjoint.emit.view import LINE, FunctionView, Viewer
+from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import CLOSE, POSES, Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.quantities import posed_elements
 from cutjoint.formulate.states import describe_controllers
-from cutjoint.formulate.switches import guides_jump
 from cutjoint.formulate.transposed import Derived, Linearised
 from cutjoint.methods import START
 from cutjoint.model.functions import signatures_of
@@ -62,17 +62,17 @@ _ABOUT = {
     "sample": "What controllers hold next.",
     POSES: "Position, rotation by columns, velocity, angular velocity and design point of each body, marker and contact.",
     "guard": "The smallest margin of each force that was left out: negative where it would act.",
-    "events": "The values of the switches, at whose changes of sign formulas change.",
+    "events": "The event indicators, at whose changes of sign formulas change.",
     "scene_inputs": "The scene's inputs: value, rate and acceleration of each, then what its laws are watched by.",
     "domains": "The margins of the arguments of laws: negative where a law has no value.",
-    "residual_jacobian": "The slopes of the balance of forces and of loops, row by row; those that are always zero are not written.",
-    "loaded_values": "Values that depend on parameters alone, by which the balance has slopes.",
+    "residual_jacobian": "The derivatives of the residual of forces and loops, row by row; those that are always zero are not written.",
+    "loaded_values": "Values that depend on parameters alone, by which the residual has derivatives.",
 }
 
 #: Comments of transposed functions, by their endings.
 _TRANSPOSED = {
-    "transposed": "Slopes by the arguments of {}, from those by its results.",
-    "summed": "Slopes by what {} follows from besides, from those by its results.",
+    "transposed": "Derivatives by the arguments of {}, from those by its results.",
+    "summed": "Derivatives by what {} follows from besides, from those by its results.",
 }
 
 #: Functions that a simulation does not call; ``events`` only where its steps end at events, ``guard`` only of what it steps.
@@ -95,9 +95,9 @@ class SimulationCode:
 
     With the mechanism's degrees of freedom, ``dofs``, the interface has minimal coordinates and derivatives too, and of a mechanism
     that is stepped itself values that change their sign where its formulas change; derivatives of steps if it ``derives_steps`` and they
-    have some, by ``transposed`` functions also from the end of a run, by slopes of the ``balance`` of forces in fewer operations.  With a
-    program without lanes of its own, ``side_by_side``, a class of several instances side by side stands beside that of the mechanism, in a
-    namespace of that name.
+    have some, by ``transposed`` functions also from the end of a run, by derivatives of the ``force_residual`` of forces in fewer
+    operations. With a program without lanes of its own, ``side_by_side``, a class of several instances side by side stands beside that of
+    the mechanism, in a namespace of that name.
     """
 
     mechanism: RecursiveEquations
@@ -107,7 +107,7 @@ class SimulationCode:
     derives_steps: bool = True
     side_by_side: Program | None = None
     transposed: Derived | None = None
-    balance: Linearised | None = None
+    force_residual: Linearised | None = None
 
     @property
     def method(self) -> str:
@@ -141,11 +141,11 @@ class SimulationCode:
         return guides_jump(self.mechanism.topology.model, self.mechanism.scene)
 
     def over_events(self) -> SimulationCode:
-        """Copy the code for steps that go over events; those over jumps of guides seek these by switches."""
+        """Copy the code for steps that go over events; those over jumps of guides seek these by indicators."""
         if self.guides_jump:
             return self
-        system = self.system and replace(self.system, equations=replace(self.system.equations, switches=()))
-        return replace(self, mechanism=replace(self.mechanism, switches=()), system=system)
+        system = self.system and replace(self.system, equations=replace(self.system.equations, indicators=()))
+        return replace(self, mechanism=replace(self.mechanism, indicators=()), system=system)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +185,7 @@ class Beginning:
 
 @dataclass(frozen=True, kw_only=True)
 class CppClass:
-    """A generated class: its ``name``, its ``header``, its ``functions`` by file, its ``layout`` (sizes, charts, cut joints, switches,
+    """A generated class: its ``name``, its ``header``, its ``functions`` by file, its ``layout`` (sizes, charts, cut joints, indicators,
     pattern), and the header of a ``factorisation`` that it needs."""
 
     name: str
@@ -221,7 +221,8 @@ def sized_mechanism_class(parts: SimulationCode, program: Program, conditions: s
         unused |= {POSES}
     layout = {
         "guides_jump": parts.guides_jump and conditions == "bool" and parts.system is None,
-        "charts": equations.charts, "cuts": [c.first for c in equations.closures], "switches": switches_of(equations), **sizes_of(equations)
+        "charts": equations.charts, "cuts": [c.first for c in equations.closures], "indicators": indicators_of(equations),
+        **sizes_of(equations)
     }  # fmt: skip
     return replace(mechanism_class(parts.page, program, equations, conditions, unused=unused, header=header), layout=layout)
 
@@ -236,8 +237,8 @@ def mechanism_class(
 def derived_classes(parts: SimulationCode, *, header: str = "{}") -> Iterator[tuple[str, CppClass]]:
     """The classes of the mechanism's derivatives, by names; ``header`` makes the names of their files of these, without the ending."""
     page = parts.page
-    for name, named, derived in (("transposed", name_of_transposed, parts.transposed), ("balance", name_of_residual, parts.balance)):
-        if derived is not None:
+    for name, named in (("transposed", name_of_transposed), ("force_residual", name_of_residual)):
+        if (derived := getattr(parts, name)) is not None:
             yield name, _class(
                 replace(page, class_name=named(page.class_name)), derived.program, derived.equations, "bool", formulation="recursive",
                 unused=frozenset(), headers=[f"{header.format(name)}.hpp"],
@@ -248,7 +249,8 @@ def sized_system_class(parts: SimulationCode, system: System, *, header: str = "
     """The class of the system, and its factorisation; as above."""
     equations, plan = system.equations, system.plan
     layout = {
-        "guides_jump": parts.guides_jump, "charts": equations.charts, "cuts": [], "switches": switches_of(equations), **sizes_of(equations),
+        "guides_jump": parts.guides_jump, "charts": equations.charts, "cuts": [], "indicators": indicators_of(equations),
+        **sizes_of(equations),
         "pattern": pattern_view(plan.pattern, equations.row_names), "pivot_columns": plan.tiling.elimination.columns,
     }  # fmt: skip
     made = system_class(parts.page, system, unused=_unused(parts, equations), header=header)
@@ -327,7 +329,7 @@ def _fits(program: Program, equations: Equations) -> dict[str, object] | None:
     places = {symbol[1] for symbol in closing if isinstance(symbol, tuple) and str(symbol[0]).startswith("fitted:")}
     lines = [", ".join(map(repr, function)) + "," for d in described for function in d["start"]]
     return {
-        "leaders": ", ".join(fit.assembly.leader for fit in equations.fits),
+        "independents": ", ".join(fit.assembly.independent for fit in equations.fits),
         "loops": [
             f".rows = {d['rows']}, .functions = {len(d['start'])}, .nodes = {d['nodes']}, .turns = {str(d['turns']).lower()}, "
             f".middle = {d['middle']!r}, .half = {d['half']!r}, .allowed = {d['allowed']!r}" for d in described
@@ -375,7 +377,7 @@ def _function(page: Page, view: FunctionView, headers: Sequence[str]) -> Piece:
 def _unused(parts: SimulationCode, equations: RecursiveEquations | SystemEquations) -> frozenset[str]:
     """Functions of the stepped class that nobody calls; impacts have the masses of relative coordinates from its energy."""
     needed = {"energy"} if parts.guides_jump and equations.charts else set()
-    return (_UNUSED | (frozenset() if equations.switches else {"events"})) - needed
+    return (_UNUSED | (frozenset() if equations.indicators else {"events"})) - needed
 
 
 def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, object]:
@@ -386,7 +388,7 @@ def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "coordinates": len(equations.coordinate_names), "speeds": len(equations.speed_names), "equations": len(equations.equation_names),
         "cuts": len(equations.mechanism.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
         "roads": len(equations.roads), "columns": len(equations.columns),
-        "guards": len(guards_in(equations)), "switches": len(equations.switches),
+        "guards": len(guards_in(equations)), "indicators": len(equations.indicators),
         **({"states": states} if states else {}), **({"controllers": len(controllers), "held": equations.held} if controllers else {}),
     }, **({"samples": describe_controllers(equations)} if controllers else {}), **({"nominals": nominals} if nominals else {})}  # fmt: skip
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from cutjoint.emit.classes import LANES, Beginning, CppClass, SimulationCode, derived_classes, sized_mechanism_class, sized_system_class
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, code_file, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, headers_of, prepare, render_header
-from cutjoint.emit.steps import STEPS, Steps
 from cutjoint.formulate.records import CLOSE
+from cutjoint.methods import STEPS, Steps
 
 #: The namespace of instances side by side.
 _SIDE = "side_by_side"
@@ -117,7 +117,7 @@ def _classes(parts: SimulationCode, steps: Steps) -> Iterator[_Placed]:
         instances = sized_mechanism_class(parts, parts.side_by_side, "Mask", header=header)
         yield _Placed(made=instances, header=header, prefix=f"{_SIDE}/", space=_SIDE, numbers=[_OF_INSTANCES])
     for derived, made in derived_classes(parts, header=f"{name}_{{}}"):
-        numbers = [_Number(unity=derived), *([_OF_LOADED] if derived == "balance" else [])]
+        numbers = [_Number(unity=derived), *([_OF_LOADED] if derived == "force_residual" else [])]
         yield _Placed(made=made, header=f"{name}_{derived}", prefix=f"{derived}_", numbers=numbers)
     if parts.system is not None:
         header, more = f"{name}_system", [of_system] if has_derivatives else []

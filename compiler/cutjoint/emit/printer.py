@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from math import isfinite
 
 from cutjoint.model.functions import PREFIX
+from cutjoint.ops import CONDITIONS, OPERATIONS, fact
 from cutjoint.package.errors import MissingPartialsError
 from cutjoint.program.blocks import SUPPLIED, SURFACE, SuppliedCall, surface_lookup
 from cutjoint.program.scalars import Graph, Scalar
 
-#: Functions of namespace std that keep their name.
-STANDARD = frozenset({"sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "abs", "pow"})
 _SUM, _PRODUCT, _UNARY, _ATOM = 1, 2, 3, 4
 
 #: An expression longer than this gets a name of its own.
@@ -162,13 +161,14 @@ class Printer:
             return f"roads_[{self.roads[str(node.data)]}].{node.op.removeprefix('road_')}({arguments})"
         if node.op.startswith(SUPPLIED):
             return _supplied(SuppliedCall.read(node.op), "Real", arguments)
-        if node.op in _CONDITIONS:
-            operators = _CONDITIONS if self.conditions == "bool" else _CONDITIONS_IN_LANES
-            return f"({operators[node.op].join(self.text(x, _SUM) for x in a)})"
+        row = OPERATIONS[node.op]
+        if row.infix:
+            sign = row.infix if self.conditions == "bool" else row.infix_of_lanes
+            return f"({f' {sign} '.join(self.text(x, _SUM) for x in a)})"
         if node.op == "not":
             condition = self.text(a[0], _ATOM)
             return f"(!{condition})" if self.conditions == "bool" else f"({condition} == {self.conditions}())"
-        assert node.op == "where" or node.op in STANDARD, node.op
+        assert node.op == "where" or fact(node.op, "standard")
         return f"{node.op}({arguments})"
 
     def _call_in_lanes(self, n: int) -> str:
@@ -178,18 +178,18 @@ class Printer:
         arguments = [self.text(x) for x in node.args]
         for i, x in enumerate(node.args):
             if not self.graph.nodes[x].lanes:
-                is_condition = self.graph.nodes[x].op in _LOGICAL
+                is_condition = self.graph.nodes[x].op in CONDITIONS
                 arguments[i] = f"{kind}::mask({arguments[i]})" if is_condition else f"{kind}({arguments[i]})"
-        if node.op in _CONDITIONS_IN_LANES:
-            return f"({_CONDITIONS_IN_LANES[node.op].join(arguments)})"
-        if node.op == "not":
-            return f"(~{arguments[0]})"
         if node.op.startswith(SUPPLIED):
             return _supplied(SuppliedCall.read(node.op), kind, ", ".join(arguments))
+        if sign := OPERATIONS[node.op].infix_of_lanes:
+            return f"({f' {sign} '.join(arguments)})"
+        if node.op == "not":
+            return f"(~{arguments[0]})"
         return f"{node.op}({', '.join(arguments)})"
 
     def _type(self, node: Scalar) -> str:
-        if node.op in _LOGICAL:
+        if node.op in CONDITIONS:
             return "auto" if node.lanes else self.conditions
         return lanes_type(node.lanes)
 
@@ -221,7 +221,7 @@ def real(value: object) -> str:
 
 def kept_type(node: Scalar, conditions: str) -> str:
     """The C++ type of a member that holds a scalar."""
-    if node.op in _LOGICAL:
+    if node.op in CONDITIONS:
         return f"{lanes_type(node.lanes)}::Mask" if node.lanes else conditions
     return lanes_type(node.lanes)
 
@@ -229,8 +229,3 @@ def kept_type(node: Scalar, conditions: str) -> str:
 def lanes_type(lanes: int) -> str:
     """The C++ type of a scalar with lanes; plain reals have none."""
     return f"Lanes{lanes}" if lanes else "Real"
-
-
-_CONDITIONS_IN_LANES = {"lt": " < ", "le": " <= ", "and": " & ", "or": " | "}
-_CONDITIONS = {"lt": " < ", "le": " <= ", "and": " && ", "or": " || "}
-_LOGICAL = frozenset({*_CONDITIONS, "not"})

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 
 from cutjoint.emit.classes import CppClass, System, mechanism_class, pattern_view, system_class
 from cutjoint.emit.factorisation import STRAIGHT_LINE
-from cutjoint.emit.source import FACTORISATION, Page, Piece, Source, code_file, compiled, nominals_of, quotable, switches_of
+from cutjoint.emit.source import FACTORISATION, Page, Piece, Source, code_file, compiled, indicators_of, nominals_of, quotable
+from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import LeftOut, RecursiveEquations, SystemEquations
 from cutjoint.formulate.states import describe_controllers
-from cutjoint.formulate.switches import guides_jump
 from cutjoint.model.functions import SUPPLIED_FILE
 from cutjoint.model.records import Assembly, Guard, Parameter
 from cutjoint.program.records import Program
@@ -120,7 +120,7 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
             }
             for d in equations.domains
         ],
-        "switches": switches_of(equations),
+        "indicators": indicators_of(equations),
         "states": len(equations.state.states),
         "nominals": nominals_of(equations),
         "controllers": [{**c, "place": quotable(str(c["place"]))} for c in describe_controllers(equations)],

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from cutjoint.emit.classes import SimulationCode, System, is_weighed
-from cutjoint.emit.steps import Steps
 from cutjoint.formulate.records import Equations
 from cutjoint.formulate.transposed import Derived, Linearised
+from cutjoint.methods import Steps
 from cutjoint.model.functions import functions_of_host
 from cutjoint.program.records import Program
 
@@ -48,24 +48,24 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
     else:
         stored += _stored(parts.system.program) + _size_of_newton(parts.system)
         if steps.finds_events:  # a second iteration, for single states, and what stages and the step between them hold
-            stored += _size_of_newton(parts.system) + 40 * n + 16 * m + 4 * q + 10 * state + 12 * len(equations.switches) + 64
+            stored += _size_of_newton(parts.system) + 40 * n + 16 * m + 4 * q + 10 * state + 12 * len(equations.indicators) + 64
     if parts.guides_jump:  # impulses, and of Newton's iteration a second one, for single states
-        stored += n * n + (n + m) ** 2 + 6 * (n + m) + 12 * n + 9 * m + q + 5 * state + 2 * len(equations.switches) + 64
+        stored += n * n + (n + m) ** 2 + 6 * (n + m) + 12 * n + 9 * m + q + 5 * state + 2 * len(equations.indicators) + 64
         stored += 0 if parts.system is None else _size_of_newton(parts.system)
     if steps.stages:
-        stored += (steps.stages + 14) * (q + n) + 3 * state + 8 * m + 12 * len(equations.switches) + 64
+        stored += (steps.stages + 14) * (q + n) + 3 * state + 8 * m + 12 * len(equations.indicators) + 64
     if parts.dofs is not None:
-        stored += 2 * n * m + 14 * n + 4 * m + 2 * q + len(equations.switches)
+        stored += 2 * n * m + 14 * n + 4 * m + 2 * q + len(equations.indicators)
         dual = _stored(parts.program) + (0 if parts.system is None else _stored(parts.system.program))
         dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.dofs + 2 * len(equations.state.states) + 15 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 13 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
         stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n * n + 6 * n + 2 * state + 3 * q + 64  # of a step's derivatives
-        if steps.stages and equations.switches:  # at events
-            stored += 2 * len(equations.switches) + q + n + 64
+        if steps.stages and equations.indicators:  # at events
+            stored += 2 * len(equations.indicators) + q + n + 64
         stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
-        stored += 0 if parts.balance is None else _size_of_residual(parts, parts.balance)
-        stored += 0 if parts.balance is None or parts.system is None else _size_of_ends(parts, parts.balance, steps)
+        stored += 0 if parts.force_residual is None else _size_of_residual(parts, parts.force_residual)
+        stored += 0 if parts.force_residual is None or parts.system is None else _size_of_ends(parts, parts.force_residual, steps)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
     fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)
     stored += 2 * fitted if parts.dofs is None else (2 + _NUMBERS_OF_DUAL) * fitted
@@ -82,32 +82,33 @@ def _size_of_adjoint(parts: SimulationCode, transposed: Derived) -> int:
     return numbers + (n + m + 10) * (n + m + 16) + 7 * state + 8 * seed_rows(parts) + transposed.equations.input_values + 64
 
 
-def _size_of_residual(parts: SimulationCode, balance: Linearised) -> int:
-    """Numbers that the slopes of the balance of forces hold, over doubles and of parameters along directions."""
+def _size_of_residual(parts: SimulationCode, force_residual: Linearised) -> int:
+    """Numbers that the derivatives of the residual of the equations of motion hold, over doubles and of parameters along directions."""
     n, m, q, _ = _lengths(parts.mechanism)
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
-    classes = (1 + _NUMBERS_OF_DUAL) * (_stored(balance.program) + balance.equations.input_values + 16)
-    fitted = 12 * (sum(fit.length for fit in balance.equations.fits) + len(balance.equations.parameters))
-    at_state = balance.length + _size_of_matrix(balance) + q + 2 * n + m + given + 28 * (q - parts.mechanism.speeds) + 8
-    weights = 4 * q + 2 * n + m + given + balance.loaded
-    return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * balance.loaded) + weights + n + m + 64
+    classes = (1 + _NUMBERS_OF_DUAL) * (_stored(force_residual.program) + force_residual.equations.input_values + 16)
+    fitted = 12 * (sum(fit.length for fit in force_residual.equations.fits) + len(force_residual.equations.parameters))
+    at_state = force_residual.length + _size_of_matrix(force_residual) + q + 2 * n + m + given + 28 * (q - parts.mechanism.speeds) + 8
+    weights = 4 * q + 2 * n + m + given + force_residual.loaded
+    return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * force_residual.loaded) + weights + n + m + 64
 
 
-def _size_of_matrix(balance: Linearised, copies: int = 1) -> int:
+def _size_of_matrix(force_residual: Linearised, copies: int = 1) -> int:
     """Numbers of a matrix over accelerations and multipliers, so many of each."""
-    parts = balance.sides.parts
+    parts = force_residual.sides.parts
     *inner, border = (copies * parts.count(p) for p in range(max(parts) + 1))
     rows = [border, *(size + border for size in inner)]
     return copies * len(parts) + sum(rows) * (max(rows) + 8) + sum(size * size for size in rows)
 
 
-def _size_of_ends(parts: SimulationCode, balance: Linearised, steps: Steps) -> int:
-    """Numbers that the slopes of coupled stages, or of the end of a step of Newton's iteration, hold."""
+def _size_of_ends(parts: SimulationCode, force_residual: Linearised, steps: Steps) -> int:
+    """Numbers that the derivatives of coupled stages, or of the end of a step of Newton's iteration, hold."""
     n, _, q, state = _lengths(parts.mechanism)
     balls = q - parts.mechanism.speeds
     if not steps.by_residual:
-        return 4 * balance.length + 2 * _size_of_matrix(balance) + n + balance.loaded + 64
-    return 6 * state + 3 * (balance.length + n) + balance.loaded + balls * (90 + 9 + 27 + 9 * 12) + _size_of_matrix(balance, 3) + 64
+        return 4 * force_residual.length + 2 * _size_of_matrix(force_residual) + n + force_residual.loaded + 64
+    size = 6 * state + 3 * (force_residual.length + n) + force_residual.loaded + balls * (90 + 9 + 27 + 9 * 12) + 64
+    return size + _size_of_matrix(force_residual, 3)
 
 
 def _lengths(equations: Equations) -> tuple[int, int, int, int]:

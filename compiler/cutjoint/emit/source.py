@@ -25,7 +25,7 @@ LARGE = 40_000
 #: Names of the runtime that generated code uses, and of the generated class's own members.
 _TAKEN = frozenset((
     "Chart", "Column", "Description", "FixedPattern", "InputSource", "Loaded", "Mask", "Parameter", "Precision", "Real", "Road", "Sizes",
-    "Stabilisation", "Step", "StepInputs", "SwitchPlace", "SystemDescription", "Weights",
+    "Stabilisation", "Step", "StepInputs", "IndicatorPlace", "SystemDescription", "Weights",
 ))  # fmt: skip
 
 #: The header of a factorisation, without its ending.
@@ -138,12 +138,12 @@ def nominals_of(equations: RecursiveEquations | SystemEquations) -> list[float]:
     return sizes if any(size != 1.0 for size in sizes) else []
 
 
-def switches_of(equations: RecursiveEquations | SystemEquations) -> list[dict[str, object]]:
-    """The description of the switches."""
+def indicators_of(equations: RecursiveEquations | SystemEquations) -> list[dict[str, object]]:
+    """The description of the indicators."""
     return [
         {"element": s.element, "place": quotable(s.place), "road": equations.roads.index(s.road) if s.road else -1,
          "across": s.across}
-        for s in equations.switches
+        for s in equations.indicators
     ]  # fmt: skip
 
 
@@ -229,8 +229,8 @@ def name_of_transposed(name: str) -> str:
 
 
 def name_of_residual(name: str) -> str:
-    """The class of the slopes of a mechanism's balance of forces, by that of the mechanism."""
-    return f"{name}Balance"
+    """The class of the derivatives of a mechanism's force residual, by that of the mechanism."""
+    return f"{name}ForceResidual"
 
 
 def _digest(files: Mapping[str, str]) -> str:
@@ -249,12 +249,9 @@ class Amalgamation:
 
 def amalgamate(headers: Iterable[str]) -> Amalgamation:
     """Headers of the runtime, such as ``cutjoint/core/state.hpp``, each behind those that it includes."""
-    texts: dict[str, str] = {}
-    for header in headers:
-        _add(header, texts)
     standard: set[str] = set()
     top, body = [], []
-    for text in texts.values():
+    for text in texts_of(headers).values():
         bare = _OWN.sub("", text.replace("#pragma once\n", ""))
         if "namespace cutjoint" in bare:
             standard |= set(_STANDARD.findall(bare))
@@ -262,6 +259,14 @@ def amalgamate(headers: Iterable[str]) -> Amalgamation:
         else:
             top.append(bare)
     return Amalgamation(standard=tuple(sorted(standard)), top=_joined(top), body=_joined(body))
+
+
+def texts_of(headers: Iterable[str]) -> dict[str, str]:
+    """The texts of headers of the runtime and of all that they include, each behind those that it includes."""
+    texts: dict[str, str] = {}
+    for header in headers:
+        _add(header, texts)
+    return texts
 
 
 def _add(header: str, texts: dict[str, str]) -> None:

@@ -28,23 +28,24 @@ from cutjoint.emit.source import (
     Page,
     amalgamate,
     code_file,
+    indicators_of,
     name_of_residual,
     name_of_system,
     name_of_transposed,
     quotable,
-    switches_of,
+    texts_of,
 )
-from cutjoint.emit.steps import STEPS, Steps
+from cutjoint.emit.statuses import FAULTS, LIMITED, Status, statuses_in
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.quantities import digest_of_poses
 from cutjoint.formulate.transposed import Linearised
-from cutjoint.methods import CLOSURES, METHODS, Formulation
+from cutjoint.methods import CLOSURES, METHODS, STEPS, Formulation, Steps
 from cutjoint.model.functions import SUPPLIED_FILE, functions_of_host
 from cutjoint.model.ranges import count_steps
 from cutjoint.model.records import Scene
-from cutjoint.package.locations import licence, runtime_folder
+from cutjoint.package.locations import licence
 from cutjoint.topology.geometry import extent
 
 #: Headers of the runtime: all that a simulation behind its interface needs but its integrator, and lanes.
@@ -84,8 +85,6 @@ _GATHERED = (
 
 #: The share of a mechanism's extent, or of a radian, by which a loop of a folder may stand open.
 TORN = 0.01
-
-_CAUSE = re.compile(r"^  (\w+) = (\d+),? +///< (.*)$", re.MULTILINE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,21 +192,22 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     if hosted := functions_of_host(model):
         tables.append({"name": "function_names", "entries": list(hosted)})
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
+    class_name = Page.of(equations, parts.method).class_name
     return {
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "dofs": parts.dofs, "poses": parts.poses,
         "poses_digest": digest_of_poses(model.name, parts.poses),
         "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps), "seed_rows": seed_rows(parts),
-        "transposed": parts.transposed and name_of_transposed(Page.of(equations, parts.method).class_name),
-        "balance": parts.balance and _residual_view(parts.balance, name_of_residual(Page.of(equations, parts.method).class_name)),
+        "transposed": parts.transposed and name_of_transposed(class_name),
+        "force_residual": parts.force_residual and _residual_view(parts.force_residual, name_of_residual(class_name)),
         "loaded": parts.transposed and parts.transposed.loaded, "tape": record_length(parts, steps), "fitted": bool(parts.mechanism.fits),
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
-        "limits": _limits(), "numbered": _numbered(equations, parts.poses),
+        "limits": LIMITED, "numbered": _numbered(equations, parts.poses),
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "supplied": [SUPPLIED_FILE] if model.functions else [], "hosted": hosted,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes and LANES, "bytes": simulation_size(parts, steps),
         "system_name": "" if parts.system is None else name_of_system(Page.of(equations, parts.method).class_name),
-        "causes": _causes(), "mark": mark_of(digest, integrator),
+        "statuses": _statuses(parts, steps), "mark": mark_of(digest, integrator),
         "method": parts.method, "integrator": integrator, "steps": steps.name, "kind": steps,
         "settings": _settings(begin), "by_step": _by_step(equations.scene), "tables": tables,
         "violation_limits": _violation_limits(equations, begin.parameters),
@@ -223,14 +223,14 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     }  # fmt: skip
 
 
-def _residual_view(balance: Linearised, name: str) -> dict[str, object]:
-    """The places of the slopes of the balance of forces, and the ``name`` of the class that has them."""
-    starts = list(accumulate(map(len, balance.columns), initial=0))
-    middles = [first + sum(c < balance.unknowns for c in row) for first, row in zip(starts, balance.columns, strict=False)]
+def _residual_view(force_residual: Linearised, name: str) -> dict[str, object]:
+    """The places of the derivatives of the residual of the equations of motion, and the ``name`` of the class that has them."""
+    starts = list(accumulate(map(len, force_residual.columns), initial=0))
+    middles = [first + sum(c < force_residual.unknowns for c in row) for first, row in zip(starts, force_residual.columns, strict=False)]
     return {
-        "name": name, "loaded": balance.loaded, "starts": starts, "middles": middles, "derivatives": balance.places,
-        "columns": [c for row in balance.columns for c in row], "parts": balance.sides.parts,
-        "beside": balance.sides.numbers, "groups": list(map(len, balance.sides.groups)),
+        "name": name, "loaded": force_residual.loaded, "starts": starts, "middles": middles, "derivatives": force_residual.places,
+        "columns": [c for row in force_residual.columns for c in row], "parts": force_residual.sides.parts,
+        "beside": force_residual.sides.numbers, "groups": list(map(len, force_residual.sides.groups)),
     }  # fmt: skip
 
 
@@ -242,6 +242,11 @@ def mark_of(digest: str, integrator: str) -> str:
 def _derives_steps(parts: SimulationCode, steps: Steps) -> bool:
     """Return whether the interface has derivatives of steps."""
     return parts.dofs is not None and parts.derives_steps and steps.differentiable
+
+
+def _statuses(parts: SimulationCode, steps: Steps) -> list[Status]:
+    """The positive statuses that calls can return: those whose causes the headers of the runtime name."""
+    return statuses_in(text for header, text in texts_of(headers_of(parts, steps, has_lanes=False)).items() if header != FAULTS)
 
 
 def _guiding(equations: RecursiveEquations | SystemEquations) -> list[int]:
@@ -307,7 +312,8 @@ def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, A
         "parameter_names": [p.name for p in equations.parameters], "parameter_units": [p.unit for p in equations.parameters],
         "input_names": [p.name for p in equations.inputs], "input_units": [p.unit for p in equations.inputs],
         **_state_tables(equations, ""), **_state_tables(equations.mechanism, "start_"),
-        "switch_names": [s.element for s in equations.switches], "switch_places": [str(s["place"]) for s in switches_of(equations)],
+        "indicator_names": [s.element for s in equations.indicators],
+        "indicator_places": [str(s["place"]) for s in indicators_of(equations)],
         "guard_names": [guard.name for guard in guards], "guard_places": [quotable(guard.span.place) for guard in guards],
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
     }  # fmt: skip
@@ -380,12 +386,6 @@ def _piece(piece: Mapping[str, Any]) -> dict[str, str]:
     return {"kind": piece["kind"], **{name: repr(float(piece[name])) for name in ("begin", "a", "b", "c")}}
 
 
-def _causes() -> list[dict[str, str]]:
-    """The faults of the core, as its header lists them."""
-    text = (runtime_folder() / "include/cutjoint/core/fault.hpp").read_text(encoding="utf-8")
-    return [{"name": name.upper(), "number": number, "text": words} for name, number, words in _CAUSE.findall(text)]
-
-
 def _numbered(equations: RecursiveEquations | SystemEquations, poses: Sequence[str]) -> list[tuple[str, list[str]]]:
     """The names by which a host knows numbers when it is compiled."""
     kinds = {
@@ -401,11 +401,3 @@ def in_c(names: Sequence[str]) -> list[str]:
     often = Counter(words)
     found = [word if often[word] == 1 else f"{word}_{i}" for i, word in enumerate(words)]
     return found if len(set(found)) == len(found) else [f"{word}_{i}" for i, word in enumerate(words)]
-
-
-def _limits() -> list[str]:
-    """The numbers that hosts set limits of, in the order of the core's header."""
-    text = (runtime_folder() / "include/cutjoint/core/step_statistics.hpp").read_text(encoding="utf-8")
-    names = re.search(r"limit_names\[\] = \{(.*)\}", text)
-    assert names is not None
-    return re.findall(r"\w+", names[1])

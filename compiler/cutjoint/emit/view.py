@@ -11,9 +11,10 @@ from types import MappingProxyType
 
 from cutjoint.emit.loops import LoopText, index, read_by_loops, write_loops
 from cutjoint.emit.names import MACROS, common_name, identifier, name_scalars, road_names, unique
-from cutjoint.emit.printer import STANDARD, Printer, Statement, kept_type, lanes_type
+from cutjoint.emit.printer import Printer, Statement, kept_type, lanes_type
 from cutjoint.formulate.inputs import HELD, INPUTS, LAW_TIME, LAW_VALUES
 from cutjoint.formulate.records import Equations
+from cutjoint.ops import STANDARD
 from cutjoint.program.blocks import BindingTime, Section
 from cutjoint.program.loops import TO, Rolled, roll
 from cutjoint.program.records import Program, Result

@@ -12,7 +12,7 @@ import sympy
 from numpy.typing import NDArray
 from sympy.printing.cxx import CXX17CodePrinter
 
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.formulate.inputs import input_functions, input_parameters
 from cutjoint.methods import PLAIN_CLOSURE, Loops

@@ -276,7 +276,7 @@ class _Mjcf(Tree):
                 yield actuator, tendon, list(shares)
 
     def _servo(self, law: Any, target: Mapping[str, str], places: Mapping[Any, float], rates: Mapping[Any, float]) -> Element | None:
-        """The law is factor * clamp(gain * clamp(input) + bias + slopes by position and rate), without what is 0, 1 or no bound there.
+        """The law is factor * clamp(gain * clamp(input) + bias + derivatives by position and rate), without what is 0, 1 or no bound there.
 
         Position and rate are sums of symbols times their factors.  None of a law that is not like this, or has another number of inputs.
         """
@@ -336,9 +336,9 @@ class _Mjcf(Tree):
         return still.get(joint.kind) or [self.number(scene.positions.get(f"{joint.name}.{joint.element.coordinates[0]}", 0))]
 
 
-def _common(slopes: Sequence[float], factors: Iterable[float]) -> float | None:
-    """The number by which all slopes are their factors, None where there is none."""
-    shares = [slope / factor for slope, factor in zip(slopes, factors, strict=True)]
+def _common(derivatives: Sequence[float], factors: Iterable[float]) -> float | None:
+    """The number by which all derivatives are their factors, None where there is none."""
+    shares = [derivative / factor for derivative, factor in zip(derivatives, factors, strict=True)]
     return shares[0] if np.ptp(shares) <= _ROUNDING * np.abs(shares).max() else None
 
 

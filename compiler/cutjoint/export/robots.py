@@ -126,12 +126,12 @@ class Tree:
         return not sympy.sympify(value).free_symbols - self.numbers.keys()
 
     def linear(self, law: Any, variables: Sequence[Any]) -> list[float] | None:
-        """The value of a law where all variables are zero, and its slopes by each; None if it is not linear in them."""
+        """The value of a law where all variables are zero, and its derivatives by each; None if it is not linear in them."""
         if not law.is_polynomial(*variables):
             return None
-        slopes = [law.diff(variable) for variable in variables]
+        derivatives = [law.diff(variable) for variable in variables]
         constant = law.subs(dict.fromkeys(variables, 0))
-        return [self.number(x) for x in (constant, *slopes)] if all(map(self.is_number, (constant, *slopes))) else None
+        return [self.number(x) for x in (constant, *derivatives)] if all(map(self.is_number, (constant, *derivatives))) else None
 
     def resistance(self, joint: Joint) -> Resistance:
         """The sum of what resists a joint's coordinate."""

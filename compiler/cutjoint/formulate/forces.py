@@ -99,7 +99,7 @@ class LazyRotation(Lazy):
     rows: Callable[[], Sequence[Sequence[Block]]]
 
     @property
-    def by_turn(self) -> Block:
+    def by_rotation(self) -> Block:
         """The Jacobian."""
         return self.jacobian()
 
@@ -123,8 +123,8 @@ class Laws:
 
     def law(self, law: Scalar, values: Mapping[str, Block], position: str) -> dict[str, Block]:
         """A law's value and its partial derivatives by position and rate."""
-        slopes = {"stiffness": sympy.diff(law, variable(position)), "damping": sympy.diff(law, variable("rate"))}
-        return {name: self.scalar(expression, values) for name, expression in {"force": law, **slopes}.items()}
+        derivatives = {"stiffness": sympy.diff(law, variable(position)), "damping": sympy.diff(law, variable("rate"))}
+        return {name: self.scalar(expression, values) for name, expression in {"force": law, **derivatives}.items()}
 
     def in_global(self, vector: Block) -> Block:
         """The components of a vector in global axes, which are those of most methods."""

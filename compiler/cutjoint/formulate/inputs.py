@@ -24,8 +24,8 @@ from cutjoint.methods import CLOSURES
 from cutjoint.model.expressions import POSITION
 from cutjoint.model.records import Binding, Gear, HeldValue, Joint, Model, Output, Parameter, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.indicators import Domain, EventIndicator, find_domains, find_indicators
 from cutjoint.program.lower import reachable_blocks
-from cutjoint.program.switches import Domain, Switch, find_domains, find_switches
 from cutjoint.topology.records import Topology
 
 TIME = sympy.Symbol("t", real=True)
@@ -112,11 +112,11 @@ def guide_rates(guide: Scalar, model: Model) -> tuple[Scalar, Scalar, Scalar]:
     return guide, rate, _time_derivative(rate, orders)
 
 
-def gear_courses(gear: Gear, translator: Translator, position: Block) -> tuple[Block, Block, Block]:
+def gear_derivatives(gear: Gear, translator: Translator, position: Block) -> tuple[Block, Block, Block]:
     """A gear's law with its first and second derivative by the second coordinate, at a ``position`` of that."""
-    slope = sympy.diff(gear.law, POSITION)
+    derivative = sympy.diff(gear.law, POSITION)
     known = translator.with_values({POSITION: position})
-    return known.scalar(gear.law), known.scalar(slope), known.scalar(sympy.diff(slope, POSITION))
+    return known.scalar(gear.law), known.scalar(derivative), known.scalar(sympy.diff(derivative, POSITION))
 
 
 def guided_by(model: Model, parameter: Parameter) -> Joint | None:
@@ -186,38 +186,38 @@ def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Sc
 #: The time at which laws are evaluated; unlike ``t`` it is not known when a step begins.
 LAW_TIME = "law_time"
 
-#: The symbol of what a step reads of the laws besides the inputs: values of switches, then margins.
+#: The symbol of what a step reads of the laws besides the inputs: values of indicators, then margins.
 LAW_VALUES = "law_values"
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneInputs:
-    """The function ``scene_inputs`` of a model with ``inputs`` or controllers, and the switches and domains of its laws.
+    """The function ``scene_inputs`` of a model with ``inputs`` or controllers, and the indicators and domains of its laws.
 
     ``length`` is that of the array.  Without both there is no function.
     """
 
     inputs: tuple[Parameter, ...] = ()
     functions: tuple[Function, ...] = ()
-    switches: tuple[Switch, ...] = ()
+    indicators: tuple[EventIndicator, ...] = ()
     domains: tuple[Domain, ...] = ()
     slots: Mapping[str, Slot] = field(default_factory=dict)
     length: int = 0
 
 
 def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterable[Block], *, events: bool = True) -> SceneInputs:
-    """The scene's inputs; ``results`` are those of the equations of motion, in which a switch or a domain counts.
+    """The scene's inputs; ``results`` are those of the equations of motion, in which an indicator or a domain counts.
 
-    Switches are left out without ``events``.
+    Indicators are left out without ``events``.
     """
     inputs = input_parameters(model)
     if not inputs and not model.held:
         return SceneInputs()
     laws = [block for p in inputs for block in _law(b, model, scene, p)]
     used = [laws[i] for i in _used(results)]
-    switches = find_switches(b, used) if events else []
+    indicators = find_indicators(b, used) if events else []
     domains = find_domains(b, used)
-    conditions = [*(s.value for s in switches), *(d.margin for d in domains)]
+    conditions = [*(s.value for s in indicators), *(d.margin for d in domains)]
     begun = [*laws, *_starts(b, model)]
     values = [*begun, *conditions]
     read = _read(b, len(conditions))
@@ -228,7 +228,7 @@ def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterabl
         functions=(
             Function(name="scene_inputs", arguments=("Real t", "Real* input"), results={f"input:{i}": x for i, x in enumerate(values)}),
         ),
-        switches=tuple(replace(s, value=next(read)) for s in switches),
+        indicators=tuple(replace(s, value=next(read)) for s in indicators),
         domains=tuple(replace(d, margin=next(read)) for d in domains),
         slots={
             **{f"input:{i}": Slot(array="input", offset=i, names=(name,)) for i, name in enumerate(slot_names)},

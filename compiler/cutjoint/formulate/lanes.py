@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from cutjoint.formulate.records import BALANCE, CHECKS, POSES, Function, RecursiveEquations
+from cutjoint.formulate.records import CHECKS, FORCE_RESIDUAL, POSES, Function, RecursiveEquations
 from cutjoint.program.blocks import Block, Quantity
 from cutjoint.program.fold import Family, fold
 from cutjoint.program.lower import reachable_blocks
@@ -14,7 +14,7 @@ from cutjoint.program.schedule import schedule
 from cutjoint.topology.records import Topology
 
 #: Functions of the recursive equations that are called several times a step, and that lanes are worth while for.
-_OFTEN = frozenset({"evaluate", "constraint_residual", "project", "guard", "events", BALANCE})
+_OFTEN = frozenset({"evaluate", "constraint_residual", "project", "guard", "events", FORCE_RESIDUAL})
 
 #: Functions that find the multipliers of loops that functions close, which takes long without lanes.
 _WITH_MULTIPLIERS = frozenset({"report", "energy"})
@@ -24,7 +24,7 @@ def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program
     """The program of the recursive method; what is called less than once a step stays out of the lanes."""
     families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
     often, used = _OFTEN, dict.fromkeys((f.name for f in equations.functions), families)
-    if equations.topology.held:
+    if equations.topology.embedded:
         often, used = often | _WITH_MULTIPLIERS, {f.name: _used(families, f) for f in equations.functions}
     folded = {f.name: fold(equations.builder, used[f.name], f.results) for f in equations.functions if f.name in often}
     functions = [(f.name, folded.get(f.name, f.results)) for f in equations.functions]

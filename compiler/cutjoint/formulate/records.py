@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SwitchPlace:
+class IndicatorPlace:
     """A place at which a formula changes: the element and its line in the model file.
 
-    If the value is a place along a road, ``road`` is its tyre and ``across`` the number of the switch that is the place across it;
+    If the value is a place along a road, ``road`` is its tyre and ``across`` the number of the indicator that is the place across it;
     otherwise "" and -1.
     """
 
@@ -99,7 +99,7 @@ class LoopFit:
         series = [one for found in f.series.values() for one in found]
         return {
             "rows": self.rows, "nodes": f.nodes, "turns": f.turns, "middle": f.range.middle, "half": f.range.half, "allowed": f.allowed,
-            "growth": [one.slope for one in series], "start": [[row[0] for row in one.coefficients] for one in series],
+            "growth": [one.growth for one in series], "start": [[row[0] for row in one.coefficients] for one in series],
         }  # fmt: skip
 
 
@@ -185,14 +185,14 @@ class Equations:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RecursiveEquations(Equations):
-    """The recursive formulation: joint coordinates by charts, cut joints and gears by closures, the values of ``events`` by ``switches``.
+    """The recursive formulation: joint coordinates by charts, cut joints and gears by closures, the values of ``events`` by ``indicators``.
 
     Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``gap:joint``, ``numerics``
     (penalty, damping ratio, frequency).  Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``,
     ``dz:joint``, ``column:name``, ``value:number``.  Vectors, of residuals too, are resolved in the axes of the body ``axes``.
     """
 
-    switches: tuple[SwitchPlace, ...]
+    indicators: tuple[IndicatorPlace, ...]
     axes: str
 
     @property
@@ -226,7 +226,7 @@ class RecursiveEquations(Equations):
         weighs = self.topology.ends_on_massless or (self.scene.pose == "equilibrium" and self.scene.positions)
         weighs = weighs or any(f.name == POSES for f in self.functions)  # whose hosts may ask for the mass matrix
         unused = ("events",) if weighs else ("events", "energy")
-        return replace(self, functions=tuple(f for f in self.functions if f.name not in unused), switches=())
+        return replace(self, functions=tuple(f for f in self.functions if f.name not in unused), indicators=())
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -235,12 +235,12 @@ class SystemEquations(Equations):
 
     ``start`` are the recursive equations that find where a run begins.  The results ``tangent:row,column`` are the tangent's candidates,
     of a symmetric tangent the lower triangle; their slots follow from its pattern, and ``plan`` is its factorisation's, once there is
-    one.  ``switches`` are the values of ``events``, in an order of their own.
+    one.  ``indicators`` are the values of ``events``, in an order of their own.
     """
 
     method: str
     start: RecursiveEquations
-    switches: tuple[SwitchPlace, ...] = ()
+    indicators: tuple[IndicatorPlace, ...] = ()
     plan: Plan | None = None
 
     @property
@@ -273,8 +273,8 @@ POSES = "poses"
 #: The function of controllers.
 SAMPLE = "sample"
 
-#: The function of what is left of the balance of forces at given accelerations.
-BALANCE = "balance"
+#: The function of the residual of forces at given accelerations.
+FORCE_RESIDUAL = "residual_of_forces"
 
 #: Functions that only check a run.
 CHECKS = ("energy",)

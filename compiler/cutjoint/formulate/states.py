@@ -1,4 +1,4 @@
-"""First-order states beside the mechanism: their rates x' = f, and the part of a balance with a tangent, x' - f = 0.
+"""First-order states beside the mechanism: their rates x' = f, and the part of a residual with a tangent, x' - f = 0.
 
 The unknown of a step is x', with which x changes by ``damping``.  What controllers hold is computed anew by the function ``sample``.
 """

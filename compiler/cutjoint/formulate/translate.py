@@ -11,13 +11,12 @@ import sympy
 from cutjoint.model.functions import SuppliedCall
 from cutjoint.model.operations import Exponential
 from cutjoint.model.records import Scalar
+from cutjoint.ops import OPERATIONS, SMOOTH
 from cutjoint.program.blocks import Block, Builder, is_identity
 
 _CALLS: dict[Any, str] = {
-    sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.asin: "asin", sympy.acos: "acos", sympy.atan: "atan",
-    sympy.atan2: "atan2", sympy.sinh: "sinh", sympy.cosh: "cosh", sympy.tanh: "tanh", sympy.exp: "exp", Exponential: "exp",
-    sympy.log: "log",
-    sympy.Abs: "abs", sympy.StrictLessThan: "lt", sympy.LessThan: "le", sympy.Not: "not",
+    **{getattr(sympy, name): name for name in SMOOTH}, Exponential: "exp", sympy.Abs: "abs",
+    sympy.StrictLessThan: "lt", sympy.LessThan: "le", sympy.Not: "not",
 }  # fmt: skip
 
 #: Polynomials up to this power of one factor are written in Horner's form.
@@ -133,7 +132,7 @@ class Translator:
         if not name:
             raise ValueError(f"{e.func} has no counterpart in the program")
         call = b.call(name, *[self._scalar(a) for a in e.args])
-        return b.restrict(call) if name in ("log", "asin", "acos") else call
+        return b.restrict(call) if OPERATIONS[name].margin else call
 
     def _sign(self, x: Block) -> Block:
         b, zero = self._b, self._b.number(0.0)

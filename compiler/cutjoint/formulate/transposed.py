@@ -1,9 +1,9 @@
-"""Derivatives of functions of the recursive method: transposed functions, and the slopes of the balance of forces.
+"""Derivatives of functions of the recursive method: transposed functions, and the derivatives of the residual of the equations of motion.
 
 Transposed functions go from how something changes with results to how it changes with arguments.
 
-``by_x`` is an array beside x, the change of an objective with each of its numbers.  Slopes by values of parameters' time are summed over a
-run in ``by_loaded``; ``load_transposed`` goes on from there to the parameters, once.
+``by_x`` is an array beside x, the change of an objective with each of its numbers.  Derivatives by values of parameters' time are summed
+over a run in ``by_loaded``; ``load_transposed`` goes on from there to the parameters, once.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from itertools import accumulate, chain
 
 from cutjoint.formulate.inputs import HELD, INPUTS
 from cutjoint.formulate.layout import Slot
-from cutjoint.formulate.records import BALANCE, CLOSE, SAMPLE, Function, RecursiveEquations
+from cutjoint.formulate.records import CLOSE, FORCE_RESIDUAL, SAMPLE, Function, RecursiveEquations
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.borders import Sides, part, stand_side_by_side
 from cutjoint.program.elimination import adjoint, derivatives
@@ -43,7 +43,7 @@ _KEPT = ("scene_inputs", CLOSE)
 
 @dataclass(frozen=True, kw_only=True)
 class Derived:
-    """The equations and the program of derivatives of functions; so many numbers are ``loaded`` by which there are slopes of them."""
+    """The equations and the program of derivatives of functions; so many numbers are ``loaded`` by which there are derivatives of them."""
 
     equations: RecursiveEquations
     program: Program
@@ -53,7 +53,7 @@ class Derived:
 def transpose(equations: RecursiveEquations, program: Program) -> Derived:
     """The transposed functions of a program of the equations.
 
-    ``evaluate_transposed`` has the slopes by coordinates, speeds and multipliers, ``evaluate_summed`` those by all else.
+    ``evaluate_transposed`` has the derivatives by coordinates, speeds and multipliers, ``evaluate_summed`` those by all else.
 
     Raises:
         ValueError: an operation has no derivative.
@@ -132,7 +132,7 @@ def _symbol(graph: Graph, n: int) -> tuple[str, int]:
 
 
 def _derivatives(graph: Graph, equations: RecursiveEquations, function: LoweredFunction, loaded: Mapping[int, _Places]) -> list[Result]:
-    """The slopes of a weighed sum of a function's results by its arguments, by inputs and by values of parameters: all elements."""
+    """The derivatives of a weighed sum of a function's results by its arguments, by inputs and by values of parameters: all elements."""
     weights: dict[int, int] = {}
     for r in function.results:
         weight = graph.symbol(f"by_{r.target}", r.index, BindingTime.ITERATION)
@@ -162,13 +162,13 @@ def _arguments(graph: Graph, scalars: Sequence[int]) -> dict[int, tuple[str, int
 
 
 def _array(equations: RecursiveEquations, target: str) -> str:
-    """The array of a slope, without its mark."""
+    """The array of a derivative, without its mark."""
     symbol = target.removeprefix("by_")
     return equations.slots[symbol].array if symbol in equations.slots else symbol
 
 
 def _by_parameters(graph: Graph, equations: RecursiveEquations, loaded: Mapping[int, _Places]) -> list[Result]:
-    """The slopes by parameters, and by coefficients of loop embeddings, from those by values that follow from them."""
+    """The derivatives by parameters, and by coefficients of loop embeddings, from those by values that follow from them."""
     symbols = (graph.symbol("by_loaded", i, BindingTime.ITERATION) for places in loaded.values() for i in places)
     weights = {n: graph.gather(tuple(next(symbols) for _ in places)) for n, places in loaded.items()}
     given = {n: place for n in graph.reachable(list(loaded)) if _is_given((place := _symbol(graph, n))[0])}
@@ -185,9 +185,9 @@ def _by_parameters(graph: Graph, equations: RecursiveEquations, loaded: Mapping[
 
 @dataclass(frozen=True, kw_only=True)
 class Linearised(Derived):
-    """The slopes of a balance of forces: of each of its rows, in order, the ``columns`` of slopes that are not always zero, those of
-    ``unknowns``, accelerations and then multipliers, from one on, the ``places`` where these slopes are written, and how unknowns fall
-    apart, by ``sides`` (`program.borders`), whose groups are written first."""
+    """The derivatives of a force residual: of each of its rows, in order, the ``columns`` of derivatives that are not always zero, those
+    of ``unknowns``, accelerations and then multipliers, from one on, the ``places`` where these derivatives are written, and how unknowns
+    fall apart, by ``sides`` (`program.borders`), whose groups are written first."""
 
     columns: Sequence[Sequence[int]]
     unknowns: int
@@ -196,12 +196,12 @@ class Linearised(Derived):
 
     @property
     def length(self) -> int:
-        """The number of slopes."""
+        """The number of derivatives."""
         return sum(map(len, self.columns))
 
 
 def linearise_residual(equations: RecursiveEquations, program: Program) -> Linearised:
-    """The slopes of the balance of forces (`implicit.equations.formulate_residual`), by its program.
+    """The derivatives of the residual of the equations of motion (`implicit.equations.formulate_residual`), by its program.
 
     ``residual_jacobian`` has those of the n forces that are left, then of the m second rates of loops, row by row.  Columns are those of q,
     v, inputs and held values, ``loaded``, vdot and lambda; entries that are always zero are left out.  ``loaded_values`` has the values of
@@ -211,7 +211,7 @@ def linearise_residual(equations: RecursiveEquations, program: Program) -> Linea
         ValueError: an operation has no derivative.
     """
     work = replace(program, graph=program.graph.copy())
-    graph, function = work.graph, program.function(BALANCE)
+    graph, function = work.graph, program.function(FORCE_RESIDUAL)
     loaded, symbols = _loaded(work, [function]), _arguments(graph, [r.scalar for r in function.results])
     forces, loops, length = len(equations.speed_names), len(equations.equation_names), sum(map(len, loaded.values()))
     widths = {
@@ -243,7 +243,7 @@ def linearise_residual(equations: RecursiveEquations, program: Program) -> Linea
     kept = [f for f in equations.functions if f.name.startswith(_KEPT)]
     lowered = [(f.name, program.function(f.name).results) for f in kept]
     made = (
-        *kept, Function(name="residual_jacobian", arguments=(*equations.function(BALANCE).arguments[:4], "Real* slope"), results={}),
+        *kept, Function(name="residual_jacobian", arguments=(*equations.function(FORCE_RESIDUAL).arguments[:4], "Real* slope"), results={}),
         Function(name="loaded_values", arguments=("Real* loaded",), results={}),
     )  # fmt: skip
     slots = {name: Slot(array=name, offset=0, names=("",) * size) for name, size in (("slope", len(places)), ("loaded", length))}

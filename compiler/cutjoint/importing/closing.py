@@ -19,11 +19,11 @@ _TRIALS = 12
 
 @dataclass(frozen=True)
 class Closed:
-    """Coordinates by joints where loops close, the links' poses there, and the largest gap that is left, m or rad."""
+    """Coordinates by joints where loops close, the links' poses there, and the largest violation that is left, m or rad."""
 
     q: dict[str, Array]
     poses: dict[str, Pose]
-    gap: float
+    violation: float
 
     def own(self, references: Mapping[str, float]) -> dict[str, Array]:
         """The coordinates as the file counts them."""
@@ -43,23 +43,23 @@ def close(robot: Robot, *, free: bool = False) -> Closed:
     def unpacked(values: Array) -> dict[str, Array]:
         return still | {joint.name: values[ends[i] : ends[i + 1]] for i, joint in enumerate(joints)}
 
-    def gaps(values: Array) -> list[Array]:
+    def violations(values: Array) -> list[Array]:
         q = unpacked(values)
         poses = robot.poses(q)
-        return [*(_gap(loop, poses) for loop in robot.loops), *(np.array([c.gap(q)]) for c in robot.couplings)]
+        return [*(_violation(loop, poses) for loop in robot.loops), *(np.array([c.violation(q)]) for c in robot.couplings)]
 
     def residual(values: Array) -> Array:
-        found = gaps(values)
+        found = violations(values)
         return np.concatenate(found) if found else np.zeros(0)
 
     values = _solve(residual, int(ends[-1]))
     left = residual(values)
     closing: list[Loop | Coupling] = [*robot.loops, *robot.couplings]
-    for one, gap in zip(closing, gaps(values), strict=True):
-        if np.abs(gap).max() > CLOSED and len(joints) < len(able):
+    for one, violation in zip(closing, violations(values), strict=True):
+        if np.abs(violation).max() > CLOSED and len(joints) < len(able):
             return close(robot, free=True)
-        if np.abs(gap).max() > CLOSED:
-            apart = f"{np.abs(gap).max():.2g} m or rad"
+        if np.abs(violation).max() > CLOSED:
+            apart = f"{np.abs(violation).max():.2g} m or rad"
             one.node.refuse(f"does not close: in the position found it is open by {apart}", "correct the frames of its two ends")
     values[np.abs(values) < 1e-12] = 0
     q = {name: _turned_back(each) if robot.joints[name].kind == "revolute" else each for name, each in unpacked(values).items()}
@@ -88,8 +88,8 @@ def _descend(residual: Callable[[Array], Array], values: Array) -> Array:
             break
         h = 1e-6
         columns = [(residual(values + h * e) - residual(values - h * e)) / (2 * h) for e in np.eye(len(values))]
-        slopes = np.array(columns).reshape(len(values), len(left)).T
-        u, s, v = np.linalg.svd(slopes, full_matrices=False)
+        derivatives = np.array(columns).reshape(len(values), len(left)).T
+        u, s, v = np.linalg.svd(derivatives, full_matrices=False)
         able = s > 1e-9 * s.max(initial=0.0)
         while damping < 1e6 and able.any():
             step = -(v[able].T * (s[able] / (s[able] ** 2 + damping * s[able].max() ** 2))) @ (u[:, able].T @ left)
@@ -109,7 +109,7 @@ def _turned_back(angle: Array) -> Array:
     return angle - 2 * np.pi * np.round(angle / (2 * np.pi))
 
 
-def _gap(loop: Loop, poses: dict[str, Pose]) -> Array:
+def _violation(loop: Loop, poses: dict[str, Pose]) -> Array:
     first, second = poses[loop.links[0]] @ loop.first, poses[loop.links[1]] @ loop.second
     apart = second.place - first.place
     match loop.kind:

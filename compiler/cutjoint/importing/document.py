@@ -116,8 +116,8 @@ class Document:
             if values:
                 yield f"coordinates are zero where those of the file are: {values}"
             return
-        if self._closed.gap > 1e-9:
-            yield f"loops close within {self._closed.gap:.1g} m or rad by the file's numbers; here they close wholly"
+        if self._closed.violation > 1e-9:
+            yield f"loops close within {self._closed.violation:.1g} m or rad by the file's numbers; here they close wholly"
         if any(q.any() for q in self._closed.q.values()):
             yield f"loops do not close {start}; they count from where they do: {values}"
         else:

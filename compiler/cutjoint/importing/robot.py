@@ -160,7 +160,7 @@ class Coupling:
     leader: str = ""
     bend: tuple[float, ...] = ()
 
-    def gap(self, q: Mapping[str, Array]) -> float:
+    def violation(self, q: Mapping[str, Array]) -> float:
         """By how much coordinates miss it."""
         bent = sum(c * q[self.leader][0] ** i for i, c in enumerate(self.bend, 2)) if self.leader else 0.0
         return float(sum(k * q[j][0] for j, k in self.terms.items()) - self.constant - bent)

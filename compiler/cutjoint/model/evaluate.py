@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cutjoint.elements.terms import Scalar
 from cutjoint.model.operations import RELATIONS, SMOOTH
+from cutjoint.ops import OPERATIONS
 
 
 def evaluate(expression: Scalar, values: Mapping[Scalar, float]) -> float:
@@ -92,9 +93,6 @@ def _evaluate_runs(node: Scalar, values: Mapping[Scalar, Any]) -> Any:
     return _OF_RUNS[node.func](*(_evaluate_runs(argument, values) for argument in node.args))
 
 
-#: The names of NumPy's functions where they are not those of `math`.
-_NUMPY = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"}
-
 _OF_RUNS: Mapping[Any, Callable[..., Any]] = {
     sympy.Add: lambda *terms: sum(terms),
     sympy.Mul: lambda *factors: math.prod(factors),
@@ -105,5 +103,5 @@ _OF_RUNS: Mapping[Any, Callable[..., Any]] = {
     sympy.Abs: np.abs,
     sympy.exp: np.exp,
     **dict(RELATIONS.values()),
-    **{function: getattr(np, _NUMPY.get(name, name)) for name, (function, _) in SMOOTH.items() if isinstance(function, type)},
+    **{function: OPERATIONS[name].numpy for name, (function, _) in SMOOTH.items() if isinstance(function, type)},
 }

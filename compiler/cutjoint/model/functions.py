@@ -78,13 +78,13 @@ class SuppliedCall(sympy.Expr):  # type: ignore[misc]
 
     def _eval_derivative(self, x: Scalar) -> Scalar:
         name, by, has_partials = self.args[:3]
-        # a memory is held: it has no slope
-        slopes = [argument.diff(x) for argument in self.arguments[: len(self.arguments) - self._memory]]
-        if all(slope == 0 for slope in slopes):
+        # a memory is held: it has no derivative
+        derivatives = [argument.diff(x) for argument in self.arguments[: len(self.arguments) - self._memory]]
+        if all(derivative == 0 for derivative in derivatives):
             return sympy.Integer(0)
         if by != _VALUE:
             raise MissingPartialsError(str(name), second=True)
-        return sympy.Add(*(SuppliedCall(name, j, has_partials, *self.arguments) * slope for j, slope in enumerate(slopes) if slope != 0))
+        return sympy.Add(*(SuppliedCall(name, j, has_partials, *self.arguments) * d for j, d in enumerate(derivatives) if d != 0))
 
     def _text(self, printer: Any) -> str:
         name, by = self._shown_name, self.args[1]

@@ -211,7 +211,7 @@ class _Law:
         return FAILED
 
     def ordinate(self, value: int | float | str, dimension: Dimension | None, keys: Path) -> Scalar:
-        """A value of a table: a float, or an expression over parameters; it may be opened."""
+        """A value of a table: a float, or an expression over parameters; it may be tunable."""
         found = self.element.scalar(value, dimension, keys)
         return found if getattr(found, "free_symbols", ()) else self.element.value(found)
 

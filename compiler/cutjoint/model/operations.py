@@ -1,7 +1,7 @@
 """Operations on terms: expressions with their dimensions, their values if constant, and their sizes.
 
 Constants are tried in plain floats before SymPy sees them, so that nothing overflows or grows without bound.
-Functions with kinks (min, max, abs, sign, where) become cases, so that derivatives are exact.
+Functions with non-smooth points (min, max, abs, sign, where) become cases, so that derivatives are exact.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any
 
 import sympy
 
+from cutjoint import ops
 from cutjoint.elements.terms import Scalar
 from cutjoint.model.choices import Choice, Extent, measure
 from cutjoint.model.units import Dimension
@@ -359,7 +360,7 @@ def _sign(terms: list[Term]) -> Term:
     return where(compare(ast.Gt(), term, constant(0)), constant(1), below, term.size)
 
 
-#: Functions with kinks.
+#: Functions with non-smooth points.
 SPECIAL: Mapping[str, Callable[[list[Term]], Term]] = {
     "min": _extreme(ast.LtE()),
     "max": _extreme(ast.GtE()),
@@ -369,28 +370,13 @@ SPECIAL: Mapping[str, Callable[[list[Term]], Term]] = {
 
 #: Differentiable functions: SymPy's and the plain one.
 SMOOTH: Mapping[str, tuple[Callable[..., Scalar], Callable[..., float]]] = {
-    name: (Exponential if name == "exp" else getattr(sympy, name), getattr(math, name))
-    for name in (
-        "sin",
-        "cos",
-        "tan",
-        "asin",
-        "acos",
-        "atan",
-        "atan2",
-        "sinh",
-        "cosh",
-        "tanh",
-        "sqrt",
-        "exp",
-        "log",
-    )
+    name: (Exponential if name == "exp" else getattr(sympy, name), getattr(math, name)) for name in ops.SMOOTH
 }
 
 MANY = -1
 #: The functions of expressions and the number of their arguments.
 FUNCTIONS: Mapping[str, int] = {
-    **{name: 2 if name == "atan2" else 1 for name in SMOOTH},
+    **{name: ops.OPERATIONS[name].arity for name in SMOOTH},
     "abs": 1,
     "sign": 1,
     "min": MANY,

@@ -48,8 +48,7 @@ class Parameter:
     """A named number.  ``value`` is in SI units, ``unit`` its SI unit's text, empty when the file gives none.
 
     ``symbol`` stands for the parameter in expressions, whatever its binding: the real symbol ``p_`` + name,
-    while the variables of laws are real symbols of their own names (``length``, ``t``, ...), so that none can
-    clash.
+    while the variables of laws are real symbols of their own names (``length``, ``t``, ...), so that none can clash.
     """
 
     name: str
@@ -324,12 +323,12 @@ class Guard:
 class Series:
     """A function of a coordinate q, and perhaps of a guided coordinate u, as a sum of basis functions.
 
-    ``coefficients`` (n, m) belong to the products of n basis functions of q and m Chebyshev polynomials of u; m is 1 without u.  ``slope``
-    is that of a part that grows with q, of functions on a full turn.
+    ``coefficients`` (n, m) belong to the products of n basis functions of q and m Chebyshev polynomials of u; m is 1 without u.  ``growth``
+    is the coefficient of a part that grows with q, of functions on a full turn.
     """
 
     coefficients: tuple[tuple[float, ...], ...]
-    slope: float = 0.0
+    growth: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -352,23 +351,22 @@ class Interval:
 
 @dataclass(frozen=True, kw_only=True)
 class LoopFunctions:
-    """The loop embeddings: ``series`` has by tree joint one for each scalar coordinate, then three for the Rodrigues parameters
-    of a ball.
+    """The loop embeddings: ``series`` has by tree joint one for each scalar coordinate, then three for the Rodrigues parameters of a ball.
 
     They hold on ``range`` of q and ``drive_range`` of u, which is one value where u stands still, None where no guide moves the loops.
-    Where ``turns`` they are trigonometric polynomials over a full turn, else polynomials over the range.  ``gap`` (m, rad) is the largest
-    residual of the cut joints that was found, ``rate_gap`` the largest rate of one at the speed q' = 1.
+    Where ``turns`` they are trigonometric polynomials over a full turn, else polynomials over the range.  ``violation`` (m, rad) is the
+    largest residual of the cut joints that was found, ``violation_rate`` the largest rate of one at the speed q' = 1.
 
     Where the geometry is ``open`` these are the functions of the model's own numbers, and coefficients are found anew when parameters are
-    loaded: loops are closed to a gap of ``allowed`` at ``nodes`` values of q.
+    loaded: loops are closed to a violation of ``allowed`` at ``nodes`` values of q.
     """
 
     series: Mapping[str, tuple[Series, ...]]
     range: Interval
     drive_range: Interval | None
     turns: bool
-    gap: float
-    rate_gap: float
+    violation: float
+    violation_rate: float
     open: bool = False
     nodes: int = 0
     allowed: float = 0.0
@@ -378,11 +376,11 @@ class LoopFunctions:
 class Assembly:
     """Loops of one degree of freedom whose joints follow a coordinate.
 
-    The scalar coordinate of the joint ``leader`` is q.  The ``drive`` is a guided joint whose scalar coordinate is u, if there is one.
+    The scalar coordinate of the joint ``independent`` is q.  The ``drive`` is a guided joint whose scalar coordinate is u, if there is one.
     ``bodies`` move beside ``carrier``; ``cuts`` are the joints that hold because of the ``functions``.
     """
 
-    leader: str
+    independent: str
     drive: str | None
     carrier: str
     bodies: tuple[str, ...]
@@ -393,7 +391,7 @@ class Assembly:
     @property
     def name(self) -> str:
         """The name of the joint that leads, by which a guard of the ranges is named."""
-        return self.leader
+        return self.independent
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -195,7 +195,7 @@ class Element:
     ) -> Scalar:
         """A number or expression of dimension ``expected`` (None for any).
 
-        ``names`` are the symbols it may use, by default all parameters that do not change with time; then a number may be opened.
+        ``names`` are the symbols it may use, by default all parameters that do not change with time; then a number may be tunable.
         ``in_triple`` is whether the last key is that of a component.
         """
         term = self.term(value, keys, self.scope.constants() if names is None else names)
@@ -216,7 +216,7 @@ class Element:
     def tunable(
         self, term: Term, expected: Dimension | None, keys: Path, *, in_triple: bool = False, is_argument: bool = False
     ) -> Term:  # fmt: skip
-        """The parameter that a number of the file is opened as, else the term itself; an argument of an instance has its name alone."""
+        """The parameter that a number of the file is tunable as, else the term itself; an argument of an instance has its name alone."""
         path = (*self.path, *keys)
         if path not in self.scope.source.values:  # nothing stands there
             return term

@@ -1,7 +1,7 @@
 """Parameters and inputs that a model file does not name.
 
-Numbers that are opened become parameters of the names of their places, which a run may change without a compiler.  Bodies and markers that
-are pushed have forces and torques from outside: loads of inputs.  Wheels have ground from a host, inputs too.
+Constants that are tunable become parameters of the names of their places, which a run may change without a compiler.  Bodies and markers
+that are pushed have forces and torques from outside: loads of inputs.  Wheels have ground from a host, inputs too.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _AXES = "xyz"
 class TunableNumbers:
     """Opens the numbers whose names match one of the ``patterns``, with * for any text, and notes the names of all.
 
-    ``instances`` are patterns of instances that are opened whole: of numbers that stand there, not of defaults.
+    ``instances`` are patterns of instances that are tunable as a whole: of numbers that stand there, not of defaults.
     """
 
     patterns: list[str] = field(default_factory=list)
@@ -44,7 +44,7 @@ class TunableNumbers:
         self, name: str, term: Term, expected: Dimension | None, span: Span, values: MutableMapping[Scalar, float], *,
         is_default: bool = False,
     ) -> Term:  # fmt: skip
-        """The parameter in place of a number, in ``values`` too; the number itself where it is not opened."""
+        """The parameter in place of a number, in ``values`` too; the number itself where it is not tunable."""
         if term.number is None or not self.takes(name, is_default=is_default):
             return term
         known = self.parameters.get(name)
@@ -64,7 +64,7 @@ class TunableNumbers:
         idle = [pattern for pattern in asked if not any(fnmatchcase(name, pattern) for name in self.names)]
         return [
             Problem(
-                span=span, element="model", message=f"no number that could be opened is called '{pattern}'",
+                span=span, element="model", message=f"no constant that could be tunable is called '{pattern}'",
                 hint=nearest(pattern, self.names, "such as"),
             )
             for pattern in idle

@@ -40,6 +40,7 @@ from enum import IntEnum
 from math import isfinite
 from typing import Any
 
+from cutjoint.ops import OPERATIONS
 from cutjoint.package.errors import EquationsError
 
 
@@ -54,9 +55,8 @@ class BindingTime(IntEnum):
 
 #: Scalar functions and their arity; a comparison yields 1.0 or 0.0 and may only feed ``where``, ``and`` and ``or``.
 FUNCTIONS = {
-    "mul": 2, "div": 2, "sqrt": 1, "sin": 1, "cos": 1, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1,
-    "cosh": 1, "tanh": 1, "exp": 1, "log": 1, "abs": 1, "pow": 2, "lt": 2, "le": 2, "and": 2, "or": 2, "not": 1,
-    "where": 3, "road_height": 2, "road_slope": 2, "road_height_dx": 2, "road_slope_dx": 2,
+    **{row.name: row.arity for row in OPERATIONS.values() if row.partials or row.name == "where"},
+    "road_height": 2, "road_slope": 2, "road_height_dx": 2, "road_slope_dx": 2,
     **{f"road_{lookup}": 2 for lookup in ("surface", "surface_x", "surface_y", "surface_xx", "surface_xy", "surface_yy")},
     **{f"road_{lookup}": 2 for lookup in ("friction", "friction_x", "friction_y")},
 }  # fmt: skip

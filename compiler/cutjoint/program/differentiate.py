@@ -12,6 +12,7 @@ from collections.abc import Callable, Generator, Iterable, Mapping
 from functools import partial, reduce
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
+from cutjoint.ops import fact
 from cutjoint.package.errors import MissingPartialsError
 from cutjoint.program.blocks import FUNCTIONS, SUPPLIED, SURFACE, BindingTime, Block, Builder, SuppliedCall, is_zero, surface_lookup
 
@@ -347,7 +348,7 @@ def partial_derivatives(b: Algebra[X], y: X) -> list[X]:
     """The partial derivatives of a scalar function's value y, a ``call``, by its arguments.
 
     Raises:
-        ValueError: the function has none.
+        ValueError, LookupError: the function has none.
     """
     data: Any = y.data
     function, table = data
@@ -363,15 +364,13 @@ def partial_derivatives(b: Algebra[X], y: X) -> list[X]:
         call = SuppliedCall.read(function)
         if call.by is not None:
             raise MissingPartialsError(call.name, second=True)
-        count = len(y.args) - call.memory  # which is held: it has no slope
+        count = len(y.args) - call.memory  # which is held: it has no derivative
         return [*(b.call(f"{function}.{j}", *y.args) for j in range(count)), *(b.zero(1) for _ in range(call.memory))]
-    if function not in _PARTIALS:
-        raise ValueError(f"{function} has no derivative")
-    found: list[X] = _PARTIALS[function](_Calculus(b), y, *y.args)
+    found: list[X] = fact(function, "partials")(Calculus(b), y, *y.args)
     return found
 
 
-class _Calculus(Generic[X]):
+class Calculus(Generic[X]):
     """Short names for scalar operations."""
 
     def __init__(self, b: Algebra[X]) -> None:
@@ -393,39 +392,3 @@ class _Calculus(Generic[X]):
     def root_of_rest(self, x: X) -> X:
         """sqrt(1 - x^2)."""
         return self.call("sqrt", self.b.sub(self.one, self.square(x)))
-
-
-def _atan2(c: _Calculus[X], _: X, y: X, x: X) -> list[X]:
-    squares = c.b.add(c.square(x), c.square(y))
-    return [c.call("div", x, squares), c.b.neg(c.call("div", y, squares))]
-
-
-def _pow(c: _Calculus[X], value: X, x: X, n: X) -> list[X]:
-    by_base = c.product(n, c.call("pow", x, c.b.sub(n, c.one)))
-    return [by_base, c.b.zero(1) if n.op == "const" else c.product(value, c.call("log", x))]
-
-
-def _flat(c: _Calculus[X], _: X, *args: X) -> list[X]:
-    return [c.b.zero(1)] * len(args)
-
-
-_PARTIALS: Mapping[str, Callable[..., list[Any]]] = {
-    "mul": lambda c, y, a, x: [x, a],
-    "div": lambda c, y, a, x: [c.inverse(x), c.b.neg(c.call("div", y, x))],
-    "sqrt": lambda c, y, a: [c.call("div", c.b.number(0.5), y)],
-    "sin": lambda c, y, a: [c.call("cos", a)],
-    "cos": lambda c, y, a: [c.b.neg(c.call("sin", a))],
-    "tan": lambda c, y, a: [c.b.add(c.one, c.square(y))],
-    "asin": lambda c, y, a: [c.inverse(c.root_of_rest(a))],
-    "acos": lambda c, y, a: [c.b.neg(c.inverse(c.root_of_rest(a)))],
-    "atan": lambda c, y, a: [c.inverse(c.b.add(c.one, c.square(a)))],
-    "atan2": _atan2,
-    "sinh": lambda c, y, a: [c.call("cosh", a)],
-    "cosh": lambda c, y, a: [c.call("sinh", a)],
-    "tanh": lambda c, y, a: [c.b.sub(c.one, c.square(y))],
-    "exp": lambda c, y, a: [y],
-    "log": lambda c, y, a: [c.inverse(a)],
-    "abs": lambda c, y, a: [c.call("where", c.call("lt", a, c.b.zero(1)), c.b.number(-1.0), c.one)],
-    "pow": _pow,
-    "lt": _flat, "le": _flat, "and": _flat, "or": _flat, "not": _flat,
-}  # fmt: skip

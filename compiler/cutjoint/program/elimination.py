@@ -1,11 +1,11 @@
-"""Derivatives in the IR of scalars: adjoints, and slopes of many results by many scalars.
+"""Derivatives in the IR of scalars: adjoints, and derivatives of many results by many scalars.
 
 Adjoints go through a program's scalars from its results to what these follow from.  They are scalars of the same graph, which are lowered,
 shared and printed like others.  Lanes stay: what is spread over lanes is summed over them, and the other way round.
 
-Slopes of many results by many scalars are found by elimination.  Partial derivatives are the edges of a graph, from which one scalar after
-the other is taken.  Edges from those before it to those behind it take its place, the one with the fewest of these first, new ones twice
-(Griewank, Walther, Evaluating Derivatives, section 9.2).
+Derivatives of many results by many scalars are found by elimination.  Partial derivatives are the edges of a graph, from which one scalar
+after the other is taken.  Edges from those before it to those behind it take its place, the one with the fewest of these first, new ones
+twice (Griewank, Walther, Evaluating Derivatives, section 9.2).
 """
 
 from __future__ import annotations
@@ -81,15 +81,15 @@ class _Scalars:
 
 @dataclass
 class _Sums:
-    """Slopes that have come together at a node: a sum for all lanes, and one for each lane by itself."""
+    """Derivatives that have come together at a node: a sum for all lanes, and one for each lane by itself."""
 
     all: int | None = None
     lanes: dict[int, int] = field(default_factory=dict)
 
 
 def adjoint(graph: Graph, weights: Mapping[int, int], targets: Collection[int]) -> dict[int, int]:
-    """The slopes of a sum of nodes, each by the node of its weight, by each of the ``targets`` on which it depends, with as many lanes as
-    that has.  Ways end at targets.
+    """The derivatives of a sum of nodes, each by the node of its weight, by each of the ``targets`` on which it depends, with as many lanes
+    as that has.  Ways end at targets.
 
     Raises:
         ValueError: an operation has no derivative.
@@ -144,7 +144,7 @@ def _joined(graph: Graph, sums: _Sums, lanes: int) -> int:
 
 
 def _shares(graph: Graph, scalars: _Scalars, n: int, derivative: int) -> Iterator[tuple[int, int, int | None]]:
-    """The share of each argument in a node's slope, and its lane, None for all."""
+    """The share of each argument in a node's derivative, and its lane, None for all."""
     node = graph.nodes[n]
     match node.op:
         case "gather":
@@ -167,7 +167,7 @@ def _over_lanes(graph: Graph, share: int, lanes: int) -> int:
 
 
 def _products(graph: Graph, scalars: _Scalars, n: int, derivative: int) -> Sequence[int]:
-    """A node's slope times its derivative by each argument."""
+    """A node's derivative times its derivative by each argument."""
     node = graph.nodes[n]
     match node.op:
         case "add":
@@ -218,8 +218,8 @@ _Edge: TypeAlias = dict[tuple[int | None, int | None], int]
 
 
 def derivatives(graph: Graph, results: Sequence[int], targets: Collection[int]) -> list[dict[int, int]]:
-    """The slopes of each of the results, none of which has lanes, by each of the ``targets``, with as many lanes as that has, if it depends
-    on it.  Ways end at targets.
+    """The derivatives of each of the results, none of which has lanes, by each of the ``targets``, with as many lanes as that has, if it
+    depends on it.  Ways end at targets.
 
     Raises:
         ValueError: an operation has no derivative.
@@ -237,13 +237,13 @@ class _Elimination:
     def __init__(self, graph: Graph, targets: set[int]) -> None:
         self._graph = graph
         self._targets = targets
-        self._gathered: list[int] = []  # targets side by side, by which slopes have lanes until the end
+        self._gathered: list[int] = []  # targets side by side, by which derivatives have lanes until the end
         self._before: dict[int, dict[int, _Edge]] = {}
         self._behind: defaultdict[int, set[int]] = defaultdict(set)
         self._results: list[int] = []
 
     def run(self, results: Sequence[int]) -> list[dict[int, int]]:
-        """The slopes of results by targets."""
+        """The derivatives of results by targets."""
         places = [self._place(n) for n in results]
         self._results = list(dict.fromkeys(n for n, _ in places))
         self._linearise(self._results)
@@ -366,7 +366,7 @@ class _Elimination:
             edge[key] = total
 
     def _derivatives(self, edges: dict[int, _Edge], lane: int | None) -> dict[int, int]:
-        """The slopes by targets of a result to which edges lead, or of a lane of it."""
+        """The derivatives by targets of a result to which edges lead, or of a lane of it."""
         graph, found = self._graph, {a: derivative for a, edge in edges.items()
             if (derivative := self._derivative(a, edge, lane)) is not None}
         for n in self._gathered:
@@ -378,7 +378,7 @@ class _Elimination:
         return found
 
     def _derivative(self, target: int, edge: _Edge, lane: int | None) -> int | None:
-        """The slope that an edge from a target to a result stands for, or to a lane of it; None where it does not reach that."""
+        """The derivative that an edge from a target to a result stands for, or to a lane of it; None where it does not reach that."""
         graph, lanes = self._graph, self._lanes(target)
         parts, apart = list[int](), dict[int, int]()
         for (start, end), c in edge.items():

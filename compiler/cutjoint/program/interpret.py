@@ -12,6 +12,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cutjoint.ops import fact
 from cutjoint.package.errors import EquationsError
 from cutjoint.program.blocks import SUPPLIED, SURFACE, Block, SuppliedCall, surface_lookup
 from cutjoint.program.lower import reachable_blocks
@@ -36,16 +37,6 @@ class RoadTable(Protocol):
         """The derivative of the slope by x."""
 
     # One that has a surface has `surface` and `friction` too, which take x, y and the orders of the derivative by them.
-
-
-FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "mul": lambda a, b: a * b, "div": lambda a, b: np.float64(a) / np.float64(b), "sqrt": np.sqrt, "sin": np.sin,
-    "cos": np.cos, "tan": np.tan, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2,
-    "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh, "exp": np.exp, "log": np.log, "abs": np.abs,
-    "pow": lambda a, b: np.power(np.float64(a), b), "lt": np.less, "le": np.less_equal, "and": np.logical_and,
-    "or": np.logical_or, "not": np.logical_not, "where": np.where,
-    "add": lambda a, b: a + b, "sub": lambda a, b: a - b, "neg": lambda a: -a,
-}  # fmt: skip
 
 
 def interpret_blocks(
@@ -110,7 +101,7 @@ def _call(function: str, table: str | None, args: list[Any], roads: Mapping[str,
             return np.array([[getattr(road, lookup.removeprefix("road_"))(x, y, by.count("x"), by.count("y"))]])
         return np.array([[getattr(road, function.removeprefix("road_"))(x, y)]])
     _require_own(function)
-    return np.asarray(FUNCTIONS[function](*args), dtype=float)
+    return np.asarray(fact(function, "numpy")(*args), dtype=float)
 
 
 def _require_own(function: str) -> None:
@@ -204,5 +195,5 @@ def interpret_scalar(node: Scalar, args: Sequence[Any], inputs: Mapping[str, Arr
         if node.op == "lane_sum":
             return float(np.sum(args[0]))
         _require_own(node.op)
-        result = FUNCTIONS[node.op](*args)
+        result = fact(node.op, "numpy")(*args)
         return np.asarray(result, dtype=float) if node.lanes else float(result)

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 from itertools import chain, groupby
 from typing import NamedTuple, TypeAlias
 
+from cutjoint.ops import CONDITIONS
 from cutjoint.program.blocks import BindingTime, Section
 from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph, Scalar
@@ -32,8 +33,6 @@ LANES = 4
 
 #: Statements that an iteration of a loop must have for each table of values that the loop reads; with fewer, it stays unrolled.
 COSTLY = 4
-
-_CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})
 
 #: Elements that an array may have before and after those of its loop.
 _BEYOND = 2
@@ -385,7 +384,7 @@ class _Rolling:
         nodes = [self._nodes[n] for n in run.iterations[0] if n >= 0]
         plain = not any(x.lanes or x.op in ("lane", "lane_sum") or x.op.startswith("road_") for x in nodes)
         shared = [run.iterations[0][j] for loop, j in wanted if loop == i] + [column[0] for column in run.given]
-        real = not any(self._nodes[n].op in _CONDITIONS for n in shared)
+        real = not any(self._nodes[n].op in CONDITIONS for n in shared)
         return LANES if self._program.lanes and nodes and alone and plain and real else 0
 
     def _argument(

@@ -12,23 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 
+from cutjoint.ops import CONDITIONS, OPERATIONS
 from cutjoint.program.blocks import BindingTime
-
-#: Functions that the compiler evaluates when all arguments are constants.
-FOLDED: dict[str, Callable[..., float]] = {
-    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos,
-    "atan": math.atan, "atan2": math.atan2, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "exp": math.exp,
-    "log": math.log, "abs": abs, "pow": math.pow, "lt": lambda a, b: float(a < b), "le": lambda a, b: float(a <= b),
-    "and": lambda a, b: float(bool(a) and bool(b)), "or": lambda a, b: float(bool(a) or bool(b)),
-    "not": lambda a: float(not a), "where": lambda c, a, b: a if c else b,
-}  # fmt: skip
-
 
 #: Beyond this square of x, sin(2 atan(x)) counts as 0; it is 2/x, below 1e-149.
 _LARGEST = 1e300
-
-#: Functions whose values are conditions, which no number stands for in lanes.
-_CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})
 
 
 class OverflowedConstantError(ArithmeticError):
@@ -259,8 +247,9 @@ class Graph:
     def call(self, function: str, args: tuple[int, ...], table: object = None) -> int:
         """Any other scalar function."""
         values, lanes = [self.value(a) for a in args], max((self.nodes[a].lanes for a in args), default=0)
-        fold, constants = FOLDED.get(function), [self._numbers(a, max(lanes, 1)) for a in args]
-        if fold is not None and all(constants) and not (lanes and function in _CONDITIONS):
+        row = OPERATIONS.get(function)
+        fold, constants = None if row is None else row.fold, [self._numbers(a, max(lanes, 1)) for a in args]
+        if fold is not None and all(constants) and not (lanes and function in CONDITIONS):
             try:
                 folded = [float(fold(*each)) for each in zip(*constants, strict=True)]
                 return self.lane_const(folded) if lanes else self.const(folded[0])
@@ -272,9 +261,9 @@ class Graph:
             return args[2] if values[0] == 0.0 else args[1]
         if (rational := self._of_arc_tangent(function, args[0])) is not None:
             return rational
-        if function in ("sin", "atan", "tan", "asin", "sinh", "tanh"):
+        if row and row.parity < 0:
             return self._odd(function, args[0])
-        if function in ("cos", "abs", "cosh"):
+        if row and row.parity > 0:
             minus = self._negated(args[0])
             args = args if minus is None else (minus,)
         when = max((BindingTime.PARAM, *(self.nodes[a].binding for a in args)))  # what is not folded is computed once

@@ -38,8 +38,8 @@ def chebyshev_series(values: Array) -> Array:
 
 
 def chebyshev_integral(derivatives: Array, half: float) -> Array:
-    """Coefficients (n + 1, m) of the integrals of slopes (n, m) at the nodes of an interval of half the length ``half``, the constants left
-    out."""
+    """Coefficients (n + 1, m) of the integrals of derivatives (n, m) at the nodes of an interval of half the length ``half``, the constants
+    left out."""
     whole = np.zeros((len(derivatives) + 1, derivatives.shape[1]))
     whole[1:] = chebyshev.chebint(chebyshev_series(derivatives), scl=half)[1:]
     return whole
@@ -59,7 +59,7 @@ def harmonics(q: Array, size: int) -> Array:
 
 
 def fourier_integral(places: Array, derivatives: Array, nodes: Array, growth: float) -> Array:
-    """Coefficients (2 n + 1, 1) of a trigonometric series through values and slopes (nodes, 1), beside what grows with q."""
+    """Coefficients (2 n + 1, 1) of a trigonometric series through values and derivatives (nodes, 1), beside what grows with q."""
     n = len(nodes)
     order = np.arange(1, n // 2)
     cosine, sine = (2 / n * f(np.outer(order, nodes)) @ derivatives for f in (np.cos, np.sin))

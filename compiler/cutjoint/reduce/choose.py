@@ -278,8 +278,8 @@ def trials_by(variant: ReducedModel) -> Callable[[str], Trials]:
         return Trials(variant.model, with_closure(variant.scene, closure), variant.method)
 
     def by(integrator: str) -> Trials:
-        held = with_default_closure(variant.scene, variant.method, integrator) if variant.equations else variant.scene
-        return make(find_closure(held.numerics, method).name)
+        closed = with_default_closure(variant.scene, variant.method, integrator) if variant.equations else variant.scene
+        return make(find_closure(closed.numerics, method).name)
 
     return by
 

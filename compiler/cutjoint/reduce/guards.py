@@ -180,9 +180,9 @@ def _beyond(margin: Scalar, is_strict: bool, value: Scalar) -> Region:
 def _vanishes(value: Scalar, margin: Scalar) -> bool:
     """Return whether a value without cases is zero wherever the margin is."""
     for x in sorted(margin.free_symbols, key=str):
-        slope = sympy.diff(margin, x)
-        if not value.has(sympy.Piecewise) and slope != 0 and x not in slope.free_symbols:
-            return bool(sympy.simplify(value.subs(x, x - margin / slope)) == 0)
+        derivative = sympy.diff(margin, x)
+        if not value.has(sympy.Piecewise) and derivative != 0 and x not in derivative.free_symbols:
+            return bool(sympy.simplify(value.subs(x, x - margin / derivative)) == 0)
     return False
 
 

@@ -79,23 +79,23 @@ def flatten(model: Model, scene: Scene) -> Outcome:
     """
     left: list[Note] = []
     for plane in (Plane(axis=axis) for axis in "yxz"):
-        held = held_bodies(model.joints, plane)
+        confined = confined_bodies(model.joints, plane)
         try:
-            return _flatten(model, scene, plane, held)
+            return _flatten(model, scene, plane, confined)
         except AsymmetryError as error:
-            left += [replace(error.note, words=f"{error.note.words}: it may leave the plane")] if held != {GROUND} else []
+            left += [replace(error.note, words=f"{error.note.words}: it may leave the plane")] if confined != {GROUND} else []
     return Outcome(model=model, scene=scene, left=tuple(left[:1]))
 
 
-def held_bodies(joints: Collection[Joint], plane: Plane) -> set[str]:
+def confined_bodies(joints: Collection[Joint], plane: Plane) -> set[str]:
     """The ground, and the bodies that joints alone keep in a plane."""
-    held, grows = {GROUND}, True
+    confined, grows = {GROUND}, True
     while grows:
         ends_of = [{j.base, j.follower} for j in joints if _holds(j, plane)]
-        found = {body for pair in ends_of if pair & held for body in pair - held}
+        found = {body for pair in ends_of if pair & confined for body in pair - confined}
         grows = bool(found)
-        held |= found
-    return held
+        confined |= found
+    return confined
 
 
 def _holds(joint: Joint, plane: Plane) -> bool:
@@ -110,13 +110,13 @@ def _holds(joint: Joint, plane: Plane) -> bool:
     return False
 
 
-def _flatten(model: Model, scene: Scene, plane: Plane, held: Collection[str]) -> Outcome:
+def _flatten(model: Model, scene: Scene, plane: Plane, confined: Collection[str]) -> Outcome:
     """The model in a plane.
 
     Raises:
         AsymmetryError: something may leave it, or no joint kind stands for what is left of a joint.
     """
-    loose = [b.name for b in model.bodies if b.name not in held]
+    loose = [b.name for b in model.bodies if b.name not in confined]
     if loose:
         require_own_images(model, scene, plane, loose)
     cuts = {joint.name for joint in build_topology(model).cuts}

@@ -9,8 +9,9 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted, compile_scene
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.quantities import POSE

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from cutjoint.compile.pipeline import schedule_method
+from cutjoint.compile.derivation import schedule_method
 from cutjoint.formulate.inputs import input_functions
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import DEFAULT_METHOD, METHODS

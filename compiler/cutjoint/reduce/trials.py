@@ -14,8 +14,10 @@ from math import lcm
 from threading import RLock, Thread
 from typing import Any, TypeVar
 
+from cutjoint.compile.derivation import emit_scheduled, schedule_method
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted, compile_scene, emit_scheduled, schedule_method
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.emit.source import Generated
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import METHODS
@@ -57,7 +59,7 @@ class Steps:
 
 
 class Trials:
-    """Runs of a model by a method with given steps and without a goal; ``scheduled`` is what `pipeline.schedule_method` made of it."""
+    """Runs of a model by a method with given steps and without a goal; ``scheduled`` is what `derivation.schedule_method` made of it."""
 
     def __init__(self, model: Model, scene: Scene, method: str, *, scheduled: tuple[Equations, Program] | None = None) -> None:
         self._model, self._scene, self._method = model, scene, method

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -81,8 +81,8 @@ KINEMATIC = "kinematic: guides drive all freedom; runs have the forces of the gu
 
 def _assemblies(model: Model) -> str:
     """Loops that functions close, with the largest gap and the ranges of the coordinates that lead."""
-    gap = max(assembly.functions.gap for assembly in model.assemblies)
-    found = [(a.leader, a.functions) for a in model.assemblies]
+    gap = max(assembly.functions.violation for assembly in model.assemblies)
+    found = [(a.independent, a.functions) for a in model.assemblies]
     ranges = "; ".join(f"{x} {'turns' if f.turns else f'from {f.range.lower:.4g} to {f.range.upper:.4g}'}" for x, f in found)
     return f"{len(model.assemblies)}, whose loops functions close to {gap:.1g} m or rad: {ranges}"
 
@@ -210,8 +210,15 @@ def indeterminate_reactions(columns: Iterable[str]) -> str:
     return f"indeterminate reactions: {', '.join(columns)}; a run reports {LEAST}"
 
 
+def held_facts(held: Mapping[str, tuple[float, str]]) -> list[tuple[str, str]]:
+    """The forces that hold coordinates of a start at rest and are gone in motion; none where nothing holds it."""
+    forces = [f"{name} {f'{force / 1e3:.4g} k' if abs(force) >= 1e4 else f'{force:.4g} '}{unit}" for name, (force, unit) in held.items()]
+    return [("held at the start by", f"{', '.join(forces)}, released at t = 0")] if forces else []
+
+
 #: The facts that a run tells in any case.
-_REPORTED = ("motion", "warning", "note", SHIPPED, "went over to", "impacts", "stiff", "speeds not given", "indeterminate")
+_REPORTED = ("motion", "warning", "note", SHIPPED, "went over to", "impacts", "stiff", "held at the start by", "speeds not given",
+             "indeterminate")  # fmt: skip
 
 #: The words about a run that is interpreted since there is no compiler.
 _GAIN = f"interpreted; generated code takes steps 5 to 20 times as fast: {ADVICE}"
@@ -261,6 +268,7 @@ def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]
         *([("went over to", run.fallback)] if run.fallback else []),
         *_statistics_facts(run.statistics),
         *_balance_facts(run.energy),
+        *held_facts(run.held),
         *_speeds_not_given(c.start, run.undetermined),
         *([("indeterminate", f"{', '.join(run.indeterminate)}: {LEAST}")] if run.indeterminate else []),
     ]  # fmt: skip
@@ -275,9 +283,8 @@ def _compiled(c: Compilation) -> str:
 
 def _balance_facts(energy: EnergyBalance | None) -> list[tuple[str, str]]:
     """The difference of kinetic energy and work."""
-    if energy is None:
-        return []
-    return [("work and energy", f"apart by {energy.defect:.1e} J at most, of {energy.kinetic + energy.exchanged:.2g} J")]
+    words = "" if energy is None else f"apart by {energy.defect:.1e} J at most, of {energy.kinetic + energy.exchanged:.2g} J"
+    return [("work and energy", words)] if words else []
 
 
 def _speeds_not_given(start: Start, undetermined: tuple[str, ...]) -> list[tuple[str, str]]:
@@ -300,12 +307,15 @@ def error_facts(error: ErrorEstimate) -> Table:
         by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
     promised = "yes: one such run in 200 at most is off by more than three times as much"
     doubt = "no: finer steps bring the outputs no nearer, errors may be larger"
+    if error.goal is not None:
+        doubt = "no, accuracy not reached: the finest steps leave larger errors, or errors that fall no further"
     if inf in error.max_error.values():
         by_unit, doubt = {}, "not known: no run with finer or coarser steps came to its end, so that nothing says how wrong this one is"
     rows = [("converged", promised if error.converged else doubt)]
     if error.converged and error.rough:
         names = ", ".join(error.rough[:_NAMED]) + (f" and {len(error.rough) - _NAMED} more" if len(error.rough) > _NAMED else "")
-        rows = [("converged", f"{promised}; but not {names}: off by more than a tenth of what they reach; a smaller accuracy helps")]
+        why = "off by more than a tenth of what they reach, or no nearer with finer steps; a smaller accuracy helps"
+        rows = [("converged", f"{promised}; but not {names}: {why}")]
     rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
     rows += [("warning", warning) for warning in error.warnings]
     return facts("errors of the steps at most", rows)

@@ -83,7 +83,8 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
     A run with coarser steps comes before the first one, so that two differences show whether they fall, which alone is convergence.
     """
     change = _change_of(plan)
-    last, before = start(plan), None
+    last, before, errors = start(plan), None, dict[str, float]()
+    reached, slow = False, tuple[str, ...]()
     coarser = _try(plan, change, -1) if last.failure is None else None
     runs = [last] if coarser is None else [coarser, last]
     if coarser is not None:
@@ -91,25 +92,39 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
     for level in range(1, change.levels + 1):
         run = begin(_finer(plan, change, level))
         if run.failure is not None:
-            if last.failure is not None and change.heals and level < change.levels:
+            if last.failure is None:
+                return _last_kept(_finer(plan, change, level - 1), goal, begin)
+            if change.heals and level < change.levels:
                 continue
-            kept = run if last.failure is not None else begin(_finer(plan, change, level - 1))
-            return _estimated(plan, kept, before or _unknown(run), converged=False)
+            return _with_estimate(run, _judged(plan, run, _unknown(run), converged=False))
         if last.failure is None:
             apart = differences(plan.jumps, last, run)
             if _are_bound(change, last, run) and (other := _unlike(_finer(plan, change, level), run)) is not None:
                 errors = differences(plan.jumps, run, other)
-                return _estimated(plan, run, errors, converged=_keeps(run, errors, goal), others=[other])
+                return _with_estimate(run, _judged(plan, run, errors, converged=_keeps(run, errors, goal), others=[other]))
             left = defect_left(last, run)
             errors = {name: _left(change, apart[name], None if before is None else before[name], left) for name in apart}
-            if before is not None and _keeps(run, errors, goal) and all_fall(run, before, apart):
-                return _estimated(plan, run, errors, converged=True, others=runs)
-            if before is not None and not any(falls(run[name], before[name], apart[name]) for name in apart):
-                return _estimated(plan, run, errors, converged=False, others=runs)
+            if before is not None:
+                slow = find_slow(run, before, apart)
+                reached = _keeps(run, errors, goal) and not _judged_by(run, errors).keys() & slow
+                if (reached and not slow) or not any(falls(run[name], before[name], apart[name]) for name in apart):
+                    break
             before = apart
         last = run
         runs = [*runs[-1:], run]
-    return _estimated(plan, last, before or _unknown(last), converged=False)
+    others = [other for other in runs if other is not run]
+    return _with_estimate(run, _judged(plan, run, errors or _unknown(run), converged=reached, others=others, slow=slow))
+
+
+def _last_kept(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
+    """The finest run that comes to its end, judged as one with given steps, and by the goal."""
+    run = begin(plan)
+    found = estimate_error(plan, run)
+    return _with_estimate(run, replace(found, converged=found.converged and _keeps(run, found.max_error, goal)))
+
+
+def _with_estimate(run: Trajectory, estimate: ErrorEstimate) -> Trajectory:
+    return replace(run, estimator=lambda _: estimate)
 
 
 def _change_of(plan: SimulatorRun) -> Change:
@@ -131,28 +146,28 @@ def _left(change: Change, apart: float, before: float | None, defect: float) -> 
 
 
 def _keeps(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
-    """Return whether places and angles keep the goal; in a run without any, whether all other outputs do by their size."""
+    """Return whether the outputs that are judged by a goal keep it."""
+    return all(errors[name] <= goal * size for name, size in _judged_by(run, errors).items())
+
+
+def _judged_by(run: Trajectory, errors: Mapping[str, float]) -> dict[str, float]:
+    """The sizes of the outputs that are judged by a goal: of places and angles one, of a run without any all outputs with their own."""
     judged = {name: 1.0 / PLACES[run.units[name]] for name in errors if run.units[name] in PLACES}
-    judged = judged or {name: float(np.max(np.abs(run[name]))) for name in errors}
-    return all(errors[name] <= goal * size for name, size in judged.items())
+    return judged or {name: float(np.max(np.abs(run[name]))) for name in errors}
 
 
 def _unknown(run: Trajectory) -> dict[str, float]:
     return dict.fromkeys(run.columns, inf)
 
 
-def _estimated(
-    plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory] = ()
-) -> Trajectory:  # fmt: skip
-    """The run with its errors; ``others`` are runs of the same with other steps."""
-    estimate = _judged(plan, run, errors, converged=converged, others=others)
-    return replace(run, estimator=lambda _: estimate)
-
-
 def _judged(
-    plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory]
+    plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory] = (),
+    slow: Sequence[str] = (),
 ) -> ErrorEstimate:  # fmt: skip
-    """The errors of a run, with the effect of open loops, jumps beside rows, and warnings; the last of the others is nearest."""
+    """The errors of a run, with the effect of open loops, jumps beside rows, and warnings.
+
+    ``others`` are runs of the same with other steps, the last the nearest; outputs that are ``slow`` come no nearer by them.
+    """
     gap, warnings = find_open_gap(run, others), [find_imbalance(run, others)]
     jumps = uncertain_jumps(run, others[-1], plan.run_file.jumps_within or 0.0) if others else {}
     errors = {name: max(error, jumps.get(name, 0.0)) for name, error in errors.items()}
@@ -163,7 +178,8 @@ def _judged(
         converged = converged and closed is not None and (plan.goal is None or _keeps(run, errors, plan.goal))
         warnings.append(open_loops(gap, is_known=closed is not None))
     return ErrorEstimate(
-        max_error=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)), rough=_rough(run, errors)
+        max_error=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)),
+        rough=tuple(dict.fromkeys((*_rough(run, errors), *slow))), goal=plan.goal,
     )  # fmt: skip
 
 
@@ -180,8 +196,8 @@ def _rough(run: Trajectory, errors: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def _reach_of(run: Trajectory) -> dict[str, float]:
-    """The largest value of the outputs of each unit."""
-    reach: dict[str, float] = {}
+    """The largest value of the outputs of each unit, of angles at least a radian: nothing else says what is small for them."""
+    reach = {unit: 1.0 / PLACES[unit] for unit in ("rad", "mrad", "deg")}
     for name, values in run.columns.items():
         reach[run.units[name]] = max(reach.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
     return reach
@@ -201,9 +217,7 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
         return (_unlike(plan, run) if bound else None) or other
 
     compared = compare(run, again, left=change.left, jumps=plan.jumps)
-    return compared.estimate if not compared.others else _judged(
-        plan, run, compared.estimate.max_error, converged=compared.estimate.converged, others=compared.others
-    )  # fmt: skip
+    return _judged(plan, run, compared.estimate.max_error, converged=compared.estimate.converged, others=compared.others)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,7 +242,7 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
     if finer is None:
         apart = _unknown(run) if coarser is None else differences(jumps, coarser, run)
         coarsest = None if coarser is None else again(-2)
-        falling = coarser is not None and coarsest is not None and all_fall(run, differences(jumps, coarsest, coarser), apart)
+        falling = coarser is not None and coarsest is not None and not find_slow(run, differences(jumps, coarsest, coarser), apart)
         estimate = ErrorEstimate(max_error=Columns(apart), units=run.units, converged=falling)
         return Comparison(estimate=estimate, others=[] if coarser is None else [coarser])
     apart = differences(jumps, run, finer)
@@ -240,9 +254,8 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
     errors = {name: difference / (1 - left) for name, difference in apart.items()}
     if coarser is not None:
         errors = {name: max(error, (1 - _BELIEVED) * before[name]) for name, error in errors.items()}
-    estimate = ErrorEstimate(
-        max_error=Columns(errors), units=run.units, converged=all_fall(run, before, after), rough=_rough(run, errors)
-    )  # fmt: skip
+    converged = not find_slow(run, before, after)
+    estimate = ErrorEstimate(max_error=Columns(errors), units=run.units, converged=converged, rough=_rough(run, errors))
     return Comparison(estimate=estimate, others=[finer] if coarser is None else [coarser, finer])
 
 
@@ -305,10 +318,7 @@ def _changed(run_file: RunFile, change: Change, times: int, further: float) -> R
         finer = replace(settings, dt=settings.dt * factor)
         finer = _iterated_further(finer, times, further) if times > 0 else finer
         return replace(run_file, settings=finer, output_step=settings.dt * stride)
-    absolute = settings.absolute_tolerance
-    return run_file.with_settings(
-        tolerance=settings.tolerance * factor, absolute_tolerance=None if absolute is None else absolute * factor
-    )
+    return run_file.with_tolerance(factor)
 
 
 def _iterated_further(settings: Settings, times: int, further: float) -> Settings:
@@ -340,10 +350,10 @@ def differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> d
     return {name: float(np.max(gap, initial=0.0)) for name, gap in gaps.items()}
 
 
-def all_fall(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> bool:
-    """True where all differences fall from steps to finer ones, or are rounding beside what outputs of their unit reach."""
+def find_slow(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> tuple[str, ...]:
+    """The outputs with differences that do not fall from steps to finer ones, nor are rounding beside what outputs of their unit reach."""
     reach = _reach_of(run)
-    return all(after[c] <= _ROUNDING * reach[run.units[c]] or falls(run.columns[c], before[c], after[c]) for c in after)
+    return tuple(c for c in after if after[c] > _ROUNDING * reach[run.units[c]] and not falls(run.columns[c], before[c], after[c]))
 
 
 def falls(values: Array, before: float, after: float) -> bool:
@@ -355,8 +365,7 @@ def defect_left(before: Trajectory, after: Trajectory) -> float:
     """The share of the defect of work and energy that finer steps leave, by two runs of the same; 1 where nothing shows it."""
     if before.energy is None or after.energy is None or not before.energy.defect > 0:
         return 1.0
-    share = after.energy.defect / before.energy.defect
-    return share if share < 1.0 else 1.0
+    return min(1.0, after.energy.defect / before.energy.defect)
 
 
 def uncertain_jumps(run: Trajectory, other: Trajectory, within: float) -> dict[str, float]:
@@ -420,24 +429,18 @@ _SMALL_GAP = 1e-6
 #: Gaps of runs with other steps that differ by less than this factor do not come from the steps.
 _SAME = 1.5
 
-_COUNTED = "the errors count it"
-_UNSEEN = "errors of the steps do not see what that changes"
-
 
 def find_open_gap(run: Trajectory, others: Sequence[Trajectory]) -> float:
     """The largest gap (m or rad) of the loops of a run where runs of the same with other steps have it too; 0 where they do not.
 
     It is an error that all these runs share, as behind a guide whose rate jumps.
     """
-    gap = run.statistics.residuals.position
-    return gap if gap > _SMALL_GAP and any(_is_same(gap, other.statistics.residuals.position) for other in others) else 0.0
+    gap, gaps = run.statistics.residuals.position, [other.statistics.residuals.position for other in others]
+    return gap if gap > _SMALL_GAP and any(gap / _SAME < other < gap * _SAME for other in gaps) else 0.0
 
 
 def open_loops(gap: float, *, is_known: bool) -> str:
     """The warning of such a gap; ``is_known`` tells that the errors of the run include its effect."""
-    known = f"a run with error control, whose loops are closed, shows what that changes, and {_COUNTED}" if is_known else _UNSEEN
+    counted = "a run with error control, whose loops are closed, shows what that changes, and the errors count it"
+    known = counted if is_known else "errors of the steps do not see what that changes"
     return f"loops stand open by up to {gap:.2g} m or rad, with other steps too: {known}; the closure proximal closes them"
-
-
-def _is_same(gap: float, other: float) -> bool:
-    return gap / _SAME < other < gap * _SAME

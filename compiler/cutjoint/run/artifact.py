@@ -11,9 +11,9 @@ from typing import Any
 
 from cutjoint.analysis.redundancy import find_indeterminate
 from cutjoint.emit.source import Source
+from cutjoint.formulate.events import jump_times
 from cutjoint.formulate.inputs import TIME, input_parameters
 from cutjoint.formulate.records import Equations, RecursiveEquations
-from cutjoint.formulate.switches import jump_times
 from cutjoint.methods import (
     DEFAULT_METHOD,
     DEFAULT_PRECISION,
@@ -179,7 +179,7 @@ def make_simulator_run(
     return SimulatorRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
         description=artifact.description, goal=goal, method=artifact.method, closes_loops=bool(artifact.mechanism.equation_names),
-        leading=_leading_joints(artifact.topology),
+        is_asked=options.accuracy is not None or artifact.scene.accuracy is not None, leading=_leading_joints(artifact.topology),
         indeterminate=artifact.indeterminate,
         others=tuple(_other_settings(artifact, options, run_file.settings.integrator)),
         is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,
@@ -214,7 +214,7 @@ def _onward(
 
     exact = cache(compile_exact)
     return Onward(
-        guards=tuple(assembly.leader for assembly in model.assemblies),
+        guards=tuple(assembly.independent for assembly in model.assemblies),
         prepare=lambda: make_simulator_run(exact(), options, parameters),
         begin=lambda file, kept: state_of_loops(artifact.mechanism, exact().mechanism, kept, file.parameters),
     )  # fmt: skip

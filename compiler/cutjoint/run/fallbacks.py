@@ -9,7 +9,6 @@ from time import monotonic
 
 from cutjoint.methods import CLOSURES, INTEGRATORS, METHODS, join_and, join_or
 from cutjoint.model.ranges import StepsError, count_steps
-from cutjoint.run.record import RunFile
 from cutjoint.run.results import UNTRIED, FailureReport, Trajectory
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
@@ -20,6 +19,8 @@ _OPEN = (
     "the run stands still: its steps have become too short for it to reach its end",
 )  # fmt: skip
 _BEYOND = "the guide of {} may lead further than the links reach: look at the last pose, such as by --view"
+#: The message of a run whose other integrators may go on, but not with its accuracy: other methods cross the pose.
+_SINGULAR = "the pose is singular, or nearly: equations depend on each other for a moment"
 #: Seconds that trials take together, if the run itself took no longer.
 _SECONDS = 2.0
 #: The number of equal steps beyond a failure, and the share of the time up to it, that a trial has to go.
@@ -28,17 +29,11 @@ _STEPS, _SHARE = 20, 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class Fallback:
-    """Other settings for a run, in words, and its run file with them, or its ``plan`` by another method; ``free`` ones need no number to be
-    chosen."""
+    """Other settings for a run, in words, and its ``plan`` with them; ``free`` ones need no number to be chosen."""
 
     words: str
-    run_file: RunFile
+    plan: SimulatorRun
     free: bool = False
-    plan: SimulatorRun | None = None
-
-    def applied_to(self, plan: SimulatorRun) -> SimulatorRun:
-        """The run with these settings, whose steps follow from nothing else."""
-        return replace(self.plan or plan, run_file=self.run_file, goal=None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,9 +60,9 @@ def try_fallbacks(plan: SimulatorRun, run: Trajectory) -> Trials | None:
     found: dict[bool | None, list[Fallback]] = {True: [], False: [], None: []}
     for fallback in _fallbacks(plan):
         left = min(end - monotonic(), budget / 2)
-        found[_goes_past(fallback.applied_to(plan), past, left) if left > 0 else None].append(fallback)
-    for fallback in () if found[True] else _by_other_methods(plan):
-        found[_goes_past(fallback.applied_to(plan), past, budget)].append(fallback)
+        found[_goes_past(fallback.plan, past, left) if left > 0 else None].append(fallback)
+    for fallback in () if found[True] and failure.message != _SINGULAR else _by_other_methods(plan):
+        found[_goes_past(fallback.plan, past, budget)].append(fallback)
     return Trials(past=past, helped=tuple(found[True]), failed=tuple(found[False]), skipped=tuple(found[None]))
 
 
@@ -83,7 +78,7 @@ def follow_up(
         return run
     others = [fallback for fallback in trials.helped if fallback.free] if go_over else []
     for fallback in others:
-        other = execute(fallback.applied_to(plan))
+        other = execute(fallback.plan)
         if other.failure is None:
             words = f"{fallback.words}, since {plan.run_file.settings.integrator} stopped: {run.failure.what}"
             return replace(other, fallback="; ".join(filter(None, (words, run.failure.advice, other.fallback))))
@@ -98,15 +93,18 @@ def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | Non
         return failure
     known = failure.advice.partition(UNTRIED)[0].rstrip("; ")
     seen = " ".join(fallback.words for fallback in (*trials.helped, *trials.failed, *trials.skipped))
-    untried = [f"method {name}" for name in METHODS[plan.method].instead if plan.method not in METHODS[name].instead and name not in seen]
+    crosses = failure.message == _SINGULAR
+    others = (name for name in METHODS[plan.method].instead if crosses or plan.method not in METHODS[name].instead)
+    untried = [f"method {name}" for name in others if f"method {name}" not in seen]
     settings = plan.run_file.settings
     if plan.closes_loops and METHODS[plan.method].closures and not CLOSURES[settings.stabilisation.closure].penalty_of_each_cut:
         untried.insert(0, f"closure {INTEGRATORS[settings.integrator].closure}")
     reach = failure.message in _OPEN and plan.leading and not trials.helped
+    goes = "goes" if len(trials.helped) == 1 else "go"
     words = (
         _BEYOND.format(join_or([f"'{name}'" for name in plan.leading])) if reach else "",
         known,
-        f"tried up to {trials.past:.6g} s: {_listed(trials.helped)} {_verb(trials.helped)} on" if trials.helped else "",
+        f"tried up to {trials.past:.6g} s: {_listed(trials.helped)} {goes} on" if trials.helped else "",
         f"tried without success: {_listed(trials.failed)}" if trials.failed else "",
         f"{UNTRIED}{', '.join([*(c.words for c in trials.skipped), *untried])}" if trials.skipped or untried else "",
     )
@@ -115,10 +113,6 @@ def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | Non
 
 def _listed(fallbacks: tuple[Fallback, ...]) -> str:
     return join_and([fallback.words for fallback in fallbacks])
-
-
-def _verb(fallbacks: tuple[Fallback, ...]) -> str:
-    return "goes" if len(fallbacks) == 1 else "go"
 
 
 def _time_past(plan: SimulatorRun, failure: FailureReport) -> float:
@@ -133,36 +127,28 @@ def _fallbacks(plan: SimulatorRun) -> Iterator[Fallback]:
     file, settings = plan.run_file, plan.run_file.settings
     for other in plan.others:
         step = "" if INTEGRATORS[other.integrator].adaptive else f" with dt {other.dt:g}"
-        yield Fallback(words=f"integrator {other.integrator}{step}", run_file=replace(file, settings=other), free=True)
+        yield Fallback(words=f"integrator {other.integrator}{step}", plan=replace(plan, run_file=replace(file, settings=other)), free=True)
     if not INTEGRATORS[settings.integrator].adaptive:
         dt = settings.dt
         stride = count_steps(dt, file.end, file.output_step).stride
-        yield Fallback(words=f"dt {dt / 10:g}", run_file=replace(file.with_settings(dt=dt / 10), output_step=stride * dt))
+        shorter = replace(file.with_settings(dt=dt / 10), output_step=stride * dt)
+        yield Fallback(words=f"dt {dt / 10:g}", plan=replace(plan, run_file=shorter))
     for factor in (0.1, 10.0):
-        yield _with_tolerance(file, factor)
+        yield Fallback(words=f"solver_tolerance {factor * settings.tolerance:g}", plan=replace(plan, run_file=file.with_tolerance(factor)))
     if plan.closes_loops and not CLOSURES[settings.stabilisation.closure].penalty_of_each_cut and settings.penalty is not None:
         for factor in (1e-2, 1e2):
-            yield _with_penalty(file, factor * settings.penalty)
+            penalty = factor * settings.penalty
+            changed = file.with_settings(penalty=penalty, stabilisation=replace(settings.stabilisation, penalty=penalty))
+            yield Fallback(words=f"penalty {penalty:g}", plan=replace(plan, run_file=changed))
     if settings.events:
-        yield Fallback(words="events crossed", run_file=file.with_settings(events=False), free=True)
+        yield Fallback(words="events crossed", plan=replace(plan, run_file=file.with_settings(events=False)), free=True)
 
 
 def _by_other_methods(plan: SimulatorRun) -> Iterator[Fallback]:
     """The other methods that may go on, where trying them takes no minutes."""
     for name in METHODS[plan.method].instead if plan.by_method else ():
         if plan.by_method and (other := plan.by_method(name)):
-            yield Fallback(words=f"method {name}", run_file=other.run_file, plan=other)
-
-
-def _with_tolerance(file: RunFile, factor: float) -> Fallback:
-    absolute, tolerance = file.settings.absolute_tolerance, factor * file.settings.tolerance
-    changed = file.with_settings(tolerance=tolerance, absolute_tolerance=None if absolute is None else factor * absolute)
-    return Fallback(words=f"solver_tolerance {tolerance:g}", run_file=changed)
-
-
-def _with_penalty(file: RunFile, penalty: float) -> Fallback:
-    changed = file.with_settings(penalty=penalty, stabilisation=replace(file.settings.stabilisation, penalty=penalty))
-    return Fallback(words=f"penalty {penalty:g}", run_file=changed)
+            yield Fallback(words=f"method {name}", plan=other)
 
 
 def _goes_past(plan: SimulatorRun, past: float, seconds: float) -> bool | None:

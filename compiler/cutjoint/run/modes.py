@@ -17,7 +17,7 @@ from cutjoint.model.records import Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.record import RunFile
-from cutjoint.run.results import FailureReport
+from cutjoint.run.results import FailureReport, read_held
 from cutjoint.run.road_field import surface_of
 from cutjoint.run.roads import WheelRoad
 from cutjoint.run.run_file import make_run_file
@@ -56,7 +56,7 @@ def linearise_at(
     sampled = zip(artifact.topology.model.held, state.get("held") or [], strict=False)
     held = {held_name(value): number for value, number in sampled if number is not None}
     if at is None:
-        _require_free(equations, summary.get("held", {}))
+        _require_free(equations, read_held(summary))
     point = Point(
         t=state["t"], q=np.array(state["q"]), v=np.array(state["v"]), vdot=np.array(state["vdot"]),
         parameters=np.array([run_file.parameters[p.name] for p in equations.parameters]), held={**(run_file.inputs or {}), **held},
@@ -86,12 +86,12 @@ def _ending_at(scene: Scene, at: float) -> Scene:
     return replace(with_settings(scene, LINEARISED, {"dt": at / steps}), output_step=at)
 
 
-def _require_free(equations: ImplicitEquations, held: Mapping[str, float]) -> None:
+def _require_free(equations: ImplicitEquations, held: Mapping[str, tuple[float, str]]) -> None:
     """A coordinate that the scene holds may carry a force: what is linearised has no such force, and does not rest without it."""
     if not held:
         return
-    scene, name = equations.scene, max(held, key=lambda name: abs(held[name]))
+    scene, (name, (force, unit)) = equations.scene, max(held.items(), key=lambda item: abs(item[1][0]))
     raise RunError(
-        f"{scene.span}: scene '{scene.name}': a force holds '{name}', which would accelerate by {held[name]:.3g} without it, so that small "
-        "motions have no equilibrium; leave its coordinate out of positions, guide its joint, or linearise about a motion with --at"
+        f"{scene.span}: scene '{scene.name}': {force:.3g} {unit} hold '{name}', so that small motions have no "
+        "equilibrium; leave its coordinate out of positions, guide its joint, or linearise about a motion with --at"
     )

@@ -95,6 +95,11 @@ class RunFile:
         """The file with other values of some of its settings."""
         return replace(self, settings=replace(self.settings, **changes))
 
+    def with_tolerance(self, factor: float) -> RunFile:
+        """The file with the tolerances of its steps times a factor."""
+        absolute = self.settings.absolute_tolerance
+        return self.with_settings(tolerance=factor * self.settings.tolerance, absolute_tolerance=absolute and factor * absolute)
+
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> RunFile:
         """The file from the data that `asdict` makes of it."""

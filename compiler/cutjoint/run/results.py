@@ -128,7 +128,7 @@ class NearJump:
 
 @dataclass(frozen=True, kw_only=True)
 class RunStatistics:
-    """The effort of a run's steps besides evaluations.
+    """The statistics of a run's steps besides evaluations.
 
     The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured or energy was balanced.
     ``penalty`` is that of the augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to
@@ -159,11 +159,12 @@ class ErrorEstimate:
 
     ``max_error`` has the largest error of each column over all rows, in its unit of ``units``; infinite where no second run reached the
     end. ``converged`` are runs whose differences fall from coarser steps to finer ones; of those, no more than one in two hundred tells
-    less than a third of an error.  Laws, masses and places are taken as they are given.
+    less than a third of an error.  Where steps follow from an accuracy, the ``goal`` (None elsewhere), they are those whose places and
+    angles keep it.  Laws, masses and places are taken as they are given.
 
     ``warnings`` tell of faults that errors of the steps do not show: work and energy that differ by more than the steps explain, loops that
-    stay open.  ``rough`` are outputs that are off by more than a tenth of their largest value; accelerations and forces may be, where
-    places keep an accuracy.
+    stay open.  ``rough`` are outputs that are off by more than a tenth of their largest value, or come no nearer with finer steps;
+    accelerations and forces may be, where places keep an accuracy.
     """
 
     max_error: Mapping[str, float]
@@ -171,6 +172,7 @@ class ErrorEstimate:
     converged: bool
     warnings: tuple[str, ...] = ()
     rough: tuple[str, ...] = ()
+    goal: float | None = None
 
     def __getitem__(self, column: str) -> float:
         return self.max_error[column]
@@ -194,7 +196,8 @@ class Trajectory(Columns[Array]):
     there is one.  ``fallback`` says which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None
     where nothing can.  ``energy`` is the balance of work and energy, None where none was asked for.  ``near_jumps`` are the rows that a
     column jumps so close to that another run may have the value of its other side, where they were looked for.  ``coordinates`` are the
-    method's own at the times of the rows (rows, coordinates), None where nobody asked for them.
+    method's own at the times of the rows (rows, coordinates), None where nobody asked for them.  ``held`` is that of a `MechanismState`,
+    of a start in static equilibrium: these forces are released at t = 0.
     """
 
     t: Array
@@ -212,6 +215,7 @@ class Trajectory(Columns[Array]):
     coordinates: Array | None = field(default=None, repr=False, compare=False)
     table: Path | None = None
     fallback: str = ""
+    held: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     estimator: Callable[[Trajectory], ErrorEstimate] | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -345,8 +349,19 @@ def _html_row(cell: str, texts: Iterable[str]) -> str:
     return f"<tr>{''.join(f'<{cell}>{escape(text)}</{cell}>' for text in texts)}</tr>"
 
 
+def read_held(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
+    """The force with its unit along each coordinate that holds a pose at rest, by a summary, which names their rates; but for rounding."""
+    found: Mapping[str, float] = summary.get("held", {})
+    least = 1e-9 * max(map(abs, found.values()), default=0.0)
+    named = {name: name.rpartition(".")[2] for name, force in found.items() if abs(force) > least}
+    return {
+        name.removesuffix(rate) + (rate[1:] if rate in ("vx", "vy", "vz") else rate.removesuffix("_rate")):
+        (found[name], "N" if rate.startswith(("v", "displacement")) else "N*m") for name, rate in named.items()
+    }  # fmt: skip
+
+
 def read_statistics(summary: Mapping[str, Any]) -> RunStatistics:
-    """The effort that a simulator's summary reports."""
+    """The statistics that a simulator's summary reports."""
     residuals = {name: nan if value is None else value for name, value in summary.get("residuals", {}).items()}
     return RunStatistics(
         solver=summary.get("solver", ""), penalty=summary.get("penalty", nan), iterations=summary.get("iterations", 0),

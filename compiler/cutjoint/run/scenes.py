@@ -105,7 +105,7 @@ def model_of(given: ModelLike, tunable: Sequence[str] = ()) -> Model:
     if not isinstance(given, Model | Compiled):
         raise TypeError(f"a model is its file, what read_model has made of it, or an artifact, not {type(given).__name__}")
     if tunable:
-        raise RunError("numbers are opened while the file is read; give the file, or read_model(path, opened=[...])")
+        raise RunError("constants become tunable while the file is read; give the file, or read_model(path, tunable=[...])")
     return given if isinstance(given, Model) else given.model
 
 

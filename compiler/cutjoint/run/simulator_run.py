@@ -19,6 +19,7 @@ from cutjoint.run.results import (
     Trajectory,
     read_coordinates,
     read_energy,
+    read_held,
     read_near_jumps,
     read_run_table,
     read_statistics,
@@ -45,7 +46,7 @@ class SimulatorRun:
 
     ``simulator`` is the program, ``run_file`` its input, ``description`` the model's data for an interpreter (None for generated code),
     ``units`` has the unit of each column by its name.  ``goal`` is the largest error of places and angles (m, rad) that steps are to keep,
-    None where steps are given.
+    None where steps are given; ``is_asked`` is whether scene or caller ask for it.
 
     ``method`` is the program's, ``closes_loops`` whether it has equations of loops, ``indeterminate`` are the components of reactions that
     these do not determine, ``others`` the settings of other integrators that it has.  ``is_free`` is whether scene and
@@ -60,6 +61,7 @@ class SimulatorRun:
     description: Mapping[str, Any] | None
     units: Mapping[str, str]
     goal: float | None = None
+    is_asked: bool = False
     method: str = DEFAULT_METHOD
     closes_loops: bool = False
     indeterminate: Sequence[str] = ()
@@ -134,7 +136,7 @@ def start(
             run_file |= {"begin": begin, "pose": "design"}
             rest = call_simulator(other.simulator, run_file, progress, seconds=seconds, description=other.description)
             summary, indeterminate = joined(summary, rest), tuple(dict.fromkeys((*indeterminate, *other.indeterminate)))
-            left = join_and([f"'{leader}'" for leader in ended.guards])
+            left = join_and([f"'{independent}'" for independent in ended.guards])
             fallback = f"the loops' equations at t = {begin['t']:g} s, since the functions of {left} end at t = {ended.time:.6g} s"
         coordinates = None if file is None else read_coordinates(file)
         t, columns = read_run_table(tables.rows, tuple(run.units), summary.get("rows", 0))
@@ -144,7 +146,7 @@ def start(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         indeterminate=indeterminate, statistics=read_statistics(summary), energy=read_energy(summary), table=table,
-        near_jumps=read_near_jumps(summary), coordinates=coordinates, fallback=fallback,
+        near_jumps=read_near_jumps(summary), coordinates=coordinates, fallback=fallback, held=read_held(summary),
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from cutjoint.compile.c_export import Standalone, lanes_break_even
 from cutjoint.emit.source import environment
-from cutjoint.emit.steps import Steps
+from cutjoint.methods import Steps
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.values import Array
 
@@ -29,16 +29,13 @@ class StatisticsRecord(ctypes.Structure):
 
 
 class TrajectoryRecord(ctypes.Structure):
-    """The course of an input in C."""
+    """The trajectory of an input in C."""
 
     _fields_ = (
         ("input", ctypes.c_int), ("jumps", ctypes.c_int), ("pieces", ctypes.c_long),
         *((name, ctypes.c_void_p) for name in ("times", "coefficients", "seeds", "derivatives")),
     )  # fmt: skip
 
-
-#: The numbers of an effort that have limits, in their order.
-LIMITED = ("violation", "violation_rate", "change", "pivot", "iterations", "evaluations")
 
 #: Quantities with names in every library; coordinates and speeds of the start are those of the spanning tree's joints.
 _NAMED = ("parameter", "coordinate", "speed", "equation", "start_coordinate", "start_speed", "output")

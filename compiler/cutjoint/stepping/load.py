@@ -9,8 +9,7 @@ from typing import Any
 
 from cutjoint.compile.c_export import Standalone, make_standalone
 from cutjoint.compile.pipeline import generate
-from cutjoint.emit.steps import STEPS
-from cutjoint.methods import DEFAULT_METHOD
+from cutjoint.methods import DEFAULT_METHOD, STEPS
 from cutjoint.model.functions import functions_of_host, leave_to_host
 from cutjoint.model.records import Model, Scene
 from cutjoint.model.tunable import with_inputs
@@ -30,8 +29,7 @@ def load(
     """Compile a model or its file for stepping, or find it in the cache; `Simulation.reset` comes next.
 
     Args:
-        method, integrator: "trapezoidal" of all methods; "rk4", "dormand-prince", "dop853" of recursive; "generalised-alpha", "radau5",
-            "radau5-fixed" of recursive-newton; default: those of `simulate`.
+        method, integrator: names of docs/reference/integrators.md; default: those of `simulate`.
         tunable: patterns; constants whose names match become parameters.
         linearise, adjoint: generate derivatives; compiling takes several times as long.
         poses: generate poses of bodies, markers and wheel contacts.

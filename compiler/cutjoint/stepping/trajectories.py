@@ -21,7 +21,7 @@ _KNOTS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Knots:
-    """The numbers by which a course is given, ``number`` of them, and the pieces' dependence on these: that of each piece on four of
+    """The numbers by which a trajectory is given, ``number`` of them, and the pieces' dependence on these: that of each piece on four of
     them in a row, ``derivatives`` (4, pieces, 4), whose numbers are ``which`` (4, pieces)."""
 
     number: int
@@ -36,7 +36,7 @@ class Knots:
         return found
 
     def gather(self, by_pieces: Array) -> Array:
-        """Slopes by knots, (objectives, knots), from those by the pieces' numbers, (objectives, pieces, 4)."""
+        """Derivatives by knots, (objectives, knots), from those by the pieces' numbers, (objectives, pieces, 4)."""
         found = np.zeros((len(by_pieces), self.number))
         for derivatives, which in zip(self.derivatives, self.which, strict=True):
             np.add.at(found.T, which, np.einsum("opk,pk->po", by_pieces, derivatives))
@@ -58,7 +58,7 @@ class InputTrajectory:
 def make_trajectories(
     names: Sequence[str], given: Mapping[str, InputTrajectoryLike], start: float, steps: int, dt: float
 ) -> tuple[InputTrajectory, ...]:  # fmt: skip
-    """Courses of inputs from those ``given`` by name, of a run of so many steps from a time on (s).
+    """Trajectories of inputs from those ``given`` by name, of a run of so many steps from a time on (s).
 
     Raises:
         KeyError: there is no such input.
@@ -111,7 +111,7 @@ def _cubics(t: Array, values: Array, rates: Array | None) -> Array:
 def _linear(
     place: int, times: Array, pieces: Callable[[Mapping[str, Array]], Array], knots: Mapping[str, Array], *, jumps: bool
 ) -> InputTrajectory:  # fmt: skip
-    """A course whose pieces are a linear function of knots, each of four in a row: ones at every fourth say how."""
+    """A trajectory whose pieces are a linear function of knots, each of four in a row: ones at every fourth say how."""
     found = {}
     for kind, values in knots.items():
         first = np.clip(np.arange(len(times)) - 1, 0, max(len(values) - _KNOTS, 0))
@@ -125,8 +125,8 @@ def _linear(
 
 @dataclass(frozen=True, kw_only=True)
 class Columns:
-    """The numbers by which a run is differentiated: columns by ``names``, each of ``by`` but a course with a column for each of its
-    knots, ``name[0]`` on; ``plain`` are columns of other numbers with their names, ``of_knots`` the first column, the course and the
+    """The numbers by which a run is differentiated: columns by ``names``, each of ``by`` but a trajectory with a column for each of its
+    knots, ``name[0]`` on; ``plain`` are columns of other numbers with their names, ``of_knots`` the first column, the trajectory and the
     knots of each other."""
 
     names: tuple[str, ...]
@@ -149,13 +149,13 @@ class Columns:
         return cls(names=tuple(names), plain=plain, of_knots=tuple(of_knots))
 
     def parts(self, trajectory: int) -> Iterator[tuple[slice, Knots]]:
-        """The columns of a course, by its number, and their knots."""
+        """The columns of a trajectory, by its number, and their knots."""
         for first, i, knots in self.of_knots:
             if i == trajectory:
                 yield slice(first, first + knots.number), knots
 
     def changes(self, trajectories: Sequence[InputTrajectory]) -> list[Array | None]:
-        """The change of the numbers of each course along all columns, (columns, pieces, 4); None of one that has none."""
+        """The change of the numbers of each trajectory along all columns, (columns, pieces, 4); None of one that has none."""
         found: list[Array | None] = []
         for i, trajectory in enumerate(trajectories):
             parts = list(self.parts(i))

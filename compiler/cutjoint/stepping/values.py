@@ -93,9 +93,9 @@ class Outputs(Values):
 @with_old_members
 @dataclass(frozen=True, kw_only=True)
 class StepStatistics:
-    """The effort of a step: the ``violation`` (m or rad) of the ``equation`` that stands open by the largest share of its limit, and the
-    largest ``violation_rate`` (m/s or rad/s) at which one opens; the ``change`` of the accelerations by the last iteration, as a share of 1
-    + the largest of them; the smallest ``pivot`` of the factors, as a share of its column, infinity by a method without factors;
+    """The statistics of a step: the ``violation`` (m or rad) of the ``equation`` that stands open by the largest share of its limit, and
+    the largest ``violation_rate`` (m/s or rad/s) at which one opens; the ``change`` of the accelerations by the last iteration, as a share
+    of 1 + the largest of them; the smallest ``pivot`` of the factors, as a share of its column, infinity by a method without factors;
     ``iterations`` (tries of explicit steps) and ``evaluations``."""
 
     violation: float
@@ -345,25 +345,25 @@ STEPS_BESIDE = (-2, -1, 1, 2)
 
 
 def difference(found: Sequence[Array], h: float) -> Array:
-    """The slope of what is found so many steps h (`STEPS_BESIDE`) from a number, to fourth order."""
+    """The derivative of what is found so many steps h (`STEPS_BESIDE`) from a number, to fourth order."""
     return (found[0] - 8 * found[1] + 8 * found[2] - found[3]) / (12 * h)
 
 
 #: The share of a difference by which those of two widths may be apart, and of values what is rounding, or what iterations leave.
 _APART, _ROUNDED = 1e-5, 1e-8
 
-#: The share by which slopes on both sides may be apart: a smooth function bends over the step.
+#: The share by which derivatives on both sides may be apart: a smooth function bends over the step.
 _BENT = 0.1
 
 
 def is_non_smooth(found: Sequence[Array], h: float) -> bool:
-    """Return whether what is found so many steps h (`STEPS_BESIDE`) from a number jumps or has a kink there, row by row.
+    """Return whether what is found so many steps h (`STEPS_BESIDE`) from a number jumps or is not smooth there, row by row.
 
-    Slopes of one side and of both, over one step and over two, are alike where it is smooth.
+    Derivatives of one side and of both, over one step and over two, are alike where it is smooth.
     """
     left, near_left, near_right, right = found
     narrow, wide = (near_right - near_left) / (2 * h), (right - left) / (4 * h)
-    sides = (right - near_right) / h + (left - near_left) / h  # 3 h f''; of a kink the change of the slope
+    sides = (right - near_right) / h + (left - near_left) / h  # 3 h f''; at a non-smooth point the change of the derivative
     size = np.max(np.maximum(np.abs(narrow), np.abs(wide)), axis=-1, keepdims=True, initial=0.0)
     rounding = _ROUNDED / h * np.max(np.abs(found), axis=(0, -1), keepdims=True, initial=0.0)[0]
     return bool((np.abs(narrow - wide) > _APART * size + rounding).any() or (np.abs(sides) > _BENT * size + rounding).any())

@@ -6,8 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StrictInt, StrictStr, Tag, model_validator
 
-from cutjoint.emit.steps import INTEGRATORS_OF_CORE, STEPS
-from cutjoint.methods import DEFAULT_METHOD
+from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS
 from cutjoint.model.document import json_schema
 from cutjoint.model.values import MAX_PIECES, Name, Number, OneOf, Part, Unit, discriminated_by, shape_error
 
@@ -151,8 +150,8 @@ class Document(Part):
     model: StrictStr
     scenes: Annotated[tuple[StrictStr, ...], Field(min_length=1)] | None = None
     tunable: tuple[StrictStr, ...] = ()
-    method: Annotated[str, OneOf(STEPS)] = DEFAULT_METHOD
-    integrator: Annotated[str, OneOf(INTEGRATORS_OF_CORE)] | None = None
+    method: Annotated[str, OneOf(METHODS)] = DEFAULT_METHOD
+    integrator: Annotated[str, OneOf(tuple(INTEGRATORS))] | None = None
     dt: Number | None = None
     end: Number | None = None
     output_step: Number | None = None

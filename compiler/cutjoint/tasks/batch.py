@@ -15,8 +15,9 @@ import numpy as np
 
 from cutjoint.analysis.shaky import require_firmness
 from cutjoint.compile.c_export import fits_lanes
+from cutjoint.compile.derivation import derive
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene, derive, take_artifact
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.emit.simulator import emit_batch
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import RecursiveEquations
@@ -37,6 +38,7 @@ from cutjoint.run.settings import Options, StepSettings, find_integrator, find_t
 from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
 from cutjoint.run.simulator_run import SimulatorRun, Start, start
 from cutjoint.run.stopping import stop_requests
+from cutjoint.tasks.taken import take_artifact
 from cutjoint.toolchain.build import FLAGS, Binary, build
 from cutjoint.toolchain.compiler import must_interpret
 

@@ -14,7 +14,7 @@ import numpy as np
 import sympy
 
 from cutjoint.analysis.closing import evaluate_closures
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.elements.gear import FORCE_UNITS
 from cutjoint.formulate.inputs import TIME, guide_rates, input_parameters
 from cutjoint.formulate.layout import Chart
@@ -101,11 +101,11 @@ class _Inverse:
         forces = np.empty((len(run.t), len(self.drives)))
         redundant = False
         for row in range(len(run.t)):
-            slopes = self._slopes(equations, self._coordinates(equations, artifact.equations.charts, run, row), run.t[row])
-            u, s, v = np.linalg.svd(slopes.T, full_matrices=False)
+            derivatives = self._derivatives(equations, self._coordinates(equations, artifact.equations.charts, run, row), run.t[row])
+            u, s, v = np.linalg.svd(derivatives.T, full_matrices=False)
             able = s > _RANK * s.max(initial=0.0)
             forces[row] = v[able].T @ ((u[:, able].T @ guided[row]) / s[able])
-            left = np.abs(slopes.T @ forces[row] - guided[row])
+            left = np.abs(derivatives.T @ forces[row] - guided[row])
             if left.max() > _LEFT * np.abs(guided).max():
                 joint = self.moved[int(left.argmax())].name
                 drives = ", ".join(j.name for j in self.drives)
@@ -172,7 +172,7 @@ class _Inverse:
             q[chart.q : chart.q + len(chart.coordinate_names)] = known[chart.joint]
         return q
 
-    def _slopes(self, equations: RecursiveEquations, q: Array, t: float) -> Array:
+    def _derivatives(self, equations: RecursiveEquations, q: Array, t: float) -> Array:
         """dq_a/dq of the drives by the prescribed coordinates, (drives, moved)."""
         jacobian = balanced(evaluate_closures(equations, q, t)[1])
         place = {chart.joint: chart.v for chart in equations.charts}
@@ -182,7 +182,7 @@ class _Inverse:
         left = len(rest) - int((s > _RANK * s.max(initial=0.0)).sum())
         if left:
             raise RunError(f"scene '{self._scene.name}' prescribes part of the motion: {left} degrees of freedom left; drive these too")
-        slopes = np.zeros((equations.speeds, len(lead)))
-        slopes[lead] = np.eye(len(lead))
-        slopes[rest] = -np.linalg.lstsq(jacobian[:, rest], jacobian[:, lead], rcond=_RANK)[0] if rest else 0
-        return slopes[[place[joint.name] for joint in self.drives]]
+        derivatives = np.zeros((equations.speeds, len(lead)))
+        derivatives[lead] = np.eye(len(lead))
+        derivatives[rest] = -np.linalg.lstsq(jacobian[:, rest], jacobian[:, lead], rcond=_RANK)[0] if rest else 0
+        return derivatives[[place[joint.name] for joint in self.drives]]

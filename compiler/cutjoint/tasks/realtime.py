@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.compile.pipeline import take_artifact
 from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath, path_of
@@ -23,6 +22,7 @@ from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import ModelLike
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator import call_simulator, failure_of
+from cutjoint.tasks.taken import take_artifact
 from cutjoint.toolchain.compiler import find_compiler
 
 

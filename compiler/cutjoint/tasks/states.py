@@ -14,18 +14,19 @@ import numpy as np
 from cutjoint.analysis.linearise import NoMassError
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.modes import Modes, find_mode_shapes
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted, compile_scene
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.methods import LINEARISED, PLAIN_CLOSURE, Loops
 from cutjoint.model.quantities import POSE, Element, quantities, unit_of
-from cutjoint.model.records import Model, Output, Reaction, Scene
+from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.failures import IncompleteError, describe_failure, is_impossible
 from cutjoint.run.modes import NotReachedError, linearise_at
-from cutjoint.run.results import Array, Columns, FailureReport, MechanismState
+from cutjoint.run.results import Array, Columns, FailureReport, MechanismState, read_held
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import ModelLike, load_model, with_closure, with_loops
 from cutjoint.run.settings import PLAIN_STEPS, require_settings
@@ -55,8 +56,7 @@ def find_equilibrium(
 
 
 def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> MechanismState:
-    """The static equilibrium of a model with every quantity of its bodies, forces and reactions, the forces that hold the scene's positions
-    included.
+    """The static equilibrium of a model with every quantity of its bodies, forces and reactions, and what holds the scene's positions.
 
     Raises:
         NoEquilibriumError: none was found near the design position.
@@ -65,10 +65,8 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
         ToolchainError: the C++ side failed.
         SimulatorError: the simulator could not begin.
     """
-    outputs, sensors = _everything(model), _holding(model, scene)
-    sensed = [Output(element=s.name, quantity=q, span=s.span) for s in sensors.values() for q in quantities(s)]
-    with_sensors = replace(model, reactions=(*model.reactions, *sensors.values()))
-    artifact = compile_interpreted(with_sensors, with_loops(scene, Loops.EXACT), outputs=[*outputs, *sensed])
+    outputs = _everything(model)
+    artifact = compile_interpreted(model, with_loops(scene, Loops.EXACT), outputs=outputs)
     run_file = make_run_file(model, replace(scene, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
     summary = call_simulator(artifact.binary.path, run_file.entries(), description=artifact.description)
     failure = failure_of(summary)
@@ -76,32 +74,7 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
         raise NoEquilibriumError(_said(failure, artifact, parameters), failure)
     values = {name: nan if value is None else value for name, value in summary["columns"].items()}  # not finite: null
     units = {o.column: unit_of(model, o) for o in outputs}
-    held = _holding_forces(model, sensors, values, summary.get("held", {}))
-    return MechanismState(values=Columns({name: values[name] for name in units}), units=Columns(units), held=held)
-
-
-def _holding(model: Model, scene: Scene) -> dict[str, Reaction]:
-    """A sensor for each coordinate that the scene's positions hold, by its name; of joints with one coordinate."""
-    held = {name.rpartition(".")[0]: name for name in scene.positions if name not in scene.near}
-    return {
-        held[j.name]: Reaction(name=f"holding_{i}", joint=j.name, body=j.follower, direction=j.axes[0], span=j.span)
-        for i, j in enumerate(model.joints) if j.name in held and len(j.element.coordinates) == 1 and j.guide is None
-    }  # fmt: skip
-
-
-def _holding_forces(
-    model: Model, sensors: Mapping[str, Reaction], values: Mapping[str, float], released: Mapping[str, float]
-) -> dict[str, tuple[float, str]]:  # fmt: skip
-    """The force (N or N m) with its unit along each held coordinate that would move if ``released``: the reaction less what acts there."""
-    joints, found = {joint.name: joint for joint in model.joints}, dict[str, tuple[float, str]]()
-    for name, sensor in sensors.items():
-        joint = joints[sensor.joint]
-        coordinate = joint.element.coordinates[0]
-        if f"{joint.name}.{coordinate}_rate" in released:
-            turns = joint.element.units[coordinate] == "rad"
-            other = sum(values[f"{f.name}.force"] for f in model.force_elements if f.joint_of == joint.name)
-            found[name] = values[f"{sensor.name}.{'moment' if turns else 'force'}"] - other, "N*m" if turns else "N"
-    return found
+    return MechanismState(values=Columns({name: values[name] for name in units}), units=Columns(units), held=read_held(summary))
 
 
 def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:

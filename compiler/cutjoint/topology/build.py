@@ -28,7 +28,7 @@ def build_topology(model: Model) -> Topology:
     return Topology(
         model=model, tree=tree, cuts=cuts, loops=loops, branches=BodyGraph(tree, cuts, model.gears).branches,
         classes=find_classes(model, BodyGraph(tree, closing, model.gears)),
-        held=tuple(joint for joint in closing if joint.name in closed),
+        embedded=tuple(joint for joint in closing if joint.name in closed),
     )  # fmt: skip
 
 

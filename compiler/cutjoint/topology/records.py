@@ -83,7 +83,7 @@ class SubtreeClass:
 
 @dataclass(frozen=True, kw_only=True)
 class Topology:
-    """The spanning tree (parents first), the cut joints, and what follows from them; ``held`` are joints that assemblies close."""
+    """The spanning tree (parents first), the cut joints, and what follows from them; ``embedded`` are joints that assemblies close."""
 
     model: Model
     tree: tuple[TreeJoint, ...]
@@ -91,7 +91,7 @@ class Topology:
     loops: tuple[Loop, ...]
     branches: tuple[Branch, ...]
     classes: tuple[SubtreeClass, ...]
-    held: tuple[Joint, ...] = ()
+    embedded: tuple[Joint, ...] = ()
 
     def __repr__(self) -> str:
         loops = f"{len(self.cuts)} cut joints, {len(self.loops)} loops, {len(self.classes)} classes of isomorphic subtrees"

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, PositiveInt, ValidationError
 
-from cutjoint.compile.c_export import Standalone, make_standalone
+from cutjoint.compile.c_export import Standalone, for_hosts, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.elements.interaction import Wheel
 from cutjoint.export.laws import Numbers
@@ -135,10 +135,14 @@ def make_drive(
     and extent where nothing says them.  A replay has ``more`` words of its command.
 
     Raises:
-        RunError: a name is none of an input or a parameter, or a unit is another.
+        RunError: a name is none of an input or a parameter, or of one of the start alone, or a unit is another.
         MissingToolsError: there is no compiler for WebAssembly.
         others: as of `pipeline.generate`, `make_standalone` and `Standalone.build_module`.
     """
+    model = for_hosts(model, scene)
+    for name in parameters:
+        if name in model.frozen:
+            raise RunError(f"{model.span.file}: '{name}' changes the start alone, which a page has as numbers; change it in the file")
     rests = {p.name: p.value for p in input_parameters(model)}
     values = {**parameter_values(model, parameters), **rests, **given_inputs(model, parameters)}
     numbers = Numbers.of(model, scene, parameters)
@@ -219,6 +223,7 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
         SimulationError: the drive ended with this fault.
         ToolchainError: the C++ compiler failed.
     """
+    model = for_hosts(model, scene)
     alone = simulated(model, scene, method)
     drive = _read_drive(path)
     if drive.mark != alone.mark:

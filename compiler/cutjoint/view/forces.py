@@ -114,7 +114,7 @@ class ForceNodes(Placed):
         road, parts = self.scene.road, []
         tracks = [(road.left, 0.0, max(way[:, 1].max(), 0.0) + margin / 2), (road.right, min(way[:, 1].min(), 0.0) - margin / 2, 0.0)]
         for segments, right, left in tracks:
-            x, z = _course(profile_pieces(segments, road.start), float(x0), float(x1))
+            x, z = _profile(profile_pieces(segments, road.start), float(x0), float(x1))
             surface = surface_of(road)
             whole = meshes.strip(x, z, left, right) if surface is None else _relief(surface, x, z, right, left)
             middle = whole.points[whole.faces].mean(axis=1)
@@ -137,7 +137,7 @@ def _relief(surface: Surface, x: Array, z: Array, right: float, left: float) -> 
     return meshes.relief(along, across, heights + np.interp(along, x, z)[:, np.newaxis])
 
 
-def _course(pieces: list[Piece], first: float, last: float) -> tuple[Array, Array]:
+def _profile(pieces: list[Piece], first: float, last: float) -> tuple[Array, Array]:
     """Places along a road and its heights there, both sides of a step."""
     begins = [piece.begin for piece in pieces]
     x, z = [], []
@@ -176,13 +176,13 @@ class Arrows(Placed):
     def all(self) -> tuple[Node, ...]:
         """A node for each force and reaction, its arrow as long beside the longest of all as its force is."""
         found = [*self._forces(), *self._reactions()]
-        largest = max((float(np.linalg.norm(push, axis=1).max()) for _, _, _, push in found), default=0.0)
+        largest = max((float(np.linalg.norm(force, axis=1).max()) for _, _, _, force in found), default=0.0)
         return tuple(self._arrow(*each, largest) for each in found) if largest > 0 else ()
 
-    def _arrow(self, name: str, is_reaction: bool, place: Array, push: Array, largest: float) -> Node:
+    def _arrow(self, name: str, is_reaction: bool, place: Array, force: Array, largest: float) -> Node:
         length = _LONGEST * self.sizes.extent
-        size = np.maximum(np.linalg.norm(push, axis=1) / largest, _SMALLEST)
-        seen = np.where(np.linalg.norm(push, axis=1, keepdims=True) > _SMALLEST * largest, push, [0.0, 0.0, 1.0])
+        size = np.maximum(np.linalg.norm(force, axis=1) / largest, _SMALLEST)
+        seen = np.where(np.linalg.norm(force, axis=1, keepdims=True) > _SMALLEST * largest, force, [0.0, 0.0, 1.0])
         part = Part(mesh=meshes.arrow(length), colour=REACTION if is_reaction else FORCE)
         return Node(
             name=f"{'reaction' if is_reaction else 'force'} {name}", parts=(part,), translation=place, rotation=along(seen),
@@ -204,8 +204,8 @@ class Arrows(Placed):
             joint, axes = joints[reaction.joint], self.poses[reaction.body].rotation
             place = self.place(joint.follower, joint.to or joint.at)
             if reaction.direction is not None:
-                if (push := self.column(reaction.name, "force")) is not None:
-                    yield reaction.name, True, place, push * (axes @ point_of(self.numbers, reaction.direction))
+                if (force := self.column(reaction.name, "force")) is not None:
+                    yield reaction.name, True, place, force * (axes @ point_of(self.numbers, reaction.direction))
             elif (parts := self.triple(reaction.name)) is not None:
                 yield reaction.name, True, place, _turned(axes, parts)
 
@@ -228,7 +228,7 @@ class ForceVisual:
     arrows: Arrows
     force: Force
 
-    def pull(self, start: Point, end: Point, quantity: str) -> Arrow:
+    def apply_force_pair(self, start: Point, end: Point, quantity: str) -> Arrow:
         """A tension on the end, towards the start."""
         place = self.arrows.point(self.force, end)
         way = self.arrows.point(self.force, start) - place

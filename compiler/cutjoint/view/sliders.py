@@ -21,6 +21,7 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.model.quantities import JOINT_QUANTITIES
 from cutjoint.model.records import GROUND, Force, Model, Scene, Vector
+from cutjoint.ops import OPERATIONS, fact
 from cutjoint.program.blocks import Block
 from cutjoint.program.lower import Lowering
 from cutjoint.program.scalars import Graph, Scalar
@@ -133,10 +134,6 @@ def coordinates_of(
     return q
 
 
-_OPERATORS = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "and": "&&", "or": "||"}
-_FUNCTIONS = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "abs", "pow")
-
-
 def print_function(name: str, blocks: Sequence[Block], values: Mapping[str, Array], places: Mapping[str, int]) -> str:
     """A function of an array q that returns the elements of blocks, row by row.
 
@@ -164,7 +161,7 @@ def _expression(graph: Graph, node: Scalar, values: Mapping[str, Array], places:
         return f"!{arguments[0]}"
     if node.op == "where":
         return f"{arguments[0]} ? {arguments[1]} : {arguments[2]}"
-    if node.op in _OPERATORS:
-        return f" {_OPERATORS[node.op]} ".join(arguments)
-    assert node.op in _FUNCTIONS, node.op
+    if infix := OPERATIONS[node.op].infix:
+        return f" {infix} ".join(arguments)
+    assert fact(node.op, "standard")
     return f"Math.{node.op}({', '.join(arguments)})"

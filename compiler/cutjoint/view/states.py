@@ -103,24 +103,24 @@ def show_directions(model: Model, scene: Scene, equations: RecursiveEquations, p
     mover = Mover(model=model, scene=scene, parameters={})
     motions = [
         Motion(
-            name=f"free: {equations.speed_names[leader]}", facts=_facts(equations, column),
+            name=f"free: {equations.speed_names[dominant]}", facts=_facts(equations, column),
             poses=mover.swing(pose.q, column.astype(np.complex128)),
         )
-        for leader, column in free_directions(pose.free)
+        for dominant, column in free_directions(pose.free)
     ]  # fmt: skip
     return replace(_shown(mover, pose.q, motions), graph=graph)
 
 
 def free_directions(free: Array) -> Iterator[tuple[int, Array]]:
     """The directions (speeds,) of a space (speeds, directions), each with the speed that is 1 in it and 0 in all others."""
-    rest, leaders = free.copy(), []
+    rest, dominants = free.copy(), []
     for _ in range(free.shape[1]):
-        leader = int(np.linalg.norm(rest, axis=1).round(9).argmax())
-        leaders.append(leader)
-        along = rest[leader] / np.linalg.norm(rest[leader])
+        dominant = int(np.linalg.norm(rest, axis=1).round(9).argmax())
+        dominants.append(dominant)
+        along = rest[dominant] / np.linalg.norm(rest[dominant])
         rest -= np.outer(rest @ along, along)
-    basis = free @ np.linalg.inv(free[leaders]) if leaders else free
-    yield from sorted(zip(leaders, np.where(np.abs(basis) > _PART, basis, 0.0).T, strict=True), key=lambda pair: pair[0])
+    basis = free @ np.linalg.inv(free[dominants]) if dominants else free
+    yield from sorted(zip(dominants, np.where(np.abs(basis) > _PART, basis, 0.0).T, strict=True), key=lambda pair: pair[0])
 
 
 def _facts(equations: RecursiveEquations, direction: Array) -> tuple[tuple[str, str], ...]:

@@ -21,9 +21,10 @@ from rich.console import Console
 from rich.table import Table
 
 import cutjoint
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted, compile_scene
-from cutjoint.formulate.switches import jump_times
+from cutjoint.compile.pipeline import compile_scene
+from cutjoint.formulate.events import jump_times
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model, read_model_text

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from cutjoint.analysis.closing import close_loops, design_coordinates, retract
 from cutjoint.analysis.mobility import find_mobility
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.importing.closing import close
 from cutjoint.importing.document import Document

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import click
 
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, names_of
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory

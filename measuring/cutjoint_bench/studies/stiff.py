@@ -15,7 +15,8 @@ from rich.console import Console
 from rich.table import Table
 
 from cutjoint.analysis.closing import design_coordinates, make_inputs
-from cutjoint.compile.pipeline import compile_model, derive
+from cutjoint.compile.derivation import derive
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.model.read import read_model
 from cutjoint.program.interpret import Array, interpret_blocks
 from cutjoint.run.simulation import simulate

@@ -54,7 +54,7 @@ def note(name):
 import sympy
 note("import SymPy")
 from cutjoint.commands import simulate
-from cutjoint.compile import pipeline
+from cutjoint.compile import derivation
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.model.read import read_model
 from cutjoint.compile.systems import schedule_system
@@ -63,8 +63,8 @@ note("other imports")
 model = read_model(Path(sys.argv[1]))
 scene, method = model.scenes[sys.argv[2]], sys.argv[3]
 note("read the model")
-has_system = pipeline.METHODS[method].has_system
-equations = pipeline.derive(model, scene, () if has_system else scene.outputs)
+has_system = derivation.METHODS[method].has_system
+equations = derivation.derive(model, scene, () if has_system else scene.outputs)
 note("topology, equations of the mechanism")
 if has_system:
     scheduled = schedule_system(equations.starting, method, tuple(scene.outputs), lanes=True)
@@ -72,7 +72,7 @@ if has_system:
 else:
     scheduled = equations, schedule_recursive(equations, lanes=True)
     note("lanes, lowering, common terms")
-source = pipeline.emit_scheduled(*scheduled)
+source = derivation.emit_scheduled(*scheduled)
 note("printing")
 write_source(source, Path(sys.argv[4]))
 print(json.dumps(times))

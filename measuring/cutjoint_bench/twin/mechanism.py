@@ -15,7 +15,7 @@ from cutjoint.elements.joint import (
     Carried,
     Condition,
     Direction,
-    JointGap,
+    JointDisplacement,
     Offset,
     Product,
     Products,
@@ -167,8 +167,8 @@ def _product(product: Product) -> Json:
     return {"left": _factor(product.left), "right": _factor(product.right), "weight": float(product.weight)}
 
 
-def _factor(factor: Carried | JointGap) -> list[str]:
-    return ["way"] if isinstance(factor, JointGap) else [factor.end, factor.direction]
+def _factor(factor: Carried | JointDisplacement) -> list[str]:
+    return ["way"] if isinstance(factor, JointDisplacement) else [factor.end, factor.direction]
 
 
 def _force(trees: Trees, force: Any, topology: Topology, tyres: Sequence[str]) -> Json:

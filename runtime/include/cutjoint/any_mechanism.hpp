@@ -42,7 +42,7 @@ class AnyMechanism {
   virtual void sample(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda, what controllers hold next; only models with controllers
   virtual void project(const Real* q, const Real* violation, Real* dz) const { (void)q, (void)violation, (void)dz, throw_no_projection(); }
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
-  virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v, the values of the switches; only models that have some
+  virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v, the values of the indicators; only models that have some
   virtual void domains(const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, lambda, the margins of the domains; only models that have some
 };
 

@@ -48,7 +48,7 @@ struct Domain {
   int cure = -1;
 };
 
-struct Switch {
+struct EventIndicator {
   const char* element;
   const char* place;
   int road;
@@ -75,7 +75,7 @@ struct Mechanism {
   List<Named> inputs{};
   List<Guard> guards{};
   List<Domain> domains{};
-  List<Switch> switches{};
+  List<EventIndicator> indicators{};
   List<Controller> controllers{};
   List<double> nominals{};
   int states = 0;

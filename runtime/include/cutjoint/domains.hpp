@@ -34,7 +34,7 @@ inline Failure left_load(const Domain& domain, double margin, double most, const
                  "take coefficients of friction " + std::string(factor) + " times as large, or smaller: with these there is one value here");
 }
 
-/// The first law of a mechanism or system that has no value on the way from a state.
+/// The first law of a mechanism or system that has no value on the displacement from a state.
 template <class Subject>
 class Domains {
  public:

@@ -32,8 +32,7 @@ class Stopwatch {
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
-/// Integrates the power of all forces, guides and drives of a mechanism or system over the steps that a run takes, by Gauss's formula of three
-/// places inside each.
+/// Integrates the power of all forces, guides and drives of a mechanism or system over the steps that a run takes, by Gauss's formula of three places inside each.
 template <class Subject>
 class EnergyBalance {
  public:
@@ -41,7 +40,7 @@ class EnergyBalance {
 
   /// From a start on.
   EnergyBalance(Subject& subject, const State<Real>& start)
-      : subject_(subject), charts_(subject.description().charts), joints_(start.v.size() - subject.description().states), last_(start), between_(start), way_(start.v), rate_(start.v), delta_(start.v),
+      : subject_(subject), charts_(subject.description().charts), joints_(start.v.size() - subject.description().states), last_(start), between_(start), shift_(start.v), rate_(start.v), delta_(start.v),
         speeds_(start.v), book_(start.t, measure(start)[0]) {}
 
   /// A step has ended; `between` makes a state that of a time within the step.  Accelerations and multipliers, which matter to guides, are on the
@@ -117,20 +116,20 @@ class EnergyBalance {
   /// The way from the last state to another in the chart of the former, and its rate there.
   void join(const State<Real>& end) {
     if (charts_.empty()) {
-      for (std::size_t i = 0; i < joints_; ++i) way_[i] = end.q[i] - last_.q[i];
+      for (std::size_t i = 0; i < joints_; ++i) shift_[i] = end.q[i] - last_.q[i];
       rate_ = end.v;
       return;
     }
-    displacement<Real>(charts_, last_.q.data(), end.q.data(), way_.data());
-    chart_rates<Real>(charts_, way_.data(), end.v.data(), rate_.data());
+    displacement<Real>(charts_, last_.q.data(), end.q.data(), shift_.data());
+    chart_rates<Real>(charts_, shift_.data(), end.v.data(), rate_.data());
   }
 
   /// The state at the share s of the step; first-order states by a cubic too.
   void follow(const State<Real>& end, Real s, State<Real>& state) {
     const Real h = end.t - last_.t, left = 1 - s;
     for (std::size_t i = 0; i < joints_; ++i) {
-      delta_[i] = s * s * (1 + 2 * left) * way_[i] + h * s * left * (left * last_.v[i] - s * rate_[i]);
-      state.v[i] = 6 * s * left * way_[i] / h + left * (1 - 3 * s) * last_.v[i] + s * (3 * s - 2) * rate_[i];
+      delta_[i] = s * s * (1 + 2 * left) * shift_[i] + h * s * left * (left * last_.v[i] - s * rate_[i]);
+      state.v[i] = 6 * s * left * shift_[i] / h + left * (1 - 3 * s) * last_.v[i] + s * (3 * s - 2) * rate_[i];
     }
     for (std::size_t i = joints_; i < state.v.size(); ++i)
       state.v[i] = last_.v[i] + s * s * (1 + 2 * left) * (end.v[i] - last_.v[i]) + h * s * left * (left * last_.vdot[i] - s * end.vdot[i]);
@@ -173,7 +172,7 @@ class EnergyBalance {
   const std::vector<Chart>& charts_;
   std::size_t joints_;  ///< speeds, before first-order states
   State<Real> last_, between_;
-  std::vector<Real> way_, rate_, delta_, speeds_;
+  std::vector<Real> shift_, rate_, delta_, speeds_;
   EnergyBook<Real> book_;
   double seconds_ = 0.0;
 };

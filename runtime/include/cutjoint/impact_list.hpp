@@ -20,7 +20,7 @@ class ImpactList {
 
   ImpactList(const Subject& subject, std::optional<EnergyBalance<Subject>>& energy) : subject_(subject), energy_(energy) {}
 
-  /// The motion goes on from an impact of a switch's guide, which has done work.
+  /// The motion goes on from an impact of an indicator's guide, which has done work.
   void leave(const State<Real>& state, Real work, std::size_t which) {
     if (energy_) energy_->strike(state, work);
     found_.push_back({static_cast<double>(state.t), static_cast<double>(work), std::string(element_of(which))});
@@ -40,8 +40,8 @@ class ImpactList {
   };
 
   std::string_view element_of(std::size_t which) const {
-    const auto& switches = subject_.description().switches;
-    return which < switches.size() ? switches[which].element : std::string_view();
+    const auto& indicators = subject_.description().indicators;
+    return which < indicators.size() ? indicators[which].element : std::string_view();
   }
 
   const Subject& subject_;

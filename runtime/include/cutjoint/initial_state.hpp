@@ -36,6 +36,7 @@ class InitialState {
   /// A mechanism at rest, which no guide moves.  Throws Failure.
   const State<Real>& at_rest() {
     require_none(initialisation_.rest(state_, read_positions()), d_);
+    find_held();
     return state_;
   }
 
@@ -53,13 +54,8 @@ class InitialState {
   /// Penalties of the cut joints, known when a start has been found; the closure `penalty` has one for all.
   const std::vector<Real>& penalties() const { return initialisation_.penalties(); }
 
-  /// Coordinates of a mechanism at rest that the run file holds against a force, with their accelerations if they were released.
-  std::vector<Named> held() const {
-    std::vector<Named> held;
-    for (std::size_t i = 0; i < d_.speeds.size(); ++i)
-      if (const auto released = static_cast<double>(initialisation_.released(i))) held.push_back({d_.speeds[i], "", released});
-    return held;
-  }
+  /// The forces along coordinates that the run file holds in the pose at rest, by speeds; none where nothing carries one.
+  const Json& held() const { return held_; }
 
   /// Independent speeds that neither run file nor loops determine.
   const std::vector<std::string>& undetermined() const { return undetermined_; }
@@ -67,6 +63,12 @@ class InitialState {
  private:
   /// Where another code has come to, moved as little as closes the loops.
   const State<Real>& going_on(const Json& begin);
+
+  void find_held() {
+    const auto& forces = initialisation_.holding();
+    for (std::size_t i = 0; i < d_.speeds.size(); ++i)
+      if (forces[i] != Real(0)) held_[std::string(d_.speeds[i])] = static_cast<double>(forces[i]);
+  }
 
   /// The mechanism with the inputs of the run.
   M& driven(M& mechanism) {
@@ -99,12 +101,15 @@ class InitialState {
   ModelData<Real> data_;
   Initialisation<M> initialisation_;
   std::vector<std::string> undetermined_;
+  Json held_ = Json::object();
 };
 
 template <Mechanism M>
 const State<typename M::real_type>& InitialState<M>::in_motion() {
   if (file_.contains("begin")) return going_on(read_object(file_, "begin"));
   require_none(initialisation_.place(state_, read_positions()), d_);
+  initialisation_.find_holding(state_);
+  find_held();
   const std::vector<unsigned char> moving = read("rates", d_.speeds, state_.v);
   std::vector<unsigned char> free(moving.size());
   initialisation_.find_undetermined(state_, moving, free);

@@ -26,7 +26,7 @@ struct Guard {
 
 /// A value at whose change of sign a force, a guide or a drive goes over to another formula, or a tyre at a break of its road; the element that it
 /// belongs to, and the line of the model's file.
-struct Switch {
+struct EventIndicator {
   std::string_view element;
   std::string_view place;
   int road = -1;
@@ -65,7 +65,7 @@ struct Description {
   std::vector<Named> inputs{};                ///< inputs with the model's values, SI units
   std::vector<Guard> guards{};                ///< forces that must not act
   std::vector<Domain> domains{};              ///< where laws may have no value
-  std::vector<Switch> switches{};             ///< where formulas change
+  std::vector<EventIndicator> indicators{};             ///< where formulas change
   std::size_t states = 0;                     ///< number of the first-order states
   std::vector<Controller> controllers{};      ///< what holds values between samples
   std::vector<double> nominals{};             ///< usual sizes of the first-order states, none where all are 1

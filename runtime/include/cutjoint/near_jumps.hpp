@@ -19,16 +19,16 @@ template <class Subject>
 void report_moved(Subject& subject, const State<typename Subject::real_type>& state, typename Subject::real_type time,
                   typename Subject::real_type* column) {
   using Real = typename Subject::real_type;
-  std::vector<Real> q = state.q, v = state.v, way = state.v;
+  std::vector<Real> q = state.q, v = state.v, shift = state.v;
   for (std::size_t i = 0; i < v.size(); ++i) {
-    way[i] = time * state.v[i];
+    shift[i] = time * state.v[i];
     v[i] += time * state.vdot[i];
   }
   const auto& charts = subject.description().charts;
   if (charts.empty())
-    for (std::size_t i = 0; i < q.size(); ++i) q[i] += way[i];
+    for (std::size_t i = 0; i < q.size(); ++i) q[i] += shift[i];
   else
-    retract<Real>(charts, state.q.data(), way.data(), q.data());
+    retract<Real>(charts, state.q.data(), shift.data(), q.data());
   subject.report(q.data(), v.data(), state.vdot.data(), state.lambda.data(), column);
 }
 
@@ -69,8 +69,7 @@ class NearJumps {
     double after, size;
   };
 
-  /// Whether a column that differs by `change` at an `end` jumps on the way there, and where.  The difference of a smooth or steep column
-  /// falls with the distance.
+  /// Whether a column that differs by `change` at an `end` jumps on the way there, and where.  The difference of a smooth or steep column falls with the distance.
   template <class Report>
   void find(Real t, std::size_t column, Real here, Real end, Real change, Report report) {
     using std::abs;

@@ -29,22 +29,13 @@ inline constexpr std::array tasks{
 inline constexpr std::array poses{Meaning<Pose>{"design", Pose::design}, Meaning<Pose>{"equilibrium", Pose::equilibrium}};
 inline constexpr std::array closures{Meaning<Closure>{"penalty", Closure::penalty}, Meaning<Closure>{"proximal", Closure::proximal},
                                     Meaning<Closure>{"solved", Closure::solved}};
-inline constexpr std::array integrators{
-    Meaning<Integrator>{"trapezoidal", Integrator::trapezoidal},
-    Meaning<Integrator>{"rk4", Integrator::rk4},
-    Meaning<Integrator>{"dormand-prince", Integrator::dormand_prince},
-    Meaning<Integrator>{"dop853", Integrator::dop853},
-    Meaning<Integrator>{"radau5", Integrator::radau5},
-    Meaning<Integrator>{"radau5-fixed", Integrator::radau5_fixed},
-    Meaning<Integrator>{"generalised-alpha", Integrator::generalised_alpha},
-};
 
 }  // namespace words
 
-/// The abilities of a program: its tasks and integrators, whether it has linear solvers, and whether an extension adds an integrator.
+/// The abilities of a program: its tasks, the mark of its integrators in their rows, whether it has linear solvers, and whether an extension adds an integrator.
 struct Abilities {
   std::vector<Task> tasks;
-  std::vector<Integrator> integrators;
+  bool IntegratorRow::*integrators;
   bool solvers = false;
   bool (*added)(const std::string& integrator) = nullptr;
 };
@@ -89,7 +80,14 @@ class SettingsReader {
   Integrator integrator() const {
     const Json& word = value_of(file_, "integrator");
     const bool is_added = abilities_.added != nullptr && word.is_string() && abilities_.added(word.get<std::string>());
-    return is_added ? Integrator::added : able("integrator", words::integrators, abilities_.integrators);
+    if (is_added) return Integrator::added;
+    std::vector<std::string_view> names;
+    for (std::size_t i = 0; i < integrator_rows.size(); ++i) {
+      if (!(integrator_rows[i].*abilities_.integrators)) continue;
+      if (word == integrator_rows[i].name) return Integrator(i);
+      names.push_back(integrator_rows[i].name);
+    }
+    refuse("integrator", "is " + word.dump() + " and not one of " + listed(names));
   }
 
   StabilisationSettings stabilisation() const {
@@ -111,16 +109,12 @@ class SettingsReader {
 
   /// Check that settings agree with each other.
   void require_agreement(const RunSettings& s) const {
-    const Integrator integrator = s.integrator;
-    const bool is_explicit = integrator == Integrator::rk4 || integrator == Integrator::dormand_prince || integrator == Integrator::dop853;
-    const bool is_implicit = integrator == Integrator::radau5 || integrator == Integrator::radau5_fixed;
-    if ((is_explicit || is_implicit) && !s.absolute_tolerance) refuse_null("absolute_tolerance");
-    if (integrator == Integrator::generalised_alpha && !s.spectral_radius) refuse_null("spectral_radius");
-    if (abilities_.solvers && integrator != Integrator::added && !s.solver) refuse_null("solver");
-    const bool can_be_projected = integrator == Integrator::trapezoidal || integrator == Integrator::added || is_explicit;
-    if (is_projected(s.stabilisation.closure) && !can_be_projected)
-      refuse("closure", s.stabilisation.closure == Closure::solved ? "is \"solved\", which trapezoidal, rk4, dormand-prince and dop853 take; write \"penalty\""
-                                                                   : "is \"proximal\", which trapezoidal, rk4, dormand-prince and dop853 take; write \"penalty\"");
+    const IntegratorRow& row = integrator_rows[static_cast<std::size_t>(s.integrator)];
+    if (row.absolute_tolerance && !s.absolute_tolerance) refuse_null("absolute_tolerance");
+    if (row.spectral_radius && !s.spectral_radius) refuse_null("spectral_radius");
+    if (abilities_.solvers && s.integrator != Integrator::added && !s.solver) refuse_null("solver");
+    if (is_projected(s.stabilisation.closure) && !row.projected)
+      refuse("closure", "is " + file_.at("stabilisation").at("closure").dump() + ", which this integrator does not take; write \"penalty\"");
   }
 
   [[noreturn]] void refuse_null(std::string_view key) const { refuse(key, "is null, but a run with these settings needs it"); }

@@ -89,7 +89,7 @@ class Run {
       const auto& start = initial_state_.at_rest();
       method_.begin(start, initial_state_.penalties(), 0.0);
       Json found = columns();
-      for (const Named& held : initial_state_.held()) found["held"][std::string(held.name)] = held.value;
+      found["held"] = initial_state_.held();
       return found;
     }
     const auto& start = initial_state_.in_motion();
@@ -282,7 +282,7 @@ class Run {
   }
 
   Json counts() const {
-    Json summary{{"steps", steps_ - first_}, {"seconds", seconds_}, {"undetermined", initial_state_.undetermined()}};
+    Json summary{{"steps", steps_ - first_}, {"seconds", seconds_}, {"undetermined", initial_state_.undetermined()}, {"held", initial_state_.held()}};
     method_.summarise(summary);
     if (near_jumps_) near_jumps_->summarise(summary, method_.columns());
     return summary;

@@ -21,7 +21,7 @@ template <class Real>
 struct Trajectory {
   int input;
   std::vector<Real> t, value;
-  std::vector<Real> rate;  ///< empty where the course is straight between samples
+  std::vector<Real> rate;  ///< empty where the trajectory is straight between samples
 
   void write(Real now, Real* numbers) const {
     if (t.empty()) {
@@ -53,8 +53,7 @@ std::vector<Real> rates_at(const std::vector<Real>& t, const std::vector<Real>& 
 }
 
 /// The inputs of a run file, a source of a mechanism or system: under "inputs" by name a number, or samples "t" and "value" with
-/// "interpolation" "cubic" (the default) or "linear", a cubic one with "rate" if its rates are known.  An input that the file does not give
-/// follows the scene.
+/// "interpolation" "cubic" (the default) or "linear", a cubic one with "rate" if its rates are known.  An input that the file does not give follows the scene.
 template <class Real>
 class RunInputs {
  public:

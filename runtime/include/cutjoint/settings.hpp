@@ -8,12 +8,12 @@
 #include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/stabilisation.hpp"
 #include "cutjoint/core/trapezoidal.hpp"
+#include "cutjoint/integrator_table.hpp"
 
 namespace cutjoint {
 
 enum class Task { simulate, realtime, equilibrium, evaluate, factor, batch };
 enum class Pose { design, equilibrium };
-enum class Integrator { trapezoidal, rk4, dormand_prince, dop853, radau5, radau5_fixed, generalised_alpha, added };
 
 /// The settings of a run as its run file has them, each within its range; what has no value is found by the run, or not used by it.
 ///

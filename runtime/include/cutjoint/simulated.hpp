@@ -159,7 +159,7 @@ class Simulated {
     list_.summarise(summary);
     if (Integrator::knows_residuals || !measured_.empty() || energy_) summarise_residuals(summary);
     if constexpr (finds_events) {
-      stepping::summarise(steps().stepper().counts(), subject_.description().switches, summary);
+      stepping::summarise(steps().stepper().counts(), subject_.description().indicators, summary);
       if constexpr (requires { steps().stepper().scheme().stiff(); }) summary["stiff_steps"] = steps().stepper().scheme().stiff();
     }
   }
@@ -238,7 +238,7 @@ class Simulated {
   /// Throws Failure where there is a fault.
   void require(const Fault& fault, std::string_view method) const {
     if (!fault) return;
-    const Failure failure = failure_of(fault, subject_.description(), fault.list == FaultList::switches ? "" : method);
+    const Failure failure = failure_of(fault, subject_.description(), fault.list == FaultList::indicators ? "" : method);
     if constexpr (is_newton) throw explain_tangent(subject_.description(), fault, steps().newton().tangent().data(), failure);
     throw failure;
   }

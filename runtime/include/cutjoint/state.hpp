@@ -41,14 +41,14 @@ Failure failure_of(const Fault& fault, const Described& d, std::string_view meth
   what += text_of(fault.cause);
   if (fault.cause == Cause::not_converged || fault.cause == Cause::newton_not_converged) what += " in " + std::to_string(fault.iterations) + " iterations";
   const auto index = static_cast<std::size_t>(fault.index);
-  if (fault.list == FaultList::switches)
-    what.replace(0, std::string("a force").size(), "'" + std::string(d.switches[index].element) + "' (" + std::string(d.switches[index].place) + ")");
+  if (fault.list == FaultList::indicators)
+    what.replace(0, std::string("a force").size(), "'" + std::string(d.indicators[index].element) + "' (" + std::string(d.indicators[index].place) + ")");
   if (fault.list == FaultList::controllers)
     what.replace(0, std::string("a controller").size(), "the controller '" + std::string(d.controllers[index].name) + "' (" + std::string(d.controllers[index].place) + ")");
   const std::string name(fault.list == FaultList::speeds        ? speeds_of(d)[index]
                          : fault.list == FaultList::coordinates ? d.coordinates[index]
                          : fault.list == FaultList::equations   ? d.equations[index]
-                         : fault.list == FaultList::switches    ? d.switches[index].element
+                         : fault.list == FaultList::indicators    ? d.indicators[index].element
                          : fault.list == FaultList::controllers ? d.controllers[index].name
                                                                 : "");
   return Failure(what, fault.t, fault.step, name, fault.value, advice_of(fault));

@@ -41,8 +41,8 @@ class AttitudeForce(Interaction):
         back = b.scale(stiffness, m.from_body(Carrier.FOLLOWER, theta)) if force.stiffness != 0 else b.zero(3)
         drag = b.scale(damping, b.sub(m.spin(Carrier.FOLLOWER), m.spin(Carrier.BASE))) if force.damping != 0 else b.zero(3)
         torque = b.neg(b.add(back, drag))
-        m.turn(Carrier.FOLLOWER, torque)
-        m.turn(Carrier.BASE, b.neg(torque))
+        m.apply_torque(Carrier.FOLLOWER, torque)
+        m.apply_torque(Carrier.BASE, b.neg(torque))
         columns = {"M": m.in_body(Carrier.FOLLOWER, torque), "r": theta}
         potential = b.mul(b.number(0.5), b.mul(stiffness, b.dot(theta, theta)))
         return {"potential": potential, **{f"{name}{axis}": b.element(c, i) for name, c in columns.items() for i, axis in enumerate("xyz")}}

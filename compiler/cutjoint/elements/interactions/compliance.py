@@ -37,16 +37,16 @@ class Compliance(Interaction):
     def act(self, force: Force, m: Mechanics) -> dict[str, Block]:
         """Three laws push the follower along the axes, three work on the rotations about them."""
         b, place, rotation = m.b, m.along(self.base, self.follower, self.frame), m.rotation(self.frame)
-        places, rates, by_turn = (place.x, rotation.x), (place.v, rotation.v), rotation.by_turn
+        places, rates, by_rotation = (place.x, rotation.x), (place.v, rotation.v), rotation.by_rotation
         laws = [
             m.scalar(law, {"position": b.element(places[i // 3], i % 3), "rate": b.element(rates[i // 3], i % 3)})
             for i, law in enumerate(force.expressions)
         ]
-        push, twist = b.letter(b.column(laws[:3]), "F"), b.letter(b.column(laws[3:]), "M")
-        columns = {"F": push, "M": b.mul(b.transpose(by_turn), twist), "d": places[0], "r": places[1]}
+        applied, torque = b.letter(b.column(laws[:3]), "F"), b.letter(b.column(laws[3:]), "M")
+        columns = {"F": applied, "M": b.mul(b.transpose(by_rotation), torque), "d": places[0], "r": places[1]}
         quantities = {f"{name}{axis}": b.element(block, i) for name, block in columns.items() for i, axis in enumerate("xyz")}
-        m.apply_force_along(self.base, self.follower, self.frame, push)
-        m.twist(self.frame, twist)
+        m.apply_force_along(self.base, self.follower, self.frame, applied)
+        m.apply_frame_torque(self.frame, torque)
         return quantities
 
     def values(self, force: Force, m: Mechanics) -> dict[str, Block]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class LineForce(Interaction):
-    """A tension, a law over ``length`` (m) of the way from start to end and its ``rate`` (m/s)."""
+    """A tension, a law over ``length`` (m) of the displacement from start to end and its ``rate`` (m/s)."""
 
     start: Point
     end: Point
@@ -28,19 +28,19 @@ class LineForce(Interaction):
         """The tension draws both points together."""
         n, values = self._stretch(m)
         law = m.law(force.law, values, self.position)
-        m.pull(self.start, self.end, m.b.neg(m.b.scale(law["force"], n)))
+        m.apply_force_pair(self.start, self.end, m.b.neg(m.b.scale(law["force"], n)))
         return {**law, **values}
 
     def values(self, force: LawForce, m: Mechanics) -> dict[str, Block]:
-        """The length of the way, and its rate."""
+        """The length of the displacement, and its rate."""
         return self._stretch(m)[1]
 
     def _stretch(self, m: Mechanics) -> tuple[Block, dict[str, Block]]:
-        """The direction of the way, its length, and the length's rate."""
-        b, way = m.b, m.way(self.start, self.end)
-        length = b.call("sqrt", b.dot(way.x, way.x))
-        n = b.letter(b.scale(b.call("div", b.number(1.0), length), way.x), "n")
-        return n, {"length": length, "rate": b.dot(n, way.v)}
+        """The direction of the displacement, its length, and the length's rate."""
+        b, displacement = m.b, m.displacement(self.start, self.end)
+        length = b.call("sqrt", b.dot(displacement.x, displacement.x))
+        n = b.letter(b.scale(b.call("div", b.number(1.0), length), displacement.x), "n")
+        return n, {"length": length, "rate": b.dot(n, displacement.v)}
 
     def swapped(self, force: LawForce) -> Mapping[str, Any]:
         """Both ends change places."""
@@ -52,4 +52,4 @@ class LineForce(Interaction):
 
     def arrow(self, force: LawForce, context: VisualContext) -> Arrow:
         """The tension on the follower."""
-        return context.pull(self.start, self.end, "force")
+        return context.apply_force_pair(self.start, self.end, "force")

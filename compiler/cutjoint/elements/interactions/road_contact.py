@@ -112,7 +112,7 @@ class Ground:
         return b.call("atan", b.call("div", b.dot(self.n, self.axis), b.dot(self.n, self.e_z)))
 
     def distance(self, b: Builder) -> Block:
-        """The way from the road to the centre along ``e_z``, m."""
+        """The displacement from the road to the centre along ``e_z``, m."""
         return b.call("div", b.mul(self.clearance, self.n_z), b.dot(self.n, self.e_z))
 
 

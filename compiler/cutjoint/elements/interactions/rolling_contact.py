@@ -38,8 +38,9 @@ class RollingContact(WheelContact):
             b.call("where", touches, m.scalar(component, values), b.zero(1)) for component in (*force.force, *force.moment)
         ]  # fmt: skip
         directions = (road.e_x, road.e_y, road.n)
-        push, turn = (b.total([b.scale(x, e) for x, e in zip(part, directions, strict=True)]) for part in (components[:3], components[3:]))
-        m.apply_force_at_offset(self.centre, b.neg(b.scale(values["loaded_radius"], road.e_z)), push, turn)
+        parts = components[:3], components[3:]
+        applied, moment = (b.total([b.scale(x, e) for x, e in zip(part, directions, strict=True)]) for part in parts)
+        m.apply_force_at_offset(self.centre, b.neg(b.scale(values["loaded_radius"], road.e_z)), applied, moment)
         return dict(zip(("Fx", "Fy", "Fz", "Mx", "My", "Mz"), components, strict=True)) | values
 
     def values(self, force: forces.Wheel, m: Mechanics) -> dict[str, Block]:

@@ -1,6 +1,6 @@
 """A ball or a point of a body on a plane or a cylinder of another: the motion of the contact, and a force there by expressions.
 
-With the way w from the surface's point p_b to the centre c, the surface's normal n and the distance l from c to the surface::
+With the displacement w from the surface's point p_b to the centre c, the surface's normal n and the distance l from c to the surface::
 
     plane      l = n . w                       cylinder   d = |w - a (a . w)|,  n = +-(w - a (a . w))/d,  l = +-(d - R)
     deflection = r - l                         deflection' = -n . u,   u = v_c - v_b - w_b x w
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class _Surface:
-    """The surface under a centre: the way from the surface's point, normal, tangent of the first component, distance."""
+    """The surface under a centre: the displacement from the surface's point, normal, tangent of the first component, distance."""
 
-    way: Block
+    displacement: Block
     n: Block
     e_x: Block
     distance: Block
@@ -59,10 +59,10 @@ class Touch(Interaction):
         b, (at, values) = m.b, self._contact(force, m)
         touches = b.call("lt", b.zero(1), values["deflection"])
         components = [b.call("where", touches, m.scalar(component, values), b.zero(1)) for component in force.force]
-        push = b.total([b.scale(x, e) for x, e in zip(components, (at.e_x, b.cross(at.n, at.e_x), at.n), strict=True)])
+        contact_force = b.total([b.scale(x, e) for x, e in zip(components, (at.e_x, b.cross(at.n, at.e_x), at.n), strict=True)])
         arm = b.neg(b.scale(at.distance, at.n))
-        m.apply_force_at_offset(self.centre, arm, push, b.zero(3))
-        m.apply_force_at_offset(self.start, b.add(at.way, arm), b.neg(push), b.zero(3))
+        m.apply_force_at_offset(self.centre, arm, contact_force, b.zero(3))
+        m.apply_force_at_offset(self.start, b.add(at.displacement, arm), b.neg(contact_force), b.zero(3))
         return dict(zip(("Fx", "Fy", "Fz"), components, strict=True)) | values
 
     def values(self, force: forces.Contact, m: Mechanics) -> dict[str, Block]:
@@ -70,9 +70,9 @@ class Touch(Interaction):
         return self._contact(force, m)[1]
 
     def _contact(self, force: forces.Contact, m: Mechanics) -> tuple[_Surface, dict[str, Block]]:
-        b, way, turning = m.b, m.way(self.start, self.centre), m.spin(Carrier.BASE)
-        at = self._meet(force, m, b.letter(way.x, "w"))
-        beside = b.letter(b.sub(way.v, b.cross(turning, way.x)), "u")
+        b, displacement, turning = m.b, m.displacement(self.start, self.centre), m.spin(Carrier.BASE)
+        at = self._meet(force, m, b.letter(displacement.x, "w"))
+        beside = b.letter(b.sub(displacement.v, b.cross(turning, displacement.x)), "u")
         spin = b.sub(m.spin(Carrier.FOLLOWER), turning)
         v = b.letter(b.sub(beside, b.scale(b.letter(at.distance, "l"), b.cross(spin, b.letter(at.n, "n")))), "v")
         return at, {
@@ -83,16 +83,16 @@ class Touch(Interaction):
             "turn": b.dot(at.n, spin),
         }
 
-    def _meet(self, force: forces.Contact, m: Mechanics, way: Block) -> _Surface:
+    def _meet(self, force: forces.Contact, m: Mechanics, displacement: Block) -> _Surface:
         b, e_x = m.b, m.direction(self.along).x
         if force.normal is not None:
             n = m.direction(self.normal).x
-            return _Surface(way=way, n=n, e_x=e_x, distance=b.dot(n, way))
-        across = b.sub(way, b.scale(b.dot(e_x, way), e_x))
+            return _Surface(displacement=displacement, n=n, e_x=e_x, distance=b.dot(n, displacement))
+        across = b.sub(displacement, b.scale(b.dot(e_x, displacement), e_x))
         d = b.call("sqrt", b.dot(across, across))
         n, distance = b.scale(b.call("div", b.number(1.0), d), across), b.sub(d, m.scalar(force.cylinder, {}))
-        return _Surface(way=way, n=b.neg(n), e_x=e_x, distance=b.neg(distance)) if force.inside else _Surface(
-            way=way, n=n, e_x=e_x, distance=distance
+        return _Surface(displacement=displacement, n=b.neg(n), e_x=e_x, distance=b.neg(distance)) if force.inside else _Surface(
+            displacement=displacement, n=n, e_x=e_x, distance=distance
         )
 
     def swapped(self, force: forces.Contact) -> Mapping[str, Any]:

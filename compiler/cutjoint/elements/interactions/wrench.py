@@ -32,7 +32,7 @@ class Wrench(Interaction):
             components = m.in_motion(components)
         vector = m.from_body(self.point.carrier, components) if force.in_body else m.from_global(components)
         if force.point is None:
-            m.turn(self.point.carrier, vector)
+            m.apply_torque(self.point.carrier, vector)
         else:
             m.apply_force(self.point, vector)
         return {name: b.element(components, i) for i, name in enumerate(force.quantities)}

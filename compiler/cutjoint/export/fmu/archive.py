@@ -12,7 +12,8 @@ from hashlib import sha256
 from pathlib import Path
 
 from cutjoint.compile.c_export import Standalone, for_hosts, frozen_words, make_standalone
-from cutjoint.compile.pipeline import derive, generate
+from cutjoint.compile.derivation import derive
+from cutjoint.compile.pipeline import generate
 from cutjoint.emit.source import Page
 from cutjoint.export.fmu.description import KINDS, Subject, write_build_description, write_description
 from cutjoint.export.fmu.variables import Interface, make_interface
@@ -122,7 +123,7 @@ def make_fmu(
     described = equations if isinstance(equations, RecursiveEquations) else derive(model, scene, scene.outputs)
     standalone = make_standalone(generated, integrator=integrator, linearise=KINDS[kind][1], derives_steps=False)
     interface = make_interface(described, standalone.run_file, standalone.dofs, standalone.poses)
-    stops = version == 3 and KINDS[kind][0] and standalone.steps.finds_events and bool(described.switches)
+    stops = version == 3 and KINDS[kind][0] and standalone.steps.finds_events and bool(described.indicators)
     page, view = Page.of(described, method), _view(standalone, interface, version, kind, stops)
     layer = page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")
     token = _token([*map(without_mark, [*standalone.files.values(), layer]), repr(interface)])

@@ -142,7 +142,7 @@ def _with_states(interface: Interface, equations: RecursiveEquations, dofs: int)
         for i in range(count)
     )  # fmt: skip
     indicators = tuple(
-        _local(f"event[{i + 1}]", f"Changes its sign where {s.element} changes its formula") for i, s in enumerate(equations.switches)
+        _local(f"event[{i + 1}]", f"Changes its sign where {s.element} changes its formula") for i, s in enumerate(equations.indicators)
     )
     outputs = tuple(
         replace(o, dependencies=with_rates(o.dependencies), following=known(found))

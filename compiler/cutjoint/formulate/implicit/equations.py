@@ -19,8 +19,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
+from cutjoint.formulate.events import describe_domains, describe_indicators, domain_slots, domains_function, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
-from cutjoint.formulate.implicit.balance import (
+from cutjoint.formulate.implicit.contributions import (
     Closed,
     Composite,
     SharedForces,
@@ -28,8 +29,8 @@ from cutjoint.formulate.implicit.balance import (
     composites,
     coupled_tangent,
     inertial_tangent,
+    paths,
     penalty_tangent,
-    ways,
     weights,
     wrench_tangent,
 )
@@ -37,14 +38,14 @@ from cutjoint.formulate.implicit.motions import (
     Motion,
     Motions,
     StepWeights,
+    augmented_multipliers,
     change,
     derive_motions,
     gear_tangent,
     gear_weights,
-    push_joints,
+    joint_forces_of,
     speed_inputs,
     times,
-    weighted_push,
 )
 from cutjoint.formulate.inputs import (
     Numbers,
@@ -57,8 +58,8 @@ from cutjoint.formulate.inputs import (
 )
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import (
-    BALANCE,
     EQUATION_ARRAYS,
+    FORCE_RESIDUAL,
     LOAD_ARGUMENTS,
     Column,
     Function,
@@ -70,20 +71,19 @@ from cutjoint.formulate.records import (
 from cutjoint.formulate.recursive.assemblies import close_held, range_margins
 from cutjoint.formulate.recursive.fitted import fit_slots, loop_fits
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
-from cutjoint.formulate.recursive.friction import rub, rubbed
+from cutjoint.formulate.recursive.friction import add_friction, load_frictions
 from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
-from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, loop_errors, pulls, transport
+from cutjoint.formulate.recursive.loops import Closing, LoopClosure, constraint_wrenches, derive_loops, loop_errors, transport
 from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
 from cutjoint.formulate.recursive.quantities import Forces
 from cutjoint.formulate.states import placed_states, sample_function, sample_slots, state_residuals, state_tangent, still_states
-from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
 from cutjoint.methods import DEFAULT_CLOSURE
 from cutjoint.model.dependencies import seeing_forces
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Assembly, Output
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
-from cutjoint.program.switches import find_domains, find_switches
+from cutjoint.program.indicators import find_domains, find_indicators
 
 
 def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -> ImplicitEquations:
@@ -105,17 +105,18 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     penalty = b.symbol("penalty", 1, BindingTime.ITERATION)
     closed, Zdd, acting = tuple(close(k, loop, penalty) for loop in loops), given_accelerations(k), system
     reactions = Reactions(kinematics=k, loops=loops, M=masses, Q=system.Q, Zdd=Zdd, acting=system.cut_joint_wrenches)
-    if rubs := rubbed(model, system):
+    if frictions := load_frictions(model, system):
         acting = system.copy()
-        within = replace(reactions, loops=tuple(each.pushed for each in closed), Q=dict(system.Q), acting=dict(system.cut_joint_wrenches))
-        rub(rubs, system, k, Forces(), within)
-        reactions = rub(rubs, acting, k, forces, replace(reactions, Q=dict(acting.Q), acting=dict(acting.cut_joint_wrenches)))
+        loops = tuple(each.augmented_loop for each in closed)
+        within = replace(reactions, loops=loops, Q=dict(system.Q), acting=dict(system.cut_joint_wrenches))
+        add_friction(frictions, system, k, Forces(), within)
+        reactions = add_friction(frictions, acting, k, forces, replace(reactions, Q=dict(acting.Q), acting=dict(acting.cut_joint_wrenches)))
     system_of = _System(
         b=b, k=k, start=start, system=system, loops=loops, closed=closed, gears=gears,
-        pushes=tuple(weighted_push(k, gear, penalty) for gear in gears), Zdd=Zdd, M=masses, Q=weights_of_masses,
+        gear_multipliers=tuple(augmented_multipliers(k, gear, penalty) for gear in gears), Zdd=Zdd, M=masses, Q=weights_of_masses,
     )  # fmt: skip
-    if topology.held:
-        held = close_held(k, derive_loops(k, topology.held, numbers), reactions.carried, acting.joint_forces)
+    if topology.embedded:
+        held = close_held(k, derive_loops(k, topology.embedded, numbers), reactions.carried, acting.joint_forces)
         reactions = replace(reactions, loops=(*loops, *held))
     reporter = Reporter(
         model=model, kinematics=k, forces=forces, loops=reactions.loops, gears=gears, Zdd=system_of.Zdd, reactions=reactions
@@ -124,7 +125,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     switching = [*dynamic_residual.values(), *k.guided_rates]  # a jump of a guide that no force feels has work too
     laws = derive_scene_inputs(b, model, scene, switching)
     fits = loop_fits(b, topology)
-    switches = [*find_switches(b, switching), *laws.switches]
+    indicators = [*find_indicators(b, switching), *laws.indicators]
     domains = [*find_domains(b, dynamic_residual.values()), *laws.domains]
     functions = system_functions(
         initial_coordinates=_initial_coordinates(b, start), dynamic_residual=dynamic_residual, tangent=system_of.tangent(),
@@ -137,21 +138,21 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(
-            *functions, *guard_function(margins), *events_function(switches), *domains_function(domains), *laws.functions,
+            *functions, *guard_function(margins), *events_function(indicators), *domains_function(domains), *laws.functions,
             *sample_function(b, k.translator, model, reporter.quantity), *(fit.function for fit in fits),
         ), method="recursive-newton",
         slots={
-            **_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains),
+            **_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(indicators), **domain_slots(domains),
             **laws.slots, **energy_slots(), **sample_slots(model), **fit_slots(fits),
         },
         start=start, state=start.state, load_arguments=LOAD_ARGUMENTS,
-        switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
+        indicators=describe_indicators(b, indicators), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         fits=fits,
     )  # fmt: skip
 
 
 def formulate_residual(start: RecursiveEquations, closure: str = DEFAULT_CLOSURE) -> RecursiveEquations:
-    """The function ``balance`` of a mechanism: q, v, vdot, lambda -> what is left of the balance of forces, with those of loops, and of the
+    """The function of a mechanism: q, v, vdot, lambda -> the residual of forces, with those of loops, and of the
     second rates of these, in the axes of its recursive equations ``start``."""
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
@@ -162,13 +163,13 @@ def formulate_residual(start: RecursiveEquations, closure: str = DEFAULT_CLOSURE
     add_forces(system, k, model, scene, ())
     Zdd, numbers = given_accelerations(k), make_numbers(b, topology.closing, closure)
     loops, gears = derive_loops(k, topology.cuts, numbers), derive_gears(k, model.gears, numbers)
-    if rubs := rubbed(model, system):
-        rub(rubs, system, k, Forces(), Reactions(
+    if frictions := load_frictions(model, system):
+        add_friction(frictions, system, k, Forces(), Reactions(
             kinematics=k, loops=loops, M=masses, Q=dict(system.Q), Zdd=Zdd, acting=dict(system.cut_joint_wrenches)
         ))  # fmt: skip
     system_of = _System(
         b=b, k=k, start=start, system=system, loops=loops, closed=tuple(close(k, loop, b.number(0.0)) for loop in loops), gears=gears,
-        pushes=tuple(gear.multipliers for gear in gears), Zdd=Zdd, M=masses, Q=weights_of_masses,
+        gear_multipliers=tuple(gear.multipliers for gear in gears), Zdd=Zdd, M=masses, Q=weights_of_masses,
     )  # fmt: skip
     curvature = loop_errors(k, loops, Zdd) | {g.gear.name: b.add(change(k, g, speed_inputs(k)), g.s) for g in gears}
     residual = {name: left for name, left in system_of.dynamic_residual().items() if name.startswith("force_residual:")}
@@ -177,10 +178,10 @@ def formulate_residual(start: RecursiveEquations, closure: str = DEFAULT_CLOSURE
     slots = start.state.chart_slots({"q": "q"}, {name: name for name in ("v", "vdot", "force_residual")})
     slots |= start.state.closure_slots(("lambda", "curvature"))
     arguments = tuple(f"const Real* {name}" for name in ("q", "v", "vdot", "lambda"))
-    function = Function(name=BALANCE, arguments=(*arguments, "Real* force_residual", "Real* curvature"), results=residual)
+    function = Function(name=FORCE_RESIDUAL, arguments=(*arguments, "Real* force_residual", "Real* curvature"), results=residual)
     return replace(
         start, builder=b, outputs=(), columns=(), functions=(function, *laws.functions, *(fit.function for fit in fits)),
-        slots={**slots, **laws.slots, **fit_slots(fits)}, domains=(), switches=(), left_out=(), inputs=laws.inputs,
+        slots={**slots, **laws.slots, **fit_slots(fits)}, domains=(), indicators=(), left_out=(), inputs=laws.inputs,
         input_values=laws.length, fits=fits,
     )  # fmt: skip
 
@@ -196,7 +197,7 @@ class _System:
     loops: tuple[LoopClosure, ...]
     closed: tuple[Closed, ...]
     gears: tuple[GearClosure, ...]
-    pushes: tuple[Block, ...]
+    gear_multipliers: tuple[Block, ...]
     Zdd: Mapping[str, Block]
     M: Mapping[str, Block]
     Q: Mapping[str, Block]
@@ -210,7 +211,7 @@ class _System:
             if joint.name in k.topology.model.following:
                 continue
             for assembly in k.topology.model.assemblies:
-                if assembly.leader == joint.name:
+                if assembly.independent == joint.name:
                     with b.section("force_residual", joint.name, "sum of slope (S^T F^c - tau)", joint.span.place):
                         value = b.total([value, *self._followers_share(assembly)])
             results[f"force_residual:{joint.name}"] = b.record(value, "force_residual", joint.name)
@@ -220,9 +221,9 @@ class _System:
 
     def _followers_share(self, assembly: Assembly) -> Iterator[Block]:
         for body in assembly.bodies:
-            slope = self.k.motions[body].slope
-            if slope is not None and body in self.unbalanced:
-                yield self.b.dot(slope, self.unbalanced[body])
+            derivative = self.k.motions[body].derivative
+            if derivative is not None and body in self.unbalanced:
+                yield self.b.dot(derivative, self.unbalanced[body])
 
     @cached_property
     def unbalanced(self) -> dict[str, Block]:
@@ -230,8 +231,8 @@ class _System:
         b, k = self.b, self.k
         carried: dict[str, Block] = {}
         results: dict[str, Block] = {}
-        pulled = self._by_body(c.wrenches for c in self.closed)
-        geared = push_joints(k, self.gears, self.pushes)
+        constraint = self._by_body(c.wrenches for c in self.closed)
+        geared = joint_forces_of(k, self.gears, self.gear_multipliers)
         for body, motion in reversed(k.motions.items()):
             joint = motion.tree_joint.joint
             with b.section(
@@ -239,8 +240,8 @@ class _System:
             ):
                 inertial = b.sub(b.mul(self.M[body], self.Zdd[body]), self.system.Q[body])
                 above = [carried[c] for c in carried if k.motions[c].tree_joint.parent == body]
-                carried[body] = b.name(b.sub(b.total([inertial, *above]), pulled[body]), "F", body)
-                S = motion.b if motion.b is not None else motion.own if motion.slope is not None else None
+                carried[body] = b.name(b.sub(b.total([inertial, *above]), constraint[body]), "F", body)
+                S = motion.b if motion.b is not None else motion.own if motion.derivative is not None else None
                 if S is not None:
                     value = b.mul(b.transpose(S), carried[body])
                     if body in self.system.joint_forces:
@@ -310,11 +311,11 @@ class _System:
         for c in self.closed:
             with b.section("tangent", c.name, "J^T J, and the turning of J^T (penalty Phi + lambda)", c.loop.joint.span.place):
                 yield from penalty_tangent(motions, c.loop)
-                for j, k, value in wrench_tangent(motions, variations, pulls(self.k, c.loop, c.loop.multipliers)):
+                for j, k, value in wrench_tangent(motions, variations, constraint_wrenches(self.k, c.loop, c.loop.multipliers)):
                     yield j, k, b.neg(value)
-        for gear, push in zip(self.gears, self.pushes, strict=True):
+        for gear, multipliers in zip(self.gears, self.gear_multipliers, strict=True):
             with b.section("tangent", gear.element.name, "J^T J", gear.element.span.place):
-                yield from gear_tangent(motions, gear, push)
+                yield from gear_tangent(motions, gear, multipliers)
         together = motions.columns()
         for body, force in self.system.joint_forces.items():
             with b.section("tangent", body, "tau by the joint's own motions", ""):
@@ -324,7 +325,7 @@ class _System:
                     for key in together if seeing else keys:
                         change = b.element(variations[key].of(force), j.index)
                         if key in keys or not is_zero(change):
-                            yield j, together[key][0], b.neg(times(b, j.slope, change))
+                            yield j, together[key][0], b.neg(times(b, j.derivative, change))
         for body, own in motions.of_body.items():
             if (armature := self.k.armature(body)) is not None:
                 with b.section("tangent", body, "the armature", ""):
@@ -362,8 +363,8 @@ class _System:
                 x = b.symbol(f"vdot:{motion.chart.joint}", len(motion.chart.speed_names), BindingTime.ITERATION)
                 moved[body] = b.add(moved[body], b.mul(motion.b, x))
             elif motion.follows is not None:
-                leader = self.k.topology.model.following[motion.tree_joint.joint.name].leader
-                x = b.symbol(f"vdot:{leader}", 1, BindingTime.ITERATION)
+                independent = self.k.topology.model.following[motion.tree_joint.joint.name].independent
+                x = b.symbol(f"vdot:{independent}", 1, BindingTime.ITERATION)
                 moved[body] = b.add(moved[body], b.mul(motion.follows, x))
         for loop in self.loops:
             joint = loop.joint
@@ -383,15 +384,15 @@ class _System:
         b, motions = self.b, self._motions()
         forces = {c.joint: b.zero(len(c.speed_names)) for c in self.start.charts}
         for loop in self.loops:
-            for _, wrench, way in ways(motions, pulls(self.k, loop, weights(self.k, loop))):
-                for body in dict.fromkeys(m.body for m in way):
+            for _, wrench, path in paths(motions, constraint_wrenches(self.k, loop, weights(self.k, loop))):
+                for body in dict.fromkeys(m.body for m in path):
                     motion = self.k.motions[body]
                     joint = motion.tree_joint.joint.name
                     following, S = self.k.topology.model.following.get(joint), motion.b if motion.b is not None else motion.follows
                     assert S is not None
-                    joint = following.leader if following else joint
+                    joint = following.independent if following else joint
                     forces[joint] = b.sub(forces[joint], b.mul(b.transpose(S), wrench))
-        for body, force in push_joints(self.k, self.gears, [gear_weights(self.k, gear) for gear in self.gears]).items():
+        for body, force in joint_forces_of(self.k, self.gears, [gear_weights(self.k, gear) for gear in self.gears]).items():
             joint = self.k.motions[body].tree_joint.joint.name
             forces[joint] = b.add(forces[joint], force)
         still = still_states(b, self.start.topology.model, "force")

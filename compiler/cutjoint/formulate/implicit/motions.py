@@ -8,11 +8,10 @@ and the acceleration of any body i that it carries change by
     DV_k = damping s_k + V_a x xi_k             DA_i = c_k + DV_k x V_i,    c_k = s_k + damping V_b x s_k - xi_k x A_a - DV_k x V_a
 
 the same for all i.  (The derivatives of the Newton-Euler recursion, as in Carpentier, Mansard 2018, and Echeandia, Wensing 2021, with
-both of its arguments tied to the acceleration.)  The pole goes along with a free root: where one is displaced, nothing moves but the
-pole.
+both of its arguments tied to the acceleration.)  The pole goes along with a free root: where one is displaced, nothing moves but the pole.
 
-The joints of an assembly follow one coordinate q.  With s_j = slope_j column_j their motions have the row of q, and change at once:
-column, speed and acceleration of each as much as stiffness slope, damping slope + stiffness d(rate)/dq, and so on say.
+The joints of an assembly follow one coordinate q.  With s_j = derivative_j column_j their motions have the row of q, and change at once:
+column, speed and acceleration of each as much as stiffness derivative, damping derivative + stiffness d(rate)/dq, and so on say.
 
 Gears act on the coordinates of their joints alone, and their Jacobian changes with these by laws.
 """
@@ -46,7 +45,7 @@ class Motion:
     ``row`` is its place among all speeds, ``index`` that within its joint, ``group`` that of its motion within the joint (those of a ball
     share one), ``share`` how much of its coordinate it turns; motions that share a coordinate have one row.  ``s`` (6, 1) is its column,
     ``shift`` (6, 1) the same by the unknown of a ball, ``xi`` (6, 1) the displacement, ``after`` (6, 1) the twist behind it, ``moved``
-    (6, 1) the change of its own speed, ``DV`` and ``c`` (6, 1) as above.  ``slope`` is the column's factor of a joint that follows.
+    (6, 1) the change of its own speed, ``DV`` and ``c`` (6, 1) as above.  ``derivative`` is the column's factor of a joint that follows.
     """
 
     body: str
@@ -61,7 +60,7 @@ class Motion:
     moved: Block
     DV: Block
     c: Block
-    slope: Block | None = None
+    derivative: Block | None = None
     bent: Block | None = None
     together: bool = False
 
@@ -134,8 +133,8 @@ class Motions:
             changes[b.element(q, i)] = stiffness if i == m.index else b.zero(1)
         for follower in motions:
             places = k.motions[follower.body].position
-            if follower.slope is not None and follower.index < len(places):
-                changes[places[follower.index]] = b.mul(stiffness, follower.slope)
+            if follower.derivative is not None and follower.index < len(places):
+                changes[places[follower.index]] = b.mul(stiffness, follower.derivative)
         return Variation(b, inputs, frozenset({f"q:{chart.joint}", f"v:{chart.joint}", f"vdot:{chart.joint}"}), changes, turns)
 
 
@@ -163,16 +162,16 @@ def derive_motions(k: Kinematics, Zdd: Mapping[str, Block], weights: StepWeights
 class _Speed:
     """A joint's speed by its unknown, which is that of ``row``.
 
-    ``slope`` of the coordinate by the unknown's, which changes by ``bent``; changes ``displaced`` of the coordinate, ``quickened`` of the
-    speed, ``pushed`` of the acceleration.  What is None is 1.
+    ``derivative`` of the coordinate by the unknown's, which changes by ``bent``; changes ``displaced`` of the coordinate, ``quickened`` of
+    the speed, ``accelerated`` of the acceleration.  What is None is 1.
     """
 
     row: int
-    slope: Block | None
+    derivative: Block | None
     bent: Block | None
     displaced: Block
     quickened: Block
-    pushed: Block | None
+    accelerated: Block | None
     acceleration: Block
     together: bool
 
@@ -192,40 +191,41 @@ class _Assemblies:
         if motion.chart is not None:
             size = len(motion.chart.speed_names)
             vdot = b.symbol(f"vdot:{joint.name}", size, BindingTime.ITERATION)
-            leads = any(assembly.leader == joint.name for assembly in model.assemblies)
+            is_independent = any(assembly.independent == joint.name for assembly in model.assemblies)
             return [
                 _Speed(
-                    row=motion.chart.v + i, slope=None, bent=None, displaced=self.weights.stiffness, quickened=self.weights.damping,
-                    pushed=None, acceleration=b.element(vdot, i), together=leads,
+                    row=motion.chart.v + i, derivative=None, bent=None, displaced=self.weights.stiffness, quickened=self.weights.damping,
+                    accelerated=None, acceleration=b.element(vdot, i), together=is_independent,
                 )
                 for i in range(size)
             ]  # fmt: skip
-        if motion.own is None or motion.slope is None:
+        if motion.own is None or motion.derivative is None:
             return []
-        leader = model.following[joint.name].leader
-        chart = next(m.chart for m in self.k.motions.values() if m.chart is not None and m.chart.joint == leader)
-        vdot, change = b.symbol(f"vdot:{leader}", 1, BindingTime.ITERATION), self._change(leader)
+        independent = model.following[joint.name].independent
+        chart = next(m.chart for m in self.k.motions.values() if m.chart is not None and m.chart.joint == independent)
+        vdot, change = b.symbol(f"vdot:{independent}", 1, BindingTime.ITERATION), self._change(independent)
         found = []
         for i, (rate, bend) in enumerate(zip(motion.rate, motion.acceleration, strict=True)):
-            slope = b.element(motion.slope, i)
-            bent = change.of(slope)
-            pushed = b.total([slope, change.of(bend), b.mul(vdot, bent)])
+            derivative = b.element(motion.derivative, i)
+            bent = change.of(derivative)
+            accelerated = b.total([derivative, change.of(bend), b.mul(vdot, bent)])
             found.append(
                 _Speed(
-                    row=chart.v, slope=slope, bent=bent, displaced=b.mul(self.weights.stiffness, slope), quickened=change.of(rate),
-                    pushed=pushed, acceleration=b.add(b.mul(slope, vdot), bend), together=True,
+                    row=chart.v, derivative=derivative, bent=bent, quickened=change.of(rate),
+                    displaced=b.mul(self.weights.stiffness, derivative), accelerated=accelerated,
+                    acceleration=b.add(b.mul(derivative, vdot), bend), together=True,
                 )
             )  # fmt: skip
         return found
 
-    def _change(self, leader: str) -> Variation:
-        """The changes of functions of a leading coordinate and its speed."""
-        if leader not in self._changes:
+    def _change(self, independent: str) -> Variation:
+        """The changes of functions of an independent coordinate and its speed."""
+        if independent not in self._changes:
             b = self.k.builder
-            q, v = (b.symbol(f"{name}:{leader}", 1, BindingTime.ITERATION) for name in ("q", "v"))
+            q, v = (b.symbol(f"{name}:{independent}", 1, BindingTime.ITERATION) for name in ("q", "v"))
             changes = {q: self.weights.stiffness, v: self.weights.damping}
-            self._changes[leader] = Variation(b, self._inputs, frozenset({f"q:{leader}", f"v:{leader}"}), changes, {})
-        return self._changes[leader]
+            self._changes[independent] = Variation(b, self._inputs, frozenset({f"q:{independent}", f"v:{independent}"}), changes, {})
+        return self._changes[independent]
 
 
 def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Block], speeds: Sequence[_Speed]) -> Iterator[Motion]:
@@ -241,22 +241,22 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
         else:
             added = b.total([b.scale(motion.rate[i], column) for i, column in columns.items()])
             after = b.add(before, added)
-            pushed = b.total([b.scale(speeds[i].acceleration, column) for i, column in columns.items()])
-            A_after = b.add(A_before, b.add(pushed, motion_cross(b, before, added)))
+            accelerated = b.total([b.scale(speeds[i].acceleration, column) for i, column in columns.items()])
+            A_after = b.add(A_before, b.add(accelerated, motion_cross(b, before, added)))
         for i, column in columns.items():
             speed, still = speeds[i], takes_pole_along and i < len(joint.element.coordinates)
             xi = b.zero(6) if still else b.scale(speed.displaced, shifts[i])
             moved = b.scale(speed.quickened, column)
             DV = b.add(moved, motion_cross(b, after, xi))
-            c = b.add(times(b, speed.pushed, column), b.scale(speed.quickened, motion_cross(b, before, column)))
+            c = b.add(times(b, speed.accelerated, column), b.scale(speed.quickened, motion_cross(b, before, column)))
             c = b.sub(b.sub(c, motion_cross(b, xi, A_after)), motion_cross(b, DV, after))
             which = (joint.element.speeds[i], *([] if part.share == 1 else [str(n)]))
             for block, symbol in ((xi, "xi"), (DV, "DV"), (c, "c")):
                 b.name(block, symbol, joint.name, which=which)
-            s, shift = times(b, speed.slope, column), times(b, speed.slope, shifts[i])
+            s, shift = times(b, speed.derivative, column), times(b, speed.derivative, shifts[i])
             yield Motion(
                 body=body, row=speed.row, index=i, group=n, share=part.share, s=s, shift=shift, xi=xi, after=after, moved=moved, DV=DV,
-                c=c, slope=speed.slope, bent=speed.bent, together=speed.together,
+                c=c, derivative=speed.derivative, bent=speed.bent, together=speed.together,
             )  # fmt: skip
         before, A_before = after, A_after
 
@@ -288,19 +288,19 @@ def _shifts(k: Kinematics, motion: JointMotion, columns: Mapping[int, Block]) ->
     return {chart.scalars + i: b.take(ball, (0, 6), (i, i + 1)) for i in range(3)}
 
 
-def push_joints(k: Kinematics, gears: Sequence[GearClosure], pushes: Sequence[Block]) -> dict[str, Block]:
+def joint_forces_of(k: Kinematics, gears: Sequence[GearClosure], gear_multipliers: Sequence[Block]) -> dict[str, Block]:
     """The sum of J^T push over gears by the body of each joint, of all its speeds."""
     b = k.builder
     forces: dict[str, Block] = {}
-    for gear, push in zip(gears, pushes, strict=True):
+    for gear, force in zip(gears, gear_multipliers, strict=True):
         for body in gear.row:
             motion = k.motions[body]
-            share = b.mul(b.transpose(gear.columns(b, body, len(motion.speed_names))), push)
+            share = b.mul(b.transpose(gear.columns(b, body, len(motion.speed_names))), force)
             forces[body] = b.add(forces[body], share) if body in forces else share
     return forces
 
 
-def weighted_push(k: Kinematics, gear: GearClosure, penalty: Block) -> Block:
+def augmented_multipliers(k: Kinematics, gear: GearClosure, penalty: Block) -> Block:
     """penalty Phi + lambda."""
     b, name = k.builder, gear.element.name
     with b.section("closure", name, "penalty Phi + lambda", gear.element.span.place):
@@ -320,8 +320,8 @@ def speed_inputs(k: Kinematics) -> dict[str, Block]:
     return {c.joint: b.symbol(f"vdot:{c.joint}", len(c.speed_names), BindingTime.ITERATION) for c in charts}
 
 
-def gear_tangent(motions: Motions, gear: GearClosure, push: Block) -> Iterator[tuple[Motion, Motion, Block]]:
-    """constraint J^T J, and stiffness times the change of J^T ``push``: row, column, value; of motions that share a coordinate one stands
+def gear_tangent(motions: Motions, gear: GearClosure, force: Block) -> Iterator[tuple[Motion, Motion, Block]]:
+    """constraint J^T J, and stiffness times the change of J^T ``force``: row, column, value; of motions that share a coordinate one stands
     for all."""
     b = motions.k.builder
     ends, bends = (
@@ -332,7 +332,7 @@ def gear_tangent(motions: Motions, gear: GearClosure, push: Block) -> Iterator[t
         for k, second in ends:
             yield j, k, b.mul(motions.weights.constraint, b.mul(first, second))
     for j, bent in bends:
-        yield j, j, b.mul(motions.weights.stiffness, b.mul(bent, push))
+        yield j, j, b.mul(motions.weights.stiffness, b.mul(bent, force))
 
 
 def gear_weights(k: Kinematics, gear: GearClosure) -> Block:

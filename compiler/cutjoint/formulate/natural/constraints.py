@@ -1,8 +1,8 @@
 """The constraint equations of natural coordinates: products of points and unit vectors, and a few linear ones.
 
 Each has its residual Phi, the gradient of Phi by the nodes, its rate Phid = Phi_q qd + Phi_t, and the drift
-(d/dt Phi_q) qd + (d/dt Phi_t), so that Phidd = Phi_q qdd + drift.  A product of two ways between points is divided by the longer way, so
-that every residual is in metres or, of two directions, in radians.
+(d/dt Phi_q) qd + (d/dt Phi_t), so that Phidd = Phi_q qdd + drift.  A product of two displacements between points is divided by the longer
+way, so that every residual is in metres or, of two directions, in radians.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 import sympy
 
 from cutjoint.elements.gear import NAMES, equation
-from cutjoint.elements.joint import JointGap
-from cutjoint.formulate.inputs import gear_courses, guide_rates
+from cutjoint.elements.joint import JointDisplacement
+from cutjoint.formulate.inputs import gear_derivatives, guide_rates
 from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRow, Term, joint_rows
 from cutjoint.formulate.natural.layout import Group, Layout, combination
 from cutjoint.formulate.natural.motion import NodeMotions
@@ -29,8 +29,8 @@ from cutjoint.program.blocks import BindingTime, Block, Builder
 class Constraint:
     """Equations of one body, joint or gear: columns (m, 1), and the gradient (m, size) by node.
 
-    ``by_use`` has the gradient (m, 3) by each body's part with its sign, ``by_way`` that by the way between a joint's points, None where an
-    equation of the joint does not hold that way.
+    ``by_use`` has the gradient (m, 3) by each body's part with its sign, ``by_displacement`` that by the displacement between a joint's
+    points, None where an equation of the joint does not hold that way.
     """
 
     element: str
@@ -40,7 +40,7 @@ class Constraint:
     drift: Block
     gradient: Mapping[Node, Block]
     by_use: tuple[tuple[Use, Block], ...] = ()
-    by_way: Block | None = None
+    by_displacement: Block | None = None
 
     def without(self, names: Collection[str], b: Builder) -> Constraint | None:
         """The constraint without the equations of these names; None when none is left."""
@@ -55,7 +55,7 @@ class Constraint:
             element=self.element, names=tuple(self.names[i] for i in rows), residual=kept(self.residual), rate=kept(self.rate),
             drift=kept(self.drift), gradient={node: kept(block) for node, block in self.gradient.items()},
             by_use=tuple((use, kept(block)) for use, block in self.by_use),
-            by_way=None if self.by_way is None else kept(self.by_way),
+            by_displacement=None if self.by_displacement is None else kept(self.by_displacement),
         )  # fmt: skip
 
     @property
@@ -75,9 +75,9 @@ class _Row:
     drift: Block
     gradient: dict[Node, Block] = field(default_factory=dict)
     by_use: list[tuple[Use, Block]] = field(default_factory=list)
-    by_way: Block | None = None
+    by_displacement: Block | None = None
 
-    def push(self, uses: Uses, row: Block) -> None:
+    def add_gradient(self, uses: Uses, row: Block) -> None:
         """Add a gradient (1, size) by what bodies have."""
         for use in uses:
             signed = row if use.sign > 0 else self.b.neg(row)
@@ -95,10 +95,10 @@ class _Row:
         self.rate = b.add(self.rate, b.mul(weight, b.add(b.dot(p.x, q.v), b.dot(q.x, p.v))))
         self.drift = b.add(self.drift, b.mul(weight, b.mul(b.number(2.0), b.dot(p.v, q.v))))
         if u is w:
-            self.push(u, b.transpose(b.scale(b.mul(b.number(2.0), weight), p.x)))
+            self.add_gradient(u, b.transpose(b.scale(b.mul(b.number(2.0), weight), p.x)))
         else:
-            self.push(u, b.transpose(b.scale(weight, q.x)))
-            self.push(w, b.transpose(b.scale(weight, p.x)))
+            self.add_gradient(u, b.transpose(b.scale(weight, q.x)))
+            self.add_gradient(w, b.transpose(b.scale(weight, p.x)))
 
     def known(self, position: Block, rate: Block, acceleration: Block) -> None:
         """Subtract a function of time."""
@@ -113,7 +113,7 @@ class _Row:
         number = self.motions.translator.scalar(factor)
         self.residual = b.sub(self.residual, b.mul(number, motion.x))
         self.rate = b.sub(self.rate, b.mul(number, motion.v))
-        self.push((Use(-1, node.body, {node: 1}),), number)
+        self.add_gradient((Use(-1, node.body, {node: 1}),), number)
 
 
 def multipliers(b: Builder, constraint: Constraint) -> Block:
@@ -161,7 +161,7 @@ class ConstraintMaker:
                 (use, b.stack([[block if row is r else b.zero(1, block.shape[1])] for r in rows]))
                 for row in rows for use, block in row.by_use
             ),
-            by_way=_stacked_ways(b, [r.by_way for r in rows]),
+            by_displacement=_stacked_displacements(b, [r.by_displacement for r in rows]),
         )  # fmt: skip
 
     def _body(self, group: Group) -> Iterator[Constraint]:
@@ -173,7 +173,7 @@ class ConstraintMaker:
             yield from self._held(group, node)
 
     def _remaining_row(self, group: str, u: Form, w: Form) -> _Row:
-        """The product of two ways keeps its design value."""
+        """The product of two displacements keeps its design value."""
         row = self._row()
         p, q = (sympy.Matrix(_design(form)) for form in (u, w))
         weight = self._b.number(row_scale(self._layout, u, w))
@@ -224,10 +224,10 @@ class ConstraintMaker:
             case AngleRow(guide=None):
                 return self._measured(row, self._layout.angles[joint.name, row.coordinate])
             case AngleRow():
-                return self._turned(row, *self._course(row.guide))
+                return self._turned(row, *self._guided_motion(row.guide))
         guided = self._row()
         guided.angle(self._layout.angles[joint.name, row.coordinate], sympy.Integer(-1))
-        guided.known(*self._course(row.guide))
+        guided.known(*self._guided_motion(row.guide))
         return guided
 
     def _sum(self, joint: Joint, row: SumRow) -> _Row:
@@ -240,29 +240,31 @@ class ConstraintMaker:
             (angle,) = joint.element.coordinates
             found.angle(self._layout.angles[joint.name, angle], row.pitch)
         if row.guide is not None:
-            found.known(*self._course(row.guide))
+            found.known(*self._guided_motion(row.guide))
         return found
 
     def _factors(self, joint: Joint, term: Term) -> tuple[Uses, Uses, bool]:
-        """The two factors of a term, and whether the first is the way between the joint's points; a square has one factor twice."""
-        if term.left is term.right is JointGap.VECTOR:
-            way = self._way(joint)
-            return way, way, True
-        left, right = (self._way(joint) if isinstance(factor, JointGap) else self._direction(factor) for factor in (term.left, term.right))
-        return left, right, term.left is JointGap.VECTOR
+        """The two factors of a term, and whether the first is the displacement between the joint's points; a square has one factor
+        twice."""
+        if term.left is term.right is JointDisplacement.VECTOR:
+            displacement = self._displacement(joint)
+            return displacement, displacement, True
+        factors = term.left, term.right
+        left, right = (self._displacement(joint) if isinstance(f, JointDisplacement) else self._direction(f) for f in factors)
+        return left, right, term.left is JointDisplacement.VECTOR
 
     def _add_term(self, row: _Row, weight: Block, left: Uses, right: Uses, is_way: bool) -> None:
         b = self._b
         row.product(weight, left, right)
         if is_way:
             factor = b.mul(b.number(2.0), weight) if left is right else weight
-            row.by_way = b.transpose(b.scale(factor, self._m.of(total(right)).x))
+            row.by_displacement = b.transpose(b.scale(factor, self._m.of(total(right)).x))
 
     def _direction(self, arm: Arm) -> Uses:
         return (self._layout.use(arm.body, self._layout.direction(arm.body, arm.place)),)
 
-    def _way(self, joint: Joint) -> Uses:
-        """The way from a joint's point of the base to that of the follower."""
+    def _displacement(self, joint: Joint) -> Uses:
+        """The displacement from a joint's point of the base to that of the follower."""
         end = self._layout.point(joint.follower, joint.to or joint.at)
         start = self._layout.point(joint.base, joint.at)
         return self._layout.use(joint.follower, end), self._layout.use(joint.base, start, -1)
@@ -274,7 +276,7 @@ class ConstraintMaker:
         pointer, first, second = (self._m.direction(arm.body, arm.place).x for arm in (angle.pointer, angle.first, angle.second))
         products = b.dot(pointer, first), b.dot(pointer, second)
         reach = b.add(b.mul(b.call("cos", motion.x), products[0]), b.mul(b.call("sin", motion.x), products[1]))
-        row.push((Use(-1, node.body, {node: 1}),), reach)
+        row.add_gradient((Use(-1, node.body, {node: 1}),), reach)
         return row
 
     def _turned(self, row: AngleRow, angle: Block, rate: Block, acceleration: Block) -> _Row:
@@ -300,11 +302,11 @@ class ConstraintMaker:
         if gear.law is not None:
             b, inner = self._b, self._row()
             self._add_terms(inner, ((gear.second, 1),))
-            course, slope, bent = gear_courses(gear, self._m.translator, inner.residual)
-            drift = b.add(b.mul(slope, inner.drift), b.mul(bent, b.mul(inner.rate, inner.rate)))
-            row.known(course, b.mul(slope, inner.rate), drift)
+            law, derivative, bent = gear_derivatives(gear, self._m.translator, inner.residual)
+            drift = b.add(b.mul(derivative, inner.drift), b.mul(bent, b.mul(inner.rate, inner.rate)))
+            row.known(law, b.mul(derivative, inner.rate), drift)
             for use, gradient in inner.by_use:
-                row.push((use,), b.neg(b.mul(slope, gradient)))
+                row.add_gradient((use,), b.neg(b.mul(derivative, gradient)))
         return row
 
     def _add_terms(self, row: _Row, terms: Sequence[tuple[JointCoordinate, Scalar]]) -> None:
@@ -316,30 +318,30 @@ class ConstraintMaker:
                 row.angle(self._layout.angles[key], -factor)
             elif joint.guide is not None:
                 guide, weight = joint.guide[joint.element.coordinates.index(coordinate.name)], self._m.translator.scalar(-factor)
-                position, rate, acceleration = (b.mul(weight, part) for part in self._course(guide))
+                position, rate, acceleration = (b.mul(weight, part) for part in self._guided_motion(guide))
                 row.known(position, rate, acceleration)
             else:
                 row.product(self._m.translator.scalar(factor), *self._slide(joint, coordinate.name))
 
     def _slide(self, joint: Joint, coordinate: str) -> tuple[Uses, Uses]:
-        """The way between a joint's points and the direction along which a displacement counts."""
+        """The displacement between a joint's points and the direction along which a displacement counts."""
         base, follower = self._layout.slide_ends(joint)
         end, start = self._layout.point(follower, joint.at), self._layout.point(base, joint.at)
         axis = self._layout.direction(base, slide_axis(joint, coordinate))
         return (self._layout.use(follower, end), self._layout.use(base, start, -1)), (self._layout.use(base, axis),)
 
-    def _course(self, guide: Scalar) -> tuple[Block, Block, Block]:
+    def _guided_motion(self, guide: Scalar) -> tuple[Block, Block, Block]:
         """A guide's position, rate and acceleration; the latter are nought where the mechanism is held at rest."""
         b, motion = self._b, self._b.symbol("motion", 1, BindingTime.STEP)
         place, rate, acceleration = (self._m.translator.scalar(e) for e in guide_rates(guide, self._model))
         return place, b.mul(motion, rate), b.mul(motion, acceleration)
 
 
-def _stacked_ways(b: Builder, ways: Sequence[Block | None]) -> Block | None:
+def _stacked_displacements(b: Builder, displacements: Sequence[Block | None]) -> Block | None:
     """The gradients by a way of all rows; None if no row has one."""
-    if all(way is None for way in ways):
+    if all(displacement is None for displacement in displacements):
         return None
-    return b.stack([[b.zero(1, 3) if way is None else way] for way in ways])
+    return b.stack([[b.zero(1, 3) if displacement is None else displacement] for displacement in displacements])
 
 
 def held_across(layout: Layout, group: Group, node: Node) -> tuple[Vector, Vector] | None:
@@ -350,7 +352,7 @@ def held_across(layout: Layout, group: Group, node: Node) -> tuple[Vector, Vecto
 
 
 def row_scale(layout: Layout, u: Form, w: Form) -> float:
-    """The factor of a product of two ways: one over the longer of two ways between points, half of it for a length."""
+    """The factor of a product of two displacements: one over the longer of two displacements between points, half of it for a length."""
     lengths = [float(np.linalg.norm([layout.value(x) for x in _design(form)])) for form in (u, w) if len(form) == 2]
     return (0.5 if u == w else 1.0) / (max(lengths) if len(lengths) == 2 else 1.0)
 

@@ -16,6 +16,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from cutjoint.elements.joint import rate_name
+from cutjoint.formulate.events import (
+    describe_domains,
+    describe_indicators,
+    domain_slots,
+    domains_function,
+    events_function,
+    guides_jump,
+    value_slots,
+)
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import column_slots, derive_scene_inputs, make_translator, open_parameters, report_columns
 from cutjoint.formulate.layout import Entry, Slot, StateLayout, state_entries
@@ -49,21 +58,12 @@ from cutjoint.formulate.states import (
     state_tangent,
     still_states,
 )
-from cutjoint.formulate.switches import (
-    describe_domains,
-    describe_switches,
-    domain_slots,
-    domains_function,
-    events_function,
-    guides_jump,
-    value_slots,
-)
 from cutjoint.methods import METHODS
 from cutjoint.model.quantities import readings_of, unit_of
 from cutjoint.model.records import Model, Output, Scalar
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.differentiate import Differentiator
-from cutjoint.program.switches import find_domains, find_switches
+from cutjoint.program.indicators import find_domains, find_indicators
 
 
 def formulate_lagrangian(
@@ -107,7 +107,7 @@ def formulate_lagrangian(
     dynamic_residual = system.dynamic_residual()
     constraint_residual, may_jump = system.constraint_residual(), guides_jump(model, scene)
     laws = derive_scene_inputs(b, model, scene, dynamic_residual.values(), events=may_jump)
-    switches = [*find_switches(b, constraint_residual.values()), *laws.switches] if may_jump else []
+    indicators = [*find_indicators(b, constraint_residual.values()), *laws.indicators] if may_jump else []
     domains = [*find_domains(b, dynamic_residual.values()), *laws.domains]
     functions = system_functions(
         initial_coordinates=placed, dynamic_residual=dynamic_residual, tangent=tangent, constraint_residual=constraint_residual,
@@ -119,15 +119,15 @@ def formulate_lagrangian(
         roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(
-            *functions, *guard_function(margins), *events_function(switches), *domains_function(domains), *laws.functions,
+            *functions, *guard_function(margins), *events_function(indicators), *domains_function(domains), *laws.functions,
             *sample_function(b, motions.translator, model, reporter.quantity),
         ), method=method,
         slots={
             **start.state.chart_slots({"q": "relative_q"}, dict.fromkeys(("v", "relative_v"), "relative_v")), **system.slots(),
-            **column_slots(outputs), **margin_slots(model, scene, unheld), **value_slots(switches), **domain_slots(domains), **laws.slots,
+            **column_slots(outputs), **margin_slots(model, scene, unheld), **value_slots(indicators), **domain_slots(domains), **laws.slots,
             **energy_slots(), **sample_slots(model),
         },
-        switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
+        indicators=describe_indicators(b, indicators), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         start=start, state=system.state, layout=layout, constraints=system.constraints, load_arguments=LOAD_ARGUMENTS,
         left_out=tuple(unheld),
     )  # fmt: skip
@@ -201,16 +201,16 @@ class _System:
         penalty = b.symbol("penalty", 1, BindingTime.ITERATION)
         for c in self.constraints:
             with b.section("constraint", c.element, "Phi_q^T (penalty Phi + lambda)", ""):
-                pull = b.add(b.scale(penalty, c.residual), multipliers(b, c))
+                augmented = b.add(b.scale(penalty, c.residual), multipliers(b, c))
                 for node, gradient in c.gradient.items():
-                    force.add(c.element, _one(node), b.mul(b.transpose(gradient), pull))
-        for element, form, push in self._pushes():
-            force.add(element, form, b.neg(push))
+                    force.add(c.element, _one(node), b.mul(b.transpose(gradient), augmented))
+        for element, form, applied in self._applied_forces():
+            force.add(element, form, b.neg(applied))
         residuals = {f"residual:{c.symbol}": c.residual for c in self.constraints}
         residuals |= state_residuals(b, self.motions.translator, self.start.topology.model)
         return {f"force_residual:{node.name}": block for node, block in force.by_coordinate().items()} | residuals
 
-    def _pushes(self) -> Iterable[tuple[str, Form, Block]]:
+    def _applied_forces(self) -> Iterable[tuple[str, Form, Block]]:
         for body in self.start.topology.model.bodies:
             if body.mass != 0:
                 yield body.name, *self.maker.weight(body)
@@ -294,12 +294,12 @@ class _System:
         nodes = [(node, motions.node(node)) for node in self.layout.coordinates]
         differentiator = Differentiator(b, {block for _, m in nodes for block in (m.x, m.v)} | motions.states)
         for place, state in enumerate(model.states, start=self.state.speeds):
-            push, x = NodalForce(motions=motions), b.symbol(f"v:{state.name}", 1, BindingTime.ITERATION)
+            applied, x = NodalForce(motions=motions), b.symbol(f"v:{state.name}", 1, BindingTime.ITERATION)
             for element in self.elements.values():
                 for action in element.actions:
                     if x in (jacobian := differentiator.jacobian(action.force)):
-                        push.add(element.name, action.form, b.neg(b.scale(damping, jacobian[x])))
-            for node, block in push.by_coordinate().items():
+                        applied.add(element.name, action.form, b.neg(b.scale(damping, jacobian[x])))
+            for node, block in applied.by_coordinate().items():
                 results |= {f"tangent:{offset[node] + i},{place}": b.element(block, i) for i in range(node.size)}
             jacobian = differentiator.jacobian(rates[state.name])
             for node, m in nodes:
@@ -369,9 +369,9 @@ class _System:
         b, speed = self.b, self.motions
         with b.section("energy", "", "T = 1/2 qd^T M qd,  P = Q . qd + lambda . Phi_t", ""):
             masses = [speed.times(mass, b.dot(speed.node(i).v, speed.node(j).v)) for i, j, mass in self.masses]
-            pushed = [b.dot(speed.of(form).v, force) for _, form, force in self._pushes()]
+            powers = [b.dot(speed.of(form).v, force) for _, form, force in self._applied_forces()]
             guides = [b.dot(multipliers(b, c), b.sub(c.rate, self._change(c))) for c in self.constraints if c.element in self._guided()]
-            return energy_results(b, b.mul(b.number(0.5), b.total([b.zero(1), *masses])), b.total([b.zero(1), *pushed, *guides]))
+            return energy_results(b, b.mul(b.number(0.5), b.total([b.zero(1), *masses])), b.total([b.zero(1), *powers, *guides]))
 
     def _change(self, c: Constraint) -> Block:
         """Phi_q qd."""

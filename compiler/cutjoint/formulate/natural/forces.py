@@ -65,10 +65,10 @@ class Element:
         """The element's tangents, without blocks that are zero."""
         b = motions.builder
         seen = [({node: 1}, motions.node(node)) for node in motions.layout.coordinates] if self.sees else []
-        ways = [*self.by.values(), *seen]
-        leaves = {block for _, m in ways for block in (m.x, m.v) if block.binding is BindingTime.ITERATION} | motions.states
+        displacements = [*self.by.values(), *seen]
+        leaves = {block for _, m in displacements for block in (m.x, m.v) if block.binding is BindingTime.ITERATION} | motions.states
         differentiator = Differentiator(b, leaves)
-        by = {motion.x: (form, motion) for form, motion in reversed(ways)}.values()
+        by = {motion.x: (form, motion) for form, motion in reversed(displacements)}.values()
         for action in self.actions:
             jacobian = differentiator.jacobian(action.force)
             for columns, motion in by:
@@ -131,8 +131,8 @@ class ForceMaker:
 
     def weight(self, body: Body) -> tuple[Form, Block]:
         """The weight of a body at its centre of mass."""
-        pull = self._b.scale(self._m.translator.scalar(body.mass), self._m.vector(self._model.gravity))
-        return self._m.layout.point(body.name, body.centre_of_mass), pull
+        force = self._b.scale(self._m.translator.scalar(body.mass), self._m.vector(self._model.gravity))
+        return self._m.layout.point(body.name, body.centre_of_mass), force
 
 
 _At: TypeAlias = tuple[str, Vector]
@@ -161,7 +161,7 @@ class NodalMechanics(Laws):
     def _body(self, carrier: Carrier) -> str:
         return str(getattr(self.force, carrier))
 
-    def _way(self, start: _At, end: _At) -> tuple[Form, Motion]:
+    def _displacement(self, start: _At, end: _At) -> tuple[Form, Motion]:
         point = self.motions.layout.point
         return self._of(end[0], difference(point(*end), point(*start)))
 
@@ -180,11 +180,11 @@ class NodalMechanics(Laws):
         """The place of a point, and its velocity; axes that the force counts along are made before."""
         for axis in GLOBAL_AXES if self.force.has_frame else ():
             self.motions.direction(at.body(self.force), axis)
-        return self._way(_ORIGIN, self._at(at))[1]
+        return self._displacement(_ORIGIN, self._at(at))[1]
 
-    def way(self, start: Point, end: Point) -> Motion:
-        """The way between two points."""
-        return self._way(self._at(start), self._at(end))[1]
+    def displacement(self, start: Point, end: Point) -> Motion:
+        """The displacement between two points."""
+        return self._displacement(self._at(start), self._at(end))[1]
 
     def direction(self, axis: Axis) -> Motion:
         """A direction."""
@@ -211,15 +211,15 @@ class NodalMechanics(Laws):
         return self.b.total([self.b.scale(self.b.element(components, i), e.x) for i, (_, e) in enumerate(directions)])
 
     def along(self, start: Point, end: Point, direction: Axis | Frame) -> Lazy:
-        """The way along directions, and its rate."""
-        way = self.way(start, end)
-        return self._along(way, self._directions(start.body(self.force), direction))
+        """The displacement along directions, and its rate."""
+        displacement = self.displacement(start, end)
+        return self._along(displacement, self._directions(start.body(self.force), direction))
 
-    def _along(self, way: Motion, directions: Sequence[tuple[Form, Motion]]) -> Lazy:
+    def _along(self, displacement: Motion, directions: Sequence[tuple[Form, Motion]]) -> Lazy:
         b, E = self.b, [e for _, e in directions]
         return Lazy(
-            place=lambda: b.column([b.dot(e.x, way.x) for e in E]),
-            rate=lambda: b.column([b.add(b.dot(e.x, way.v), b.dot(e.v, way.x)) for e in E]),
+            place=lambda: b.column([b.dot(e.x, displacement.x) for e in E]),
+            rate=lambda: b.column([b.add(b.dot(e.x, displacement.v), b.dot(e.v, displacement.x)) for e in E]),
         )
 
     def rotation(self, frame: Frame) -> LazyRotation:
@@ -230,20 +230,20 @@ class NodalMechanics(Laws):
         Sd = [[b.add(b.dot(e.x, g.v), b.dot(e.v, g.x)) for _, g in G] for _, e in E]
         x, v = (b.column([b.mul(b.number(0.5), b.sub(T[i][j], T[j][i])) for i, j in _PAIRS]) for T in (S, Sd))
 
-        def by_turn() -> Block:
+        def by_rotation() -> Block:
             trace = b.total([S[i][i] for i in range(3)])
             return b.scale(b.number(0.5), b.sub(b.scale(trace, b.identity(3)), b.stack(S)))
 
-        return LazyRotation(place=lambda: x, rate=lambda: v, jacobian=by_turn, rows=lambda: S)
+        return LazyRotation(place=lambda: x, rate=lambda: v, jacobian=by_rotation, rows=lambda: S)
 
-    def pull(self, start: Point, end: Point, force: Block) -> None:
+    def apply_force_pair(self, start: Point, end: Point, force: Block) -> None:
         """A force on the end, its reaction on the start."""
-        self._pair(self._at(start), self._at(end), force)
+        self._force_pair(self._at(start), self._at(end), force)
 
-    def _pair(self, start: _At, end: _At, pull: Block) -> None:
+    def _force_pair(self, start: _At, end: _At, force: Block) -> None:
         layout = self.motions.layout
-        self._act(end[0], layout.point(*end), pull)
-        self._act(start[0], layout.point(*start), self.b.neg(pull))
+        self._act(end[0], layout.point(*end), force)
+        self._act(start[0], layout.point(*start), self.b.neg(force))
 
     def apply_force_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
         """A force on both points, and on the directions."""
@@ -251,34 +251,34 @@ class NodalMechanics(Laws):
         if isinstance(direction, Axis):
             self._push_on_axis(first, last, directions[0], force)
             return
-        b, (_, way) = self.b, self._way(first, last)
-        self._pair(first, last, self._sum(force, directions))
+        b, (_, displacement) = self.b, self._displacement(first, last)
+        self._force_pair(first, last, self._sum(force, directions))
         for i, (form, _) in enumerate(directions):
-            self._act(first[0], form, b.scale(b.element(force, i), way.x))
+            self._act(first[0], form, b.scale(b.element(force, i), displacement.x))
 
     def _push_on_axis(self, start: _At, end: _At, axis: tuple[Form, Motion], force: Block) -> None:
-        (form, e), (_, way) = axis, self._way(start, end)
-        turn = self.b.scale(force, way.x)
-        self._pair(start, end, self.b.scale(force, e.x))
+        (form, e), (_, displacement) = axis, self._displacement(start, end)
+        turn = self.b.scale(force, displacement.x)
+        self._force_pair(start, end, self.b.scale(force, e.x))
         self._act(start[0], form, turn)
 
     def apply_force(self, at: Point, force: Block) -> None:
         """A force on a point."""
-        self._act(at.body(self.force), self._way(_ORIGIN, self._at(at))[0], force)
+        self._act(at.body(self.force), self._displacement(_ORIGIN, self._at(at))[0], force)
 
     def apply_force_at_offset(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
         """A force on the point, and the torque of what is beside it."""
         self.apply_force(at, force)
-        self.turn(at.carrier, self.b.add(self.b.cross(arm, force), moment))
+        self.apply_torque(at.carrier, self.b.add(self.b.cross(arm, force), moment))
 
-    def turn(self, carrier: Carrier, torque: Block) -> None:
+    def apply_torque(self, carrier: Carrier, torque: Block) -> None:
         """Half of T x e_i on each direction."""
         b, body = self.b, self._body(carrier)
         axes, half = self._axes(body), b.scale(b.number(0.5), torque)
         for form, e in axes:
             self._act(body, form, b.cross(half, e.x))
 
-    def twist(self, frame: Frame, torque: Block) -> None:
+    def apply_frame_torque(self, frame: Frame, torque: Block) -> None:
         """The force on half the differences of S, by both bodies' directions."""
         b, (base, follower) = self.b, frame.bodies(self.force)
         E, G = (self._directions(body, frame) for body in (base, follower))
@@ -303,25 +303,25 @@ class NodalMechanics(Laws):
         joint = self._joint
         base, follower = self.motions.layout.slide_ends(joint)
         start, end = (base, joint.at), (follower, joint.at)
-        self._way(start, end)
+        self._displacement(start, end)
         return start, end, self._direction(base, slide_axis(joint, self.force.coordinate_of))
 
     def _angle(self) -> tuple[Form, Motion]:
         return self._of(self._joint.follower, {self.motions.layout.angles[self._joint.name, self.force.coordinate_of]: 1})
 
     def coordinate(self) -> dict[str, Block]:
-        """The coordinate of a guide's course, an angle's node, or a displacement."""
+        """The coordinate of a guide, an angle's node, or a displacement."""
         if self._joint.guide is not None:
             return self._guided(self._joint)
         if self._is_angle:
             motion = self._angle()[1]
             return {"position": motion.x, "rate": motion.v}
         start, end, direction = self._slide()
-        travel = self._along(self._way(start, end)[1], [direction])
+        travel = self._along(self._displacement(start, end)[1], [direction])
         return {"position": travel.x, "rate": travel.v}
 
     def _guided(self, joint: Joint) -> dict[str, Block]:
-        """The coordinate on the guide's course."""
+        """The coordinate on the guide."""
         assert joint.guide is not None
         guide = joint.guide[joint.element.coordinates.index(self.force.coordinate_of)]
         position, rate, _ = (self.translator.scalar(e) for e in guide_rates(guide, self.model))

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import sympy
 
-from cutjoint.elements.joint import Advance, Carried, Condition, Direction, End, JointGap, Products, SameDistance
+from cutjoint.elements.joint import Advance, Carried, Condition, Direction, End, JointDisplacement, Products, SameDistance
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.kernels.joints import direction_of, rod_of
 from cutjoint.model.records import Joint, Scalar, Vector
@@ -25,10 +25,10 @@ class Arm:
 
 @dataclass(frozen=True, kw_only=True)
 class Term:
-    """A weight times the product of two vectors: directions, or the way between the joint's points."""
+    """A weight times the product of two vectors: directions, or the displacement between the joint's points."""
 
-    left: Arm | JointGap
-    right: Arm | JointGap
+    left: Arm | JointDisplacement
+    right: Arm | JointDisplacement
     weight: Scalar = field(default_factory=lambda: sympy.Integer(1))
 
 
@@ -86,18 +86,18 @@ def _rows(joint: Joint, condition: Condition) -> Iterator[JointRow]:
                 yield SumRow(name=name, terms=tuple(terms))
         case SameDistance():
             length = sympy.Matrix(rod_of(joint)).norm()
-            square = Term(left=JointGap.VECTOR, right=JointGap.VECTOR, weight=1 / (2 * length))
+            square = Term(left=JointDisplacement.VECTOR, right=JointDisplacement.VECTOR, weight=1 / (2 * length))
             yield SumRow(name="length", terms=(square,), constant=length / 2)
         case Advance():
             yield SumRow(name="advance", terms=(_along(joint, Direction.AXIS),), pitch=joint.pitch)
 
 
 def _along(joint: Joint, direction: Direction) -> Term:
-    return Term(left=JointGap.VECTOR, right=_arm(joint, Carried(End.BASE, direction)))
+    return Term(left=JointDisplacement.VECTOR, right=_arm(joint, Carried(End.BASE, direction)))
 
 
-def _factor(joint: Joint, factor: Carried | JointGap) -> Arm | JointGap:
-    return factor if isinstance(factor, JointGap) else _arm(joint, factor)
+def _factor(joint: Joint, factor: Carried | JointDisplacement) -> Arm | JointDisplacement:
+    return factor if isinstance(factor, JointDisplacement) else _arm(joint, factor)
 
 
 def _arm(joint: Joint, carried: Carried) -> Arm:

@@ -36,8 +36,7 @@ _SPAN = 1e-7
 class Group:
     """Rigidly joined bodies: ``basis`` spans them, a point of the group is ``inverse`` (k, 4) times [place; 1] of it.
 
-    ``pairs`` are the ways from the first node whose products this group must keep, ``surplus`` shared nodes that the basis does not
-    have.
+    ``pairs`` are the ways from the first node whose products this group must keep, ``surplus`` shared nodes that the basis does not have.
     """
 
     name: str
@@ -263,8 +262,8 @@ class _Builder:
             given = self._given(group)
             basis, surplus = self._choose(group, given, self._needs[group])
             pairs = [
-                (_way(basis, i), _way(basis, j)) for i in range(1, len(basis)) for j in range(i, len(basis))
-                if not self.layout.settled([*_way(basis, i), *_way(basis, j)], group)
+                (_displacement(basis, i), _displacement(basis, j)) for i in range(1, len(basis)) for j in range(i, len(basis))
+                if not self.layout.settled([*_displacement(basis, i), *_displacement(basis, j)], group)
             ]  # fmt: skip
             surplus = [n for n in surplus if not self.layout.settled([n, *basis], group)]
             self.layout.groups[group] = Group(
@@ -372,8 +371,8 @@ def _join(joints: Iterable[Joint], order: dict[str, int]) -> dict[str, str]:
     return group
 
 
-def _way(basis: Sequence[Node], i: int) -> Form:
-    """The way from the first node to node i, or that node's direction."""
+def _displacement(basis: Sequence[Node], i: int) -> Form:
+    """The displacement from the first node to node i, or that node's direction."""
     return {basis[i]: 1, basis[0]: -1} if basis[i].kind is NodeKind.POINT else {basis[i]: 1}
 
 
@@ -391,13 +390,13 @@ class _Selection:
         self._column = column
         self._free_title = free_title
 
-    def _ways(self) -> NDArray[np.float64]:
+    def _displacements(self) -> NDArray[np.float64]:
         """The directions that the nodes span, (k, 3)."""
         columns = [self._column(n) for n in self.nodes]
-        return np.array([self._way(c, columns) for c in columns[1:]]).reshape(-1, 3)
+        return np.array([self._displacement(c, columns) for c in columns[1:]]).reshape(-1, 3)
 
     @staticmethod
-    def _way(column: NDArray[np.float64], columns: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    def _displacement(column: NDArray[np.float64], columns: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         return np.asarray(column[:3] - columns[0][:3] if column[3] else column[:3])
 
     def share(self, item: Node | Need) -> float:
@@ -407,15 +406,15 @@ class _Selection:
             return float(column[3])
         if self.nodes[0].kind is not NodeKind.POINT:
             return 0.0
-        way = self._way(column, [self._column(self.nodes[0])])
-        length = float(np.linalg.norm(way))
+        displacement = self._displacement(column, [self._column(self.nodes[0])])
+        length = float(np.linalg.norm(displacement))
         if length < _SPAN:
             return 0.0
-        ways = self._ways()
-        if ways.size:
-            basis = np.linalg.svd(ways, full_matrices=False)[2]
-            way = way - basis.T @ (basis @ way)
-        return float(np.linalg.norm(way)) / length
+        displacements = self._displacements()
+        if displacements.size:
+            basis = np.linalg.svd(displacements, full_matrices=False)[2]
+            displacement = displacement - basis.T @ (basis @ displacement)
+        return float(np.linalg.norm(displacement)) / length
 
     def take(self, node: Node, least: float) -> bool:
         """Take a node that adds enough."""
@@ -431,9 +430,9 @@ class _Selection:
 
     def across(self, group: str) -> None:
         """Take a unit vector across all chosen."""
-        ways = self._ways()
-        basis = np.linalg.svd(ways, full_matrices=True)[2] if ways.size else np.eye(3)
-        normal = basis[-1] if ways.size else basis[0]
+        displacements = self._displacements()
+        basis = np.linalg.svd(displacements, full_matrices=True)[2] if displacements.size else np.eye(3)
+        normal = basis[-1] if displacements.size else basis[0]
         largest = int(np.argmax(np.abs(np.round(normal, 9))))
         normal = normal * np.sign(normal[largest])
         place = tuple(sympy.Float(float(np.round(x, 15))) + 0 for x in normal)

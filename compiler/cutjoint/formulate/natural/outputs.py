@@ -20,14 +20,14 @@ from cutjoint.program.blocks import Block
 
 @dataclass(frozen=True, kw_only=True)
 class ReactionMaker:
-    """Knows what pulls at a joint."""
+    """The reactions of joints."""
 
     motions: NodeMotions
     model: Model
     constraints: Sequence[Constraint]
     elements: Mapping[str, Element]
 
-    def pull(self, reaction: Reaction, quantity: str) -> Block:
+    def reaction_force(self, reaction: Reaction, quantity: str) -> Block:
         """The force (3, 1) of a reaction's joint on its follower.
 
         Raises:
@@ -36,30 +36,31 @@ class ReactionMaker:
         b = self.motions.builder
         joint = next(j for j in self.model.joints if j.name == reaction.joint)
         require_force(self.model, reaction, joint, quantity)
-        pulled = [self._pulled(c, c.by_way) for c in self.constraints if c.element == joint.name and c.by_way is not None]
-        if pulled:
-            return b.sub(self._pushed(joint), b.total(pulled))
+        own = [(c, c.by_displacement) for c in self.constraints if c.element == joint.name]
+        forces = [self._constraint_force(c, gradient) for c, gradient in own if gradient is not None]
+        if forces:
+            return b.sub(self._spring_force(joint), b.total(forces))
         free_body = find_free_body(self.motions.layout, self.model, reaction, joint)
         force = self._holding(free_body) if free_body.held else self._moved(free_body)
         return force if free_body.sign > 0 else b.neg(force)
 
-    def _pushed(self, joint: Joint) -> Block:
+    def _spring_force(self, joint: Joint) -> Block:
         """The sum of the forces on the joint's displacements, as they act on the follower, (3, 1)."""
         b, total = self.motions.builder, self.motions.builder.zero(3)
         for force, sign in slide_forces(self.motions.layout, self.model, joint):
             if force.name in self.elements:
-                push = self.elements[force.name].actions[0].force
-                total = b.add(total, push if sign > 0 else b.neg(push))
+                applied = self.elements[force.name].actions[0].force
+                total = b.add(total, applied if sign > 0 else b.neg(applied))
         return total
 
-    def _pulled(self, constraint: Constraint, gradient: Block) -> Block:
+    def _constraint_force(self, constraint: Constraint, gradient: Block) -> Block:
         b = self.motions.builder
         return b.mul(b.transpose(gradient), multipliers(b, constraint))
 
     def _holding(self, free_body: FreeBody) -> Block:
         """The multipliers of a node less the group's own combination."""
         rows = [
-            self._pulled(c, gradient) for c in self.constraints if c.element == free_body.group
+            self._constraint_force(c, gradient) for c in self.constraints if c.element == free_body.group
             for use, gradient in c.by_use if use.form == {free_body.node: 1} and use.sign > 0 and gradient.shape[1] == 3
         ]  # fmt: skip
         return self.motions.builder.total(rows) if rows else self.motions.builder.zero(3)
@@ -71,7 +72,7 @@ class ReactionMaker:
         for c in self.constraints:
             for use, gradient in c.by_use:
                 if gradient.shape[1] == 3:
-                    terms += self._weighted(share((use,), free_body), self._pulled(c, gradient))
+                    terms += self._weighted(share((use,), free_body), self._constraint_force(c, gradient))
         for body in self.model.bodies:
             if body.mass != 0:
                 weight = b.scale(m.translator.scalar(body.mass), m.vector(self.model.gravity))
@@ -120,11 +121,11 @@ class NaturalReporter(NaturalQuantities):
 
     def _reaction(self, reaction: Reaction, quantity: str) -> Block:
         maker = ReactionMaker(motions=self.motions, model=self.model, constraints=self.constraints, elements=self.elements)
-        pull, (_, direction) = maker.pull(reaction, quantity), reaction_component(reaction, quantity)
-        return self.motions.builder.dot(self.motions.direction(reaction.body, direction).x, pull)
+        reaction_force, (_, direction) = maker.reaction_force(reaction, quantity), reaction_component(reaction, quantity)
+        return self.motions.builder.dot(self.motions.direction(reaction.body, direction).x, reaction_force)
 
     def _rods(self, sensor: RodForce) -> Block:
-        """The residual of a distance is in m: its multiplier pulls."""
+        """The residual of a distance is in m: its multiplier is the tension."""
         b, of = self.motions.builder, {c.element: c for c in self.constraints}
-        pulls = [b.scale(self.motions.translator.scalar(weight), multipliers(b, of[rod])) for rod, weight in sensor.pushes]
-        return b.neg(b.total(pulls))
+        forces = [b.scale(self.motions.translator.scalar(weight), multipliers(b, of[rod])) for rod, weight in sensor.pushes]
+        return b.neg(b.total(forces))

@@ -18,7 +18,7 @@ from cutjoint.topology.records import Topology
 
 @dataclass(frozen=True, kw_only=True)
 class Mark:
-    """A point of a body, a way between two of its points, or a direction of it: (3, 1) in the ``design`` position and ``now``."""
+    """A point of a body, a displacement between two of its points, or a direction of it: (3, 1) in the ``design`` position and ``now``."""
 
     design: Block
     now: Block
@@ -60,11 +60,11 @@ def _span(motions: NodeMotions, basis: tuple[Node, ...]) -> Span:
     point, *others = (Mark(design=motions.vector(node.place), now=motions.node(node).x) for node in basis)
     return Span(
         point=point,
-        arms=tuple(_way(motions.builder, point, m) if n.kind is NodeKind.POINT else m for n, m in zip(basis[1:], others, strict=True)),
+        arms=tuple(_arm(motions.builder, point, m) if n.kind is NodeKind.POINT else m for n, m in zip(basis[1:], others, strict=True)),
     )  # fmt: skip
 
 
-def _way(b: Builder, start: Mark, end: Mark) -> Mark:
+def _arm(b: Builder, start: Mark, end: Mark) -> Mark:
     return Mark(design=b.sub(end.design, start.design), now=b.sub(end.now, start.now))
 
 
@@ -102,6 +102,6 @@ def _angle(k: Kinematics, topology: Topology, name: str, coordinate: str) -> tup
 def _advanced_angle(k: Kinematics, joint: Joint) -> tuple[Block, Block]:
     b, axis = k.builder, k.direction(joint.base, joint.axes[0])
     end, start = k.point(joint.follower, joint.at), k.point(joint.base, joint.at)
-    way, pitch = k.between(joint.follower, end, joint.base, start), k.translator.scalar(joint.pitch)
+    displacement, pitch = k.between(joint.follower, end, joint.base, start), k.translator.scalar(joint.pitch)
     speed = b.sub(k.velocity(joint.follower, end), k.velocity(joint.base, start))
-    return b.call("div", b.dot(axis, way), pitch), b.call("div", b.dot(axis, speed), pitch)
+    return b.call("div", b.dot(axis, displacement), pitch), b.call("div", b.dot(axis, speed), pitch)

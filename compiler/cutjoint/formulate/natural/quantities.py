@@ -79,10 +79,10 @@ class NaturalQuantities:
     def _slide(self, joint: Joint, coordinate: str) -> Motion:
         b, layout = self.motions.builder, self.motions.layout
         base, follower = layout.slide_ends(joint)
-        way = self.motions.of(difference(layout.point(follower, joint.at), layout.point(base, joint.at)))
+        displacement = self.motions.of(difference(layout.point(follower, joint.at), layout.point(base, joint.at)))
         axis = self.motions.direction(base, slide_axis(joint, coordinate))
-        rate = b.add(b.dot(way.x, axis.v), b.dot(way.v, axis.x))
-        return Motion(x=b.dot(way.x, axis.x), v=rate, a=b.zero(1))
+        rate = b.add(b.dot(displacement.x, axis.v), b.dot(displacement.v, axis.x))
+        return Motion(x=b.dot(displacement.x, axis.x), v=rate, a=b.zero(1))
 
     def _relative_spin(self, joint: Joint, axis: int) -> Block:
         """An element of the outer body's angular velocity against the inner one, in the latter's axes."""

@@ -3,7 +3,7 @@
 With the carrier's acceleration Zdd_P, a_i that of body i beside it by the known motions, and B_i the motion of body i by q'::
 
     Zdd_i = Zdd_P + a_i + B_i qdd
-    H = sum of B_i^T M_i B_i        G = sum of M_i B_i        F_i = Q_i - M_i a_i        h = sum of B_i^T F_i + slope . tau
+    H = sum of B_i^T M_i B_i        G = sum of M_i B_i        F_i = Q_i - M_i a_i        h = sum of B_i^T F_i + derivative . tau
     M_P += sum of M_i - G H^-1 G^T      Q_P += sum of F_i - G H^-1 h
     qdd = H^-1 (h - G^T Zdd_P)
 
@@ -40,9 +40,9 @@ class AssemblySystem:
         self.known = KnownMotions(k=self.k, carrier=self.assembly.carrier)
 
     @property
-    def leader(self) -> str:
+    def independent(self) -> str:
         """The body that the leading joint carries."""
-        return next(body for body, m in self.k.motions.items() if m.tree_joint.joint.name == self.assembly.leader)
+        return next(body for body, m in self.k.motions.items() if m.tree_joint.joint.name == self.assembly.independent)
 
     def column(self, body: str) -> Block:
         """B of a body, (6, 1)."""
@@ -59,8 +59,8 @@ class AssemblySystem:
     def eliminate(self) -> None:
         """Pass on to the carrier what is left of the bodies."""
         b, system, carrier = self.k.builder, self.system, self.assembly.carrier
-        system.source = self.leader
-        with b.section("condensation", self.assembly.leader, _EQUATION, self.assembly.span.place):
+        system.source = self.independent
+        with b.section("condensation", self.assembly.independent, _EQUATION, self.assembly.span.place):
             zero = b.zero(1)
             heavy = [body for body in self.assembly.bodies if not (is_zero(system.M[body]) and is_zero(system.Q[body]))]
             forces, moments = {}, {}
@@ -69,10 +69,10 @@ class AssemblySystem:
                 moments[body] = b.name(b.mul(system.M[body], self.column(body)), "G", body)
             H = b.total([zero, *(b.dot(self.column(body), moments[body]) for body in heavy)])
             h = b.total([zero, *(b.dot(self.column(body), forces[body]) for body in heavy), *self._joint_forces()])
-            self._inverse = b.name(b.call("div", b.number(1.0), b.name(H, "H", self.leader)), "Dinv", self.leader)
-            self._h = b.name(h, "h", self.leader)
+            self._inverse = b.name(b.call("div", b.number(1.0), b.name(H, "H", self.independent)), "Dinv", self.independent)
+            self._h = b.name(h, "h", self.independent)
             if carrier != GROUND:
-                self._G = b.name(b.total([b.zero(6), *moments.values()]), "G", "assembly", self.leader)
+                self._G = b.name(b.total([b.zero(6), *moments.values()]), "G", "assembly", self.independent)
                 for body in heavy:
                     system.add_mass(carrier, system.M[body])
                     system.add_force(carrier, forces[body])
@@ -85,21 +85,21 @@ class AssemblySystem:
         b, found = self.k.builder, []
         for body in self.assembly.bodies:
             if body in self.system.joint_forces:
-                slope, force = self.k.motions[body].slope, self.system.joint_forces[body]
-                found.append(force if slope is None else b.dot(slope, force))
+                derivative, force = self.k.motions[body].derivative, self.system.joint_forces[body]
+                found.append(force if derivative is None else b.dot(derivative, force))
         return found
 
     def solve(self, Zdd: dict[str, Block]) -> dict[str, Block]:
         """The acceleration of the coordinate by the leading body; the bodies' own join ``Zdd``."""
-        b, carrier, leader = self.k.builder, self.assembly.carrier, self.assembly.leader
+        b, carrier, independent = self.k.builder, self.assembly.carrier, self.assembly.independent
         equation = "qdd = H^-1 (h - G^T Zdd_P),  Zdd = Zdd_P + a + B qdd"
-        with b.section("accelerations", leader, equation, self.assembly.span.place):
+        with b.section("accelerations", independent, equation, self.assembly.span.place):
             right = self._h if carrier == GROUND else b.sub(self._h, b.dot(self._G, Zdd[carrier]))
-            unknown = b.name(b.mul(self._inverse, right), "vdot", leader)
+            unknown = b.name(b.mul(self._inverse, right), "vdot", independent)
             for body in self.assembly.bodies:
                 moved = b.add(self.known(body), b.scale(unknown, self.column(body)))
                 Zdd[body] = b.name(b.add(Zdd[carrier], moved), "Zdd", body)
-        return {self.leader: unknown}
+        return {self.independent: unknown}
 
 
 _EQUATION = "H = sum B^T M B,  M_P += sum M - G H^-1 G^T,  Q_P += sum F - G H^-1 h"
@@ -120,7 +120,7 @@ def range_margins(k: Kinematics) -> dict[str, Block]:
             sides.append((leading(b, assembly)[0], functions.range))
         if functions.drive_range is not None:
             sides.append((drive_of(k, assembly)[0], functions.drive_range))
-        with b.section("guard", assembly.leader, "the functions of its loops hold while the margin is not negative", assembly.span.place):
+        with b.section("guard", assembly.independent, "functions of its loops hold while the margin is not negative", assembly.span.place):
             found = []
             for place, side in sides:
                 x = b.mul(b.number(1 / max(side.half, STILL)), b.sub(place, b.number(side.middle)))
@@ -130,7 +130,7 @@ def range_margins(k: Kinematics) -> dict[str, Block]:
                 found.append(b.element(column, column.shape[0] - 1))
             if found:
                 smallest = reduce(lambda one, other: b.call("where", b.call("lt", one, other), one, other), found)
-                margins[assembly.leader] = b.name(smallest, "margin", assembly.leader)
+                margins[assembly.independent] = b.name(smallest, "margin", assembly.independent)
     return margins
 
 
@@ -163,7 +163,7 @@ def _multipliers(
 ) -> Block:  # fmt: skip
     """The shortest lambda with J^T lambda = tau - S^T W."""
     b = k.builder
-    with b.section("multipliers", assembly.leader, "J^T lambda = tau - S^T W", assembly.span.place):
+    with b.section("multipliers", assembly.independent, "J^T lambda = tau - S^T W", assembly.span.place):
         rows, left, ends, steps = [], [], {}, {}
         for loop in loops:
             base, follower = loop.joint.base, loop.joint.follower
@@ -176,8 +176,8 @@ def _multipliers(
                 continue
             columns = (by_joint(b, loop, steps[loop.joint.name], ends[loop.joint.name], body, S) for loop in loops)
             rows.append([b.transpose(column) for column in columns])
-            pulled = b.mul(b.transpose(S), carried[body])
-            left.append([b.sub(joint_forces[body], pulled) if body in joint_forces else b.neg(pulled)])
+            carried_force = b.mul(b.transpose(S), carried[body])
+            left.append([b.sub(joint_forces[body], carried_force) if body in joint_forces else b.neg(carried_force)])
         transposed, right = b.stack(rows), b.stack(left)
         size = transposed.shape[1]
         ones = b.const([[1.0]] * transposed.shape[0])
@@ -186,7 +186,7 @@ def _multipliers(
         lower, inverse = b.ldl(b.add(gram, b.scale(b.mul(b.number(_SHARE / size), trace), b.identity(size))))
         projected = b.mul(b.transpose(transposed), right)
         for block, symbol in ((transposed, "J"), (lower, "L"), (inverse, "Dinv"), (projected, "right")):
-            b.name(block, symbol, assembly.leader)
+            b.name(block, symbol, assembly.independent)
 
         def solved(values: Block) -> Block:
             return b.backward(lower, b.weigh(inverse, b.forward(lower, values)))
@@ -194,5 +194,5 @@ def _multipliers(
         found = solved(projected)
         for _ in range(_CORRECTIONS):
             found = b.add(found, solved(b.sub(projected, b.mul(gram, found))))
-        return b.name(found, "multipliers", assembly.leader)
+        return b.name(found, "multipliers", assembly.independent)
 

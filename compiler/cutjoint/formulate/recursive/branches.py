@@ -189,11 +189,11 @@ class BranchSystem:
         h = b.stack([[part] for part in parts])
         for loop in self._closing:
             name = loop.element.name
-            pull = b.name(self._pull(loop), "push", name, rows=loop.names)
-            h = b.sub(h, b.mul(b.transpose(self._rows[name]), pull))
+            augmented = b.name(self._augmented(loop), "push", name, rows=loop.names)
+            h = b.sub(h, b.mul(b.transpose(self._rows[name]), augmented))
         return b.total([h, *(share.force for share in self._shares)])
 
-    def _pull(self, loop: Closing) -> Block:
+    def _augmented(self, loop: Closing) -> Block:
         """Lambda + a s'."""
         b, name = self.k.builder, loop.element.name
         return b.add(loop.multipliers, b.scale(self.numbers.penalties[name], self._drift[name]))
@@ -221,7 +221,7 @@ class BranchSystem:
                 weights = self._weights(loop)
                 coupled = b.add(coupled, b.mul(b.transpose(self._rows[loop.joint.name]), b.weigh(weights, J)))
                 mass = b.add(mass, b.gram(J, weights))
-                force = b.sub(force, b.mul(b.transpose(J), self._pull(loop)))
+                force = b.sub(force, b.mul(b.transpose(J), self._augmented(loop)))
         self._W = b.name(b.forward(self._lower, coupled), "W", self.name, rows=self.rows, columns=hub.rows)
         across = b.transpose(b.weigh(self._inverse, self._W))
         hub.take_over(_Share(

@@ -42,7 +42,7 @@ def measure(k: Kinematics, joint: str, coordinate: str) -> Measured:
     if motion is not None:
         index = COORDINATES[motion.tree_joint.joint.kind].index(coordinate)
         return Measured(position=motion.position[index], rate=motion.rate[index])
-    cut = next(c for c in (*k.topology.cuts, *k.topology.held) if c.name == joint)
+    cut = next(c for c in (*k.topology.cuts, *k.topology.embedded) if c.name == joint)
     return _angle(k, cut) if coordinate in cut.element.angles else _displacement(k, cut, slide_axis(cut, coordinate))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from cutjoint.formulate.events import describe_domains, describe_indicators, domain_slots, domains_function, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import (
     column_slots,
@@ -19,7 +20,7 @@ from cutjoint.formulate.records import Column, Function, RecursiveEquations, ene
 from cutjoint.formulate.recursive.assemblies import close_held, range_margins
 from cutjoint.formulate.recursive.fitted import fit_slots, loop_fits
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards, find_contacts, find_rotors
-from cutjoint.formulate.recursive.friction import RubbedMotion, rub, rubbed
+from cutjoint.formulate.recursive.friction import FrictionMotion, add_friction, load_frictions
 from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, corrections, derive_loops
@@ -28,12 +29,11 @@ from cutjoint.formulate.recursive.quantities import pose_slots, poses_function
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
 from cutjoint.formulate.states import sample_function, sample_slots, state_rates, still_states
-from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
 from cutjoint.methods import CLOSURES, PLAIN_CLOSURE
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Output, Scene
 from cutjoint.program.blocks import BindingTime, Builder
-from cutjoint.program.switches import find_domains, find_switches
+from cutjoint.program.indicators import find_domains, find_indicators
 from cutjoint.topology.records import Topology
 
 
@@ -66,11 +66,11 @@ def formulate_recursive(
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``constraint_residual``: q, v -> residual and its
-    rate; ``report``: q, v, vdot, lambda -> the outputs; ``energy``: the same -> kinetic energy and power; ``project``: q, gap -> the step
-    of the speeds' integrals that closes the gaps of the cut joints and moves the masses least; with guards ``guard``: q, v -> margins;
-    with switches ``events``: q, v -> their values; with laws that may have no value ``domains``: q, v, lambda -> the margins of their
-    arguments; with inputs ``scene_inputs``: t -> the scene's inputs; with controllers ``sample``: q, v, vdot, lambda -> what they hold
-    next; with ``poses`` the function of that name.
+    rate; ``report``: q, v, vdot, lambda -> the outputs; ``energy``: the same -> kinetic energy and power; ``project``: q, violation -> the
+    step of the speeds' integrals that closes the violations of the cut joints and moves the masses least; with guards ``guard``: q, v ->
+    margins; with indicators ``events``: q, v -> their values; with laws that may have no value ``domains``: q, v, lambda -> the margins of
+    their arguments; with inputs ``scene_inputs``: t -> the scene's inputs; with controllers ``sample``: q, v, vdot, lambda -> what they
+    hold next; with ``poses`` the function of that name.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
@@ -83,23 +83,23 @@ def formulate_recursive(
     margins = add_guards(system, forces, k, model, scene) | range_margins(k)
     closing = ClosingElements(loops=derive_loops(k, topology.cuts, numbers), gears=derive_gears(k, model.gears, numbers))
     loops = closing.all()
-    masses, pushed, rubs, refinements = dict(system.M), dict(system.Q), rubbed(model, system), CLOSURES[closure].refinements
-    acting, (own_masses, own_forces) = replace(system, Q=pushed), system.as_they_are()
+    masses, Q, frictions, refinements = dict(system.M), dict(system.Q), load_frictions(model, system), CLOSURES[closure].refinements
+    acting, (own_masses, own_forces) = replace(system, Q=Q), system.as_they_are()
     solution = solve(topology, system, k, closing, numbers)
     solution = refine(topology, masses, k, closing, numbers, solution, refinements)
-    if rubs:
-        motion = RubbedMotion(topology=topology, masses=masses, k=k, closing=closing, numbers=numbers, times=refinements)
-        solution = motion.solve(rubs, solution, acting)
+    if frictions:
+        motion = FrictionMotion(topology=topology, masses=masses, k=k, closing=closing, numbers=numbers, times=refinements)
+        solution = motion.solve(frictions, solution, acting)
     correction = corrections(b, loops, numbers, solution.errors)
-    gaps = {x.element.name: b.symbol(f"gap:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
-    step = respond(topology, masses, k, closing, numbers, gaps, mark="p", turn="of gaps alone").vdot
+    violations = {x.element.name: b.symbol(f"gap:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
+    step = respond(topology, masses, k, closing, numbers, violations, mark="p", origin="of gaps alone").vdot
     Zdd = given_accelerations(k)
     reactions = Reactions(
         kinematics=k, loops=closing.loops, M=own_masses, Q=own_forces, Zdd=Zdd, acting=system.cut_joint_wrenches
     )  # fmt: skip
-    reactions = rub(rubs, acting, k, forces, reactions) if rubs else reactions
-    if topology.held:
-        held = close_held(k, derive_loops(k, topology.held, numbers), reactions.carried, system.joint_forces)
+    reactions = add_friction(frictions, acting, k, forces, reactions) if frictions else reactions
+    if topology.embedded:
+        held = close_held(k, derive_loops(k, topology.embedded, numbers), reactions.carried, system.joint_forces)
         reactions = replace(reactions, loops=(*closing.loops, *held))
     reporter = Reporter(
         model=model, kinematics=k, forces=forces, loops=reactions.loops, gears=closing.gears, Zdd=Zdd, reactions=reactions
@@ -110,7 +110,7 @@ def formulate_recursive(
     switching = [*accelerations.values(), *k.guided_rates]  # a jump of a guide that no acceleration feels has work too
     laws = derive_scene_inputs(b, model, scene, switching)
     fits = loop_fits(b, topology)
-    switches = [*find_switches(b, switching), *laws.switches]
+    indicators = [*find_indicators(b, switching), *laws.indicators]
     domains = [*find_domains(b, accelerations.values()), *laws.domains]
     functions = (
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={
@@ -132,7 +132,7 @@ def formulate_recursive(
             **{f"dz:{c.joint}": step[c.joint] for c in charts}, **still_states(b, model, "dz"),
         }),
         *guard_function(margins),
-        *events_function(switches),
+        *events_function(indicators),
         *domains_function(domains),
         *laws.functions,
         *sample_function(b, k.translator, model, reporter.quantity),
@@ -146,11 +146,11 @@ def formulate_recursive(
         slots={
             **layout.chart_slots({"q": "q"}, {"v": "v", "vdot": "vdot", "dz": "dz"}),
             **layout.closure_slots(("lambda", "correction", "residual", "rate", "gap")), **column_slots(outputs),
-            **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains), **laws.slots, **energy_slots(),
+            **margin_slots(model, scene), **value_slots(indicators), **domain_slots(domains), **laws.slots, **energy_slots(),
             **sample_slots(model), **fit_slots(fits),
             **(pose_slots(model) if poses else {}),
         },
-        axes=k.axes, switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs,
+        axes=k.axes, indicators=describe_indicators(b, indicators), domains=describe_domains(b, domains), inputs=laws.inputs,
         input_values=laws.length, fits=fits,
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),
     )  # fmt: skip

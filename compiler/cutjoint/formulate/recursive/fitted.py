@@ -6,8 +6,8 @@ coordinates that `following.py` has series for::
 
     place = (q, s)        J = (Phi_q, Phi_s)        s' = -Phi_s^-1 Phi_q
 
-The coefficients are the symbol ``series:leader``, known when parameters are; its last element is a margin, negative where the loops do not
-close over the range.
+The coefficients are the symbol ``series:independent``, known when parameters are; its last element is a margin, negative where the loops do
+not close over the range.
 """
 
 from __future__ import annotations
@@ -63,12 +63,12 @@ def driven_by_time(topology: Topology, drive: str | None) -> Topology:
 
 def without_assemblies(topology: Topology) -> Topology:
     """The spanning tree with the joints that functions close among its cut joints."""
-    return replace(topology, model=replace(topology.model, assemblies=()), cuts=(*topology.cuts, *topology.held), held=())
+    return replace(topology, model=replace(topology.model, assemblies=()), cuts=(*topology.cuts, *topology.embedded), embedded=())
 
 
 def joints_of(model: Model, assembly: Assembly) -> tuple[Joint, ...]:
     """The joints of an assembly's block, in the order of the model."""
-    names = {assembly.leader, *assembly.functions.series, *assembly.cuts}
+    names = {assembly.independent, *assembly.functions.series, *assembly.cuts}
     return tuple(joint for joint in model.joints if joint.name in names)
 
 
@@ -91,29 +91,29 @@ def fit_slots(fits: Sequence[LoopFit]) -> dict[str, Slot]:
 def _fit(b: Builder, topology: Topology, assembly: Assembly, first: int, number: int) -> LoopFit:
     own, whole = Builder(), driven_by_time(without_assemblies(topology), assembly.drive)
     joints = joints_of(topology.model, assembly)
-    cuts = tuple(joint for joint in topology.held if joint.name in assembly.cuts)
+    cuts = tuple(joint for joint in topology.embedded if joint.name in assembly.cuts)
     equations = derive_block(own, whole, joints, cuts)
-    functions, leader = assembly.functions, assembly.leader
+    functions, independent = assembly.functions, assembly.independent
     count = 1 + sum(map(len, functions.series.values()))
-    place = b.symbol(f"place:{leader}", count, BindingTime.ITERATION)
-    with b.section("functions", leader, "residual and Jacobian of the joints that functions close, by the place", assembly.span.place):
+    place = b.symbol(f"place:{independent}", count, BindingTime.ITERATION)
+    with b.section("functions", independent, "residual and Jacobian of the joints that functions close, by the place", assembly.span.place):
         known = _places(b, equations.charts, assembly, place)
         parameters = open_parameters(topology.model)
-        known["parameters"] = b.symbol(f"fitted:{leader}", len(parameters), BindingTime.ITERATION)
+        known["parameters"] = b.symbol(f"fitted:{independent}", len(parameters), BindingTime.ITERATION)
         known["t"] = b.number(functions.drive_range.middle if functions.drive_range is not None else 0.0)
         residual = _substituted(b, equations.residuals, known)
         columns = [_substituted(b, equations.rates, known | moved) for moved in _moved(b, equations.charts, assembly, place)]
     rows = residual.shape[0]
     slots = {
-        f"fitted:{leader}": Slot(array="parameters", offset=0, names=tuple(p.name for p in parameters)),
-        f"place:{leader}": Slot(array="place", offset=0, names=("q", *_named(functions.series))),
-        f"opening:{leader}": Slot(array="opening", offset=0, names=("",) * rows),
-        f"by_place:{leader}": Slot(array="by_place", offset=0, names=("",) * (rows * count)),
-        f"series:{leader}": Slot(array="series", offset=first, names=tuple(map(str, range(coefficients_of(functions) + 1)))),
+        f"fitted:{independent}": Slot(array="parameters", offset=0, names=tuple(p.name for p in parameters)),
+        f"place:{independent}": Slot(array="place", offset=0, names=("q", *_named(functions.series))),
+        f"opening:{independent}": Slot(array="opening", offset=0, names=("",) * rows),
+        f"by_place:{independent}": Slot(array="by_place", offset=0, names=("",) * (rows * count)),
+        f"series:{independent}": Slot(array="series", offset=first, names=tuple(map(str, range(coefficients_of(functions) + 1)))),
     }
     function = Function(
         name=f"{CLOSE}{number}", arguments=("const Real* parameters", "const Real* place", "Real* opening", "Real* by_place"),
-        results={f"opening:{leader}": residual, f"by_place:{leader}": b.stack([[column] for column in columns])},
+        results={f"opening:{independent}": residual, f"by_place:{independent}": b.stack([[column] for column in columns])},
     )  # fmt: skip
     return LoopFit(assembly=assembly, function=function, slots=slots, rows=rows, first=first)
 
@@ -127,7 +127,7 @@ def _places(b: Builder, charts: Sequence[Chart], assembly: Assembly, place: Bloc
     known, first = {}, 1
     for chart in charts:
         series = assembly.functions.series.get(chart.joint)
-        if chart.joint == assembly.leader:
+        if chart.joint == assembly.independent:
             known[f"q:{chart.joint}"] = b.element(place, 0)
         elif series is None:
             ball = [b.number(float(i == 0)) for i in range(4)] if chart.ball else []
@@ -144,7 +144,7 @@ def _places(b: Builder, charts: Sequence[Chart], assembly: Assembly, place: Bloc
 def _moved(b: Builder, charts: Sequence[Chart], assembly: Assembly, place: Block) -> Iterator[dict[str, Block]]:
     """The speeds of all joints of a tree at a unit rate of each element of the place in turn."""
     still = {f"v:{c.joint}": b.zero(len(c.speed_names)) for c in charts}
-    yield still | {f"v:{assembly.leader}": b.number(1.0)}
+    yield still | {f"v:{assembly.independent}": b.number(1.0)}
     first = 1
     for joint, series in assembly.functions.series.items():
         chart = next(chart for chart in charts if chart.joint == joint)

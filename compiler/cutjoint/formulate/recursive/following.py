@@ -28,18 +28,18 @@ Drive: TypeAlias = tuple[Block, Block, Block]
 @dataclass(frozen=True, kw_only=True)
 class Following:
     """The motion of a joint that follows: its coordinates, quaternion, speeds and the accelerations that q'' has no part in, as
-    `JointMotion` has them; ``slope`` (k, 1) are the speeds by q'."""
+    `JointMotion` has them; ``derivative`` (k, 1) are the speeds by q'."""
 
     motion: tuple[tuple[Block, ...], tuple[Block, ...], tuple[Block, ...], tuple[Block, ...]]
-    slope: Block
+    derivative: Block
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Value:
-    """A function of q and u: its value, its slope by q, its rate, and the part of its second rate without q''."""
+    """A function of q and u: its value, its derivative by q, its rate, and the part of its second rate without q''."""
 
     place: Block
-    slope: Block
+    derivative: Block
     rate: Block
     bend: Block
 
@@ -48,28 +48,28 @@ def follow(b: Builder, joint: Joint, assembly: Assembly, drive: Drive | None) ->
     """The motion of a joint of an assembly; ``drive`` has u with its rate and acceleration."""
     values = [
         _evaluate(b, assembly, series, coefficients, drive)
-        for series, coefficients in zip(assembly.functions.series[joint.name], _opened(b, assembly, joint), strict=True)
+        for series, coefficients in zip(assembly.functions.series[joint.name], _tunable(b, assembly, joint), strict=True)
     ]
     scalars = values[: len(joint.element.coordinates)]
-    place, slope = [x.place for x in scalars], [x.slope for x in scalars]
+    place, derivative = [x.place for x in scalars], [x.derivative for x in scalars]
     rate, bend = [x.rate for x in scalars], [x.bend for x in scalars]
     quaternion: tuple[Block, ...] = ()
     if joint.element.has_ball:
         quaternion, turned = _turn(b, values[len(scalars) :])
-        for whole, part in zip((slope, rate, bend), turned, strict=True):
+        for whole, part in zip((derivative, rate, bend), turned, strict=True):
             whole += [b.element(part, i) for i in range(3)]
     which = joint.element.speeds if len(joint.element.speeds) > 1 else ("",)
-    for blocks, symbol in ((rate, "v"), (slope, "slope"), (bend, "bend")):
+    for blocks, symbol in ((rate, "v"), (derivative, "slope"), (bend, "bend")):
         for block, name in zip(blocks, which, strict=True):
             b.name(block, symbol, joint.name, which=(name,) if name else ())
-    return Following(motion=(tuple(place), quaternion, tuple(rate), tuple(bend)), slope=b.column(slope))
+    return Following(motion=(tuple(place), quaternion, tuple(rate), tuple(bend)), derivative=b.column(derivative))
 
 
 def _turn(b: Builder, values: Sequence[_Value]) -> tuple[tuple[Block, ...], tuple[Block, Block, Block]]:
     """The quaternion of a ball; its angular velocity by q', the whole one, and the angular acceleration without q''."""
-    g, slope, rate, bend = (b.column([getattr(x, name) for x in values]) for name in ("place", "slope", "rate", "bend"))
+    g, derivative, rate, bend = (b.column([getattr(x, name) for x in values]) for name in ("place", "derivative", "rate", "bend"))
     quaternion = quaternion_of(b, g)
-    turned = [turned_by(b, g, x) for x in (slope, rate, bend)]
+    turned = [turned_by(b, g, x) for x in (derivative, rate, bend)]
     slowed = b.scale(b.mul(_share(b, g), b.dot(g, rate)), turned[1])
     return quaternion, (turned[0], turned[1], b.sub(turned[2], slowed))
 
@@ -98,12 +98,12 @@ def coefficients_of(functions: LoopFunctions) -> int:
 def fitted_inputs(assemblies: Iterable[Assembly]) -> dict[str, Array]:
     """The coefficients of assemblies with open geometry, and a margin, by their symbols, as `fitted` has them."""
     return {
-        f"series:{a.leader}": np.array([*(row[0] for found in a.functions.series.values() for one in found for row in one.coefficients), 1])
+        f"series:{a.independent}": np.array([*(row[0] for each in a.functions.series.values() for x in each for row in x.coefficients), 1])
         for a in assemblies if a.functions.open
     }  # fmt: skip
 
 
-def _opened(b: Builder, assembly: Assembly, joint: Joint) -> Iterator[Block | None]:
+def _tunable(b: Builder, assembly: Assembly, joint: Joint) -> Iterator[Block | None]:
     """The coefficients of a joint's series where they are loaded with parameters."""
     functions, first = assembly.functions, 0
     for name, found in functions.series.items():
@@ -116,30 +116,30 @@ def _opened(b: Builder, assembly: Assembly, joint: Joint) -> Iterator[Block | No
 
 def fitted(b: Builder, assembly: Assembly) -> Block:
     """The coefficients of all series of an assembly with open geometry, one behind the other, and the margin of its fit."""
-    return b.symbol(f"series:{assembly.leader}", coefficients_of(assembly.functions) + 1, BindingTime.PARAM)
+    return b.symbol(f"series:{assembly.independent}", coefficients_of(assembly.functions) + 1, BindingTime.PARAM)
 
 
-def _evaluate(b: Builder, assembly: Assembly, series: Series, opened: Block | None, drive: Drive | None) -> _Value:
+def _evaluate(b: Builder, assembly: Assembly, series: Series, tunable: Block | None, drive: Drive | None) -> _Value:
     q, rate = leading(b, assembly)
     c = np.array(series.coefficients)
     functions = assembly.functions
     basis = _turning_basis(b, q, len(c)) if functions.turns else _basis(b, q, functions.range, len(c))
-    b.label(basis, f"T_{assembly.leader}".replace(".", "_"), rows=tuple(map(str, range(len(c)))))
-    if opened is not None:
-        place, slope, bend = (b.dot(_derived(b, opened, functions, order), basis) for order in range(3))
+    b.label(basis, f"T_{assembly.independent}".replace(".", "_"), rows=tuple(map(str, range(len(c)))))
+    if tunable is not None:
+        place, derivative, bend = (b.dot(_derived(b, tunable, functions, order), basis) for order in range(3))
     else:
-        place, slope, bend = (_value(b, c, functions, basis, drive, (order, 0)) for order in range(3))
-    if series.slope:
-        growth = b.number(series.slope)
-        place, slope = b.add(place, b.mul(growth, q)), b.add(slope, growth)
-    speed, bent = b.mul(slope, rate), b.mul(bend, b.mul(rate, rate))
+        place, derivative, bend = (_value(b, c, functions, basis, drive, (order, 0)) for order in range(3))
+    if series.growth:
+        growth = b.number(series.growth)
+        place, derivative = b.add(place, b.mul(growth, q)), b.add(derivative, growth)
+    speed, bent = b.mul(derivative, rate), b.mul(bend, b.mul(rate, rate))
     if drive is not None:
         _, ud, udd = drive
-        pushed, mixed, across = (_value(b, c, functions, basis, drive, orders) for orders in ((0, 1), (1, 1), (0, 2)))
+        driven, mixed, across = (_value(b, c, functions, basis, drive, orders) for orders in ((0, 1), (1, 1), (0, 2)))
         crossed = b.mul(b.number(2.0), b.mul(mixed, b.mul(rate, ud)))
-        speed = b.add(speed, b.mul(pushed, ud))
-        bent = b.total([bent, crossed, b.mul(across, b.mul(ud, ud)), b.mul(pushed, udd)])
-    return _Value(place=place, slope=slope, rate=speed, bend=bent)
+        speed = b.add(speed, b.mul(driven, ud))
+        bent = b.total([bent, crossed, b.mul(across, b.mul(ud, ud)), b.mul(driven, udd)])
+    return _Value(place=place, derivative=derivative, rate=speed, bend=bent)
 
 
 def _value(b: Builder, c: Array, functions: LoopFunctions, basis: Block, drive: Drive | None, orders: tuple[int, int]) -> Block:
@@ -152,7 +152,7 @@ def _value(b: Builder, c: Array, functions: LoopFunctions, basis: Block, drive: 
         c = derivative(c.T, functions.drive_range.half).T
     column = b.mul(b.const([list(row) for row in c]), _basis(b, drive[0], functions.drive_range, c.shape[1]))
     for _ in range(orders[0]):
-        column = _slopes(b, column, functions.range.half)
+        column = _derivatives(b, column, functions.range.half)
     return b.dot(column, basis)
 
 
@@ -163,13 +163,12 @@ def _derived(b: Builder, column: Block, functions: LoopFunctions, order: int) ->
             whole = fourier_derivative(np.eye(column.shape[0]))
             column = b.mul(b.const([list(row) for row in whole]), column)
         else:
-            column = _slopes(b, column, functions.range.half)
+            column = _derivatives(b, column, functions.range.half)
     return column
 
 
-def _slopes(b: Builder, column: Block, half: float) -> Block:
-    """The derivative of a Chebyshev series on an interval of half the length ``half``: d_(k-1) = d_(k+1) + 2 k c_k, of d_0 the
-    half."""
+def _derivatives(b: Builder, column: Block, half: float) -> Block:
+    """The derivative of a Chebyshev series on an interval of half the length ``half``: d_(k-1) = d_(k+1) + 2 k c_k, of d_0 the half."""
     n = column.shape[0]
     found = [b.zero(1)] * (n + 1)
     for k in range(n - 1, 0, -1):
@@ -179,7 +178,7 @@ def _slopes(b: Builder, column: Block, half: float) -> Block:
 
 def leading(b: Builder, assembly: Assembly) -> tuple[Block, Block]:
     """The coordinate of an assembly and its rate."""
-    q, v = (b.symbol(f"{name}:{assembly.leader}", 1, BindingTime.ITERATION) for name in ("q", "v"))
+    q, v = (b.symbol(f"{name}:{assembly.independent}", 1, BindingTime.ITERATION) for name in ("q", "v"))
     return q, v
 
 

@@ -120,9 +120,9 @@ def of_body(k: Kinematics, body: Body, gravity: Block, *, turns: bool) -> tuple[
         [b.transpose(corner), b.mirror(b.sub(J, b.mul(b.skew(moment), b.skew(c))))],
     ])  # fmt: skip
     _, w = halves(b, k.frames[body.name].Z)
-    pull = b.scale(mass, b.sub(gravity, b.cross(w, k.velocity(body.name, c))))
-    torque = b.sub(b.cross(c, pull), b.cross(w, b.mul(J, w)))
-    return b.mirror(M), b.stack([[pull], [torque]])
+    force = b.scale(mass, b.sub(gravity, b.cross(w, k.velocity(body.name, c))))
+    torque = b.sub(b.cross(c, force), b.cross(w, b.mul(J, w)))
+    return b.mirror(M), b.stack([[force], [torque]])
 
 
 def _rotor(k: Kinematics, body: Body) -> Block | None:
@@ -230,7 +230,7 @@ class WrenchMechanics(Laws):
         body, point = self._of(at.body(self.force)), self._point(at)
         return Lazy(place=lambda: self.k.absolute(body, point), rate=lambda: self.k.velocity(body, point))
 
-    def way(self, start: Point, end: Point) -> Measured:
+    def displacement(self, start: Point, end: Point) -> Measured:
         """The way between two points."""
         (follower, last), (base, first) = ((at.body(self.force), self._point(at)) for at in (end, start))
         way = self.k.between(follower, last, base, first)
@@ -300,9 +300,9 @@ class WrenchMechanics(Laws):
         S = b.mul(to_base, G)
         half, (x, y, z) = b.number(0.5), (b.element(S, i, i) for i in range(3))
         turns = b.column([b.mul(half, b.sub(b.element(S, i, j), b.element(S, j, i))) for i, j in ((2, 1), (0, 2), (1, 0))])
-        by_turn = b.scale(half, b.sub(b.scale(b.add(b.add(x, y), z), b.identity(3)), S))
+        by_rotation = b.scale(half, b.sub(b.scale(b.add(b.add(x, y), z), b.identity(3)), S))
         return LazyRotation(
-            place=lambda: turns, rate=lambda: b.mul(by_turn, b.mul(to_base, spin)), jacobian=lambda: by_turn,
+            place=lambda: turns, rate=lambda: b.mul(by_rotation, b.mul(to_base, spin)), jacobian=lambda: by_rotation,
             rows=lambda: [[b.element(S, i, j) for j in range(3)] for i in range(3)],
         )  # fmt: skip
 
@@ -311,26 +311,26 @@ class WrenchMechanics(Laws):
         measured = measure(self.k, self.force.joint_of, self.force.coordinate_of)
         return {"rate": measured.rate} if measured.position is None else {"position": measured.position, "rate": measured.rate}
 
-    def pull(self, start: Point, end: Point, force: Block) -> None:
+    def apply_force_pair(self, start: Point, end: Point, force: Block) -> None:
         """Opposite wrenches of a force at the end."""
-        self._pair((start.body(self.force), end.body(self.force)), self._point(end), force)
+        self._force_pair((start.body(self.force), end.body(self.force)), self._point(end), force)
 
     def apply_force_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
         """Opposite wrenches of a force at the end."""
         if isinstance(direction, Axis):
-            self.pull(start, end, self.b.scale(force, self.k.direction(start.body(self.force), direction.of(self.force))))
+            self.apply_force_pair(start, end, self.b.scale(force, self.k.direction(start.body(self.force), direction.of(self.force))))
         else:
-            self.pull(start, end, self.b.mul(self._axes(direction)[0], force))
+            self.apply_force_pair(start, end, self.b.mul(self._axes(direction)[0], force))
 
-    def _pair(self, ends: tuple[str, str], point: Block, pull: Block) -> Block:
+    def _force_pair(self, ends: tuple[str, str], point: Block, force: Block) -> Block:
         """A force on the follower at a point, whose wrench is returned, and its reaction on the base on the same line."""
         b, (base, follower) = self.b, ends
-        wrench = apply_at(self.system, self.k, follower, point, pull)
+        wrench = apply_at(self.system, self.k, follower, point, force)
         step = self.k.pole_step(base, follower)
         if self.k.frames[base].root == self.k.frames[follower].root:
             self.system.add_force(base, b.neg(wrench))
         else:
-            apply_at(self.system, self.k, base, b.add(point, step), b.neg(pull))
+            apply_at(self.system, self.k, base, b.add(point, step), b.neg(force))
         return wrench
 
     def apply_force(self, at: Point, force: Block) -> None:
@@ -343,7 +343,7 @@ class WrenchMechanics(Laws):
         torque = b.add(b.cross(b.add(self._point(at), arm), force), moment)
         self.system.add_force(at.body(self.force), b.stack([[force], [torque]]))
 
-    def turn(self, carrier: Carrier, torque: Block) -> None:
+    def apply_torque(self, carrier: Carrier, torque: Block) -> None:
         """The wrench of a torque."""
         self._turn(self._body(carrier), torque)
 
@@ -352,13 +352,13 @@ class WrenchMechanics(Laws):
         self.system.add_force(body, wrench)
         return wrench
 
-    def twist(self, frame: Frame, torque: Block) -> None:
+    def apply_frame_torque(self, frame: Frame, torque: Block) -> None:
         """Opposite torques E (d theta/d turn)^T times the force on the rotations."""
         b, ends = self.b, frame.bodies(self.force)
-        turned = b.mul(b.transpose(self.rotation(frame).by_turn), torque)
-        self._twist(ends, b.mul(self._axes(frame)[0], turned))
+        turned = b.mul(b.transpose(self.rotation(frame).by_rotation), torque)
+        self._torque_pair(ends, b.mul(self._axes(frame)[0], turned))
 
-    def _twist(self, ends: tuple[str, str], torque: Block) -> Block:
+    def _torque_pair(self, ends: tuple[str, str], torque: Block) -> Block:
         """A torque on the follower, whose wrench is returned, and its reaction on the base."""
         wrench = self._turn(ends[1], torque)
         self._turn(ends[0], self.b.neg(torque))
@@ -370,20 +370,20 @@ class WrenchMechanics(Laws):
         motion = tree_motion(self.k, joint)
         if motion is None:
             add_to(b, self.system.cut_joint_wrenches, joint, self._push_cut_joint(force))
-        elif motion.chart is not None or motion.slope is not None:
+        elif motion.chart is not None or motion.derivative is not None:
             index = COORDINATES[motion.tree_joint.joint.kind].index(coordinate)
             column = b.column([force if i == index else b.zero(1) for i in range(len(motion.rate))])
             add_to(b, self.system.joint_forces, motion.tree_joint.child, column)
 
     def apply_joint_friction(self, law: Block) -> None:
         """A force that waits for its load."""
-        self.system.rubbing[self.force.name] = self.b.name(law, "rubbing", self.force.name)
+        self.system.friction_laws[self.force.name] = self.b.name(law, "rubbing", self.force.name)
 
     def _push_cut_joint(self, value: Block) -> Block:
         """A force along the coordinate of a cut joint, or a torque about its axis, on both of its bodies: the wrench on the follower."""
-        k, cut = self.k, next(c for c in (*self.k.topology.cuts, *self.k.topology.held) if c.name == self.force.joint_of)
+        k, cut = self.k, next(c for c in (*self.k.topology.cuts, *self.k.topology.embedded) if c.name == self.force.joint_of)
         ends = cut.base, cut.follower
         if self.force.coordinate_of in cut.element.angles:
-            return self._twist(ends, self.b.scale(value, k.direction(cut.base, cut.axes[0])))
+            return self._torque_pair(ends, self.b.scale(value, k.direction(cut.base, cut.axes[0])))
         axis = k.direction(cut.base, slide_axis(cut, self.force.coordinate_of))
-        return self._pair(ends, k.point(cut.follower, cut.at), self.b.scale(value, axis))
+        return self._force_pair(ends, k.point(cut.follower, cut.at), self.b.scale(value, axis))

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from cutjoint.elements.joint import Direction, Slide
+from cutjoint.formulate.events import FRICTION
 from cutjoint.formulate.inputs import Numbers
 from cutjoint.formulate.recursive.forces import WrenchMechanics
 from cutjoint.formulate.recursive.kinematics import Kinematics
@@ -23,7 +24,6 @@ from cutjoint.formulate.recursive.outputs import Reactions, accelerations_of
 from cutjoint.formulate.recursive.quantities import Forces
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, Solution, refine, respond, without_speed
-from cutjoint.formulate.switches import FRICTION
 from cutjoint.kernels.joints import direction_of
 from cutjoint.model.records import Joint, JointFriction, Model
 from cutjoint.program.blocks import Block, Builder, is_zero
@@ -44,14 +44,14 @@ _AT_REST = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rubbed:
+class LoadFriction:
     """A force by the load of a joint: its ``law`` by N of load."""
 
     force: JointFriction
     joint: Joint
     law: Block
 
-    def push(self, system: BodySystem, k: Kinematics, load: Block) -> Block:
+    def apply(self, system: BodySystem, k: Kinematics, load: Block) -> Block:
         """Add the force of a load to a system, and return it."""
         b, system.source = k.builder, self.force.name
         force = b.mul(load, self.law)
@@ -61,13 +61,13 @@ class Rubbed:
     def vectors(self, k: Kinematics, reactions: Reactions) -> list[Block]:
         """The vectors, each (3, 1), whose lengths make the load; what is in the joint's own motions does not load it."""
         b, force, joint = k.builder, self.force, self.joint
-        pull, moment = reactions.on_follower(joint.name)
+        reaction, moment = reactions.on_follower(joint.name)
         axis, slides, turns = directions(joint, force.coordinate)
-        found = [_across(k, joint, pull, [*slides, axis])]
+        found = [_across(k, joint, reaction, [*slides, axis])]
         if force.thrust_radius is not None and force.bearing_radius is not None:
             direction = _direction(k, joint, axis)
             share = k.translator.scalar(force.thrust_radius / force.bearing_radius)
-            found.append(b.scale(b.mul(share, b.dot(direction, pull)), direction))
+            found.append(b.scale(b.mul(share, b.dot(direction, reaction)), direction))
         if force.arm is not None:
             found.append(b.scale(k.translator.scalar(1 / force.arm), _across(k, joint, moment, turns)))
         return found
@@ -96,12 +96,12 @@ def _across(k: Kinematics, joint: Joint, vector: Block, directions: Sequence[Dir
     return vector
 
 
-def rubbed(model: Model, system: BodySystem) -> tuple[Rubbed, ...]:
+def load_frictions(model: Model, system: BodySystem) -> tuple[LoadFriction, ...]:
     """The forces of a system that wait for their loads."""
     joints = {joint.name: joint for joint in model.joints}
     return tuple(
-        Rubbed(force=f, joint=joints[f.joint], law=system.rubbing[f.name])
-        for f in model.forces if isinstance(f, JointFriction) and f.name in system.rubbing
+        LoadFriction(force=f, joint=joints[f.joint], law=system.friction_laws[f.name])
+        for f in model.forces if isinstance(f, JointFriction) and f.name in system.friction_laws
     )  # fmt: skip
 
 
@@ -109,7 +109,7 @@ def _length(b: Builder, vector: Block) -> Block:
     return b.call("sqrt", b.add(b.dot(vector, vector), b.number(_ROUNDING)))
 
 
-def rub(rubs: Sequence[Rubbed], system: BodySystem, k: Kinematics, forces: Forces, reactions: Reactions) -> Reactions:
+def add_friction(frictions: Sequence[LoadFriction], system: BodySystem, k: Kinematics, forces: Forces, reactions: Reactions) -> Reactions:
     """Add friction to the forces of a motion whose accelerations and multipliers are given; returns the reactions with it.
 
     Friction in cut joints first: it follows from the multipliers, and loads the joints of the tree.
@@ -117,17 +117,17 @@ def rub(rubs: Sequence[Rubbed], system: BodySystem, k: Kinematics, forces: Force
     cut = {loop.joint.name for loop in reactions.loops}
     b = k.builder
     for of_tree in (False, True):
-        for each in (each for each in rubs if (each.joint.name not in cut) is of_tree):
+        for each in (each for each in frictions if (each.joint.name not in cut) is of_tree):
             with b.section("friction", each.force.name, "N = p + sum of |r|", each.force.span.place):
                 lengths = [_length(b, vector) for vector in each.vectors(k, reactions)]
                 load = b.total([k.translator.scalar(each.force.preload), *lengths])
-                forces.add(b, each.force.name, {"force": each.push(system, k, load), "load": load})
+                forces.add(b, each.force.name, {"force": each.apply(system, k, load), "load": load})
         reactions = replace(reactions, Q=dict(system.Q), acting=dict(system.cut_joint_wrenches))
     return reactions
 
 
 @dataclass(frozen=True, kw_only=True)
-class RubbedMotion:
+class FrictionMotion:
     """Bodies and cut joints whose accelerations follow from all forces, friction included."""
 
     topology: Topology
@@ -137,19 +137,19 @@ class RubbedMotion:
     numbers: Numbers
     times: int
 
-    def solve(self, rubs: Sequence[Rubbed], free: Solution, system: BodySystem) -> Solution:
+    def solve(self, frictions: Sequence[LoadFriction], free: Solution, system: BodySystem) -> Solution:
         """The solution with friction, from that without; ``system`` has the forces without it."""
         b, k = self.k.builder, self.k
         without = self._reactions(k, free, system)
-        at_zero = [each.vectors(k, without) for each in rubs]
+        at_zero = [each.vectors(k, without) for each in frictions]
         solutions, by_unit = [], []
-        for number, each in enumerate(rubs, start=1):
+        for number, each in enumerate(frictions, start=1):
             with b.marked(f"u{number}", f"friction '{each.force.name}' by N of load"):
-                unit, pushed = self._unit(each)
+                unit, applied = self._unit(each)
                 solutions.append(unit)
-                alone = self._reactions(without_speed(k), unit, pushed)
-                by_unit.append([other.vectors(k, alone) for other in rubs])
-        loads = _Loads(k=k, rubs=rubs, at_zero=at_zero, by_unit=by_unit).solve()
+                alone = self._reactions(without_speed(k), unit, applied)
+                by_unit.append([other.vectors(k, alone) for other in frictions])
+        loads = _Loads(k=k, frictions=frictions, at_zero=at_zero, by_unit=by_unit).solve()
         vdot, errors = dict(free.vdot), dict(free.errors)
         places = {name: span.place for name, span in self.topology.model.constraint_spans.items()}
         for load, unit in zip(loads, solutions, strict=True):
@@ -159,28 +159,28 @@ class RubbedMotion:
                         sums[name] = b.add(sums[name], b.scale(load, share))
         return Solution(vdot=vdot, errors=errors)
 
-    def _unit(self, each: Rubbed) -> tuple[Solution, BodySystem]:
+    def _unit(self, each: LoadFriction) -> tuple[Solution, BodySystem]:
         """The response to friction by a load of 1 N alone, and the forces that make it."""
         b, k = self.k.builder, self.k
-        gaps = {x.element.name: b.zero(len(x.names)) for x in self.closing.all()}
-        pushed = BodySystem(builder=b, Q={body: b.zero(6) for body in self.masses})
+        no_violations = {x.element.name: b.zero(len(x.names)) for x in self.closing.all()}
+        applied = BodySystem(builder=b, Q={body: b.zero(6) for body in self.masses})
         with b.section("friction", each.force.name, "Q by N of load", each.force.span.place):
-            each.push(pushed, k, b.number(1.0))
+            each.apply(applied, k, b.number(1.0))
 
-        def push(system: BodySystem) -> None:
-            system.Q, system.joint_forces = dict(pushed.Q), dict(pushed.joint_forces)
+        def apply(system: BodySystem) -> None:
+            system.Q, system.joint_forces = dict(applied.Q), dict(applied.joint_forces)
 
         arguments = self.topology, self.masses, k, self.closing, self.numbers
-        first = respond(*arguments, gaps, mark="", turn=f"friction '{each.force.name}' by N of load", push=push)
-        return refine(*arguments, first, self.times), pushed
+        first = respond(*arguments, no_violations, mark="", origin=f"friction '{each.force.name}' by N of load", apply=apply)
+        return refine(*arguments, first, self.times), applied
 
     def _reactions(self, k: Kinematics, solution: Solution, system: BodySystem) -> Reactions:
         """The reactions of a solution, with corrected multipliers."""
         b, given = k.builder, {x.element.name for x in self.closing.all() if k is self.k}
         loops: list[LoopClosure] = []
         for loop in self.closing.loops:
-            push = b.scale(self.numbers.penalties[loop.joint.name], solution.errors[loop.joint.name])
-            loops.append(replace(loop, multipliers=b.add(loop.multipliers, push) if loop.joint.name in given else push))
+            augmented = b.scale(self.numbers.penalties[loop.joint.name], solution.errors[loop.joint.name])
+            loops.append(replace(loop, multipliers=b.add(loop.multipliers, augmented) if loop.joint.name in given else augmented))
         Zdd = accelerations_of(k, solution.vdot.__getitem__)
         return Reactions(kinematics=k, loops=tuple(loops), M=self.masses, Q=system.Q, Zdd=Zdd, acting=system.cut_joint_wrenches)
 
@@ -190,13 +190,13 @@ class _Loads:
     """The equations of loads: ``at_zero`` has the vectors of each, ``by_unit`` their changes by each load, load by load."""
 
     k: Kinematics
-    rubs: Sequence[Rubbed]
+    frictions: Sequence[LoadFriction]
     at_zero: Sequence[Sequence[Block]]
     by_unit: Sequence[Sequence[Sequence[Block]]]
 
     @property
     def _numbers(self) -> range:
-        return range(len(self.rubs))
+        return range(len(self.frictions))
 
     def solve(self) -> list[Block]:
         """The loads, which have no value where they might not be the only ones."""
@@ -205,11 +205,11 @@ class _Loads:
         for _ in range(_ITERATIONS):
             loads = self._iterate(loads)
         found = []
-        for each, load, (right, _), one in zip(self.rubs, loads, self._right_sides(loads), ones, strict=True):
+        for each, load, (right, _), one in zip(self.frictions, loads, self._right_sides(loads), ones, strict=True):
             with b.section(FRICTION, each.force.name, "N, once it is found", each.force.span.place):
                 load = b.mul(load, one)
-                near, gap = b.mul(b.number(_FOUND), b.add(right, b.number(_NEAR))), b.sub(load, right)
-                is_found = _positive(b, b.sub(b.mul(near, near), b.mul(gap, gap)))
+                near, difference = b.mul(b.number(_FOUND), b.add(right, b.number(_NEAR))), b.sub(load, right)
+                is_found = _positive(b, b.sub(b.mul(near, near), b.mul(difference, difference)))
                 found.append(b.name(b.mul(load, is_found), "load", each.force.name))
         return found
 
@@ -221,24 +221,24 @@ class _Loads:
     def _right_sides(self, loads: Sequence[Block]) -> list[tuple[Block, list[Block]]]:
         """p + sum of |r| at some loads, with its derivatives by all of them."""
         b, found = self.k.builder, []
-        for each, vectors, j in zip(self.rubs, self.at_zero, self._numbers, strict=True):
+        for each, vectors, j in zip(self.frictions, self.at_zero, self._numbers, strict=True):
             with b.section("friction", each.force.name, "p + sum of |r|", each.force.span.place):
-                lengths, slopes = [self.k.translator.scalar(each.force.preload)], [b.zero(1) for _ in self._numbers]
+                lengths, derivatives = [self.k.translator.scalar(each.force.preload)], [b.zero(1) for _ in self._numbers]
                 for n, vector in enumerate(vectors):
                     changes = [self.by_unit[i][j][n] for i in self._numbers]
                     r = b.total([vector, *(_scaled(b, load, change) for load, change in zip(loads, changes, strict=True))])
                     length = _length(b, r)
                     way = b.scale(b.call("div", b.number(1.0), length), r)
                     lengths.append(length)
-                    slopes = [b.add(slope, b.dot(way, change)) for slope, change in zip(slopes, changes, strict=True)]
-                found.append((b.total(lengths), slopes))
+                    derivatives = [b.add(derivative, b.dot(way, change)) for derivative, change in zip(derivatives, changes, strict=True)]
+                found.append((b.total(lengths), derivatives))
         return found
 
     def _iterate(self, loads: Sequence[Block]) -> list[Block]:
         """One of Newton's iterations."""
         b, sides = self.k.builder, self._right_sides(loads)
-        with b.section("friction", self.rubs[0].force.name, "N <- N + (1 - dr/dN)^-1 (p + sum of |r| - N)", self._place):
-            matrix = [[b.sub(b.number(float(i == j)), slope) for i, slope in enumerate(slopes)] for j, (_, slopes) in enumerate(sides)]
+        with b.section("friction", self.frictions[0].force.name, "N <- N + (1 - dr/dN)^-1 (p + sum of |r| - N)", self._place):
+            matrix = [[b.sub(b.number(float(i == j)), d) for i, d in enumerate(derivatives)] for j, (_, derivatives) in enumerate(sides)]
             right = [b.sub(side, load) for (side, _), load in zip(sides, loads, strict=True)]
             _, upper, right = _eliminate(b, matrix, right)
             steps: dict[int, Block] = {}
@@ -250,21 +250,21 @@ class _Loads:
     def _contraction(self) -> list[Block]:
         """1 for each load where the pivots of I - C are positive, else no value."""
         b = self.k.builder
-        with b.section("friction", self.rubs[0].force.name, "I - C", self._place):
+        with b.section("friction", self.frictions[0].force.name, "I - C", self._place):
             C = [[b.total([b.zero(1), *(_size(b, v) for v in self.by_unit[i][j])]) for i in self._numbers] for j in self._numbers]
             matrix = [[b.sub(b.number(float(i == j)), value) for i, value in enumerate(row)] for j, row in enumerate(C)]
         pivots, _, _ = _eliminate(b, matrix, [b.zero(1) for _ in self._numbers])
         ones = []
         cure = b.call("div", b.number(1.0), _largest_eigenvalue(b, [self._at_limits(row) for row in C]))
-        for each, pivot in zip(self.rubs, pivots, strict=True):
+        for each, pivot in zip(self.frictions, pivots, strict=True):
             with b.section(FRICTION, each.force.name, "1 where the pivot of I - C is positive", each.force.span.place):
                 ones.append(_positive(b, pivot, cure))
         return ones
 
     def _at_limits(self, row: Sequence[Block]) -> list[Block]:
         """A row of C as it would be if all friction, but that which is at rest, were at its limit."""
-        b, limits = self.k.builder, (self.k.translator.scalar(each.force.bristle.limit) for each in self.rubs)
-        sizes = (b.call("abs", each.law) for each in self.rubs)
+        b, limits = self.k.builder, (self.k.translator.scalar(each.force.bristle.limit) for each in self.frictions)
+        sizes = (b.call("abs", each.law) for each in self.frictions)
         return [
             b.mul(value, b.call("div", limit, b.add(size, b.mul(b.number(_AT_REST), limit))))
             for value, limit, size in zip(row, limits, sizes, strict=True)
@@ -272,7 +272,7 @@ class _Loads:
 
     @property
     def _place(self) -> str:
-        return self.rubs[0].force.span.place
+        return self.frictions[0].force.span.place
 
 
 def _scaled(b: Builder, factor: Block, block: Block) -> Block:

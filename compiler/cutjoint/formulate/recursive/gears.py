@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cutjoint.elements.gear import NAMES, equation
-from cutjoint.formulate.inputs import Numbers, gear_courses
+from cutjoint.formulate.inputs import Numbers, gear_derivatives
 from cutjoint.formulate.recursive.kinematics import Kinematics
 from cutjoint.formulate.recursive.loops import Closing, stabilisation
 from cutjoint.model.records import Gear
@@ -69,13 +69,13 @@ def _derive(k: Kinematics, gear: Gear, numbers: Numbers) -> GearClosure:
         motion = motions[gear.second.joint]
         place = motion.tree_joint.joint.element.coordinates.index(gear.second.name)
         position, speed = motion.position[place], motion.rate[place]
-        course, slope, bent = (b.neg(each) for each in gear_courses(gear, k.translator, position))
-        residual, rate = b.add(residual, course), b.add(rate, b.mul(slope, speed))
+        law, derivative, bent = (b.neg(each) for each in gear_derivatives(gear, k.translator, position))
+        residual, rate = b.add(residual, law), b.add(rate, b.mul(derivative, speed))
         drift = b.add(drift, b.mul(bent, b.mul(speed, speed)))
         if motion.acceleration:
-            drift = b.add(drift, b.mul(slope, motion.acceleration[place]))
+            drift = b.add(drift, b.mul(derivative, motion.acceleration[place]))
         else:
-            row[motion.tree_joint.child], bend[motion.tree_joint.child] = (place, slope), (place, bent)
+            row[motion.tree_joint.child], bend[motion.tree_joint.child] = (place, derivative), (place, bent)
     b.name(residual, "Phi", name, rows=NAMES)
     b.name(rate, "Phid", name, rows=NAMES)
     of_rate, of_residual = stabilisation(b, numbers)

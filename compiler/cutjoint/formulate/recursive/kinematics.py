@@ -48,7 +48,7 @@ class JointMotion:
     ``centre`` is the pole-to-centre vector of a spherical joint, which is eliminated in global axes about that point.
     ``columns`` (6, n) are those of the elementary motions in the chain's order, where several share a speed; else they are b's.
     ``position``, ``quaternion``, ``rate`` hold the coordinates and speeds, ``acceleration`` the guide's if the joint is guided.
-    Of a joint that follows the coordinate of an assembly, ``slope`` (k, 1) has its speeds by that coordinate's, ``own`` (6, k) the
+    Of a joint that follows the coordinate of an assembly, ``derivative`` (k, 1) has its speeds by that coordinate's, ``own`` (6, k) the
     motion subspace, and ``follows`` (6, 1) the motion by that coordinate.
     """
 
@@ -62,7 +62,7 @@ class JointMotion:
     quaternion: tuple[Block, ...]
     rate: tuple[Block, ...]
     acceleration: tuple[Block, ...]
-    slope: Block | None = None
+    derivative: Block | None = None
     own: Block | None = None
     follows: Block | None = None
 
@@ -239,7 +239,7 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -
             b.name(block, symbol, t.child, columns=chart.speed_names if chart is not None and symbol == "b" else ())
     subspace, drift, centre = motion
     own = subspace if following else None
-    follows = b.name(b.mul(own, following.slope), "follows", t.child) if following and own is not None else None
+    follows = b.name(b.mul(own, following.derivative), "follows", t.child) if following and own is not None else None
     if acceleration and subspace is not None:
         drift, subspace = b.add(drift, b.mul(subspace, b.column(acceleration))), None
     k.frames[t.child] = frame
@@ -247,7 +247,7 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -
         tree_joint=t, b=subspace if chart else None, d=drift, chart=chart, centre=centre if chart else None,
         columns=_columns(k, t, kernel, local) if t.joint.element.shares_coordinates and (chart or following) else None,
         position=position, quaternion=quaternion, rate=rate, acceleration=acceleration,
-        slope=following.slope if following else None, own=own, follows=follows,
+        derivative=following.derivative if following else None, own=own, follows=follows,
     )  # fmt: skip
 
 
@@ -410,5 +410,5 @@ def derive_poses(topology: Topology, scene: Scene) -> PoseEquations:
         laws=tuple(law for f in laws.functions for law in f.results.values()),
         rotations={name: k.frames[name].R for name in topology.order},
         shifts={name: k.absolute(name, k.point(name, origin)) for name in topology.order},
-        followers={m.tree_joint.joint.name: m.place_and_speeds(b) for m in k.motions.values() if m.slope is not None},
+        followers={m.tree_joint.joint.name: m.place_and_speeds(b) for m in k.motions.values() if m.derivative is not None},
     )  # fmt: skip

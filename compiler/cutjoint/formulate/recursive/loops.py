@@ -162,10 +162,10 @@ def add_loops(system: BodySystem, k: Kinematics, loops: tuple[LoopClosure, ...],
             system.add_force(joint.base, b.mul(back, wrench))
 
 
-def pulls(k: Kinematics, loop: LoopClosure, push: Block) -> dict[str, Block]:
+def constraint_wrenches(k: Kinematics, loop: LoopClosure, augmented: Block) -> dict[str, Block]:
     """-A^T push on the follower and its reaction on the base, each at the body's pole."""
     b, joint = k.builder, loop.joint
-    wrench = b.mul(b.transpose(loop.A), push)
+    wrench = b.mul(b.transpose(loop.A), augmented)
     back = b.transpose(transport(b, k.pole_step(joint.base, joint.follower)))
     return {joint.follower: b.neg(wrench), joint.base: b.mul(back, wrench)}
 

@@ -19,7 +19,7 @@ from cutjoint.formulate.quantities import reading, reported_symbol
 from cutjoint.formulate.records import energy_results
 from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves
-from cutjoint.formulate.recursive.loops import LoopClosure, pulls
+from cutjoint.formulate.recursive.loops import LoopClosure, constraint_wrenches
 from cutjoint.formulate.recursive.quantities import Quantities
 from cutjoint.model.quantities import reaction_component
 from cutjoint.model.records import GROUND, Joint, Output, Reaction, RodForce
@@ -52,7 +52,7 @@ class Reactions:
     def _on_follower(self) -> dict[str, tuple[Block, Block]]:
         """Force and moment about the follower's point by joint, (3, 1) each."""
         b, found = self.kinematics.builder, {}
-        for loop, wrenches in zip(self.loops, self._pulls, strict=True):
+        for loop, wrenches in zip(self.loops, self._constraint_wrenches, strict=True):
             name, wrench = loop.joint.name, wrenches[loop.joint.follower]
             wrench = b.add(wrench, self.acting[name]) if name in self.acting else wrench
             found[name] = self._at_point(loop.joint, loop.joint.follower, wrench)
@@ -70,12 +70,12 @@ class Reactions:
             return b.name(force, "reaction_force", joint.name), b.name(b.sub(moment, b.cross(point, force)), "reaction_moment", joint.name)
 
     @cached_property
-    def _pulls(self) -> list[dict[str, Block]]:
+    def _constraint_wrenches(self) -> list[dict[str, Block]]:
         """The wrenches of each cut joint on its bodies."""
         b, found = self.kinematics.builder, []
         for loop in self.loops:
             with b.section("reaction", loop.joint.name, "W = -A^T lambda", loop.joint.span.place):
-                found.append(pulls(self.kinematics, loop, loop.multipliers))
+                found.append(constraint_wrenches(self.kinematics, loop, loop.multipliers))
         return found
 
     @cached_property
@@ -87,8 +87,8 @@ class Reactions:
             with b.section("reaction", joint.name, "W = M Zdd - Q + sum of A^T lambda + sum of W", joint.span.place):
                 inertial = b.sub(b.mul(self.M[body], self.Zdd[body]), self.Q[body])
                 outer = [carried[child] for child in carried if self.kinematics.motions[child].tree_joint.parent == body]
-                pulled = [wrenches[body] for wrenches in self._pulls if body in wrenches and body != GROUND]
-                carried[body] = b.name(b.sub(b.total([inertial, *outer]), b.total([b.zero(6), *pulled])), "W", body)
+                constraint = [wrenches[body] for wrenches in self._constraint_wrenches if body in wrenches and body != GROUND]
+                carried[body] = b.name(b.sub(b.total([inertial, *outer]), b.total([b.zero(6), *constraint])), "W", body)
         return carried
 
 
@@ -120,7 +120,7 @@ class Reporter(Quantities):
         return b.add(a0, b.add(b.cross(wd, at), b.cross(w, k.velocity(body, at))))
 
     def _rods(self, sensor: RodForce) -> Block:
-        """The residual of a distance is in m: its multiplier pulls."""
+        """The residual of a distance is in m: its multiplier is the tension."""
         k, b = self.kinematics, self.kinematics.builder
         loops = {loop.joint.name: loop for loop in self.loops}
         return b.neg(b.total([b.scale(k.translator.scalar(weight), loops[rod].multipliers) for rod, weight in sensor.pushes]))
@@ -141,8 +141,8 @@ def accelerations_of(k: Kinematics, vdot: Callable[[str], Block]) -> dict[str, B
         if motion.b is not None and motion.chart is not None:
             above = b.add(above, b.mul(motion.b, k.for_subspace(body, vdot(motion.chart.joint))))
         if motion.follows is not None:
-            leader = k.topology.model.following[motion.tree_joint.joint.name].leader
-            above = b.add(above, b.scale(vdot(leader), motion.follows))
+            independent = k.topology.model.following[motion.tree_joint.joint.name].independent
+            above = b.add(above, b.scale(vdot(independent), motion.follows))
         Zdd[body] = above
     return Zdd
 
@@ -157,10 +157,10 @@ def derive_energy(
         rotors = [(armature, k.motions[body]) for body in k.motions if (armature := k.armature(body)) is not None]
         twice = b.total([twice, *(b.mul(armature, b.mul(motion.rate[0], motion.rate[0])) for armature, motion in rotors)])
         kinetic = b.mul(b.number(0.5), twice)
-        pushed = [b.dot(k.frames[body].Z, reactions.Q[body]) for body in k.motions]
+        powers = [b.dot(k.frames[body].Z, reactions.Q[body]) for body in k.motions]
         driven = [b.dot(b.column(k.motions[body].rate), force) for body, force in joint_forces.items()]
         wound = [b.mul(armature, b.mul(m.rate[0], m.acceleration[0])) for armature, m in rotors if m.acceleration]
-        power = b.total([b.zero(1), *pushed, *driven, *wound, *_guides(k, reactions), *_teeth(k, gears)])
+        power = b.total([b.zero(1), *powers, *driven, *wound, *_guides(k, reactions), *_teeth(k, gears)])
     return energy_results(b, kinetic, power)
 
 

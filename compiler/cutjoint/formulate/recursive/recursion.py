@@ -49,9 +49,9 @@ class BodySystem:
     """The block system in body space while joints are eliminated; all 6x6 and 6x1 blocks at the bodies' poles.
 
     ``joint_forces`` act on the coordinates of tree joints, by the bodies that these carry; ``cut_joint_wrenches`` have what forces on the
-    coordinates of cut joints do to their followers.  ``rubbing`` has the forces by N of load, by the names of their elements, which join
-    the others when the loads are known.  ``source`` names the element whose shares are being added.  Rotors have the mass of their spin
-    alone, and their carriers the rest; ``own`` has M and Q of each of these as it is, the latter beside that in the system.
+    coordinates of cut joints do to their followers.  ``friction_laws`` has the forces by N of load, by the names of their elements, which
+    join the others when the loads are known.  ``source`` names the element whose shares are being added.  Rotors have the mass of their
+    spin alone, and their carriers the rest; ``own`` has M and Q of each of these as it is, the latter beside that in the system.
     """
 
     builder: Builder
@@ -60,7 +60,7 @@ class BodySystem:
     C: dict[tuple[str, str], Block] = field(default_factory=dict)
     joint_forces: dict[str, Block] = field(default_factory=dict)
     cut_joint_wrenches: dict[str, Block] = field(default_factory=dict)
-    rubbing: dict[str, Block] = field(default_factory=dict)
+    friction_laws: dict[str, Block] = field(default_factory=dict)
     own: dict[str, tuple[Block, Block]] = field(default_factory=dict)
     source: str = ""
     _shares: Counter[tuple[str, ...]] = field(default_factory=Counter)
@@ -281,11 +281,11 @@ def _eliminate_ball(system: BodySystem, body: str, motion: JointMotion, centre: 
     lower, inverse = b.ldl(J_at)
     U = b.forward(lower, b.transpose(B_at))
     force = b.sub(system.Q[body], b.mul(M, d))
-    pull, moment = halves(b, force)
-    g = b.forward(lower, b.sub(moment, b.cross(centre, pull)))
+    linear, moment = halves(b, force)
+    g = b.forward(lower, b.sub(moment, b.cross(centre, linear)))
     Y = {j: b.forward(lower, _moment_rows(b, system.coupling(body, j), arm)) for j in others}
     e = b.weigh(inverse, g)
-    passed = b.sub(pull, b.mul(b.transpose(U), e))
+    passed = b.sub(linear, b.mul(b.transpose(U), e))
     _update_forces(system, body, motion, b.stack([[passed], [b.cross(centre, passed)]]), Y, e)
     system.add_mass(parent, _mass_at(b, b.sub(A, b.gram(U, inverse)), arm))
     for j in others:

@@ -1,4 +1,4 @@
-"""The body system with its cut joints, solved: for the forces of a motion, and for gaps of the cut joints alone.
+"""The body system with its cut joints, solved: for the forces of a motion, and for violations of the cut joints alone.
 
 Both solutions have the same matrix.  Blocks are hash-consed, so that the second one repeats only the elimination of the right side.
 """
@@ -30,11 +30,11 @@ class ClosingElements:
         """The cut joints, then the gears."""
         return *self.loops, *self.gears
 
-    def gaping(self, b: Builder, gaps: Mapping[str, Block]) -> ClosingElements:
-        """Copy the elements with gaps alone: ``gaps`` instead of s, no multipliers."""
+    def with_violations(self, b: Builder, violations: Mapping[str, Block]) -> ClosingElements:
+        """Copy the elements with violations alone: ``violations`` instead of s, no multipliers."""
         return ClosingElements(
-            loops=tuple(replace(x, s=gaps[x.joint.name], multipliers=b.zero(len(x.names))) for x in self.loops),
-            gears=tuple(replace(x, s=gaps[x.element.name], multipliers=b.zero(len(x.names))) for x in self.gears),
+            loops=tuple(replace(x, s=violations[x.joint.name], multipliers=b.zero(len(x.names))) for x in self.loops),
+            gears=tuple(replace(x, s=violations[x.element.name], multipliers=b.zero(len(x.names))) for x in self.gears),
         )
 
 
@@ -84,7 +84,7 @@ def refine(
     b, vdot, errors, last = k.builder, solution.vdot, solution.errors, solution.errors
     places = {name: span.place for name, span in topology.model.constraint_spans.items()}
     for n in range(times):
-        response = respond(topology, masses, k, closing, numbers, last, mark="r" * (n + 1), turn=f"pass {n + 2}: errors of pass {n + 1}")
+        response = respond(topology, masses, k, closing, numbers, last, mark="r" * (n + 1), origin=f"pass {n + 2}: errors of pass {n + 1}")
         vdot = _sums(b, "accelerations", "zdd <- zdd + dzdd", places, vdot, response.vdot)
         errors = _sums(b, "multipliers", "A Zdd + s, again with the corrected multipliers", places, errors, response.errors)
         last = response.errors
@@ -104,19 +104,19 @@ def _sums(
 
 def respond(
     topology: Topology, masses: Mapping[str, Block], k: Kinematics, closing: ClosingElements, numbers: Numbers,
-    gaps: Mapping[str, Block], *, mark: str, turn: str, push: Callable[[BodySystem], None] = lambda system: None,
+    violations: Mapping[str, Block], *, mark: str, origin: str, apply: Callable[[BodySystem], None] = lambda system: None,
 ) -> Solution:  # fmt: skip
-    """The response of bodies without velocity to gaps of the cut joints, and to forces if something shall ``push``:
-    (M + A^T a A) z = Q - A^T a gap, errors A z + gap.
+    """The response of bodies without velocity to violations of the cut joints, and to forces if something shall ``apply``:
+    (M + A^T a A) z = Q - A^T a violation, errors A z + violation.
 
-    ``masses`` are those of the bodies without cut joints; names of the blocks get a ``mark``, headings a ``turn``.
+    ``masses`` are those of the bodies without cut joints; names of the blocks get a ``mark``, headings an ``origin``.
     """
     b, still = k.builder, without_speed(k)
     system = BodySystem(builder=b, M=dict(masses), Q={body: b.zero(6) for body in masses})
-    push(system)
-    gaping = closing.gaping(b, gaps)
-    with b.marked(mark, turn):
-        return solve(topology, system, still, gaping, numbers)
+    apply(system)
+    with_violations = closing.with_violations(b, violations)
+    with b.marked(mark, origin):
+        return solve(topology, system, still, with_violations, numbers)
 
 
 def without_speed(k: Kinematics) -> Kinematics:

@@ -107,7 +107,7 @@ class LetterBodies:
         return self.builder.rate(point)
 
     def between(self, body: str, point: Block, other: str, other_point: Block) -> Block:
-        """The way from the other point."""
+        """The displacement from the other point."""
         return self.builder.sub(point, other_point)
 
     def pole_step(self, base: str, follower: str) -> Block:

@@ -131,7 +131,7 @@ class PageMechanics(WrenchMechanics):
         """The way along directions."""
         if isinstance(direction, Frame):
             return super().along(start, end, direction)
-        travel = self.b.dot(self.k.direction("", direction.of(self.force)), self.way(start, end).x)
+        travel = self.b.dot(self.k.direction("", direction.of(self.force)), self.displacement(start, end).x)
         return Measured(x=travel, v=self.b.rate(travel))
 
     def coordinate(self) -> dict[str, Block]:

@@ -82,7 +82,7 @@ def _upright(outward: Array) -> Array:
 
 
 def contact_velocity(wheel: Wheel, state: WheelState, by: int) -> Array:
-    """The change of the contact centre by one of the held numbers; it moves round the wheel as that turns."""
+    """The change of the contact centre by one of the prescribed numbers; it moves round the wheel as that turns."""
     e, turn = state.outward, state.turn[:, by]
     rate = np.cross(turn, e)
     across = _UP - e[2] * e
@@ -95,7 +95,7 @@ def _of_wheel(axle: Axle, pose: Pose, i: int, share: float) -> Iterator[tuple[st
     wheel, state = axle.wheels[i], pose.wheels[i]
     side = side_of(axle, wheel)
     figures = {
-        "travel": pose.held[i], "camber": camber(state), "toe": -wheel.side * steer_angle(state, wheel.side),
+        "travel": pose.prescribed[i], "camber": camber(state), "toe": -wheel.side * steer_angle(state, wheel.side),
         **_support(axle, wheel, state, i, share),
         **(_steering_axis(axle, wheel, state, pose, i) if axle.steering is not None else {}),
     }  # fmt: skip
@@ -157,9 +157,9 @@ def _of_axle(axle: Axle, pose: Pose) -> Iterator[tuple[str, float]]:
     yield "roll_centre_height", float((z - road) * np.cos(roll))
     yield "roll_centre_y", float(y)
     if _has_ackermann(axle):
-        yield "ackermann", _ackermann(axle, pose, float(across[1])) if pose.held[2] else np.nan
+        yield "ackermann", _ackermann(axle, pose, float(across[1])) if pose.prescribed[2] else np.nan
     if axle.steering is not None:
-        yield STEER, float(pose.held[2])
+        yield STEER, float(pose.prescribed[2])
         rate = np.mean([_steer_rate(state) for state in pose.wheels])
         yield STEERING_RATIO, float(1 / rate) if abs(rate) > _NOTHING else np.nan
 

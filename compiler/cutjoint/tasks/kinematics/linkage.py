@@ -24,10 +24,10 @@ from cutjoint.topology.build import build_topology
 from cutjoint.topology.geometry import TOLERANCE
 from cutjoint.topology.records import Topology
 
-#: Gaps of loops and errors of what is held, m or rad, below which steps end when they gain nothing.
+#: Violations of loops and errors of what is prescribed, m or rad, below which steps end when they gain nothing.
 _CLOSED = 1e-12
 _ITERATIONS = 25
-#: A motion (m or rad by one of what is held) below this is none.
+#: A motion (m or rad by one of what is prescribed) below this is none.
 _NOTHING = 1e-7
 #: A step that moves a coordinate further (m, rad) leads to another way of assembly.
 _FARTHEST = 0.7
@@ -35,7 +35,8 @@ _FARTHEST = 0.7
 
 @dataclass(frozen=True, kw_only=True)
 class WheelState:
-    """A wheel in a pose: centre and outward axis (3,), m, and their changes and the turn of its carrier by what is held, (3, held)."""
+    """A wheel in a pose: centre and outward axis (3,), m, and their changes and the turn of its carrier by what is prescribed, (3,
+    prescribed)."""
 
     centre: Array
     outward: Array
@@ -45,12 +46,12 @@ class WheelState:
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """The axle where the wheels' centres have risen by ``held[:2]`` (m) and the steering joint, if any, is at ``held[2]``.
+    """The axle where the wheels' centres have risen by ``prescribed[:2]`` (m) and the steering joint, if any, is at ``prescribed[2]``.
 
-    ``lengths`` (m) of springs and their changes by what is held are by the springs' names.
+    ``lengths`` (m) of springs and their changes by what is prescribed are by the springs' names.
     """
 
-    held: Array
+    prescribed: Array
     q: Array
     motions: Array
     wheels: tuple[WheelState, WheelState]
@@ -59,7 +60,7 @@ class Pose:
 
 
 class Linkage:
-    """The bodies of an axle, moved by what is held: the heights of both wheels and the steering joint."""
+    """The bodies of an axle, moved by what is prescribed: the heights of both wheels and the steering joint."""
 
     def __init__(self, axle: Axle) -> None:
         self.axle = axle
@@ -120,24 +121,24 @@ class Linkage:
         """The matrix (rows, speeds) of a column that is linear in the speeds."""
         return np.broadcast_to(values[block][..., 0], (self._speeds, block.shape[0])).T
 
-    def _equations(self, q: Array, held: Array) -> tuple[Array, Array, dict[Block, Array]]:
-        """Residuals and Jacobian of the loops, then of what is held."""
+    def _equations(self, q: Array, prescribed: Array) -> tuple[Array, Array, dict[Block, Array]]:
+        """Residuals and Jacobian of the loops, then of what is prescribed."""
         values = self._values(q)
         residuals, rates = self._closing
         residual = [values[block][:, 0] for block in residuals]
         jacobian = [self._by_speeds(values, block) for block in rates]
-        for wheel, (centre, _, velocity, _), height in zip(self.axle.wheels, self._of_wheels, held[:2], strict=True):
+        for wheel, (centre, _, velocity, _), height in zip(self.axle.wheels, self._of_wheels, prescribed[:2], strict=True):
             residual.append(values[centre][2] - wheel.centre[2] - height)
             jacobian.append(self._by_speeds(values, velocity)[2:])
         if self.axle.steering is not None:
             chart = next(c for c in self.charts if c.joint == self.axle.steering.name)
-            residual.append(q[chart.q : chart.q + 1] - held[2:])
+            residual.append(q[chart.q : chart.q + 1] - prescribed[2:])
             jacobian.append(np.eye(self._speeds)[chart.v : chart.v + 1])
         return np.concatenate(residual), np.concatenate(jacobian), values
 
     @property
-    def held(self) -> int:
-        """The number of what is held: two heights, and the steering joint's coordinate."""
+    def prescribed(self) -> int:
+        """The number of what is prescribed: two heights, and the steering joint's coordinate."""
         return 2 + (self.axle.steering is not None)
 
     def design(self) -> Pose:
@@ -146,11 +147,11 @@ class Linkage:
         Raises:
             RunError: the axle is not moved by its wheels and its steering alone.
         """
-        pose = self.close(design_coordinates(self), np.zeros(self.held))
+        pose = self.close(design_coordinates(self), np.zeros(self.prescribed))
         if pose is None:
             raise RunError(f"{self.axle.part.span}: axle '{self.axle.name}': its loops do not close near the design position")
-        _, jacobian, values = self._equations(pose.q, pose.held)
-        moved = jacobian @ pose.motions - np.eye(len(jacobian))[:, len(jacobian) - self.held :]
+        _, jacobian, values = self._equations(pose.q, pose.prescribed)
+        moved = jacobian @ pose.motions - np.eye(len(jacobian))[:, len(jacobian) - self.prescribed :]
         if np.abs(moved).max() > _NOTHING:
             parts = ("the left wheel", "the right wheel", "the steering joint")
             stuck = [part for part, gap in zip(parts, np.abs(moved).max(axis=0), strict=False) if gap > _NOTHING]
@@ -159,7 +160,7 @@ class Linkage:
         return pose
 
     def _require_held(self, jacobian: Array, values: Mapping[Block, Array]) -> None:
-        """Refuse an axle whose wheels move although their heights and the steering joint are held; a wheel may spin."""
+        """Refuse an axle whose wheels move although their heights and the steering joint are prescribed; a wheel may spin."""
         _, sizes, ways = np.linalg.svd(jacobian)
         free = ways[int(np.sum(sizes > TOLERANCE * sizes.max())) :].T
         for _, outward, velocity, turn in self._of_wheels:
@@ -171,16 +172,16 @@ class Linkage:
                     f"{', '.join(joints)}; --steer names the joint that steers"
                 )
 
-    def close(self, q: Array, held: Array) -> Pose | None:
-        """The pose near coordinates with what is held there; None where the loops do not close."""
+    def close(self, q: Array, prescribed: Array) -> Pose | None:
+        """The pose near coordinates with what is prescribed there; None where the loops do not close."""
         best = np.inf
         for _ in range(_ITERATIONS):
-            residual, jacobian, values = self._equations(q, held)
+            residual, jacobian, values = self._equations(q, prescribed)
             error = float(np.abs(residual).max())
             if not np.isfinite(error):
                 return None
             if error < _CLOSED and error >= best / 2:
-                return self._pose(q, held, jacobian, values)
+                return self._pose(q, prescribed, jacobian, values)
             best = min(best, error)
             step = -np.linalg.pinv(jacobian, rcond=TOLERANCE) @ residual
             if np.abs(step).max() > _FARTHEST:
@@ -188,8 +189,8 @@ class Linkage:
             q = retract(self, q, step)
         return None
 
-    def _pose(self, q: Array, held: Array, jacobian: Array, values: Mapping[Block, Array]) -> Pose:
-        motions: Array = np.linalg.pinv(jacobian, rcond=TOLERANCE)[:, len(jacobian) - self.held :].astype(np.float64)
+    def _pose(self, q: Array, prescribed: Array, jacobian: Array, values: Mapping[Block, Array]) -> Pose:
+        motions: Array = np.linalg.pinv(jacobian, rcond=TOLERANCE)[:, len(jacobian) - self.prescribed :].astype(np.float64)
         wheels = tuple(
             WheelState(
                 centre=values[centre][:, 0], outward=values[outward][:, 0], velocity=self._by_speeds(values, velocity) @ motions,
@@ -198,17 +199,17 @@ class Linkage:
             for centre, outward, velocity, turn in self._of_wheels
         )  # fmt: skip
         return Pose(
-            held=held, q=q, motions=motions, wheels=(wheels[0], wheels[1]),
+            prescribed=prescribed, q=q, motions=motions, wheels=(wheels[0], wheels[1]),
             lengths={name: float(values[length][0, 0]) for name, (length, _) in self._of_springs.items()},
             changes={name: (self._by_speeds(values, rate) @ motions)[0] for name, (_, rate) in self._of_springs.items()},
         )  # fmt: skip
 
     def follow(self, start: Pose, end: Array, rows: int) -> list[Pose]:
-        """The poses at equal steps of what is held, as many as rows, up to one that cannot be reached."""
+        """The poses at equal steps of what is prescribed, as many as rows, up to one that cannot be reached."""
         found: list[Pose] = []
-        for held in np.linspace(start.held, end, rows + 1)[1:]:
+        for prescribed in np.linspace(start.prescribed, end, rows + 1)[1:]:
             last = found[-1] if found else start
-            pose = self.close(retract(self, last.q, last.motions @ (held - last.held)), held)
+            pose = self.close(retract(self, last.q, last.motions @ (prescribed - last.prescribed)), prescribed)
             if pose is None:
                 break
             found.append(pose)

@@ -9,7 +9,7 @@ import numpy as np
 
 from cutjoint.analysis.closing import Array, evaluate_rates, make_inputs
 from cutjoint.analysis.linearise import Linearisation, free_directions
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.inputs import make_translator
 from cutjoint.formulate.records import RecursiveEquations
@@ -79,7 +79,7 @@ def find_kinematics(
     sweeps: dict[str, Mapping[str, Array]] = {}
     limits: list[str] = []
     for name, end in ends.items():
-        poses = _sweep(linkage, start, end[: linkage.held], points // 2, name, limits)
+        poses = _sweep(linkage, start, end[: linkage.prescribed], points // 2, name, limits)
         rows = [find_figures(found, pose, share) for pose in poses]
         sweeps[name] = Columns({column: np.array([row[column] for row in rows]) for column in units})
     return AxleKinematics(axle=found, sweeps=sweeps, units=Columns(units), limits=tuple(limits))
@@ -169,12 +169,12 @@ def _held_wheels(axle: Axle, equations: RecursiveEquations, at: Linearisation) -
     for centre, outward, *motions in blocks:
         velocity, turn = evaluate_rates(equations, at.q, motions)
         wheels.append(WheelState(centre=places[centre].ravel(), outward=places[outward].ravel(), velocity=velocity, turn=turn))
-    held = [at.J[:, :n], *(wheel.velocity[2:] for wheel in wheels)]
+    prescribed = [at.J[:, :n], *(wheel.velocity[2:] for wheel in wheels)]
     if axle.chassis != GROUND:
-        held += evaluate_rates(equations, at.q, halves(b, k.frames[axle.chassis].Z))
+        prescribed += evaluate_rates(equations, at.q, halves(b, k.frames[axle.chassis].Z))
     if axle.steering is not None and axle.steering.name in charts:
-        held.append(np.eye(n)[charts[axle.steering.name].v :][:1])
-    return wheels, free_directions(np.concatenate(held))
+        prescribed.append(np.eye(n)[charts[axle.steering.name].v :][:1])
+    return wheels, free_directions(np.concatenate(prescribed))
 
 
 def _answer(free: Array, stiffness: Array, load: Array) -> Array | None:

@@ -15,7 +15,7 @@ from typing import Any
 import sympy
 
 from cutjoint.elements.gear import NAMES as GEAR_NAMES
-from cutjoint.elements.joint import JointGap
+from cutjoint.elements.joint import JointDisplacement
 from cutjoint.formulate.natural.constraints import held_across, row_scale
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.natural.joint_rows import AngleRow, JointRow, SumRow, joint_rows
@@ -114,8 +114,8 @@ class _Rows:
             details |= self._course(row.guide)
         way = self._table.way((joint.follower, joint.to or joint.at), (joint.base, joint.at))
         factors = [factor for term in row.terms for factor in (term.left, term.right)]
-        forms = tuple(way if isinstance(f, JointGap) else self._table.direction(f.body, f.place) for f in factors)
-        return Row(element=joint.name, name=row.name, details=details, forms=forms, pulls=factors[0] is JointGap.VECTOR)
+        forms = tuple(way if isinstance(f, JointDisplacement) else self._table.direction(f.body, f.place) for f in factors)
+        return Row(element=joint.name, name=row.name, details=details, forms=forms, pulls=factors[0] is JointDisplacement.VECTOR)
 
     def _angle(self, joint: Joint, coordinate: str) -> int:
         return self._layout.nodes.index(self._layout.angles[joint.name, coordinate])

@@ -31,33 +31,33 @@ struct FitsWithDerivatives<NoFits> {
   using type = NoFits;
 };
 
-/// Slopes by all that the balance of forces reads, and by values of parameters among these.
-template <class Balance, bool>
+/// Derivatives by all that the force residual reads, and by values of parameters among these.
+template <class ForceResidual, bool>
 struct ColumnsOf {
   using type = Fixed<double, 0>;
   using OfLoaded = Fixed<double, 0>;
 };
 
-template <class Balance>
-struct ColumnsOf<Balance, true> {
-  using type = Fixed<double, Balance::first_acceleration>;
-  using OfLoaded = Fixed<double, Balance::loaded>;
+template <class ForceResidual>
+struct ColumnsOf<ForceResidual, true> {
+  using type = Fixed<double, ForceResidual::first_acceleration>;
+  using OfLoaded = Fixed<double, ForceResidual::loaded>;
 };
 
-/// `StepDerivatives` with the transposed functions T of the mechanism (formulate/transposed.py), which sum up slopes by values of parameters, `loaded`
+/// `StepDerivatives` with the transposed functions T of the mechanism (formulate/transposed.py), which sum up derivatives by values of parameters, `loaded`
 /// of them; `Fits` are the loops whose functions are found with these.
 ///
-/// A run is recorded part by part.  From its end on, the slopes of an objective by all at the end of a part become those by all at its beginning.  The
+/// A run is recorded part by part.  From its end on, the derivatives of an objective by all at the end of a part become those by all at its beginning.  The
 /// solution of an implicit step has one of the transposed equations, found by iteration from that of the step behind it.
-template <class Simulation, Sized D, Sized S, std::size_t dofs, class T, std::size_t loaded, class Fits = NoFits, class Balance = NoResidual>
-class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class T, std::size_t loaded, class Fits = NoFits, class ForceResidual = NoResidual>
+class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
-  using Base = StepDerivatives<Simulation, D, S, dofs, Balance>;
+  using Base = StepDerivatives<Simulation, D, S, dofs, ForceResidual>;
   using typename Base::Trajectory, typename Base::M, typename Base::Minimal;
   using Base::inputs, Base::parameters, Base::states;
 
  private:
-  using Base::m, Base::n, Base::switches, Base::is_explicit, Base::has_stages, Base::carries_derivative, Base::is_derivative_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
+  using Base::m, Base::n, Base::indicators, Base::is_explicit, Base::has_stages, Base::carries_derivative, Base::is_derivative_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
   static constexpr std::size_t orders = InputTrajectories<inputs>::orders, coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + 2 * n + m;
 
  public:
@@ -70,7 +70,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
     std::size_t records;
   };
 
-  /// So many objectives, sums of the outputs of all rows with `weights` (number, rows, outputs), and their slopes (number, states), (number, inputs) and
+  /// So many objectives, sums of the outputs of all rows with `weights` (number, rows, outputs), and their derivatives (number, states), (number, inputs) and
   /// (number, parameters).
   struct Objectives {
     std::size_t number;
@@ -110,11 +110,11 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
 
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
   static constexpr std::size_t unknowns = n + m;
-  static constexpr bool by_residual = has_stages || seeks_multipliers;  ///< parts go back by balances of forces
-  using ByColumns = typename ColumnsOf<Balance, by_residual>::type;
+  static constexpr bool by_residual = has_stages || seeks_multipliers;  ///< parts go back by force residual
+  using ByColumns = typename ColumnsOf<ForceResidual, by_residual>::type;
   using Unknowns = Fixed<double, unknowns>;
 
-  /// A state without its time, or slopes by one.
+  /// A state without its time, or derivatives by one.
   struct Point {
     Fixed<double, coordinates> q;
     Numbers v, vdot;
@@ -149,8 +149,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
   struct Record {
     Kind kind;
     double h = 0.0, t = 0.0;  ///< the length of a part, and when it begins
-    int first = 0, number = 0;  ///< values of a sample; 1 of a part that begins with the slope, or the accelerations, of the one before, by Newton's iteration of one that does not end with its own
-    Point from, end;            ///< in place of the end of such a part the slope, as rates of coordinates and accelerations
+    int first = 0, number = 0;  ///< values of a sample; 1 of a part that begins with the derivative, or the accelerations, of the one before, by Newton's iteration of one that does not end with its own
+    Point from, end;            ///< in place of the end of such a part the derivative, as rates of coordinates and accelerations
     std::array<Point, stages> between;
     Fixed<double, held> values;  ///< that controllers hold meanwhile
     bool begins_anew = false;    ///< a part
@@ -213,7 +213,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
     return x.cut_.is_made ? x.write_cut(end) : Fault{};
   }
 
-  /// Where the last part is cut: at a share of its length, in a state, where switches leave their formulas.
+  /// Where the last part is cut: at a share of its length, in a state, where indicators leave their formulas.
   Fault write_cut(const StateOf<M>& end) {
     const auto& cut = this->cut_;
     if (cut.left > length) return cut.fault(Cause::step_subdivided, end.t);
@@ -324,7 +324,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
 
   Fault no_end() const { return {.cause = Cause::accelerations_not_finite, .t = record_.t}; }
 
-  /// Accelerations and multipliers have been found anew from the rest of a state: its slopes by them become those by that.
+  /// Accelerations and multipliers have been found anew from the rest of a state: its derivatives by them become those by that.
   bool find_anew(const Record& at) {
     be_within(at);
     begin_step(at.t, at.values);
@@ -332,7 +332,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
     if (!this->enter(simulation_->mechanism(), stage_)) return false;
     Point of = by_;
     by_.vdot.fill(0.0), by_.lambda.fill(0.0);
-    return pull_accelerations(of.vdot, of.lambda, by_);
+    return accelerations_vjp(of.vdot, of.lambda, by_);
   }
 
   /// Courses of inputs are in the part of a record, or where one ends or the run begins.
@@ -391,7 +391,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
 
   void add_inputs() {
     for (std::size_t i = 0; i < given - held; ++i) by_input_[i] += more_input_[i];
-    if (this->trajectories_) this->trajectories_->pull(objective_, more_input_.data());
+    if (this->trajectories_) this->trajectories_->vjp(objective_, more_input_.data());
     for (std::size_t i = 0; i < held; ++i) by_held_[i] += more_input_[given - held + i];
   }
 
@@ -408,9 +408,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
   bool ends_at_event(std::size_t place) const { return kind_at(place) == Kind::cut && tape_.numbers[place * record + 3] > 0.0; }
 
   /// Whether a part is cut, or begins at an event.
-  bool is_at_event(std::size_t place) const { return switches > 0 && (record_.kind == Kind::cut || (place > 0 && ends_at_event(place - 1))); }
+  bool is_at_event(std::size_t place) const { return indicators > 0 && (record_.kind == Kind::cut || (place > 0 && ends_at_event(place - 1))); }
 
-  /// From slopes at the end of parts with events between, or where the last one is cut, to those at the beginning of the first, the place of which is returned: by
+  /// From derivatives at the end of parts with events between, or where the last one is cut, to those at the beginning of the first, the place of which is returned: by
   /// how the end changes along all that the beginning has.
   Fault go_over_events(std::size_t& place) {
     const std::size_t last = place;
@@ -428,7 +428,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
         };
         add_rows(by_.q), add_rows(by_.v);
         if constexpr (carries_derivative)
-          if (owes_derivative_) add_rows(by_derivative_), add_rows(by_turn_);
+          if (owes_derivative_) add_rows(by_derivative_), add_rows(by_coordinate_rates_);
       }
       return Fault{};
     };
@@ -454,7 +454,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
     by_.clear();
     take(by_.q), take(by_.v);
     if constexpr (has_stages) take(by_.vdot);
-    if constexpr (carries_derivative) take(by_derivative_), take(by_turn_);
+    if constexpr (carries_derivative) take(by_derivative_), take(by_coordinate_rates_);
     owes_derivative_ = carries_derivative && record_.number == 1;
     for (double& derivative : by_held_) derivative += *x++;
     for (std::size_t i = 0; i < inputs; ++i) by_input_[numbers_per_input * i] += *x++;
@@ -472,7 +472,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
     this->loaded_ = Base::no_row;
   }
 
-  /// Add slopes by the numbers of each piece of a course that parts touch, as `follow` finds them along these.
+  /// Add derivatives by the numbers of each piece of an input trajectory that parts touch, as `follow` finds them along these.
   template <class Follow>
   Fault visit_pieces([[maybe_unused]] std::size_t first, [[maybe_unused]] std::size_t last, [[maybe_unused]] Follow follow) {
     if constexpr (inputs > 0) {
@@ -549,38 +549,38 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
       }
   }
 
-  /// From the end of a step to its beginning: its loops are closed as balances of forces have these, and its stages are one solution of transposed equations.
+  /// From the end of a step to its beginning: its loops are closed as force residual have these, and its stages are one solution of transposed equations.
   bool go_over_stages() {
     if constexpr (has_stages) {
       const double h = record_.h;
       put_stages(record_.t, h);
       begin_step(record_.t + h, record_.values);
-      if (!pull_balanced_loops()) return false;
+      if (!residual_loops_vjp()) return false;
       const auto find = [&](std::size_t i) { begin_step(this->points_[i].t, record_.values); };
-      if (!this->stages_.find(this->balance_, h, charts(), record_.from.q.data(), this->points_, find)) return false;
+      if (!this->stages_.find(this->force_residual_, h, charts(), record_.from.q.data(), this->points_, find)) return false;
       std::array<Fixed<double, coordinates>, stages> by_q{};
       std::array<Numbers, stages> by_v{}, by_vdot{};
       Fixed<double, stages * unknowns> solution;
       Point by;
       by_q.back() = by_.q, by_v.back() = by_.v, by_vdot.back() = by_.vdot;
-      this->stages_.pull(h, charts(), record_.from.q.data(), by_q, by_v, by.q, by.v, by_vdot);
+      this->stages_.vjp(h, charts(), record_.from.q.data(), by_q, by_v, by.q, by.v, by_vdot);
       for (std::size_t i = 0; i < stages; ++i) std::copy(by_vdot[i].begin(), by_vdot[i].end(), solution.begin() + i * unknowns);
       std::copy(by_.lambda.begin(), by_.lambda.end(), solution.end() - m);
-      if (!this->balance_.solve_transposed(this->stages_.matrix(), solution)) return false;
+      if (!this->force_residual_.solve_transposed(this->stages_.matrix(), solution)) return false;
       for (std::size_t i = 0; i < stages; ++i) {
         ByColumns by_all;
-        this->balance_.pull(this->stages_.derivative(i), solution.data() + i * unknowns, by_all);
+        this->force_residual_.vjp(this->stages_.derivative(i), solution.data() + i * unknowns, by_all);
         by_q[i].fill(0.0), by_v[i].fill(0.0);
         find(i);
         add_columns(by_all, by_q[i], by_v[i]);
       }
-      this->stages_.pull(h, charts(), record_.from.q.data(), by_q, by_v, by.q, by.v, by_vdot);
+      this->stages_.vjp(h, charts(), record_.from.q.data(), by_q, by_v, by.q, by.v, by_vdot);
       by_ = by;
     }
     return true;
   }
 
-  /// Add slopes by all that the balance of forces reads to those by coordinates, speeds, inputs, held values and values of parameters.
+  /// Add derivatives by all that the force residual reads to those by coordinates, speeds, inputs, held values and values of parameters.
   void add_columns(const ByColumns& by, Fixed<double, coordinates>& by_q, Numbers& by_v) {
     const double* x = by.data();
     const auto add_next = [&x](auto& derivatives, std::size_t number) {
@@ -591,21 +591,21 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
     add_inputs();
   }
 
-  /// From slopes behind loops that have been closed by the balance of forces at the end to those before.
-  bool pull_balanced_loops() {
+  /// From derivatives behind loops that have been closed by the force residual at the end to those before.
+  bool residual_loops_vjp() {
     if constexpr (m > 0) {
       const Point &open = record_.between.back(), &end = record_.end;
-      this->balance_.find(record_.t + record_.h, end.q, end.v, end.vdot, end.lambda, this->u_);
-      if (!this->balance_.pull_violations(by_.v, by_violation_)) return false;
-      pull_residual(open, nothing_, by_violation_);
+      this->force_residual_.find(record_.t + record_.h, end.q, end.v, end.vdot, end.lambda, this->u_);
+      if (!this->force_residual_.violations_vjp(by_.v, by_violation_)) return false;
+      residual_vjp(open, nothing_, by_violation_);
       add(more_.q, by_.q), add(more_.v, by_.v);
       add_sums();
       Fixed<double, coordinates> behind = by_.q;
       Numbers by_delta;
       by_.q.fill(0.0);
-      RetractionDerivatives<balls>(charts(), open.q.data(), by_delta.data()).pull(behind.data(), by_.q.data(), by_delta.data());
-      if (!this->balance_.pull_violations(by_delta, by_violation_)) return false;
-      pull_residual(open, by_violation_, nothing_);
+      RetractionDerivatives<balls>(charts(), open.q.data(), by_delta.data()).vjp(behind.data(), by_.q.data(), by_delta.data());
+      if (!this->force_residual_.violations_vjp(by_delta, by_violation_)) return false;
+      residual_vjp(open, by_violation_, nothing_);
       add(more_.q, by_.q);
       add_sums();
     }
@@ -623,14 +623,14 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
       const StateOf<M> end = stage_;
       begin_step(end.t, record_.values);
       if (!this->find_rule(simulation_->mechanism(), from, end, h)) return false;
-      const auto& balance = this->balance_;
+      const auto& force_residual = this->force_residual_;
       ByColumns by, projected;
       Unknowns by_first;
       std::copy(by_.lambda.begin(), by_.lambda.end(), std::copy(by_.vdot.begin(), by_.vdot.end(), by_first.begin()));
-      if (!this->ends_.pull_accelerations(balance, by_.vdot, by, projected, by_first)) return false;
+      if (!this->ends_.accelerations_vjp(force_residual, by_.vdot, by, projected, by_first)) return false;
       add_columns(projected, by_.q, by_.v);
-      if (!this->ends_.pull_speeds(balance, by_.v, by, by_first, by_violation_)) return false;
-      pull_residual(record_.end, nothing_, by_violation_);
+      if (!this->ends_.speeds_vjp(force_residual, by_.v, by, by_first, by_violation_)) return false;
+      residual_vjp(record_.end, nothing_, by_violation_);
       add(more_.q, by_.q), add(more_.v, by_.v);
       add_sums();
       add_columns(by, by_.q, by_.v);
@@ -638,15 +638,15 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
       rule.take(stage_);
       Numbers by_delta;
       const RetractionDerivatives<balls> turning(charts(), from.q.data(), this->ends_.delta());
-      turning.pull(by_.q.data(), begun.q.data(), by_delta.data());
+      turning.vjp(by_.q.data(), begun.q.data(), by_delta.data());
       for (std::size_t i = 0; i < n; ++i) by_first[i] += h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
       by.fill(0.0);
-      if (!this->ends_.pull_rule(balance, by_first, by, by_violation_)) return false;
-      pull_residual(rule, by_violation_, nothing_);
+      if (!this->ends_.rule_vjp(force_residual, by_first, by, by_violation_)) return false;
+      residual_vjp(rule, by_violation_, nothing_);
       by_.q = more_.q;
       add_sums();
       add_columns(by, by_.q, by_.v);
-      turning.pull(by_.q.data(), begun.q.data(), by_delta.data());
+      turning.vjp(by_.q.data(), begun.q.data(), by_delta.data());
       for (std::size_t i = 0; i < n; ++i) {
         begun.v[i] = by_.v[i] + h * by_delta[i];
         begun.vdot[i] = h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
@@ -663,7 +663,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
     begin_step(record_.t + h, record_.values);
     const Point& from = record_.from;
     put(record_.end, record_.t + h);
-    if (!settle(from, h) || !pull_closed_loops()) return false;
+    if (!settle(from, h) || !closed_loops_vjp()) return false;
     Numbers by_delta;
     Fixed<double, coordinates> by_before;
     const RetractionDerivatives<balls> turning(charts(), from.q.data(), way_of_.data());
@@ -671,7 +671,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
       evaluate_transposed(solution_.data());
       add(by_.q, more_.q), add(by_.v, more_.v), add(by_.lambda, more_.lambda);
       by_delta.fill(0.0), by_before.fill(0.0);
-      turning.pull(more_.q.data(), by_before.data(), by_delta.data());
+      turning.vjp(more_.q.data(), by_before.data(), by_delta.data());
       for (std::size_t i = 0; i < n; ++i) left_[i] = by_.vdot[i] + h / 2 * more_.v[i] + h * h / 4 * by_delta[i] - solution_[i];
       for (std::size_t i = 0; i < m; ++i) left_[n + i] = more_.lambda[i];
     };
@@ -758,7 +758,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
     return left > 0.0 ? left / std::max(left, size) : left;
   }
 
-  /// More slopes by the stage's coordinates, speeds and multipliers, from those by accelerations and then by corrections of multipliers.
+  /// More derivatives by the stage's coordinates, speeds and multipliers, from those by accelerations and then by corrections of multipliers.
   void evaluate_transposed(const double* solution) {
     transposed_.evaluate_transposed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), solution, solution + n, more_.q.data(), more_.v.data(),
                                     more_.lambda.data());
@@ -772,8 +772,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
 
   // Accelerations as functions of states
 
-  /// Add to slopes by the stage's coordinates and speeds what those by its accelerations and multipliers make.
-  bool pull_accelerations(const Numbers& by_vdot, const Fixed<double, m>& by_lambda, Point& to) {
+  /// Add to derivatives by the stage's coordinates and speeds what those by its accelerations and multipliers make.
+  bool accelerations_vjp(const Numbers& by_vdot, const Fixed<double, m>& by_lambda, Point& to) {
     std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
     Unknowns solution;
     std::copy(by_vdot.begin(), by_vdot.end(), solution.begin());
@@ -836,28 +836,28 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
     begin_step(stage_.t, record_.values);
     const StateOf<M> end = stage_;
     normalise<double>(charts(), stage_.q.data());
-    if (!pull_closed_loops()) return false;
-    pull_lengths(charts(), end.q.data(), by_.q.data());
+    if (!closed_loops_vjp()) return false;
+    lengths_vjp(charts(), end.q.data(), by_.q.data());
     if (owes_derivative_) {
       stage_ = end;
       begin_step(stage_.t, record_.values);
       if (!this->enter(mechanism, stage_)) return false;
-      pull_rates(charts(), stage_.q.data(), stage_.v.data(), by_turn_.data(), by_.q.data(), by_.v.data());
-      if (!pull_accelerations(by_derivative_, Fixed<double, m>(), by_)) return false;
+      rates_vjp(charts(), stage_.q.data(), stage_.v.data(), by_coordinate_rates_.data(), by_.q.data(), by_.v.data());
+      if (!accelerations_vjp(by_derivative_, Fixed<double, m>(), by_)) return false;
     }
     owes_derivative_ = begins_with_derivative;
-    std::array<Fixed<double, coordinates>, stages> by_turns{};
+    std::array<Fixed<double, coordinates>, stages> by_coordinate_rates{};
     std::array<Numbers, stages> by_derivatives{};
     Point by = by_, whole = by_;
     for (std::size_t stage = stages; stage > 0; --stage) {
       for (std::size_t j = 0; j < stage; ++j) {
         const double weight = h * row(stage)[j];
-        for (std::size_t i = 0; i < coordinates; ++i) by_turns[j][i] += weight * by.q[i];
+        for (std::size_t i = 0; i < coordinates; ++i) by_coordinate_rates[j][i] += weight * by.q[i];
         for (std::size_t i = 0; i < n; ++i) by_derivatives[j][i] += weight * by.v[i];
       }
       const std::size_t at = stage - 1;
       if (at == 0 && begins_with_derivative) {
-        by_turn_ = by_turns[0];
+        by_coordinate_rates_ = by_coordinate_rates[0];
         by_derivative_ = by_derivatives[0];
         break;
       }
@@ -865,8 +865,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
       put(points[at], time(at));
       std::copy(stage_.lambda.begin(), stage_.lambda.end(), this->force_.begin());
       begin_step(stage_.t, record_.values);
-      pull_rates(charts(), stage_.q.data(), stage_.v.data(), by_turns[at].data(), by.q.data(), by.v.data());
-      if (!pull_accelerations(by_derivatives[at], Fixed<double, m>(), by)) return false;
+      rates_vjp(charts(), stage_.q.data(), stage_.v.data(), by_coordinate_rates[at].data(), by.q.data(), by.v.data());
+      if (!accelerations_vjp(by_derivatives[at], Fixed<double, m>(), by)) return false;
       add(by.q, whole.q), add(by.v, whole.v);
     }
     by_ = whole;
@@ -876,8 +876,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
 
   // Closed loops
 
-  /// From slopes behind the projection of the stage to those before.
-  bool pull_closed_loops() {
+  /// From derivatives behind the projection of the stage to those before.
+  bool closed_loops_vjp() {
     if constexpr (m > 0) {
       if (!is_explicit && !simulation_->settings().fixed_point.proximal) return true;
       std::array<Point, most_moves> places, speeds;
@@ -887,8 +887,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
       if (!follow_moves(now, places, violations, moved, true) || !follow_moves(now, speeds, rates, sped, false)) return false;
       for (std::size_t i = sped; i-- > 0;) {
         const Point& x = speeds[i];
-        pull_move(x, rates[i], by_.v);
-        pull_residual(x, nothing_, by_violation_);
+        move_vjp(x, rates[i], by_.v);
+        residual_vjp(x, nothing_, by_violation_);
         add(more_.q, by_.q), add(more_.v, by_.v);
         add_sums();
       }
@@ -898,9 +898,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
         Numbers by_delta;
         by_.q.fill(0.0);
         simulation_->mechanism().project(x.q.data(), violations[i].data(), found_values_.data());
-        RetractionDerivatives<balls>(charts(), x.q.data(), found_values_.data()).pull(behind.data(), by_.q.data(), by_delta.data());
-        pull_move(x, violations[i], by_delta);
-        pull_residual(x, by_violation_, nothing_);
+        RetractionDerivatives<balls>(charts(), x.q.data(), found_values_.data()).vjp(behind.data(), by_.q.data(), by_delta.data());
+        move_vjp(x, violations[i], by_delta);
+        residual_vjp(x, by_violation_, nothing_);
         add(more_.q, by_.q);
         add_sums();
       }
@@ -908,15 +908,15 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
     return true;
   }
 
-  /// From slopes by a move that closes a gap to those by the gap, and by coordinates, which are added.
-  void pull_move(const Point& at, const Fixed<double, m>& violation, const Numbers& by_move) {
+  /// From derivatives by a move that removes a violation to those by the violation, and by coordinates, which are added.
+  void move_vjp(const Point& at, const Fixed<double, m>& violation, const Numbers& by_move) {
     transposed_.project_transposed(at.q.data(), violation.data(), by_move.data(), more_.q.data(), by_violation_.data(), more_loaded_.data(), more_input_.data());
     add(more_.q, by_.q);
     add_sums();
   }
 
-  /// More slopes by coordinates and speeds, from those by the residual of loops and its rate.
-  void pull_residual(const Point& at, const Fixed<double, m>& by_residual, const Fixed<double, m>& by_rate) {
+  /// More derivatives by coordinates and speeds, from those by the residual of loops and its rate.
+  void residual_vjp(const Point& at, const Fixed<double, m>& by_residual, const Fixed<double, m>& by_rate) {
     transposed_.constraint_residual_transposed(at.q.data(), at.v.data(), by_residual.data(), by_rate.data(), more_.q.data(), more_.v.data(),
                                                more_loaded_.data(), more_input_.data());
   }
@@ -1001,11 +1001,11 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
     return visit_pieces(0, 0, by_piece);
   }
 
-  /// What slopes by values of parameters in balances of forces make along a direction.
+  /// What derivatives by values of parameters in force residual make along a direction.
   double by_rows([[maybe_unused]] std::size_t k) const {
     double sum = 0.0;
     if constexpr (decltype(by_rows_)::size() > 0)
-      for (std::size_t i = 0; i < by_rows_.size(); ++i) sum += by_rows_[i] * this->balance_.changes()[i].derivative[k];
+      for (std::size_t i = 0; i < by_rows_.size(); ++i) sum += by_rows_[i] * this->force_residual_.changes()[i].derivative[k];
     return sum;
   }
 
@@ -1022,12 +1022,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
   const int* outputs_ = nullptr;
   Record record_{};
   Point by_, more_;
-  Fixed<double, coordinates> by_turn_;  ///< slopes by that with which the part behind begins, which the end of the part before owes
+  Fixed<double, coordinates> by_coordinate_rates_;  ///< derivatives by that with which the part behind begins, which the end of the part before owes
   Numbers by_derivative_;
   bool owes_derivative_ = false;
   Fixed<double, loaded> by_loaded_, more_loaded_;
   Fixed<double, parameters> by_parameter_;  ///< by events
-  typename ColumnsOf<Balance, by_residual>::OfLoaded by_rows_;  ///< by values of parameters in balances of forces
+  typename ColumnsOf<ForceResidual, by_residual>::OfLoaded by_rows_;  ///< by values of parameters in force residual
   Fixed<double, given> by_input_, more_input_;
   Fixed<double, held> by_held_;
   Fixed<double, Base::columns> by_columns_;

@@ -10,11 +10,11 @@
 
 namespace cutjoint {
 
-/// How many coordinates, speeds, equations of cut joints, cut joints, parameters, inputs, tyres, columns, guards and switches a
-/// mechanism has; switches are those at which steps end.  The last of the speeds are first-order `states`: no coordinate is their integral.
+/// How many coordinates, speeds, equations of cut joints, cut joints, parameters, inputs, tyres, columns, guards and indicators a
+/// mechanism has; indicators are those at which steps end.  The last of the speeds are first-order `states`: no coordinate is their integral.
 /// `controllers` hold values between samples, `held` in all.
 struct Sizes {
-  std::size_t coordinates = 0, speeds = 0, equations = 0, cuts = 0, parameters = 0, inputs = 0, roads = 0, columns = 0, guards = 0, switches = 0;
+  std::size_t coordinates = 0, speeds = 0, equations = 0, cuts = 0, parameters = 0, inputs = 0, roads = 0, columns = 0, guards = 0, indicators = 0;
   std::size_t states = 0, controllers = 0, held = 0;
 
   constexpr std::size_t joint_speeds() const { return speeds - states; }

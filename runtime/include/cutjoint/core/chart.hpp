@@ -14,9 +14,9 @@ struct Chart {
   bool reversed = false;
 };
 
-/// A value that is watched for a change of formula: the place along a `road`, or without a road a value that changes its sign.  The switch
+/// A value that is watched for a change of formula: the place along a `road`, or without a road a value that changes its sign.  The indicator
 /// `across` has the place across the road; without one, the place is right of the middle.
-struct SwitchPlace {
+struct IndicatorPlace {
   int road = -1;
   int across = -1;
 };

@@ -9,8 +9,7 @@
 
 namespace cutjoint {
 
-/// A checked simulation of a `Model` with `Derivatives`, its `dofs`, and `state_names` of coordinates and then of their rates, with
-/// first-order states behind both.
+/// A checked simulation of a `Model` with `Derivatives`, its `dofs`, and `state_names` of coordinates and then of their rates, with first-order states behind both.
 template <class Model>
 class CheckedMinimal : public CheckedSimulation<Model> {
   struct Memory;
@@ -215,7 +214,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
   }
 
  private:
-  /// A run along the courses that were given for it, from where they have guides, independent coordinates and rates as they are; inputs then are as they were
+  /// A run along the trajectories that were given for it, from where they have guides, independent coordinates and rates as they are; inputs then are as they were
   /// before.
   template <class Run>
   static int along_trajectories(CheckedMinimal* s, Run run) {

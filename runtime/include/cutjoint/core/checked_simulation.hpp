@@ -365,7 +365,7 @@ class CheckedSimulation {
         break;
       case FaultList::guards: look_up(Model::guard_names, Model::guard_places); break;
       case FaultList::coordinates: look_up(Model::coordinate_names, Model::coordinate_places); break;
-      case FaultList::switches: look_up(Model::switch_names, Model::switch_places); break;
+      case FaultList::indicators: look_up(Model::indicator_names, Model::indicator_places); break;
       case FaultList::controllers:
         if constexpr (requires { Model::controller_names; }) look_up(Model::controller_names, Model::controller_places);
         break;

@@ -36,7 +36,7 @@ struct Decimal {
 template <std::size_t stages>
 using Decimals = std::array<Decimal, stages>;
 
-/// sum += h times the weighted slopes.
+/// sum += h times the weighted derivatives.
 template <class Real, class Weight, std::size_t stages, class Tangents, class Numbers>
 void add_derivatives(Real h, const std::array<Weight, stages>& weights, const Tangents& derivatives, Numbers& sum) {
   for (std::size_t j = 0; j < stages; ++j) {

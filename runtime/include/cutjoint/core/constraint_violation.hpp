@@ -9,7 +9,7 @@
 
 namespace cutjoint {
 
-/// The gap (m or rad) of the equation that stands open by the largest share of its limit; of none where there are no equations.
+/// The violation (m or rad) of the equation that stands open by the largest share of its limit; of none where there are no equations.
 struct ConstraintViolation {
   int equation = -1;
   double size = 0.0, limit = 0.0;
@@ -19,7 +19,7 @@ struct ConstraintViolation {
   /// Whether loops are closed behind a guide that jumps.
   bool is_closed() const { return size <= 1e-3 * limit; }
 
-  /// How many steps later gaps are measured again.  That costs a seventh of an evaluation, and gaps grow slowly where they are small.
+  /// How many steps later violations are measured again.  That costs a seventh of an evaluation, and violations grow slowly where they are small.
   long next_measurement() const { return size < 0.1 * limit ? 16 : 1; }
 
   Fault fault(double t, long step) const {
@@ -27,12 +27,12 @@ struct ConstraintViolation {
   }
 };
 
-/// The time (s) in which a gap closes by itself, over which its rate counts.
+/// The time (s) in which a violation closes by itself, over which its rate counts.
 inline double closing_time(const SimulationSettings& settings) {
   return settings.stabilisation.frequency > 0.0 ? 1.0 / settings.stabilisation.frequency : settings.dt;
 }
 
-/// The largest gap of equations; `residual_of(i)` is that of one.
+/// The largest violation of equations; `residual_of(i)` is that of one.
 template <class ResidualOf>
 ConstraintViolation largest_violation(std::size_t equations, const double* limits, ResidualOf residual_of) {
   ConstraintViolation largest;

@@ -19,17 +19,17 @@ namespace cutjoint {
 /// From the start of the step the motion goes along its parabola to the jump, is struck, and goes back along the parabola of the accelerations
 /// after it: a step from there has an error of the order of the rule's.
 ///
-/// When guides change their formulas, switches say.
+/// When guides change their formulas, indicators say.
 template <class S>
 class CrossedImpacts {
-  using Switches = Array<S, static_sizes<S>().switches>;
+  using Indicators = Array<S, static_sizes<S>().indicators>;
 
  public:
   using Real = typename S::real_type;
 
   CrossedImpacts(S& subject, double end)
-      : subject_(subject), impacts_(subject, end), before_(design_state(subject)), way_(sizes_of(subject).speeds), pose_(sizes_of(subject).coordinates),
-        from_(switches()), now_(from_) {}
+      : subject_(subject), impacts_(subject, end), before_(design_state(subject)), shift_(sizes_of(subject).speeds), pose_(sizes_of(subject).coordinates),
+        from_(indicators()), now_(from_) {}
 
   /// Meet what lies within a step of h from a state; `accelerate` finds accelerations and multipliers of a state, and `watch` is as of Impacts.
   /// Returns whether something did.
@@ -74,29 +74,29 @@ class CrossedImpacts {
   void restore(Memory searched) { searched_ = searched; }
 
  private:
-  /// Between two times, by a switch.
+  /// Between two times, by an indicator.
   struct Jump {
     Real before{0}, after{0};
     std::size_t which = 0;
     bool is_found = false;
   };
 
-  std::size_t switches() const {
-    if constexpr (Sized<S>) return S::sizes.switches;
-    else return subject_.description().switches.size();
+  std::size_t indicators() const {
+    if constexpr (Sized<S>) return S::sizes.indicators;
+    else return subject_.description().indicators.size();
   }
 
   /// Along the parabola of a state's accelerations, by a time h.
   void move(StateOf<S>& state, Real h) {
-    for (std::size_t i = 0; i < way_.size(); ++i) {
-      way_[i] = h * state.v[i] + h * h / 2 * state.vdot[i];
+    for (std::size_t i = 0; i < shift_.size(); ++i) {
+      shift_[i] = h * state.v[i] + h * h / 2 * state.vdot[i];
       state.v[i] += h * state.vdot[i];
     }
     pose_ = state.q;
-    displace(charts_of(subject_), pose_, way_.data(), state.q);
+    displace(charts_of(subject_), pose_, shift_.data(), state.q);
   }
 
-  /// The first jump at which a switch changes its sign though the state does not change.
+  /// The first jump at which an indicator changes its sign though the state does not change.
   Jump find(const StateOf<S>& state, Real from, Real to) {
     if (from_.empty()) return {};
     while (from < to) {
@@ -115,15 +115,15 @@ class CrossedImpacts {
     return {};
   }
 
-  /// Values of the switches at a time; generic mechanisms and systems have none.
-  void look(const StateOf<S>& state, Real t, Switches& values) {
+  /// Values of the indicators at a time; generic mechanisms and systems have none.
+  void look(const StateOf<S>& state, Real t, Indicators& values) {
     if constexpr (requires { subject_.events(state.q.data(), state.v.data(), values.data()); }) {
       subject_.begin_step(t, Real(1));
       subject_.events(state.q.data(), state.v.data(), values.data());
     }
   }
 
-  /// The first switch whose sign is another than at the last `from`; as many as there are if there is none.
+  /// The first indicator whose sign is another than at the last `from`; as many as there are if there is none.
   std::size_t changed(const StateOf<S>& state, Real t) {
     look(state, t, now_);
     std::size_t i = 0;
@@ -134,9 +134,9 @@ class CrossedImpacts {
   S& subject_;
   Impacts<S> impacts_;
   StateOf<S> before_;
-  Speeds<S> way_;
+  Speeds<S> shift_;
   Coordinates<S> pose_;
-  Switches from_, now_;
+  Indicators from_, now_;
   Real searched_{-std::numeric_limits<Real>::infinity()};
 };
 

@@ -87,7 +87,7 @@ struct CurvedField {
   static bool behind(const Place& at) { return at.s < at.lean * at.v; }
   static bool ahead(const Place& at) { return at.s > at.length + (at.lean + at.spread) * at.v; }
 
-  /// A place on the straight continuation of an end; where the line closes, of the end whose half of the gap has it.
+  /// A place on the straight continuation of an end; where the line closes, of the end whose half of the violation has it.
   Place beyond(std::ptrdiff_t end, Real x, Real y) const {
     const auto last = static_cast<std::ptrdiff_t>(line.size()) - 1;
     Place at = straight(end, x, y);
@@ -178,16 +178,16 @@ struct CurvedField {
   }
 
   /// Heights within a way of an end become those of the line.
-  void fade(Over& z, Real way, Real reach, Real line_z, Real sign) const {
-    if (!(way < reach)) return;
-    const Real share = way > Real(0) ? way / reach : Real(0), by_u = way > Real(0) ? sign * step / reach : Real(0), above = z.value - line_z;
+  void fade(Over& z, Real shift, Real reach, Real line_z, Real sign) const {
+    if (!(shift < reach)) return;
+    const Real share = shift > Real(0) ? shift / reach : Real(0), by_u = shift > Real(0) ? sign * step / reach : Real(0), above = z.value - line_z;
     z = {line_z + share * above, share * z.u + by_u * above, share * z.v, share * z.uv + by_u * z.v, share * z.uu + Real(2) * by_u * z.u};
   }
 
   /// A way around, from zero to a length.
-  static Real around(Real way, Real length) {
-    if (way >= Real(0) && way < length) return way;
-    return way - length * Real(std::floor(double(way / length)));
+  static Real around(Real shift, Real length) {
+    if (shift >= Real(0) && shift < length) return shift;
+    return shift - length * Real(std::floor(double(shift / length)));
   }
 
   /// A place in what is repeated or reflected; `turn` changes its sign where it runs backwards.

@@ -1,5 +1,4 @@
-// Small dense kernels: L U, least squares of least norm, and the eigenvalues of symmetric matrices.  Columns stand one after another; all memory is the
-// caller's.
+// Small dense kernels: L U, least squares of least norm, and the eigenvalues of symmetric matrices.  Columns stand one after another; all memory is the caller's.
 #pragma once
 
 #include <cmath>
@@ -203,8 +202,8 @@ void diagonalise(Matrix<Real> A, Matrix<Real> V) {
     for (std::size_t q = 1; q < n; ++q)
       for (std::size_t p = 0; p < q; ++p) {
         if (A(p, q) == Real(0)) continue;
-        const Real way = (A(q, q) - A(p, p)) / (2 * A(p, q));
-        const Real t = (way < Real(0) ? Real(-1) : Real(1)) / ((way < Real(0) ? -way : way) + sqrt(Real(1) + way * way));
+        const Real shift = (A(q, q) - A(p, p)) / (2 * A(p, q));
+        const Real t = (shift < Real(0) ? Real(-1) : Real(1)) / ((shift < Real(0) ? -shift : shift) + sqrt(Real(1) + shift * shift));
         const Real c = Real(1) / sqrt(Real(1) + t * t), s = t * c;
         const auto rotate = [c, s](Real& x, Real& y) {
           const Real was = x;

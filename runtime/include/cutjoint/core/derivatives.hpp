@@ -28,9 +28,9 @@ namespace cutjoint {
 ///
 /// x = (z, z') are minimal coordinates, behind them first-order states.  Along a direction of x and of inputs u the dependent coordinates
 /// change so that loops stay closed, J_d dz_d = -(J dz + dPhi/du du).  Their rates follow from the residual's rate, which stays zero,
-/// accelerations and multipliers from the balance of forces `Balance` where there is one, else from the fixed point of the augmented update, taken
+/// accelerations and multipliers from the force residual `ForceResidual` where there is one, else from the fixed point of the augmented update, taken
 /// for their derivatives.  What controllers hold stays.
-template <class Simulation, Sized D, Sized S, std::size_t dofs, class Balance = NoResidual>
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
 class Derivatives {
  public:
   using M = typename Simulation::Mechanism;
@@ -141,12 +141,12 @@ class Derivatives {
     std::copy(simulation.penalties().begin(), simulation.penalties().end(), penalties_.begin());
     dheld_.fill(Dual());
     for (std::size_t i = 0; i < M::sizes.roads; ++i) roads_[i] = Road<Dual>(simulation.roads()[i]);
-    if constexpr (Balance::is_there) balance_.load(simulation);
+    if constexpr (ForceResidual::is_there) force_residual_.load(simulation);
     load_parameters(simulation);
     if constexpr (given > 0) {
       mechanism_.drive_by({&fill, this});
       if constexpr (has_system) system_.drive_by({&fill, this});
-      if constexpr (Balance::is_there) balance_.drive_by({&fill_plain, this});
+      if constexpr (ForceResidual::is_there) force_residual_.drive_by({&fill_plain, this});
     }
     std::copy(minimal.choice().reference.begin(), minimal.choice().reference.end(), reference_.begin());
   }
@@ -154,7 +154,7 @@ class Derivatives {
   void load_parameters(Simulation& simulation) {
     load_mechanism(mechanism_, parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
     if constexpr (has_system) system_.load(parameters_.data(), roads_.data());
-    if constexpr (Balance::is_there) balance_.load_changes(parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
+    if constexpr (ForceResidual::is_there) force_residual_.load_changes(parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
   }
 
   /// Go to a state, at whose time the mechanism is; false where an acceleration is no number.
@@ -175,7 +175,7 @@ class Derivatives {
       }
   }
 
-  /// From here on inputs change along so many directions from one on, beside shifts that have been set, as their courses do.
+  /// From here on inputs change along so many directions from one on, beside shifts that have been set, as their trajectories do.
   void change_trajectories(std::size_t first, std::size_t number) {
     along_ = {first, number};
     shift_ = du_;
@@ -280,8 +280,8 @@ class Derivatives {
   /// Their derivatives; false where one is no number.  The update is affine in multipliers: behind one evaluation along all directions the plain
   /// equations say what these change.
   bool find_accelerations(M& mechanism, std::size_t number) {
-    if constexpr (Balance::is_there)
-      if (!is_time_moving_ && solve_balance()) return true;
+    if constexpr (ForceResidual::is_there)
+      if (!is_time_moving_ && solve_force_residual()) return true;
     for (std::size_t i = 0; i < m; ++i) lambda_[i] = force_[i];
     mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
     for (std::size_t k = 0; k < number; ++k) {
@@ -304,12 +304,12 @@ class Derivatives {
     return true;
   }
 
-  /// The same by the balance of forces; false where that has a slope that is no number, or masses are singular.
-  bool solve_balance() {
-    typename Balance::Changes change;
+  /// The same by the force residual; false where that has a derivative that is no number, or masses are singular.
+  bool solve_force_residual() {
+    typename ForceResidual::Changes change;
     for (std::size_t i = 0; i < m; ++i) room_of_forces_[i] = force_[i] + left_[i];
-    balance_.find(state_->t, state_->q, state_->v, still_, room_of_forces_, u_);
-    if (!balance_.solve(q_, v_, du_, dheld_, change)) return false;
+    force_residual_.find(state_->t, state_->q, state_->v, still_, room_of_forces_, u_);
+    if (!force_residual_.solve(q_, v_, du_, dheld_, change)) return false;
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = {still_[i], change[i].derivative};
     for (std::size_t i = 0; i < m; ++i) lambda_[i] = {room_of_forces_[i], change[n + i].derivative};
     return true;
@@ -365,7 +365,7 @@ class Derivatives {
     return size;
   }
 
-  /// Numbers with these slopes of independent ones, and none of others.
+  /// Numbers with these derivatives of independent ones, and none of others.
   void give_derivatives(const Dual* derivatives, Minimal& minimal, Fixed<Dual, n>& numbers) {
     room_.fill(Dual());
     minimal.take(derivatives, room_);
@@ -377,7 +377,7 @@ class Derivatives {
     minimal.put(room_, derivatives);
   }
 
-  /// Slopes of dependent ones that close gaps of the loops.
+  /// Derivatives of dependent ones that close constraint violations.
   void follow_loops(const Fixed<Dual, m>& violations, Minimal& minimal, Fixed<Dual, n>& numbers) {
     Fixed<Along, m> left;
     Fixed<Along, n> step, room;
@@ -388,8 +388,8 @@ class Derivatives {
 
   const StateOf<typename Simulation::Subject>* state_ = nullptr;  ///< the present one, with its accelerations and multipliers
   D mechanism_;
-  [[no_unique_address]] Balance balance_;
-  bool is_time_moving_ = false;  ///< the present time changes along directions, which the balance has no slope for
+  [[no_unique_address]] ForceResidual force_residual_;
+  bool is_time_moving_ = false;  ///< the present time changes along directions, which the force residual has no derivative for
   [[no_unique_address]] std::conditional_t<has_system, S, None> system_;
   Fixed<Dual, M::sizes.parameters> parameters_;
   Fixed<Dual, M::sizes.cuts> penalties_;
@@ -400,7 +400,7 @@ class Derivatives {
   InputTrajectories<inputs>* trajectories_ = nullptr;
   struct {
     std::size_t first = 0, number = 0;
-  } along_;  ///< directions of courses
+  } along_;  ///< directions of trajectories
   Fixed<Dual, M::sizes.held> dheld_;
   Fixed<Dual, M::sizes.coordinates> reference_, q_;
   Fixed<Dual, n> delta_, rate_, second_, v_, vdot_;

@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <utility>
 
+#include "cutjoint/core/functions.hpp"
+
 namespace cutjoint {
 
 /// How many doubles a register has.
@@ -129,73 +131,18 @@ inline double value_of(const Dual& a) { return a.value; }
 template <class A>
 concept Differentiated = requires(const A& a) { a.derivative, value_of(a); };
 
-template <Differentiated A>
-A sqrt(const A& a) {
-  using std::sqrt;
-  const auto root = sqrt(value_of(a));
-  return follow(root, 0.5 / root, a);
-}
-template <Differentiated A>
-A sin(const A& a) {
-  using std::sin, std::cos;
-  return follow(sin(value_of(a)), cos(value_of(a)), a);
-}
-template <Differentiated A>
-A cos(const A& a) {
-  using std::sin, std::cos;
-  return follow(cos(value_of(a)), -sin(value_of(a)), a);
-}
-template <Differentiated A>
-A tan(const A& a) {
-  using std::tan;
-  const auto tangent = tan(value_of(a));
-  return follow(tangent, 1.0 + tangent * tangent, a);
-}
-template <Differentiated A>
-A asin(const A& a) {
-  using std::asin, std::sqrt;
-  const auto x = value_of(a);
-  return follow(asin(x), 1.0 / sqrt(1.0 - x * x), a);
-}
-template <Differentiated A>
-A acos(const A& a) {
-  using std::acos, std::sqrt;
-  const auto x = value_of(a);
-  return follow(acos(x), -1.0 / sqrt(1.0 - x * x), a);
-}
-template <Differentiated A>
-A atan(const A& a) {
-  using std::atan;
-  const auto x = value_of(a);
-  return follow(atan(x), 1.0 / (1.0 + x * x), a);
-}
-template <Differentiated A>
-A sinh(const A& a) {
-  using std::cosh, std::sinh;
-  return follow(sinh(value_of(a)), cosh(value_of(a)), a);
-}
-template <Differentiated A>
-A cosh(const A& a) {
-  using std::cosh, std::sinh;
-  return follow(cosh(value_of(a)), sinh(value_of(a)), a);
-}
-template <Differentiated A>
-A tanh(const A& a) {
-  using std::tanh;
-  const auto tangent = tanh(value_of(a));
-  return follow(tangent, 1.0 - tangent * tangent, a);
-}
-template <Differentiated A>
-A exp(const A& a) {
-  using std::exp;
-  const auto power = exp(value_of(a));
-  return follow(power, power, a);
-}
-template <Differentiated A>
-A log(const A& a) {
-  using std::log;
-  return follow(log(value_of(a)), 1.0 / value_of(a), a);
-}
+#define CUTJOINT_FOLLOW(name, slope)                           \
+  template <Differentiated A>                                  \
+  A name(const A& a) {                                         \
+    const auto x = value_of(a), y = [&] {                      \
+      using std::name;                                         \
+      return name(x);                                          \
+    }();                                                       \
+    using std::cos, std::cosh, std::sin, std::sinh, std::sqrt; \
+    return follow(y, slope, a);                                \
+  }
+CUTJOINT_FUNCTIONS(CUTJOINT_FOLLOW)
+#undef CUTJOINT_FOLLOW
 template <Differentiated A>
 A atan2(const A& a, const A& b) {
   using std::atan2;

@@ -35,10 +35,10 @@ class WithDynamics : public Base {
     if (index < 0 || static_cast<std::size_t>(index) >= count) return no_such_index;
     if (!point || (f > 0 && !jacobian)) return no_array;
     if (!all_finite(point, 3)) return not_finite;
-    return Base::status_of(s, s->with_ways([&](const double* ways) {
+    return Base::status_of(s, s->with_directions([&](const double* directions) {
       std::array<double, numbers_per_pose * count> numbers;
       for (std::size_t k = 0; k < f; ++k) {
-        s->sim.mechanism().poses(s->sim.state().q.data(), ways + k * n, numbers.data());
+        s->sim.mechanism().poses(s->sim.state().q.data(), directions + k * n, numbers.data());
         put(numbers.data() + numbers_per_pose * static_cast<std::size_t>(index), point, jacobian + k);
       }
     }));
@@ -49,9 +49,9 @@ class WithDynamics : public Base {
 
   /// The speeds of unit rates of independent coordinates, column by column, where guides stand still: motions by these alone.
   template <class Use>
-  Fault with_ways(Use use) {
+  Fault with_directions(Use use) {
     std::array<double, n * f + 1> columns;
-    const Fault fault = this->minimal.ways(this->sim.starter(), this->sim.state(), columns.data());
+    const Fault fault = this->minimal.directions(this->sim.starter(), this->sim.state(), columns.data());
     if (fault) return fault;
     this->sim.mechanism().begin_step(this->sim.state().t, 0.0);
     use(columns.data());
@@ -61,7 +61,7 @@ class WithDynamics : public Base {
 
   /// The mass matrix by the kinetic energy, T(a + b) - T(a) - T(b) = a^T M b.
   Fault find_mass(double* M) {
-    return with_ways([&](const double* ways) {
+    return with_directions([&](const double* directions) {
       const auto& state = this->sim.state();
       std::array<double, n + 1> both{};
       const auto energy = [&](const double* v) {
@@ -69,10 +69,10 @@ class WithDynamics : public Base {
         this->sim.mechanism().energy(state.q.data(), v, state.vdot.data(), state.lambda.data(), found);
         return found[0];
       };
-      for (std::size_t i = 0; i < f; ++i) M[i * f + i] = 2.0 * energy(ways + i * n);
+      for (std::size_t i = 0; i < f; ++i) M[i * f + i] = 2.0 * energy(directions + i * n);
       for (std::size_t i = 0; i < f; ++i)
         for (std::size_t j = 0; j < i; ++j) {
-          for (std::size_t k = 0; k < n; ++k) both[k] = ways[i * n + k] + ways[j * n + k];
+          for (std::size_t k = 0; k < n; ++k) both[k] = directions[i * n + k] + directions[j * n + k];
           M[i * f + j] = M[j * f + i] = energy(both.data()) - 0.5 * (M[i * f + i] + M[j * f + j]);
         }
     });

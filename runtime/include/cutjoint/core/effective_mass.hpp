@@ -44,7 +44,7 @@ auto common_penalty(const Numbers& penalties) {
 
 /// Effective masses of the cut joints of a mechanism, kg or kg m^2, by S = Phi_v M^-1 Phi_v^T; a cut joint's is the largest of its equations.
 ///
-/// A unit gap of equation k is answered by closing T e_k, T = S a/(1 + S a), with the penalties a that the mechanism was loaded with; massless
+/// A unit violation of equation k is answered by closing T e_k, T = S a/(1 + S a), with the penalties a that the mechanism was loaded with; massless
 /// bodies, whose S has no bound, have a bounded T.  A mass that is rounding beside the one that single speeds move counts as
 /// none; the kinetic energy tells the latter.  The velocity part of `constraint_residual` is linear in the speeds.  The answer is that of
 /// `project`, or with the closure `penalty`, for which not all mechanisms have it, what multipliers of a e_k change in the accelerations.

@@ -14,35 +14,35 @@
 
 namespace cutjoint {
 
-/// `Derivatives` of a `Simulation` by a method whose steps end where a switch g leaves its formula.
+/// `Derivatives` of a `Simulation` by a method whose steps end where an indicator g leaves its formula.
 ///
 /// The method goes on from the last whole step by its interpolant x(t), to the time t at which g(x(t), t, p) stands on its level.  So along directions
 ///
 ///     dt = -(g_x dx + g_p dp) / (g_x x' + g_t)        dx at the event = dx at its time + x' dt
 ///
 /// The part behind begins then, and ends where it did: it is as much shorter.
-template <class Simulation, Sized D, Sized S, std::size_t dofs, class Balance = NoResidual>
-class EventDerivatives : public RuleDerivatives<Simulation, D, S, dofs, Balance> {
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
+class EventDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
-  using Base = RuleDerivatives<Simulation, D, S, dofs, Balance>;
+  using Base = RuleDerivatives<Simulation, D, S, dofs, ForceResidual>;
   using typename Base::M;
   using Steps = typename Simulation::Steps;
 
  protected:
   using Base::n, Base::mechanism_, Base::q_, Base::v_;
   using Subject = typename Simulation::Subject;
-  static constexpr std::size_t switches = Base::is_stepped ? Subject::sizes.switches : 0;
+  static constexpr std::size_t indicators = Base::is_stepped ? Subject::sizes.indicators : 0;
 
-  /// Where a part ends between the ends of the step that was made, or beyond: at a share of its length, where so many switches leave their formulas, or none.
+  /// Where a part ends between the ends of the step that was made, or beyond: at a share of its length, where so many indicators leave their formulas, or none.
   struct Cut {
     bool is_made = false;
     double share = 1.0;
     std::size_t left = 0;
-    Fixed<std::size_t, switches> which;
+    Fixed<std::size_t, indicators> which;
 
-    /// A fault of a run at one of these switches.
+    /// A fault of a run at one of these indicators.
     Fault fault(Cause cause, double t) const {
-      return {.cause = cause, .list = FaultList::switches, .index = left > 0 ? static_cast<int>(which[0]) : -1, .t = t};
+      return {.cause = cause, .list = FaultList::indicators, .index = left > 0 ? static_cast<int>(which[0]) : -1, .t = t};
     }
   };
 
@@ -55,8 +55,8 @@ class EventDerivatives : public RuleDerivatives<Simulation, D, S, dofs, Balance>
     if constexpr (parts > 4)
       for (std::size_t i = 0; i + 4 < parts; ++i) add_derivatives(length, Table::dense[i], derivatives, more[i]);
     for (std::size_t i = 0; i < count; ++i) {
-      const Dual way = end[i] - begin[i], bend = length * derivatives[0][i] - way;
-      std::array<Dual, parts> part{begin[i], way, bend, way - length * derivatives[Table::stages - 1][i] - bend};
+      const Dual shift = end[i] - begin[i], bend = length * derivatives[0][i] - shift;
+      std::array<Dual, parts> part{begin[i], shift, bend, shift - length * derivatives[Table::stages - 1][i] - bend};
       if constexpr (parts > 4)
         for (std::size_t k = 4; k < parts; ++k) part[k] = more[k - 4][i];
       Dual sum = part.back();
@@ -72,10 +72,10 @@ class EventDerivatives : public RuleDerivatives<Simulation, D, S, dofs, Balance>
 
   /// From coordinates and speeds where a part is cut, along directions for the time of that, to those along them where its event then is.
   bool meet_event([[maybe_unused]] M& mechanism, [[maybe_unused]] const StateOf<M>& end, [[maybe_unused]] std::size_t number) {
-    if constexpr (switches > 0) {
+    if constexpr (indicators > 0) {
       if (cut_.left == 0) return true;
       const Tangents reach = find_reach(number);
-      Fixed<Dual, switches> here, beside;
+      Fixed<Dual, indicators> here, beside;
       look(end.t, Tangents{}, q_, v_, here);
       auto q = q_;
       auto v = v_;
@@ -97,7 +97,7 @@ class EventDerivatives : public RuleDerivatives<Simulation, D, S, dofs, Balance>
 
   /// Whether the speeds behind an event are others than those that lead there.
   bool speeds_jump([[maybe_unused]] const StateOf<M>& end) const {
-    if constexpr (can_jump<Subject> && switches > 0) {
+    if constexpr (can_jump<Subject> && indicators > 0) {
       if (cut_.left == 0) return false;
       double most = 0.0, size = 1.0;
       for (std::size_t i = 0; i < n; ++i) most = std::max(most, std::abs(v_[i].value - end.v[i])), size = std::max(size, std::abs(end.v[i]));
@@ -113,12 +113,12 @@ class EventDerivatives : public RuleDerivatives<Simulation, D, S, dofs, Balance>
 
   Cut cut_;
   Tangents begun_{}, ended_{};  ///< how the time at which a part begins changes along directions, and that at which it ends
-  Fixed<double, switches ? M::sizes.coordinates : 0> turning_;  ///< rates of coordinates and speeds where a part is cut
-  Fixed<double, switches ? n : 0> bending_;
+  Fixed<double, indicators ? M::sizes.coordinates : 0> turning_;  ///< rates of coordinates and speeds where a part is cut
+  Fixed<double, indicators ? n : 0> bending_;
   Fault refused_;  ///< why a part has no derivative
 
  private:
-  /// How far to go in time so that switches change by as much as along directions.
+  /// How far to go in time so that indicators change by as much as along directions.
   Tangents find_reach(std::size_t number) const {
     Tangents reach{};
     double rate = 0.0;
@@ -140,7 +140,7 @@ class EventDerivatives : public RuleDerivatives<Simulation, D, S, dofs, Balance>
   }
 
   template <class Q, class V>
-  void look(double t, const Tangents& time, const Q& q, const V& v, Fixed<Dual, switches>& values) {
+  void look(double t, const Tangents& time, const Q& q, const V& v, Fixed<Dual, indicators>& values) {
     auto& subject = this->subject();
     subject.begin_step(Dual(t, time), 1.0);
     subject.events(q.data(), v.data(), values.data());

@@ -34,7 +34,7 @@ class ExplicitSteps : public stepping::SteppedIntegrator<ExplicitSteps<M, Table>
 
   ExplicitSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>* roads)
       : stepping::SteppedIntegrator<ExplicitSteps, M>(mechanism, settings),
-        dynamics_(mechanism, {switches_of(mechanism, settings.events), roads}, runge_kutta::tolerance_of_multipliers<Table>(Real(settings.tolerance)),
+        dynamics_(mechanism, {indicators_of(mechanism, settings.events), roads}, runge_kutta::tolerance_of_multipliers<Table>(Real(settings.tolerance)),
                   multipliers(settings.stabilisation.closure)),
         stepper_(dynamics_, {Real(settings.tolerance), Real(settings.absolute_tolerance), nominals_of(mechanism)}, Real(settings.end)) {}
 

@@ -4,51 +4,52 @@
 namespace cutjoint {
 
 /// The reason why a start or a step stopped.  Numbers stay the same from version to version; new ones are added at the end.
+/// Their meanings, for the headers of exports, are in `emit/statuses.py` of the compiler.
 enum class Cause : int {
   none = 0,
-  not_converged = 1,              ///< the iteration of a step does not end
-  diverged = 2,                   ///< the iteration of a step goes to infinity
-  loops_not_closed = 3,                 ///< no positions near by close the loops
-  speeds_not_found = 4,                ///< no speeds near by keep the loops closed
-  no_assembly = 5,                ///< the loops cannot close from the given coordinates
-  speeds_inconsistent = 6,          ///< the given speeds do not keep the loops closed
-  infinite_acceleration = 7,      ///< an acceleration is not finite
-  no_equilibrium = 8,             ///< no pose near the given one is at rest
-  guard_violated = 9,             ///< a force that was left out of the model would act
-  tolerance_not_met = 10,         ///< no step is small enough for the tolerance
-  stiff = 11,                     ///< the same, where stability and not accuracy limits the steps
-  accelerations_not_finite = 12,  ///< an acceleration within a step is not finite
-  chattering = 13,      ///< a force switches to and fro between its formulas
-  too_many_steps = 14,            ///< a call would take more steps than it may
-  mass_matrix_singular = 15,               ///< the elimination of the equations of motion ends in no number
-  newton_not_converged = 16,      ///< Newton's iteration does not end
-  newton_diverging = 17,          ///< the changes by Newton's iteration grow
-  newton_infinite = 18,           ///< Newton's iteration goes to infinity
-  forces_not_finite = 19,         ///< the equations of motion have no finite value
-  tangent_not_finite = 20,        ///< the tangent has no finite value
-  equations_not_finite = 21,      ///< an equation of the loops has no finite value
-  tangent_singular = 22,          ///< the tangent is singular
-  tangent_not_positive = 23,      ///< the symmetric tangent is not positive definite
-  pose_singular = 24,             ///< equations of the loops depend on each other for a moment
-  start_not_converged = 25,       ///< the iteration for the accelerations at the start does not end
-  start_inconsistent = 26,                ///< the start does not satisfy the equations of the loops
-  stages_not_found = 27,          ///< Newton's iteration converges with no step, however small
-  stage_not_converged = 28,       ///< Newton's iteration does not end in a stage of a step of given length
-  loops_violated = 29,                ///< a loop stands open by more than a hundredth of the mechanism's size, or guides go where it cannot close
-  step_size_too_small = 30,              ///< steps are so short that the rest of the run would have no end
-  sample_not_finite = 31,         ///< a controller computes a value that is not finite
-  limit_exceeded = 32,            ///< the step is made, and exceeds a limit that the host has set
-  step_subdivided = 33,              ///< a step was taken in parts, as at an event, so that it has no derivative
-  simultaneous_events = 34,               ///< switches that leave their formulas together would not with other numbers, so that the run has no derivative
-  speeds_jump = 35,               ///< speeds jump at an event, so that the run has no derivative
-  event_at_step_end = 36,              ///< an event that moves lies where a step ends or a sample is taken, so that the run has no derivative
+  not_converged = 1,
+  diverged = 2,
+  loops_not_closed = 3,
+  speeds_not_found = 4,
+  no_assembly = 5,
+  speeds_inconsistent = 6,
+  infinite_acceleration = 7,
+  no_equilibrium = 8,
+  guard_violated = 9,
+  tolerance_not_met = 10,
+  stiff = 11,
+  accelerations_not_finite = 12,
+  chattering = 13,
+  too_many_steps = 14,
+  mass_matrix_singular = 15,
+  newton_not_converged = 16,
+  newton_diverging = 17,
+  newton_infinite = 18,
+  forces_not_finite = 19,
+  tangent_not_finite = 20,
+  equations_not_finite = 21,
+  tangent_singular = 22,
+  tangent_not_positive = 23,
+  pose_singular = 24,
+  start_not_converged = 25,
+  start_inconsistent = 26,
+  stages_not_found = 27,
+  stage_not_converged = 28,
+  loops_violated = 29,
+  step_size_too_small = 30,
+  sample_not_finite = 31,
+  limit_exceeded = 32,
+  step_subdivided = 33,
+  simultaneous_events = 34,
+  speeds_jump = 35,
+  event_at_step_end = 36,
 };
 
 /// The list in which what failed most has its place.
-enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, switches = 5, controllers = 6, limits = 7 };
+enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, indicators = 5, controllers = 6, limits = 7 };
 
 /// A failure: nothing if the cause is none.  `index` is the place of the worst number in its list, `value` its remainder (SI units), `size` the
-/// bound, `iterations` their number, `closer` whether the last of them came closer, `equation` that of a gap beyond a limit.  The lists are those of the stepped mechanism or system, or
+/// bound, `iterations` their number, `closer` whether the last of them came closer, `equation` that of a violation beyond a limit.  The lists are those of the stepped mechanism or system, or
 /// `at_start` of the mechanism that finds the start.
 struct Fault {
   Cause cause = Cause::none;

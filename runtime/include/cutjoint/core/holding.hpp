@@ -29,22 +29,22 @@ class Holding {
   explicit Holding(M& mechanism)
       : mechanism_(mechanism), n_(known(sizes_of(mechanism).speeds)), joint_speeds_(sizes_of(mechanism).joint_speeds()),
         m_(known(sizes_of(mechanism).equations)), N_(n_ * n_), right_(n_ * (n_ + m_)), b_(n_ + m_), x_(n_ + m_), room_(n_ + m_), left_(n_ + m_),
-        beside_(n_ + m_), order_(n_ + m_), way_(n_), sum_(n_), still_(n_), zero_(m_),
+        beside_(n_ + m_), order_(n_ + m_), shift_(n_), sum_(n_), still_(n_), zero_(m_),
         jacobian_(m_ * n_), residual_(m_), rate_(m_), at_rest_(m_) {}
 
   /// Bring accelerations of a state to those with held coordinates; `begin_step` has been called for its time.  One may be in the `same_pose` as the
   /// state of the last call.
   template <class Flags>
   void hold(const StateOf<M>& state, const Flags& held, Real* a, bool same_pose) {
-    if (!same_pose) find_ways(state);
+    if (!same_pose) find_directions(state);
     find_change(held, a);
-    for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] ? Real(0) : a[i] + way_[i];
+    for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] ? Real(0) : a[i] + shift_[i];
   }
 
-  /// Bring accelerations and multipliers of a state to those with held coordinates, where M (a' - a) = -Phi_v^T dlambda + forces along these.
+  /// Bring accelerations and multipliers of a state to those with held coordinates, where M (a' - a) = -Phi_v^T dlambda + `forces` along these.
   template <class Flags>
-  void carry(StateOf<M>& state, const Flags& held) {
-    find_ways(state);
+  void carry(StateOf<M>& state, const Flags& held, Real* forces) {
+    find_directions(state);
     find_change(held, state.vdot.data());
     find_momenta(state);
     std::size_t columns = 0;
@@ -57,7 +57,8 @@ class Holding {
     }
     solve({right_.data(), n_, columns});
     for (std::size_t i = 0; i < m_; ++i) state.lambda[i] += x_[i];
-    for (std::size_t i = 0; i < n_; ++i) state.vdot[i] = held[i] ? Real(0) : state.vdot[i] + way_[i];
+    for (std::size_t i = 0, column = m_; i < n_; ++i) forces[i] = held[i] ? x_[column++] : Real(0);
+    for (std::size_t i = 0; i < n_; ++i) state.vdot[i] = held[i] ? Real(0) : state.vdot[i] + shift_[i];
   }
 
  private:
@@ -84,7 +85,7 @@ class Holding {
   }
 
   /// N: what independent speeds do while the loops stay closed, each without what those before it do.
-  void find_ways(const StateOf<M>& state) {
+  void find_directions(const StateOf<M>& state) {
     ways_ = 0;
     find_jacobian(state);
     std::copy(jacobian_.begin(), jacobian_.end(), right_.begin());
@@ -145,7 +146,7 @@ class Holding {
     return true;
   }
 
-  /// way_ = N y, by which accelerations change.
+  /// shift_ = N y, by which accelerations change.
   template <class Flags>
   void find_change(const Flags& held, const Real* a) {
     using std::sqrt;
@@ -167,19 +168,19 @@ class Holding {
       ++row;
     }
     solve({right_.data(), rows, ways_});
-    std::fill(way_.begin(), way_.end(), Real(0));
+    std::fill(shift_.begin(), shift_.end(), Real(0));
     for (std::size_t k = 0; k < ways_; ++k)
-      for (std::size_t i = 0; i < n_; ++i) way_[i] += x_[k] * N_[k * n_ + i];
+      for (std::size_t i = 0; i < n_; ++i) shift_[i] += x_[k] * N_[k * n_ + i];
   }
 
-  /// b_ = M way_.
+  /// b_ = M shift_.
   void find_momenta(const StateOf<M>& state) {
-    const Real energy = energy_of(state, way_.data());
+    const Real energy = energy_of(state, shift_.data());
     for (std::size_t i = 0; i < n_; ++i) {
       std::fill(sum_.begin(), sum_.end(), Real(0));
       sum_[i] = Real(1);
       const Real own = energy_of(state, sum_.data());
-      for (std::size_t k = 0; k < n_; ++k) sum_[k] += way_[k];
+      for (std::size_t k = 0; k < n_; ++k) sum_[k] += shift_[k];
       b_[i] = energy_of(state, sum_.data()) - own - energy;
     }
   }
@@ -190,7 +191,7 @@ class Holding {
   Array<M, n * (n + m)> right_;
   Array<M, n + m> b_, x_, room_, left_, beside_;
   Array<M, n + m, std::size_t> order_;
-  Array<M, n> way_, sum_, still_;
+  Array<M, n> shift_, sum_, still_;
   Array<M, m> zero_;
   Array<M, m * n> jacobian_;
   Array<M, m> residual_, rate_, at_rest_;

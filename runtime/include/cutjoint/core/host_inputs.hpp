@@ -91,10 +91,9 @@ struct HostInputs {
 /// Inputs as a simulation uses them: as the host gives them, but those that move guides, `guiding`, follow it without a jump of value or rate.
 ///
 /// A guide whose value or rate jumped would leave loops open and lose the momentum of what it carries.  So it goes from where it is, and as
-/// fast as it moves, along two parabolas to the host's course.  They are what integrators integrate without error, so that loops stay as
+/// fast as it moves, along two parabolas to the host's trajectory.  They are what integrators integrate without error, so that loops stay as
 /// closed as behind a law.  Each is as long as a step.  A host may give derivatives with each step.  Then the first parabola aims at its
-/// course half a step later, since derivatives extrapolate worse over longer times; two more parabolas follow where the host gives no
-/// others.
+/// trajectory half a step later, since derivatives extrapolate worse over longer times; two more parabolas follow where the host gives no others.
 ///
 /// An input that is held has a rate too: its last change over the time of the call, or over that of the call before if this is smaller.  It
 /// has none where the two have other signs, so that nothing goes beyond a value to which it jumps.  With such a rate it is at the held
@@ -142,7 +141,7 @@ class FollowedInputs {
     }
   }
 
-  /// Whether a call from a time on begins another course, or another part of one.
+  /// Whether a call from a time on begins another trajectory, or another part of one.
   bool is_due(const Inputs& given, Real t, Real rounding) const {
     if (!hears_nothing(given)) return true;
     bool due = false;
@@ -169,14 +168,14 @@ class FollowedInputs {
     return catches;
   }
 
-  /// The end of the part of a course that ends first, infinity where none does.
+  /// The end of the part of an input trajectory that ends first, infinity where none does.
   Real next_end() const {
     Real next = std::numeric_limits<Real>::infinity();
     each([&](const Trajectory& trajectory, std::size_t) { next = trajectory.part != 0 && trajectory.end < next ? trajectory.end : next; });
     return next;
   }
 
-  /// At a time, go over to the next parts of courses; whether there was any.
+  /// At a time, go over to the next parts of trajectories; whether there was any.
   bool go_over(Real t, Real rounding) {
     bool goes = false;
     each([&](Trajectory& trajectory, std::size_t i) {
@@ -213,7 +212,7 @@ class FollowedInputs {
 
  private:
   /// The parts after the present one: where and how the second one begins, and when both end; `again` is the length of the parts of another
-  /// course that comes instead.  `derivative` is the rate at which the input is followed, `last` that of the last change of a held one; by `arrival` a jump is made.
+  /// trajectory that comes instead.  `derivative` is the rate at which the input is followed, `last` that of the last change of a held one; by `arrival` a jump is made.
   struct Trajectory {
     Real end{0}, last_end{0}, value{0}, rate{0}, acceleration{0}, again{0}, derivative{0}, last{0}, arrival{0};
     long part = 0;   ///< 1 or 2; 0: as the host or the scene has it
@@ -238,7 +237,7 @@ class FollowedInputs {
     else scene(i, t, numbers);
   }
 
-  /// Plan the course of one input; whether its acceleration jumps.
+  /// Plan the trajectory of one input; whether its acceleration jumps.
   template <class Scene>
   bool plan(Trajectory& trajectory, std::size_t i, const Inputs& given, Real t, Real length, Real dt, Scene scene) {
     const bool is_same = given.is_same(i, heard_), is_held = given.is_held(i);
@@ -306,7 +305,7 @@ class FollowedInputs {
 
   Inputs used_, heard_;
   Fixed<Trajectory, sizeof...(guiding)> trajectories_;
-  Real planned_{0};  ///< when courses were planned last
+  Real planned_{0};  ///< when trajectories were planned last
 };
 
 }  // namespace cutjoint

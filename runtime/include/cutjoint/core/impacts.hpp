@@ -71,7 +71,7 @@ class Struck {
     }
   }
 
-  /// The gaps of the equations at the last time.
+  /// The violations of the equations at the last time.
   const Equations<S>& violations(const Coordinates<S>& q) {
     find_residual(q, still_);
     return rest_;
@@ -203,8 +203,7 @@ using ImpactWatch = std::conditional_t<Sized<S>, UnwatchedImpacts, CalledImpacts
 ///     M (v+ - v-) + p+ - p- + Phi_v^T mu = 0        Phid(v+) = 0
 ///
 /// Closed loops do no work, so that the guides' work is the change of the kinetic energy, T+ - T-.  The work of open loops, mu . Phid, is
-/// not the guides'.  An observer is told of the state that `reach`es an impact, then of the one that `leave`s it, with the guides' work (J)
-/// and the switch.
+/// not the guides'.  An observer is told of the state that `reach`es an impact, then of the one that `leave`s it, with the guides' work (J) and the indicator.
 template <class S>
 class Impacts {
   static constexpr Sizes sizes = static_sizes<S>();
@@ -250,7 +249,7 @@ class Impacts {
     return work;
   }
 
-  /// A step of a scheme (stepping/stepper.hpp) has ended at an event of a switch, `since` the one before: impulses, if guides' rates jump there.
+  /// A step of a scheme (stepping/stepper.hpp) has ended at an event of an indicator, `since` the one before: impulses, if guides' rates jump there.
   template <class Scheme, class Watch>
   void meet(Scheme& scheme, std::size_t which, Real since, Watch watch) {
     if (!possible()) return;
@@ -293,7 +292,7 @@ class Impacts {
     return largest;
   }
 
-  /// Whether another place of a guide changes the mechanism: gaps of the equations, and masses as the free coordinates meet them.
+  /// Whether another place of a guide changes the mechanism: violations of the equations, and masses as the free coordinates meet them.
   bool places_jump(const Coordinates<S>& q, Real before, Real after) {
     using std::abs;
     const Real one = struck_.kinetic_beside_guides(q, probe_, before);

@@ -34,7 +34,7 @@ class Initialisation {
   /// `parameters` and `roads` are read whenever the mechanism is loaded.
   Initialisation(M& mechanism, const Settings& settings, const Real* parameters, const Road<Real>* roads)
       : mechanism_(mechanism), settings_(settings), parameters_(parameters), roads_(roads), starter_(mechanism, projects()), masses_(mechanism),
-        placed_(sizes_of(mechanism).speeds), released_(placed_.size()), penalties_(sizes_of(mechanism).cuts) {
+        placed_(sizes_of(mechanism).speeds), holding_(placed_.size()), penalties_(sizes_of(mechanism).cuts) {
     load_unweighed();
   }
 
@@ -44,14 +44,15 @@ class Initialisation {
   /// A mechanism at rest, which no guide moves, from the state's coordinates, of which those `given` to stay do so.
   Fault rest(StateOf<M>& state, const Coordinates<M, unsigned char>& given) {
     if (const Fault fault = place(state, given)) return fault;
-    starter_.accelerate(state, Real(0));
-    released_ = state.vdot;
-    starter_.hold(state, placed_);
+    starter_.hold(state, placed_, holding_);
     return {};
   }
 
-  /// The acceleration of a speed that is given and carries a force in the pose at rest, as if it were released; nought of others.
-  Real released(std::size_t speed) const { return starter_.carries() && placed_[speed] ? released_[speed] : Real(0); }
+  /// The forces along given coordinates in a pose at rest that `rest` or `place` has found, which are released when it moves; nought of others.
+  const Speeds<M>& holding() const { return holding_; }
+  void find_holding(StateOf<M> state) {
+    if (starter_.carries()) starter_.hold(state, placed_, holding_);
+  }
 
   /// A mechanism in motion, with speeds that keep its loops closed, of which those `given` stay.
   Fault move(StateOf<M>& state, const SpeedFlags<M>& given) {
@@ -151,7 +152,7 @@ class Initialisation {
   Starter<M> starter_;
   EffectiveMasses<M> masses_;
   SpeedFlags<M> placed_;
-  Speeds<M> released_;
+  Speeds<M> holding_;
   Cuts<M> penalties_;
 };
 

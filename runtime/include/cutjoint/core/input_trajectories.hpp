@@ -26,7 +26,7 @@ class InputTrajectories {
  public:
   static constexpr std::size_t orders = 4;
 
-  /// What numbers of courses change along directions.
+  /// What numbers of trajectories change along directions.
   enum class Along { nothing, changes, piece };
 
   std::size_t number() const { return number_; }
@@ -52,7 +52,7 @@ class InputTrajectories {
     along_ = Along::nothing;
   }
 
-  /// A part of a step begins; whether a course may jump there.
+  /// A part of a step begins; whether an input trajectory may jump there.
   bool begin_part(double t) {
     be_within(t, std::numeric_limits<double>::infinity());
     jumps_ = false;
@@ -92,7 +92,7 @@ class InputTrajectories {
     }
   }
 
-  /// The third derivative of the input at a place among numbers of inputs, where it was filled in last; a null pointer without a course.
+  /// The third derivative of the input at a place among numbers of inputs, where it was filled in last; a null pointer without an input trajectory.
   const double* jerk(std::size_t at) const {
     for (std::size_t i = 0; i < number_; ++i)
       if (place(trajectories_[i]) == at) return trajectories_[i].numbers + orders * pieces_[i] + 3;
@@ -125,8 +125,8 @@ class InputTrajectories {
     }
   }
 
-  /// Add slopes of an objective by inputs where they were filled in last to those by numbers of courses.
-  void pull(std::size_t objective, const double* by_input) const {
+  /// Add derivatives of an objective by inputs where they were filled in last to those by numbers of trajectories.
+  void vjp(std::size_t objective, const double* by_input) const {
     for (std::size_t i = 0; i < number_; ++i) {
       const double *by = by_input + place(trajectories_[i]), since = since_[i];
       double* const derivatives = derivatives_of(objective, i, pieces_[i]);
@@ -138,7 +138,7 @@ class InputTrajectories {
     }
   }
 
-  /// Slopes of an objective by the numbers of a piece.
+  /// Derivatives of an objective by the numbers of a piece.
   double* derivatives_of(std::size_t objective, std::size_t trajectory, std::size_t piece) const {
     const InputTrajectory& x = trajectories_[trajectory];
     return x.derivatives ? x.derivatives + orders * (objective * static_cast<std::size_t>(x.pieces) + piece) : nullptr;
@@ -149,7 +149,7 @@ class InputTrajectories {
       if (double* const derivatives = derivatives_of(objective, i, 0)) std::fill_n(derivatives, orders * static_cast<std::size_t>(trajectories_[i].pieces), 0.0);
   }
 
-  /// The piece of a course at a time.
+  /// The piece of an input trajectory at a time.
   std::size_t find(std::size_t trajectory, double t) {
     const InputTrajectory& x = trajectories_[trajectory];
     const double at = t <= from_ + rounding_ ? from_ + rounding_ : t >= until_ - rounding_ ? until_ - rounding_ : t;

@@ -6,7 +6,7 @@ namespace cutjoint {
 /// Of an input in turn: its value, its rate and its acceleration.  Laws read the value; guides need all three.
 inline constexpr int numbers_per_input = 3;
 
-/// The events of inputs where a step begins: whether accelerations jump, whether a guide that jumps may leave loops open, and whether the course of one
+/// The events of inputs where a step begins: whether accelerations jump, whether a guide that jumps may leave loops open, and whether the trajectory of one
 /// has parts within the step.
 struct StepBegin {
   bool jumps = false, opens = false, parts = false;
@@ -15,8 +15,7 @@ struct StepBegin {
 /// A source of inputs.  `fill` receives the array of a step, with three numbers for each input in the order of the description: the values
 /// of the scene's laws at time t.  It writes the inputs of the source and leaves the others.  It is called whenever a step or a part of one
 /// begins, with any t in the step, and must depend on nothing but t until the step ends.  `host` is handed on as it is.  Without `fill` the
-/// scene's laws alone are the source.  With `begin` the source is told of each step, from t to another time, and says what that begins
-/// with.
+/// scene's laws alone are the source.  With `begin` the source is told of each step, from t to another time, and says what that begins with.
 template <class Real>
 struct InputSource {
   void (*fill)(void* host, Real t, Real* input) = nullptr;

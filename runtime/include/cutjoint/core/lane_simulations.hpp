@@ -56,7 +56,7 @@ class LaneFollowed {
 
 /// Simulations by the trapezoidal rule, side by side in M, their mechanism with reals that are numbers of several.  They start one by one,
 /// as `Sim`, and are taken over.  Where a host may move guides, a simulation leaves its lane to the end of the call if its step fails or
-/// the course of a guide has parts within it.  It goes on alone, as it does where a jump is too large for steps.  Then it is in its lane
+/// the trajectory of a guide has parts within it.  It goes on alone, as it does where a jump is too large for steps.  Then it is in its lane
 /// again, or has the fault of a simulation alone.
 template <class Sim, Sized M>
 class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {

@@ -59,7 +59,7 @@ struct LaneStart {
   InputSource<double> inputs{};
   double origin = 0.0;
   long number = 0;
-  long unmeasured = 1;  ///< how many steps there are until gaps are measured
+  long unmeasured = 1;  ///< how many steps there are until violations are measured
 };
 
 /// Steps by the trapezoidal rule of instances side by side.

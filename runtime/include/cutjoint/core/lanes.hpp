@@ -5,6 +5,7 @@
 #include <cstring>
 #include <type_traits>
 
+#include "cutjoint/core/functions.hpp"
 #include "cutjoint/core/intrinsics.hpp"
 
 #if defined(__x86_64__) && defined(__GLIBC__)
@@ -148,7 +149,7 @@ Lanes<Real, N> each(Lanes<Real, N> a, Lanes<Real, N> b, Function function) {
   return result;
 }
 
-#define CUTJOINT_EACH(name)                  \
+#define CUTJOINT_EACH(name, slope)           \
   template <PlainReal Real, int N>           \
   Lanes<Real, N> name(Lanes<Real, N> a) {    \
     return each(a, [](Real x) {              \
@@ -156,18 +157,7 @@ Lanes<Real, N> each(Lanes<Real, N> a, Lanes<Real, N> b, Function function) {
       return name(x);                        \
     });                                      \
   }
-CUTJOINT_EACH(sqrt)
-CUTJOINT_EACH(sin)
-CUTJOINT_EACH(cos)
-CUTJOINT_EACH(tan)
-CUTJOINT_EACH(asin)
-CUTJOINT_EACH(acos)
-CUTJOINT_EACH(atan)
-CUTJOINT_EACH(sinh)
-CUTJOINT_EACH(cosh)
-CUTJOINT_EACH(tanh)
-CUTJOINT_EACH(exp)
-CUTJOINT_EACH(log)
+CUTJOINT_FUNCTIONS(CUTJOINT_EACH)
 #undef CUTJOINT_EACH
 
 /// The sign's bit cleared.

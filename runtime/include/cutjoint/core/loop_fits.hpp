@@ -12,7 +12,7 @@
 namespace cutjoint {
 
 /// The loops of a block: residuals in `rows`, by `functions` of the coordinate q that leads.  They are closed at `nodes` values of q: on a range about
-/// its `middle`, of length 2 `half`, or on a full turn about it.  A gap below `allowed` (m, rad) is none.
+/// its `middle`, of length 2 `half`, or on a full turn about it.  A violation below `allowed` (m, rad) is none.
 struct LoopFit {
   int rows, functions, nodes;
   bool turns;
@@ -55,7 +55,7 @@ inline double node_of(const LoopFit& loops, double i) {
   return loops.middle - loops.half * std::cos(pi * (i + 0.5) / loops.nodes);
 }
 
-/// The terms of series at q, and their slopes: Chebyshev polynomials on the range, or 1, cos q, sin q, cos 2q, ...
+/// The terms of series at q, and their derivatives: Chebyshev polynomials on the range, or 1, cos q, sin q, cos 2q, ...
 template <class Real>
 void terms_at(const LoopFit& loops, double q, int count, Real* value, Real* derivative) {
   value[0] = Real(1);
@@ -121,7 +121,7 @@ class LoopFitting {
     return sum;
   }
 
-  /// Slopes -Phi_s^-1 Phi_q and the step -Phi_s^-1 Phi by Gram and Schmidt; of redundant rows the least squares.
+  /// Derivatives -Phi_s^-1 Phi_q and the step -Phi_s^-1 Phi by Gram and Schmidt; of redundant rows the least squares.
   void solve() {
     using std::sqrt;
     for (int j = 0; j < n_; ++j) {
@@ -156,7 +156,7 @@ class LoopFitting {
     return sum;
   }
 
-  /// The offset of a function where the cubic through the last two nodes leads, by values and slopes, or the line through one.
+  /// The offset of a function where the cubic through the last two nodes leads, by values and derivatives, or the line through one.
   Real leads_to(double q, int j) const {
     if (known_ < 2) return offset_[j] + Real(known_ * (q - last_)) * offset_[n_ + j];
     const double h = last_ - before_last_, x = (q - before_last_) / h, y = x - 1;
@@ -205,7 +205,7 @@ class LoopFitting {
     ++known_;
   }
 
-  /// Series of slopes become those of the functions.
+  /// Series of derivatives become those of the functions.
   void integrate(Real* found) const {
     for (int j = 0; j < n_; found += functions_[j++].terms) {
       const Real* const sums = sums_ + j * length_;
@@ -220,7 +220,7 @@ class LoopFitting {
     }
   }
 
-  /// The margin: all gaps, and the rates at which they open beside the steepest slope, between the nodes.
+  /// The margin: all violations, and the rates at which they open beside the steepest derivative, between the nodes.
   void check(Real* found) {
     const int between = loops_.nodes + 1;
     const Real violation(loops_.allowed * loops_.allowed), rate = violation * steepest_;
@@ -257,8 +257,8 @@ class LoopFitting {
   const Close& close_;
   int n_, m_, length_;
   Real *place_, *by_place_, *opening_;  ///< derivatives by q, then by each function
-  Real *upper_, *derivative_, *found_derivative_, *step_;  ///< R of the decomposition, slopes of the node and of the last iteration
-  Real *offset_, *before_;              ///< of the functions of the last node from those of `start_`, then of their slopes; and of the node before
+  Real *upper_, *derivative_, *found_derivative_, *step_;  ///< R of the decomposition, derivatives of the node and of the last iteration
+  Real *offset_, *before_;              ///< of the functions of the last node from those of `start_`, then of their derivatives; and of the node before
   Real *mean_, *sums_, *terms_, *derivatives_;
   Real steepest_ = Real(1);
   double last_ = 0, before_last_ = 0;  ///< q of these nodes

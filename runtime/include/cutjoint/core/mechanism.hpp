@@ -13,8 +13,7 @@
 
 namespace cutjoint {
 
-/// A mechanism.  All arrays belong to the caller and have the lengths of its lists; nothing allocates.  It knows these lengths, `sizes`, or has
-/// a `description`.
+/// A mechanism.  All arrays belong to the caller and have the lengths of its lists; nothing allocates.  It knows these lengths, `sizes`, or has a `description`.
 ///
 /// - `load` computes what depends on parameters alone,
 /// - `begin_step` what depends on time and on inputs, which their source gives (inputs.hpp); `motion` is 1 in a run and 0 where a mechanism
@@ -22,8 +21,8 @@ namespace cutjoint {
 /// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
 /// - `constraint_residual` the residual of the cut joints and its rate,
 /// - `report` the columns; generated code also has `energy`, the kinetic energy and the power of all forces, guides and drives,
-/// - `project` the step of the speeds' integrals (or of the speeds) that closes given gaps of the residual (or its rate) and moves the
-///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves; one that only starts runs may
+/// - `project` the step of the speeds' integrals (or of the speeds) that closes given violations of the residual (or its rate) and moves the
+///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -violation, up to a share of the violation that a finite penalty leaves; one that only starts runs may
 ///   do without, with the closure `penalty`.
 ///
 /// Where the rates of guides may jump the mechanism or system has `energy` too, and `events` for steps that go over events, unless its coordinates are
@@ -49,19 +48,19 @@ std::span<const Chart> charts_of(const M& mechanism) {
     return mechanism.description().charts;
 }
 
-/// Where the switches of a mechanism or system are watched.
+/// Where the indicators of a mechanism or system are watched.
 template <class M>
-using SwitchPlaces = std::conditional_t<Sized<M>, std::span<const SwitchPlace>, std::vector<SwitchPlace>>;
+using IndicatorPlaces = std::conditional_t<Sized<M>, std::span<const IndicatorPlace>, std::vector<IndicatorPlace>>;
 
-/// A class that knows its switches has them all watched; of others `watched` says whether they are.
+/// A class that knows its indicators has them all watched; of others `watched` says whether they are.
 template <class M>
-SwitchPlaces<M> switches_of(const M& mechanism, [[maybe_unused]] bool watched = true) {
+IndicatorPlaces<M> indicators_of(const M& mechanism, [[maybe_unused]] bool watched = true) {
   if constexpr (Sized<M>) {
-    return M::switches;
+    return M::indicators;
   } else {
-    std::vector<SwitchPlace> places;
+    std::vector<IndicatorPlace> places;
     if (!watched) return places;
-    for (const auto& each : mechanism.description().switches) places.push_back({each.road, each.across});
+    for (const auto& each : mechanism.description().indicators) places.push_back({each.road, each.across});
     return places;
   }
 }

@@ -126,14 +126,14 @@ class MinimalCoordinates {
     return {};
   }
 
-  /// How dependent ones have to change so that gaps of the loops close, one number for each speed; b and `room` are overwritten.
+  /// How dependent ones have to change so that constraint violations close, one number for each speed; b and `room` are overwritten.
   template <class Number>
   void solve(Number* b, Number* step, Number* room) const {
     solve(*squares_, b, step, room);
   }
 
   /// The speeds for a unit rate of each independent coordinate, others at rest: one column of all speeds for each, in the pose of a state.
-  Fault ways(Starter<M>& starter, const StateOf<M>& state, Real* columns) {
+  Fault directions(Starter<M>& starter, const StateOf<M>& state, Real* columns) {
     displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
     if constexpr (m > 0) {
       if (const Fault fault = decompose(starter, state)) return fault;
@@ -323,14 +323,14 @@ class MinimalCoordinates {
   std::optional<dense::LeastSquares<Real>> squares_;
 };
 
-/// Values that change their sign where a mechanism goes over to other formulas, one for each switch: of a place along a road the way to the nearest
+/// Values that change their sign where a mechanism goes over to other formulas, one for each indicator: of a place along a road the way to the nearest
 /// break, with another sign beyond each.
 template <Sized M>
 void event_indicators(M& mechanism, const StateOf<M>& state, const Road<typename M::real_type>* roads, typename M::real_type* values) {
-  if constexpr (M::sizes.switches > 0) {
+  if constexpr (M::sizes.indicators > 0) {
     mechanism.events(state.q.data(), state.v.data(), values);
-    const auto places = switches_of(mechanism);
-    Array<M, M::sizes.switches> known;
+    const auto places = indicators_of(mechanism);
+    Array<M, M::sizes.indicators> known;
     std::copy_n(values, places.size(), known.begin());
     for (std::size_t i = 0; i < places.size(); ++i) {
       if (places[i].road < 0) continue;

@@ -86,7 +86,7 @@ class NewtonSteps {
 
   NewtonSteps(S& system, const Settings& settings, const Road<Real>*)
       : system_(system), solver_(solver_for<Solver>(system, settings)), newton_(system, solver_, newton_settings(settings)), h_(settings.dt),
-        way_(sizes_of(system).speeds), single_(system, settings), impacts_(system, settings.end) {}
+        shift_(sizes_of(system).speeds), single_(system, settings), impacts_(system, settings.end) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
 
@@ -187,15 +187,14 @@ class NewtonSteps {
     return newton_.go_on(state);  // the square of a short step, by which penalties are divided, leaves accelerations few digits
   }
 
-  /// So short a time along the parabola of the accelerations, with new ones at its end: the rule, which divides by the square of its step, would
-  /// keep no digits.
+  /// So short a time along the parabola of the accelerations, with new ones at its end: the rule, which divides by the square of its step, would keep no digits.
   Fault pass(StateOf<S>& state, Real h) {
     const StateOf<S> from = state;
-    for (std::size_t i = 0; i < way_.size(); ++i) {
-      way_[i] = h * from.v[i] + h * h / 2 * from.vdot[i];
+    for (std::size_t i = 0; i < shift_.size(); ++i) {
+      shift_[i] = h * from.v[i] + h * h / 2 * from.vdot[i];
       state.v[i] = from.v[i] + h * from.vdot[i];
     }
-    displace(charts_of(system_), from.q, way_.data(), state.q);
+    displace(charts_of(system_), from.q, shift_.data(), state.q);
     state.t = from.t + h;
     Fault fault = newton_.close_loops(state);
     if (!fault) fault = newton_.go_on(state);
@@ -209,7 +208,7 @@ class NewtonSteps {
   Solver solver_;
   Newton newton_;
   Real h_;
-  Speeds<S> way_;
+  Speeds<S> shift_;
   [[no_unique_address]] SingleOf single_;
   [[no_unique_address]] CrossedIf<S> impacts_;
   [[no_unique_address]] ImpactWatch<S> watch_;

@@ -21,9 +21,9 @@ namespace cutjoint {
 
 /// Projects states of a mechanism; all memory is taken in the constructor.  `begin_step` has been called for the state's time.
 ///
-/// Each iteration is a step of `project` for the remaining gap: the next one closes the part that a penalty leaves.  Near a singular pose
-/// much of the gap is left.  Then T w = gap is solved with T = -Phi_v project, and `project` w closes it.  Directions in which T is below
-/// 1e-6 are left alone, since closing them would take a leap.  The iteration ends when the gap is rounding, or below 1e-12 and a thousandth of what
+/// Each iteration is a step of `project` for the remaining violation: the next one closes the part that a penalty leaves.  Near a singular pose
+/// much of the violation is left.  Then T w = violation is solved with T = -Phi_v project, and `project` w closes it.  Directions in which T is below
+/// 1e-6 are left alone, since closing them would take a leap.  The iteration ends when the violation is rounding, or below 1e-12 and a thousandth of what
 /// it was, so that little is left beside the error of the step that opened it; or when it falls no further and is below 1e-10, or 1e-6 in directions
 /// that are left alone.
 ///
@@ -71,7 +71,7 @@ class Projection {
     return fault;
   }
 
-  /// Near a singular pose, until the next call, gaps close until they fall no further.  A gap of 1e-13 m leaves a place of 1e-9 m open along a
+  /// Near a singular pose, until the next call, violations close until they fall no further.  A violation of 1e-13 m leaves a place of 1e-9 m open along a
   /// direction that the loops hold to 1e-4, and a speed of 1e-4 m/s beside it, which the next projection takes away with its energy.
   void close_fully(bool fully) {
     rounding_ = Real((fully ? 2 : 64) * std::numeric_limits<Scalar>::epsilon());
@@ -212,7 +212,7 @@ class Projection {
   Equations<M> rest_, scratch_;
   Speeds<M> still_;
   int iterations_ = 0;
-  Real rounding_{64 * std::numeric_limits<Scalar>::epsilon()}, share_{1e-3};  ///< shares of a size that is rounding, of a gap that may be left
+  Real rounding_{64 * std::numeric_limits<Scalar>::epsilon()}, share_{1e-3};  ///< shares of a size that is rounding, of a violation that may be left
   bool is_measured_ = false;  ///< whether gap_ and other_ are those of the present coordinates and speeds: positions leave them to speeds
   std::array<Fault, Instances::number> faults_{};
   FallingResiduals<M> solver_;

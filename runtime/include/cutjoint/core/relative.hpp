@@ -22,7 +22,7 @@ class Relative {
  public:
   using Real = typename M::real_type;
   using Subject = M;
-  using Vector = Array<M, static_sizes<M>().coordinates + static_sizes<M>().speeds>;  ///< y and its slope
+  using Vector = Array<M, static_sizes<M>().coordinates + static_sizes<M>().speeds>;  ///< y and its derivative
 
   Relative(M& mechanism, Real tolerance)
       : mechanism_(mechanism), state_(design_state(mechanism)), complete_(state_),
@@ -105,7 +105,7 @@ class Relative {
     mechanism_.begin_step(t, Real(1));
   }
 
-  /// The slope at that state.
+  /// The derivative at that state.
   void find_derivative(Vector& derivative) {
     accelerate();
     coordinate_rates<Real>(charts_of(mechanism_), state_.q.data(), state_.v.data(), derivative.data());

@@ -1,4 +1,4 @@
-// How accelerations change along directions, by the linearised balance of forces.
+// How accelerations change along directions, by the linearised force residual.
 #pragma once
 
 #include <algorithm>
@@ -22,17 +22,17 @@
 
 namespace cutjoint {
 
-/// No balance of forces: accelerations are found over numbers with derivatives.
+/// No force residual: accelerations are found over numbers with derivatives.
 struct NoResidual {
   static constexpr bool is_there = false;
 };
 
-/// The balance of forces and the second rates of loops, r(q, v, vdot, lambda, inputs, parameters) = 0, of a mechanism M, by generated code C of its
-/// slopes, whose places are those of T: where each row begins, where its slopes by accelerations and multipliers do, their columns, and where they are written,
+/// The force residual and the second rates of loops, r(q, v, vdot, lambda, inputs, parameters) = 0, of a mechanism M, by generated code C of its
+/// derivatives, whose places are those of T: where each row begins, where its derivatives by accelerations and multipliers do, their columns, and where they are written,
 /// those of parts that stand side by side first.  Parameters are in it by values that follow from them alone, as many as are `loaded`.
 ///
-/// At a state the slopes are found once, over plain numbers, and a matrix is decomposed once; each direction takes products and a solution.  Loops
-/// give way to multipliers by a share of what their penalties let them, which further solutions take back: equations that depend on each other have the
+/// At a state the derivatives are found once, over plain numbers, and a matrix is decomposed once; each direction takes products and a solution.  Loops
+/// yield to multipliers by a share of what their penalties let them, which further solutions take back: equations that depend on each other have the
 /// multipliers to which the augmented update leads.  Two states are kept, where a step begins and where it ends.
 template <class M, template <class> class C, class T>
 class ResidualJacobian {
@@ -63,7 +63,7 @@ class ResidualJacobian {
     are_changing_ = false;
     for (std::size_t cut = 0, i = 0; i < m; ++i) {
       while (cut + 1 < M::sizes.cuts && static_cast<std::size_t>(M::cuts[cut + 1]) <= i) ++cut;
-      gives_way_[order[n + i]] = 1e-3 / penalties[cut];
+      yields_[order[n + i]] = 1e-3 / penalties[cut];
     }
     std::fill_n(weights_.begin() + first_acceleration, n + m, 1.0);
   }
@@ -87,7 +87,7 @@ class ResidualJacobian {
     }
   }
 
-  /// Go to a state, and find slopes where they are not kept.
+  /// Go to a state, and find derivatives where they are not kept.
   template <class Q, class V, class L, class Inputs>
   void find(double t, const Q& q, const V& v, const V& vdot, const L& lambda, const Inputs& u) {
     const auto is_same = [](const auto& a, const auto& b) { return std::equal(a.begin(), a.end(), b.begin()); };
@@ -109,14 +109,14 @@ class ResidualJacobian {
     x.decomposed_for = none;
   }
 
-  /// The slopes at a state.
+  /// The derivatives at a state.
   template <class State>
   void find(const State& x, OfDerivatives& derivative) {
     plain_.begin_step(x.t, 1.0);
     plain_.residual_jacobian(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), derivative.data());
   }
 
-  /// What the balance loses by changes of all but accelerations and multipliers, row by row.
+  /// What the force residual loses by changes of all but accelerations and multipliers, row by row.
   template <class Q, class V, class Inputs, class Held>
   void lose(const OfDerivatives& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, Along* rows) {
     Changes found;
@@ -124,7 +124,7 @@ class ResidualJacobian {
     for (std::size_t i = 0; i < n + m; ++i) rows[i] = found[order[i]];
   }
 
-  /// The solution of matrices over accelerations and multipliers, one behind another, in whose place loops give way to these; what they give way by is taken back.
+  /// The solution of matrices over accelerations and multipliers, one behind another, in whose place loops yield to these; what they give way by is taken back.
   /// False where a number is none, or loops stay open.
   template <class Matrix, class Unknowns>
   bool solve(const Matrix& matrix, Unknowns& change) const {
@@ -135,7 +135,7 @@ class ResidualJacobian {
     return is_found;
   }
 
-  /// How coordinates or speeds change least, as masses see it, so that gaps of loops close; false where they stay open.
+  /// How coordinates or speeds change least, as masses see it, so that constraint violations close; false where they stay open.
   bool close_violations(const Fixed<Dual, m>& violations, Changes& change) {
     At& x = at_[now_];
     for (std::size_t i = 0; i < n; ++i) change[i] = {};
@@ -157,7 +157,7 @@ class ResidualJacobian {
     double before = std::numeric_limits<double>::infinity();
     for (int iteration = 0; m > 0 && iteration < 16; ++iteration) {
       double share[2]{}, whole[2]{};  // of what accelerations are multiplied by, and of what multipliers are
-      for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -gives_way(i % (n + m) - n);
+      for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -yields(i % (n + m) - n);
       solve(more);
       for (std::size_t i = 0; i < size; ++i) {
         x[i] += more[i];
@@ -171,8 +171,8 @@ class ResidualJacobian {
     return std::all_of(x.begin(), x.end(), [](double each) { return each - each == 0.0; });
   }
 
-  /// Slopes by gaps of loops, which `close_violations` has closed, from those by what that moves.
-  bool pull_violations(const Fixed<double, n>& by_move, Fixed<double, m>& by_violation) {
+  /// Derivatives by constraint violations, which `close_violations` has closed, from those by what that moves.
+  bool violations_vjp(const Fixed<double, n>& by_move, Fixed<double, m>& by_violation) {
     Numbers x;
     std::copy(by_move.begin(), by_move.end(), x.begin());
     At& at = at_[now_];
@@ -181,8 +181,8 @@ class ResidualJacobian {
     return true;
   }
 
-  /// Slopes by all but accelerations and multipliers of what `lose` takes from rows, added to `by`.
-  void pull(const OfDerivatives& derivative, const double* by_rows, Fixed<double, first_acceleration>& by) const {
+  /// Derivatives by all but accelerations and multipliers of what `lose` takes from rows, added to `by`.
+  void vjp(const OfDerivatives& derivative, const double* by_rows, Fixed<double, first_acceleration>& by) const {
     for (std::size_t i = 0; i < n + m; ++i)
       for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) by[T::columns[k]] -= derivative[T::derivatives[k]] * by_rows[i];
   }
@@ -190,7 +190,7 @@ class ResidualJacobian {
   /// How loaded values change along directions.
   const Fixed<Along, loaded>& changes() const { return changes_; }
 
-  double gives_way(std::size_t equation) const { return gives_way_[order[n + equation]]; }
+  double yields(std::size_t equation) const { return yields_[order[n + equation]]; }
 
   // Columns of coordinates: the speed by whose integral one changes, of a quaternion the first of three, whether it is of one, of which ball, and its place there.
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
@@ -243,15 +243,15 @@ class ResidualJacobian {
   /// Whether there is the matrix of the end of a step of this length, from which `correct` goes on.
   bool knows(double h) const { return at_[now_].decomposed_for == h; }
 
-  /// Accelerations that are off by this from those to which they lead: the correction takes its place, and that of multipliers is `pull`.
-  void correct(Fixed<double, n>& left, Fixed<double, m>& pull) {
+  /// Accelerations that are off by this from those to which they lead: the correction takes its place, and that of multipliers is `vjp`.
+  void correct(Fixed<double, n>& left, Fixed<double, m>& vjp) {
     At& x = at_[now_];
     double by[n + m], force[n + m];
     for (std::size_t i = 0; i < n; ++i) by[slots[first_acceleration + i]] = left[i];
     find_products<true>(x.derivative.data(), by, force);
     x.matrix.solve(force);
     for (std::size_t i = 0; i < n; ++i) left[i] = -force[order[i]];
-    for (std::size_t i = 0; i < m; ++i) pull[i] = -force[order[n + i]];
+    for (std::size_t i = 0; i < m; ++i) vjp[i] = -force[order[n + i]];
   }
 
  private:
@@ -292,7 +292,7 @@ class ResidualJacobian {
   };
   static constexpr Columns columns{};
 
-  /// Of each slope as they are written its row and column.
+  /// Of each derivative as they are written its row and column.
   struct Sources {
     std::array<std::uint32_t, length> row{}, column{};
 
@@ -302,13 +302,13 @@ class ResidualJacobian {
           row[T::derivatives[k]] = static_cast<std::uint32_t>(i), column[T::derivatives[k]] = static_cast<std::uint32_t>(T::columns[k]);
     }
 
-    /// Whether slopes side by side belong to one row, and to one column.
+    /// Whether derivatives side by side belong to one row, and to one column.
     constexpr bool share_row(std::size_t first, std::size_t side) const { return side > 1 && row[first] == row[first + side - 1]; }
     constexpr bool share_column(std::size_t first, std::size_t side) const { return side > 1 && column[first] == column[first + side - 1]; }
   };
   static constexpr Sources sources{};
 
-  /// Visit the first of slopes that stand so many side by side.
+  /// Visit the first of derivatives that stand so many side by side.
   template <std::size_t side, class Use>
   static constexpr void visit_groups(Use use) {
     std::size_t first = 0;
@@ -353,7 +353,7 @@ class ResidualJacobian {
     bool is_shared, adds;
   };
 
-  /// Products of slopes side by side by accelerations, or by all but accelerations and multipliers.
+  /// Products of derivatives side by side by accelerations, or by all but accelerations and multipliers.
   template <bool by_accelerations, std::size_t side>
   struct Products {
     template <class Use>
@@ -428,7 +428,7 @@ class ResidualJacobian {
 
   static constexpr bool has_side(std::size_t side) { return side == 1 || std::find(std::begin(T::beside), std::end(T::beside), side) != std::end(T::beside); }
 
-  /// Visit the slopes that have a place in the matrix, so many side by side: the first of them, its share and its place, of a quaternion by each of three speeds.
+  /// Visit the derivatives that have a place in the matrix, so many side by side: the first of them, its share and its place, of a quaternion by each of three speeds.
   /// Those whose shares are the same come first.
   template <std::size_t side, class Use>
   static constexpr void visit_entries(bool are_apart, Use use) {
@@ -464,7 +464,7 @@ class ResidualJacobian {
     }
   };
 
-  /// A state, the slopes there, and a matrix as L U: of the length of step, or 0, that it is decomposed for.
+  /// A state, the derivatives there, and a matrix as L U: of the length of step, or 0, that it is decomposed for.
   struct At {
     bool is_found = false;
     double t = 0.0, decomposed_for = none;
@@ -500,7 +500,7 @@ class ResidualJacobian {
     const auto fill = [&] {
       x.matrix.clear();
       gather<1>(x), gather<2>(x), gather<4>(x);
-      for (std::size_t i = 0; i < m; ++i) x.matrix.entries()[Bordered<T>::places.of(n + i, n + i)] -= gives_way_[order[n + i]];
+      for (std::size_t i = 0; i < m; ++i) x.matrix.entries()[Bordered<T>::places.of(n + i, n + i)] -= yields_[order[n + i]];
       return x.matrix.decompose(pattern);
     };
     const bool is_regular = fill() || fill();  // with other pivots where those of a matrix before have become small
@@ -546,7 +546,7 @@ class ResidualJacobian {
     return sum == 0.0 && close(matrix, found);
   }
 
-  /// What the balance loses by changes of all but accelerations and multipliers, in the order of places.
+  /// What the force residual loses by changes of all but accelerations and multipliers, in the order of places.
   template <class Q, class V, class Inputs, class Held>
   void lose_in_places(const OfDerivatives& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, Changes& found) {
     const auto put = [this](std::size_t first, const auto& numbers) {
@@ -574,7 +574,7 @@ class ResidualJacobian {
     return share;
   }
 
-  /// Take back what loops have given way by, which each solution leaves less of by the share by which multipliers still change; false where that does not
+  /// Take back what loops have yielded by, which each solution leaves less of by the share by which multipliers still change; false where that does not
   /// come to an end.
   template <class Matrix, std::size_t size>
   bool close(const Matrix& matrix, std::array<Along, size>& change) const {
@@ -583,7 +583,7 @@ class ResidualJacobian {
       const std::array<Along, size>* last = &change;
       for (int iteration = 0; iteration < 8; ++iteration) {
         const Tangents pulled = largest<Matrix>(*last, true);
-        for (std::size_t i = 0; i < size; ++i) more[i].derivative = (*last)[i].derivative * -gives_way_[own_places<Matrix>[i]];
+        for (std::size_t i = 0; i < size; ++i) more[i].derivative = (*last)[i].derivative * -yields_[own_places<Matrix>[i]];
         matrix.solve(more.data());
         for (std::size_t i = 0; i < size; ++i) change[i] += more[i];
         if (share_of(largest<Matrix>(more, false), largest<Matrix>(change, false)) * std::min(1.0, share_of(largest<Matrix>(more, true), pulled)) <= 1e-13) return true;
@@ -601,7 +601,7 @@ class ResidualJacobian {
   Fixed<Along, loaded> changes_;  ///< of loaded values along directions
   bool are_changing_ = false;
   Fixed<Along, first_acceleration> by_;  ///< of all but accelerations and multipliers
-  Fixed<double, n + m> gives_way_;  ///< by how much loops do to multipliers in the matrix
+  Fixed<double, n + m> yields_;  ///< by how much loops do to multipliers in the matrix
   Fixed<double, width + (has_balls ? 3 * coordinates : 0)> weights_;  ///< the shares of columns in the matrix, of quaternions by each of three speeds
 };
 

@@ -14,24 +14,24 @@
 namespace cutjoint {
 
 /// What belongs to ends whose multipliers close the loops.
-template <class Balance, bool>
+template <class ForceResidual, bool>
 struct EndsOf {
   struct type {};
 };
 
-template <class Balance>
-struct EndsOf<Balance, true> {
-  using type = ClosedEndDerivatives<Balance>;
+template <class ForceResidual>
+struct EndsOf<ForceResidual, true> {
+  using type = ClosedEndDerivatives<ForceResidual>;
 };
 
 /// `Derivatives` of a `Simulation` with the formulas of the trapezoidal rule, whose accelerations at the end follow from those to which they lead.
 ///
 /// Newton's iteration has the multipliers at the end among its unknowns, so that Phi = 0 there.  It then closes the rates of loops, and theirs by accelerations, at the
 /// smallest cost in the norm of its tangent, which may be that of an earlier step; here that is the norm of the masses, which it comes near to as steps get short.
-template <class Simulation, Sized D, Sized S, std::size_t dofs, class Balance = NoResidual>
-class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
+class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
-  using Base = Derivatives<Simulation, D, S, dofs, Balance>;
+  using Base = Derivatives<Simulation, D, S, dofs, ForceResidual>;
   using typename Base::M;
 
  protected:
@@ -45,14 +45,14 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
   static constexpr bool has_stages = is_stepped && !is_explicit;  ///< that are coupled
   static constexpr bool seeks_multipliers = Base::has_system && m > 0 && !has_stages;
   static constexpr int most_iterations = 30;
-  static constexpr bool has_balance = Balance::is_there;
+  static constexpr bool has_force_residual = ForceResidual::is_there;
 
   /// From the beginning of a part that does not change along directions.
   void set_out(Simulation& simulation, const StateOf<M>& from, double h) {
     std::copy(from.q.begin(), from.q.end(), from_.begin());
     for (std::size_t i = 0; i < n; ++i) {
       speeds_[i] = from.v[i] + h / 2 * from.vdot[i];
-      way_[i] = h * from.v[i] + h * h / 4 * from.vdot[i];
+      shift_[i] = h * from.v[i] + h * h / 4 * from.vdot[i];
     }
     du_.fill(Dual());
     this->along_ = {};
@@ -113,13 +113,13 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
     return true;
   }
 
-  /// The end of a step by the rule's fixed point along directions, by the balance of forces there; false where that has a slope that is no number.
-  bool go_by_balance(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
+  /// The end of a step by the rule's fixed point along directions, by the force residual there; false where that has a derivative that is no number.
+  bool go_by_force_residual(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     enter_end(mechanism, end);
     if (!is_settled_) {
       for (std::size_t i = 0; i < n; ++i) {
         speeds_[i].value = from.v[i] + h / 2 * from.vdot[i];
-        way_[i].value = h * from.v[i] + h * h / 4 * from.vdot[i];
+        shift_[i].value = h * from.v[i] + h * h / 4 * from.vdot[i];
       }
       if (!settle(mechanism, from, end, h)) return false;
       lead_stage(h);
@@ -127,12 +127,12 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
     }
     if (!linearise_end(end.t, h)) return false;  // others may have gone to the beginning
     for (std::size_t i = 0; i < n; ++i) {
-      way_[i].derivative = h * v_[i].derivative + h * h / 4 * vdot_[i].derivative;
+      shift_[i].derivative = h * v_[i].derivative + h * h / 4 * vdot_[i].derivative;
       v_[i] = {stage_.v[i], v_[i].derivative + h / 2 * vdot_[i].derivative};
     }
-    move_along(way_, 1.0, true);
-    typename Balance::Changes change;
-    if (!this->balance_.solve_end(q_, v_, du_, this->dheld_, change)) return false;
+    move_along(shift_, 1.0, true);
+    typename ForceResidual::Changes change;
+    if (!this->force_residual_.solve_end(q_, v_, du_, this->dheld_, change)) return false;
     for (std::size_t i = 0; i < n; ++i) {
       vdot_[i] = {stage_.vdot[i], change[i].derivative};
       v_[i].derivative += h / 2 * change[i].derivative;
@@ -143,12 +143,12 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
     return true;
   }
 
-  /// Slopes of coordinates that a way, so many times, leads to, from those where it begins, or beside those of another.
+  /// Derivatives of coordinates that a way, so many times, leads to, from those where it begins, or beside those of another.
   template <class Numbers>
-  void move_along(const Numbers& way, double share, bool from_start) {
-    const auto* turn = this->balance_.turns();
+  void move_along(const Numbers& shift, double share, bool from_start) {
+    const auto* turn = this->force_residual_.turns();
     for (const Chart& chart : charts()) {
-      for (int i = 0; i < chart.scalars; ++i) q_[static_cast<std::size_t>(chart.q + i)].derivative += share * way[static_cast<std::size_t>(chart.v + i)].derivative;
+      for (int i = 0; i < chart.scalars; ++i) q_[static_cast<std::size_t>(chart.q + i)].derivative += share * shift[static_cast<std::size_t>(chart.v + i)].derivative;
       if (!chart.ball) continue;
       const auto place = static_cast<std::size_t>(chart.q + chart.scalars), at = static_cast<std::size_t>(chart.v + chart.scalars);
       const auto& by = (turn++)->by;
@@ -156,13 +156,13 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
       for (std::size_t c = 0; c < 4; ++c) {
         turned[c] = from_start ? by[c][0] * q_[place].derivative : q_[place + c].derivative;
         for (std::size_t j = 1; j < 4 && from_start; ++j) turned[c] += by[c][j] * q_[place + j].derivative;
-        for (std::size_t j = 0; j < 3; ++j) turned[c] += share * by[c][4 + j] * way[at + j].derivative;
+        for (std::size_t j = 0; j < 3; ++j) turned[c] += share * by[c][4 + j] * shift[at + j].derivative;
       }
       for (std::size_t c = 0; c < 4; ++c) q_[place + c].derivative = turned[c];
     }
   }
 
-  /// The fixed point of plain accelerations and multipliers from those of the end; slopes of an earlier step correct these as long as errors fall, then those of the
+  /// The fixed point of plain accelerations and multipliers from those of the end; derivatives of an earlier step correct these as long as errors fall, then those of the
   /// present ones.
   bool settle(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     from_values_ = from.q;
@@ -176,11 +176,11 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
       const double share = this->size_of(values_) / (1.0 + this->size_of(stage_.vdot));
       if (!(share <= std::numeric_limits<double>::max())) return false;
       if (share == 0.0 || (share > before / 2 && share <= (iteration > 2 ? 1e-5 : 1e-8))) return true;
-      if (!this->balance_.knows(h) && !this->balance_.decompose_end(h, charts(), from_values_.data(), place_.data())) return false;
+      if (!this->force_residual_.knows(h) && !this->force_residual_.decompose_end(h, charts(), from_values_.data(), place_.data())) return false;
       if (share > before / 2 && !linearise_end(end.t, h)) return false;
       if (iteration > 0) share_left_ = std::min(1.0, share / before);
       before = share;
-      this->balance_.correct(values_, this->room_of_forces_);
+      this->force_residual_.correct(values_, this->room_of_forces_);
       for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] += values_[i];
       for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += this->room_of_forces_[i];
       if (share * share_left_ <= 1e-12) return true;
@@ -188,13 +188,13 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
     return false;
   }
 
-  /// Slopes of the balance at the stage, and their matrix; false where that is singular.
+  /// Derivatives of the force residual at the stage, and their matrix; false where that is singular.
   bool linearise_end(double t, double h) {
-    this->balance_.find(t, stage_.q, stage_.v, stage_.vdot, stage_.lambda, this->u_);
-    return this->balance_.decompose_end(h, charts(), from_values_.data(), place_.data());
+    this->force_residual_.find(t, stage_.q, stage_.v, stage_.vdot, stage_.lambda, this->u_);
+    return this->force_residual_.decompose_end(h, charts(), from_values_.data(), place_.data());
   }
 
-  /// Accelerations and multipliers of the fixed point, numbers and slopes, from near ones: what f(a) differs from a by goes through the inverse.  The first two
+  /// Accelerations and multipliers of the fixed point, numbers and derivatives, from near ones: what f(a) differs from a by goes through the inverse.  The first two
   /// changes tell by which factor errors fall; rounding may be as large as penalties make it.  False where it does not come to an end.
   bool find_end(double h) {
     double factor = 1.0, before = 0.0;
@@ -221,7 +221,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
     return false;
   }
 
-  /// The end of a step as Newton's iteration has left it, its accelerations as its places tell them, with the slopes of balances of forces there.
+  /// The end of a step as Newton's iteration has left it, its accelerations as its places tell them, with the derivatives of force residual there.
   bool find_rule(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     stage_ = end;
     displacement<double>(charts(), from.q.data(), end.q.data(), place_.data());
@@ -232,7 +232,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
     mechanism.begin_step(end.t, 1.0);
     this->along_ = {};
     this->take_inputs(mechanism);
-    return ends_.find(this->balance_, h, charts(), from.q.data(), stage_, end);
+    return ends_.find(this->force_residual_, h, charts(), from.q.data(), stage_, end);
   }
 
   /// Its end along directions, with projected speeds and accelerations.
@@ -242,18 +242,18 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
     enter_end(mechanism, end);
     lead(h);
     mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-    typename Balance::Changes first, change;
+    typename ForceResidual::Changes first, change;
     auto& held = this->dheld_;
-    if (!ends_.solve_rule(this->balance_, q_, v_, phi_, du_, held, first)) return false;
+    if (!ends_.solve_rule(this->force_residual_, q_, v_, phi_, du_, held, first)) return false;
     for (std::size_t i = 0; i < n; ++i) found_[i].derivative = first[i].derivative;
     for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], first[n + i].derivative};
     lead(h);
     speeds_ = v_;
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
     mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-    if (!ends_.solve_speeds(this->balance_, q_, speeds_, phid_, du_, held, first, change)) return false;
+    if (!ends_.solve_speeds(this->force_residual_, q_, speeds_, phid_, du_, held, first, change)) return false;
     for (std::size_t i = 0; i < n; ++i) v_[i].derivative += change[i].derivative;
-    if (!ends_.solve_accelerations(this->balance_, q_, speeds_, v_, du_, held, first, change)) return false;
+    if (!ends_.solve_accelerations(this->force_residual_, q_, speeds_, v_, du_, held, first, change)) return false;
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = {end.vdot[i], first[i].derivative + change[i].derivative};
     return true;
   }
@@ -263,7 +263,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
     for (std::size_t i = 0; i < n; ++i) {
       const Dual before(from.vdot[i], vdot_[i]);
       speeds_[i] = v_[i] + h / 2 * before;
-      way_[i] = h * v_[i] + h * h / 4 * before;
+      shift_[i] = h * v_[i] + h * h / 4 * before;
     }
     from_ = q_;
   }
@@ -272,7 +272,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
   void lead_stage(double h) {
     for (std::size_t i = 0; i < n; ++i) {
       stage_.v[i] = speeds_[i].value + h / 2 * stage_.vdot[i];
-      place_[i] = way_[i].value + h * h / 4 * stage_.vdot[i];
+      place_[i] = shift_[i].value + h * h / 4 * stage_.vdot[i];
     }
     retract<double>(charts(), from_values_.data(), place_.data(), stage_.q.data());
   }
@@ -280,7 +280,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
   void lead(double h) {
     for (std::size_t i = 0; i < n; ++i) {
       v_[i] = speeds_[i] + h / 2 * found_[i];
-      delta_[i] = way_[i] + h * h / 4 * found_[i];
+      delta_[i] = shift_[i] + h * h / 4 * found_[i];
     }
     retract<Dual>(charts(), from_.data(), delta_.data(), q_.data());
   }
@@ -316,14 +316,14 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
   StateOf<M> stage_{M::sizes.coordinates, n, m};
   Fixed<Dual, M::sizes.coordinates> from_;
   Coordinates<M> from_values_;
-  Fixed<Dual, n> speeds_, way_, found_;
+  Fixed<Dual, n> speeds_, shift_, found_;
   Fixed<double, n * n> matrix_, inverse_;
   double inverse_of_ = 0.0, inverse_at_ = 0.0;  ///< the length of step that the inverse is of, and where that ends
   bool is_stale_ = true;                        ///< whether another inverse is sought next
-  bool by_balance_ = false, is_settled_ = false;  ///< whether the balance of forces has the slopes of a part, and its end is found
+  bool by_force_residual_ = false, is_settled_ = false;  ///< whether the force residual has the derivatives of a part, and its end is found
   bool has_no_derivative_ = false;                     ///< it has none for this one
   double share_left_ = 1.0;                       ///< what the last correction of a step left of its error
-  [[no_unique_address]] typename EndsOf<Balance, seeks_multipliers>::type ends_;
+  [[no_unique_address]] typename EndsOf<ForceResidual, seeks_multipliers>::type ends_;
   Fixed<double, n> left_, right_;
   Fixed<std::size_t, n> order_;
   std::optional<dense::LeastSquares<double>> squares_;

@@ -58,7 +58,7 @@ struct StartOf<M> {
 /// Where a controller is due a step ends, and the next one begins with what the controller then holds.  So what is so at the instant of a sample is what follows
 /// from the new values.  Controllers of the same instant take their samples in their order.
 ///
-/// A mechanism or system that does not know its sizes belongs to somebody else, who also gives the simulation its inputs and watches its guards and gaps.  It begins at
+/// A mechanism or system that does not know its sizes belongs to somebody else, who also gives the simulation its inputs and watches its guards and violations.  It begins at
 /// a start that was found elsewhere.
 template <class M, class Integrator, int... guiding>
 class Simulation {
@@ -91,7 +91,7 @@ class Simulation {
     mechanism_.drive_by(sampling_.source(source));
   }
 
-  /// Take inputs from courses over time, guides included, until none is given; the present state has the accelerations of what they give.
+  /// Take inputs from trajectories over time, guides included, until none is given; the present state has the accelerations of what they give.
   Fault set_input_trajectories(Trajectories* trajectories)
     requires Sized<M>
   {
@@ -235,7 +235,7 @@ class Simulation {
     return call(Real(until), [this, until] { return steps_to(Real(until)); });
   }
 
-  /// Advance to a time, or to where a force changes its formula, if that is earlier: `event` is then its switch, else -1.
+  /// Advance to a time, or to where a force changes its formula, if that is earlier: `event` is then its indicator, else -1.
   Fault advance_to_event(double until, int& event)
     requires Integrator::finds_events
   {
@@ -265,7 +265,7 @@ class Simulation {
     return {};
   }
 
-  /// Whether a step may leave a loop torn, so that gaps are measured.
+  /// Whether a step may leave a loop torn, so that violations are measured.
   bool watches_violations() const {
     if constexpr (requires { Integrator::leaves_violations(settings_); } && sizes.equations > 0) return Integrator::leaves_violations(settings_);
     else return false;
@@ -697,7 +697,7 @@ class Simulation {
     return blamed;
   }
 
-  /// Be at a state and on courses as before a step that failed.
+  /// Be at a state and on trajectories as before a step that failed.
   void go_back(const StateOf<Subject>& state, const Followed& followed) {
     state_ = state;
     followed_ = followed;
@@ -742,7 +742,7 @@ class Simulation {
     return {};
   }
 
-  /// Guides go over to the next parts of their courses, of which none ends before the time that is returned, nor is a controller due; at most `until`.
+  /// Guides go over to the next parts of their trajectories, of which none ends before the time that is returned, nor is a controller due; at most `until`.
   Real go_over_until(Real until) {
     Real next = until;
     if constexpr (Followed::any) {
@@ -827,14 +827,14 @@ class Simulation {
     }
   }
 
-  /// The gap where the mechanism or system is at the present time.
+  /// The violation where the mechanism or system is at the present time.
   ConstraintViolation find_violation() {
     Equations<Subject> residual, rate;
     find_residuals(residual, rate);
     return largest_violation(sizes.equations, violation_limits_, [&](std::size_t i) { return residual[i]; });
   }
 
-  /// A step to a time, in parts where the course of a guide has parts or controllers are due.
+  /// A step to a time, in parts where the trajectory of a guide has parts or controllers are due.
   Fault integrate(Real h, Real until) {
     is_reported_ = false;
     Real next = go_over_until(until);
@@ -958,7 +958,7 @@ class Simulation {
   [[no_unique_address]] std::conditional_t<may_sample<Subject>, SampleWatch, None> sample_watch_;
   PartWatch part_watch_;
   Trajectories* trajectories_ = nullptr;
-  HostInputs<Real, static_sizes<M>().inputs>* host_ = nullptr;  ///< beside courses
+  HostInputs<Real, static_sizes<M>().inputs>* host_ = nullptr;  ///< beside trajectories
   Array<Subject, sizes.columns> columns_;
   std::optional<typename StartOf<M>::type> initialisation_;
   std::optional<Integrator> steps_;
@@ -967,7 +967,7 @@ class Simulation {
   Real origin_{0};
   long number_ = 0;       ///< of steps since then
   double counted_ = 0.0;  ///< their length
-  long unmeasured_ = 1;   ///< how many steps there are until gaps are measured
+  long unmeasured_ = 1;   ///< how many steps there are until violations are measured
   bool is_started_ = false, is_reported_ = false;
 };
 

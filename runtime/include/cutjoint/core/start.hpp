@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <span>
 #include <utility>
 
@@ -136,13 +137,19 @@ class Starter {
       fault = seek_rest_near(state, held);
       patient_ = false;
     }
+    for (reach_ /= 100; fault && reach_ > Real(1e-10); reach_ /= 100) {
+      state = begun;
+      if (sink(state, held)) fault = seek_rest_near(state, held);
+    }
+    reach_ = Real(1e-5);
     if (!fault && !is_loaded(state, held)) carries_ = false;
     return fault;
   }
 
-  /// Accelerations and multipliers of a state that `equilibrate` has found, with the forces along held coordinates if these `carry` some.
-  void hold(StateOf<M>& state, const SpeedFlags<M>& held) {
-    if (carries_) holding_.carry(state, held);
+  /// Accelerations and multipliers of a state that `equilibrate` has found, and the `forces` along held coordinates, of which some carry the weight.
+  void hold(StateOf<M>& state, const SpeedFlags<M>& held, Speeds<M>& forces) {
+    accelerate(state, Real(0));
+    if (carries_) holding_.carry(state, held, forces.data());
   }
   bool carries() const { return carries_; }
 
@@ -157,8 +164,8 @@ class Starter {
 
   static constexpr Real closed() { return Real(1e-14); }
 
-  /// Accelerations (m/s^2, rad/s^2) up to which nothing moves.
-  static constexpr Real resting() { return Real(1e-6); }
+  /// Accelerations (m/s^2, rad/s^2) up to which nothing moves: what coordinates of 1 leave by rounding, where contacts are as stiff as that.
+  Real resting() const { return std::max(Real(1e-6), rounding_); }
 
   static Real size_of(const Real* x, std::size_t length) { return largest(std::span<const Real>(x, length)); }
 
@@ -186,16 +193,16 @@ class Starter {
     }
   }
 
-  dense::LeastSquares<Real> decomposed(std::size_t rows) {
+  dense::LeastSquares<Real> decomposed(std::size_t rows, Real least = Real(1e-7)) {
     dense::LeastSquares<Real> squares({matrix_.data(), rows, n_}, order_.data(), left_.data(), beside_.data());
-    squares.decompose(Real(1e-7));
+    squares.decompose(least);
     return squares;
   }
 
   /// step_ with the matrix of so many rows times it least apart from b, which is overwritten, as the matrix is.
-  void least_norm(std::size_t rows, Real* b) {
+  void least_norm(std::size_t rows, Real* b, Real least = Real(1e-7)) {
     std::fill(step_.begin(), step_.end(), Real(0));
-    if (rows > 0 && n_ > 0) decomposed(rows).solve(b, step_.data(), room_.data());
+    if (rows > 0 && n_ > 0) decomposed(rows, least).solve(b, step_.data(), room_.data());
   }
 
   /// y = A x of the derivative of the accelerations at rest.
@@ -225,7 +232,7 @@ class Starter {
   /// The derivative of the accelerations at rest by q, by central differences, held columns zero.
   void find_stiffness(const StateOf<M>& state, const SpeedFlags<M>& held) {
     const std::size_t rows = n_ + drawn_;
-    const Real h(1e-5);
+    const Real h = reach_;
     const auto put = [&](std::size_t j, const StateOf<M>& forward, const StateOf<M>& backward) {
       Real* column = matrix_.data() + j * rows;
       read_rest(backward, held, next_.data(), j > sizes_.joint_speeds());
@@ -259,6 +266,7 @@ class Starter {
         put(j, probe_, other_);
       }
     }
+    rounding_ = 4 * std::numeric_limits<Real>::epsilon() * size_of(matrix_.data(), rows * n_);
   }
 
   template <std::size_t number>
@@ -319,8 +327,8 @@ class Starter {
       for (std::size_t i = 0; i < n_; ++i)
         if (!held[i]) matrix_[i * rows + i] -= 1 / length;
       std::copy(a_.begin(), a_.end(), right_.begin());
-      least_norm(rows, right_.data());
-      move(state, step_.data(), -std::min(Real(1), Real(0.1) / std::max(largest(step_), Real(1e-30))));
+      least_norm(rows, right_.data(), Real(1e-14));  // of full rank, however stiff a contact is beside what swings freely
+      find_fall(state, held);
       if (assemble(state, held, Real(0))) return false;
       accelerate(state, Real(0));
       read_rest(state, held, a_.data());
@@ -328,6 +336,34 @@ class Starter {
       length *= std::clamp(2 * before / size, Real(0.25), Real(4));
     }
     return true;
+  }
+
+  /// Move against `step_`, 0.1 at most; where a contact on the way drives back harder than the step was driven, only to where the drive along it has
+  /// fallen to a tenth, found between both ends by secants and bisection.
+  void find_fall(StateOf<M>& state, const SpeedFlags<M>& held) {
+    using std::abs;
+    Real fraction = std::min(Real(1), Real(0.1) / std::max(largest(step_), Real(1e-30))), low(0), high = fraction;
+    const StateOf<M> start = state;
+    const Real begun = driven_by(a_.data());
+    Real at_low = begun, at_high(0);
+    for (int iteration = 0; iteration < 60; ++iteration) {
+      state = start;
+      move(state, step_.data(), -fraction);
+      accelerate(state, Real(0));
+      read_rest(state, held, next_.data());
+      const Real drive = driven_by(next_.data());
+      if (iteration == 0 && !(drive < 0 && square_of(next_.data()) > square_of(a_.data()))) return;
+      if (abs(drive) <= begun / 10) return;
+      (drive > 0 ? low : high) = fraction;
+      (drive > 0 ? at_low : at_high) = drive;
+      fraction = iteration % 3 == 0 ? (low + high) / 2 : (low * at_high - high * at_low) / (at_high - at_low);
+    }
+  }
+
+  Real driven_by(const Real* a) const {
+    Real sum(0);
+    for (std::size_t i = 0; i < n_; ++i) sum -= a[i] * step_[i];
+    return sum;
   }
 
   /// The search for a pose at rest; what its steps have moved along directions without stiffness is taken back.
@@ -379,6 +415,8 @@ class Starter {
   StateOf<M> probe_, other_;
   Holding<M> holding_;
   bool carries_ = false;
+  Real rounding_{0};  ///< of accelerations, by their derivatives
+  Real reach_{1e-5};      ///< of differences: shorter than a stiff contact gives way
   bool patient_ = false;  ///< whether a search for rest goes on where its residual does not fall
 };
 

@@ -15,10 +15,10 @@ namespace cutjoint {
 /// `Derivatives` of a `Simulation` whose steps go by the trapezoidal rule, by an explicit method or by Radau IIA, of an adaptive one with the lengths that it has chosen.
 ///
 /// The step is made, and differentiated as it was, part by part.
-template <class Simulation, Sized D, Sized S, std::size_t dofs, class Balance = NoResidual>
-class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> {
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
+class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
-  using Base = PartDerivatives<Simulation, D, S, dofs, Balance>;
+  using Base = PartDerivatives<Simulation, D, S, dofs, ForceResidual>;
   using typename Base::M, typename Base::Minimal;
   using Base::inputs, Base::states;
 
@@ -37,7 +37,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
   }
 
   /// How many rows a matrix of directions has: states, values that controllers hold, and what goes on from step to step, the changes of coordinates and speeds, and by
-  /// how much those of accelerations and multipliers differ from what states give them; with loops room for a slope.
+  /// how much those of accelerations and multipliers differ from what states give them; with loops room for a derivative.
   static constexpr std::size_t rows = states + M::sizes.held + M::sizes.coordinates + 2 * M::sizes.speeds +
                                       (Base::m == 0 ? 0 : std::max(M::sizes.equations, M::sizes.coordinates));
 
@@ -57,7 +57,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
     double *values, *derivatives;
   };
 
-  /// Events of a run, of which a host wants so many, and the number that has been found: of each the switch, the time (most) and how it changes along
+  /// Events of a run, of which a host wants so many, and the number that has been found: of each the indicator, the time (most) and how it changes along
   /// directions (most, number), outputs behind it (most, reported) and how these change, the time being that of the event (most, reported, number).
   struct Events {
     int most = 0;
@@ -83,8 +83,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
   }
 
  protected:
-  using Base::n, Base::joints, Base::is_explicit, Base::goes_on, Base::carries_derivative, Base::no_row, Base::loaded_, Base::is_derivative_known_, Base::turn_;
-  using Base::switches, Base::begun_, Base::cut_, Base::ended_, Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
+  using Base::n, Base::joints, Base::is_explicit, Base::goes_on, Base::carries_derivative, Base::no_row, Base::loaded_, Base::is_derivative_known_, Base::coordinate_rates_;
+  using Base::indicators, Base::begun_, Base::cut_, Base::ended_, Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
   using typename Base::Steps;
 
   /// What takes down parts and samples in place of following them.
@@ -151,7 +151,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
       auto& stepper = simulation.steps().stepper();
       last_ = simulation.state();
       followed_ = this->refused_ = {};
-      count_switches(stepper);
+      count_indicators(stepper);
       stepper.watch({&follow_length, this});
       simulation.watch_parts({nullptr, sample, this});
       fault = simulation.step();
@@ -248,7 +248,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
       for (Dual& x : numbers) use(x, row, is_rest), row += blocks_[0].width;
     };
     all(q_, false), all(v_, false), all(vdot_, true);
-    if constexpr (carries_derivative) all(turn_, true);
+    if constexpr (carries_derivative) all(coordinate_rates_, true);
     else all(lambda_, true);
   }
 
@@ -256,7 +256,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
     visit_carried(first, [number](const Dual& x, double* row, bool) { copy_derivatives(reinterpret_cast<const double*>(&x.derivative), number, row); });
   }
 
-  /// So many slopes, mostly all.
+  /// So many derivatives, mostly all.
   [[gnu::always_inline]] static void copy_derivatives(const double* from, std::size_t number, double* to) {
     if (number == directions) std::memcpy(to, from, sizeof(Tangents));
     else std::copy_n(from, number, to);
@@ -278,7 +278,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
 
   /// A controller comes to hold the values of a sample, which change as the present state does.
   Fault sample([[maybe_unused]] std::size_t at, [[maybe_unused]] std::size_t held) {
-    if constexpr (switches > 0)
+    if constexpr (indicators > 0)
       if (const Fault fault = end_at_event()) return fault;
     if constexpr (Base::has_stages) known_.fill(std::numeric_limits<double>::quiet_NaN());
     if (recorder_.sample) return recorder_.sample(recorder_.who, at, held);
@@ -307,7 +307,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
   /// Accelerations are found anew.
   void forget_carried() { known_.fill(std::numeric_limits<double>::quiet_NaN()), last_derivative_.fill(std::numeric_limits<double>::quiet_NaN()); }
 
-  /// Whether the part that begins at a state does so with accelerations that the course of an input has made others.
+  /// Whether the part that begins at a state does so with accelerations that an input trajectory has made others.
   bool begins_anew(const StateOf<M>& from) const { return this->trajectories_ && this->trajectories_->begins_anew(from.t); }
 
   /// A method has made one of its steps, or the part of it before an event.
@@ -324,9 +324,9 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
       std::copy_n(scheme.pose() + end.q.size(), n, end.v.begin());
       end.t = scheme.time();
     }
-    self->count_switches(self->simulation_->steps().stepper());
+    self->count_indicators(self->simulation_->steps().stepper());
     double h = end.t - self->last_.t;
-    if constexpr (switches > 0) {
+    if constexpr (indicators > 0) {
       const auto [begin, length] = scheme.last_step();
       if (end.t != begin + length || self->cut_.left > 0) self->cut_.is_made = true, self->cut_.share = (end.t - begin) / length, h = length;
     }
@@ -334,12 +334,12 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
     self->last_ = end;
   }
 
-  /// The switches that have left their formulas since they were counted last.
+  /// The indicators that have left their formulas since they were counted last.
   template <class Stepper>
-  void count_switches(const Stepper& stepper) {
+  void count_indicators(const Stepper& stepper) {
     cut_ = {};
-    for (std::size_t i = 0; i < switches; ++i) {
-      const long number = stepper.counts().by_switch[i];
+    for (std::size_t i = 0; i < indicators; ++i) {
+      const long number = stepper.counts().by_indicator[i];
       if (number != counted_[i]) cut_.which[cut_.left++] = i;
       counted_[i] = number;
     }
@@ -432,7 +432,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
     if (this->speeds_jump(end)) return cut_.fault(Cause::speeds_jump, end.t);
     if (carried_) keep_row(first, number);
     else end_row(first, number);
-    if constexpr (switches > 0)
+    if constexpr (indicators > 0)
       if (cut_.left > 0) return keep_event(end, first, number);
     return {};
   }
@@ -476,8 +476,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
     take(state.q, q_), take(state.v, v_);
     const bool is_carried = is_known(state);
     if (is_carried && carries_derivative) {
-      std::copy_n(first_derivative_.begin(), turn_.size(), turn_.begin());
-      std::copy_n(first_derivative_.begin() + turn_.size(), n, vdot_.begin());
+      std::copy_n(first_derivative_.begin(), coordinate_rates_.size(), coordinate_rates_.begin());
+      std::copy_n(first_derivative_.begin() + coordinate_rates_.size(), n, vdot_.begin());
     } else if (is_carried) {
       take(state.vdot, vdot_), take(state.lambda, lambda_);
     }
@@ -546,7 +546,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> 
   long parts_ = 0;  ///< as they are counted by the integrator
   StateOf<M> last_{M::sizes.coordinates, n, Base::m};  ///< of an adaptive method, where its last step ended
   Fault followed_;                                     ///< why one of its steps has no derivative
-  Fixed<long, switches> counted_;                      ///< how often switches have left their formulas
+  Fixed<long, indicators> counted_;                      ///< how often indicators have left their formulas
   bool begins_at_event_ = false;                       ///< the next part does, whose time changes
   Events events_;
   const Trajectory* trajectory_ = nullptr;

@@ -10,7 +10,7 @@
 
 namespace cutjoint {
 
-/// What the last step did: the gap (m or rad) of the `equation` that stands open by the largest share of its limit; the largest rate (m/s or rad/s) at
+/// What the last step did: the violation (m or rad) of the `equation` that stands open by the largest share of its limit; the largest rate (m/s or rad/s) at
 /// which one opens; what the last iteration still changed the accelerations by, as a share of 1 + the largest of them; the smallest pivot of the
 /// factors, as a share of the largest entry of its column, infinity where there are none; iterations and evaluations.
 struct StepStatistics {

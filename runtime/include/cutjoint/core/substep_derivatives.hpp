@@ -15,15 +15,15 @@
 namespace cutjoint {
 
 /// What belongs to stages that are coupled: nothing where there are none.
-template <class M, class Balance, bool>
+template <class M, class ForceResidual, bool>
 struct StagesOf {
   struct type {};
   struct Points {};
 };
 
-template <class M, class Balance>
-struct StagesOf<M, Balance, true> {
-  using type = radau::StageDerivatives<Balance>;
+template <class M, class ForceResidual>
+struct StagesOf<M, ForceResidual, true> {
+  using type = radau::StageDerivatives<ForceResidual>;
 
   struct Points : std::array<StateOf<M>, type::stages> {
     Points() : Points(StateOf<M>(M::sizes.coordinates, M::sizes.speeds, M::sizes.equations)) {}
@@ -35,28 +35,28 @@ struct StagesOf<M, Balance, true> {
 ///
 /// What is found by iteration, the accelerations at the end of the trapezoidal rule, multipliers, and the way to closed loops, goes on until derivatives stay
 /// too, so that they are those of the solution.
-template <class Simulation, Sized D, Sized S, std::size_t dofs, class Balance = NoResidual>
-class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance> {
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
+class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
-  using Base = EventDerivatives<Simulation, D, S, dofs, Balance>;
+  using Base = EventDerivatives<Simulation, D, S, dofs, ForceResidual>;
   using typename Base::M;
 
  protected:
   using typename Base::Steps;
-  using Base::m, Base::n, Base::has_stages, Base::is_explicit, Base::seeks_multipliers, Base::switches;
+  using Base::m, Base::n, Base::has_stages, Base::is_explicit, Base::seeks_multipliers, Base::indicators;
   using Base::begun_, Base::charts, Base::cut_, Base::ended_, Base::from_, Base::is_stale_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
 
   /// Whether a step begins with the accelerations that the one before has found, before loops are closed at its end.
   static constexpr bool goes_on = !is_explicit && (!Base::has_system || m > 0 || has_stages);
 
-  /// Whether it begins with the slope that the one before has found where its last stage stood, before loops were closed.
+  /// Whether it begins with the derivative that the one before has found where its last stage stood, before loops were closed.
   static constexpr bool carries_derivative = is_explicit && m > 0;
 
-  [[no_unique_address]] typename StagesOf<M, Balance, has_stages>::type stages_;  ///< of a step, the stages of which stand at
-  [[no_unique_address]] typename StagesOf<M, Balance, has_stages>::Points points_;
+  [[no_unique_address]] typename StagesOf<M, ForceResidual, has_stages>::type stages_;  ///< of a step, the stages of which stand at
+  [[no_unique_address]] typename StagesOf<M, ForceResidual, has_stages>::Points points_;
 
-  Fixed<Dual, M::sizes.coordinates> turn_;  ///< rates of coordinates of that slope
-  bool is_derivative_known_ = false;             ///< that slope is there where a part begins, in `turn_` and in accelerations
+  Fixed<Dual, M::sizes.coordinates> coordinate_rates_;  ///< rates of coordinates of that derivative
+  bool is_derivative_known_ = false;             ///< that derivative is there where a part begins, in `coordinate_rates_` and in accelerations
   bool wants_derivative_ = false;                ///< it is to be there at the end
 
   /// Get ready for a part from a state to another; false where its end has no derivative.
@@ -64,7 +64,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
     if constexpr (is_explicit) return true;
     else if constexpr (has_stages) return find_stages(simulation.mechanism(), from, h);
     else if constexpr (seeks_multipliers) return this->find_rule(simulation.mechanism(), from, end, h);
-    else return starts_by_balance() || (!is_stale_ && h == this->inverse_of_) || this->find_inverse(simulation, from, end, h);
+    else return starts_by_force_residual() || (!is_stale_ && h == this->inverse_of_) || this->find_inverse(simulation, from, end, h);
   }
 
   /// From the beginning of the part to its end along directions; false where that has no derivative.
@@ -74,8 +74,8 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
     else if constexpr (has_stages) return go_by_stages(mechanism, from, end, h, number);
     else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, from, end, h);
     else {
-      if constexpr (Base::has_balance)
-        if (this->by_balance_) return !(this->has_no_derivative_ = !this->go_by_balance(mechanism, from, end, h));
+      if constexpr (Base::has_force_residual)
+        if (this->by_force_residual_) return !(this->has_no_derivative_ = !this->go_by_force_residual(mechanism, from, end, h));
       return this->go_by_fixed_point(mechanism, from, end, h);
     }
   }
@@ -86,17 +86,17 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
 
   /// The projection of the part's end; false where loops stay open.
   bool close_end(Simulation& simulation, const StateOf<M>& end) {
-    if constexpr (has_stages) return close_by_balance(end);
+    if constexpr (has_stages) return close_by_force_residual(end);
     else if constexpr (seeks_multipliers) return true;
     else return !(is_explicit || simulation.settings().fixed_point.proximal) || close_loops();
   }
 
  private:
-  /// Begin a part by the balance of forces, where there is one and it has not just failed.
-  bool starts_by_balance() {
-    this->by_balance_ = Base::has_balance && !this->has_no_derivative_;
+  /// Begin a part by the force residual, where there is one and it has not just failed.
+  bool starts_by_force_residual() {
+    this->by_force_residual_ = Base::has_force_residual && !this->has_no_derivative_;
     this->has_no_derivative_ = this->is_settled_ = false;
-    return this->by_balance_;
+    return this->by_force_residual_;
   }
 
   /// An explicit method, whose last stage begins the next step.
@@ -107,7 +107,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
 
   template <class Table>
   bool go_by_table(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
-    constexpr std::size_t last = Table::stages - 1, all = switches > 0 ? Table::all : Table::stages;
+    constexpr std::size_t last = Table::stages - 1, all = indicators > 0 ? Table::all : Table::stages;
     std::array<Fixed<Dual, M::sizes.coordinates>, all> place_derivatives;
     std::array<Fixed<Dual, n>, all> speed_derivatives;
     const Dual length(h, -begun_);
@@ -132,18 +132,18 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
       if (!this->enter(mechanism, stage_)) return false;
       mechanism_.begin_step(now, 1.0);
       if (!this->find_accelerations(mechanism, number)) return false;
-      coordinate_rates<Dual>(charts(), q_.data(), v_.data(), turn_.data());
+      coordinate_rates<Dual>(charts(), q_.data(), v_.data(), coordinate_rates_.data());
       return true;
     };
-    const auto keep = [&](std::size_t stage) { place_derivatives[stage] = turn_, speed_derivatives[stage] = vdot_; };
-    if (!is_derivative_known_) coordinate_rates<Dual>(charts(), q_.data(), v_.data(), turn_.data());
+    const auto keep = [&](std::size_t stage) { place_derivatives[stage] = coordinate_rates_, speed_derivatives[stage] = vdot_; };
+    if (!is_derivative_known_) coordinate_rates<Dual>(charts(), q_.data(), v_.data(), coordinate_rates_.data());
     for (std::size_t stage = 0; stage < last;) {
       keep(stage);
       lead(++stage);
       if ((stage < last || wants_derivative_ || cut_.is_made) && !derive()) return false;
     }
     ended_ = Tangents{};
-    if constexpr (switches > 0)
+    if constexpr (indicators > 0)
       if (cut_.is_made) {
         keep(last);
         const auto places = q_;
@@ -169,10 +169,10 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
 
   // Coupled stages
 
-  /// Slopes of the balance of forces in the stages of a step; false where they do not determine these.
+  /// Derivatives of the residual of the equations of motion in the stages of a step; false where they do not determine these.
   bool find_stages(M& mechanism, const StateOf<M>& from, double h) {
     this->along_ = {};
-    return stages_.find(this->balance_, h, charts(), from.q.data(), points_, [&](std::size_t i) {
+    return stages_.find(this->force_residual_, h, charts(), from.q.data(), points_, [&](std::size_t i) {
       mechanism.begin_step(points_[i].t, 1.0);
       this->take_inputs(mechanism);
     });
@@ -180,7 +180,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
 
   /// The end of a step whose stages balance forces as they do in the run.
   bool go_by_stages(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
-    using Stages = radau::StageDerivatives<Balance>;
+    using Stages = radau::StageDerivatives<ForceResidual>;
     constexpr std::size_t last = Stages::stages - 1;
     const Dual length(h, -begun_);
     typename Stages::DualPlaces places;
@@ -199,7 +199,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
           mechanism.begin_step(points_[i].t, 1.0);
           this->take_inputs(mechanism);
         }
-        this->balance_.lose(stages_.derivative(i), places[i], speeds[i], this->du_, this->dheld_, rows);
+        this->force_residual_.lose(stages_.derivative(i), places[i], speeds[i], this->du_, this->dheld_, rows);
         continue;
       }
       q_ = places[i];
@@ -210,7 +210,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
       if (!this->find_accelerations(mechanism, number)) return false;
       stages_.gain(i, vdot_, this->lambda_, rows);
     }
-    if (!this->balance_.solve(stages_.matrix(), change)) return false;
+    if (!this->force_residual_.solve(stages_.matrix(), change)) return false;
     for (std::size_t i = 0; i <= last; ++i)
       for (std::size_t l = 0; l < n; ++l) derivatives[i][l].derivative = change[i * Stages::unknowns + l].derivative;
     stages_.lead(length, charts(), from_, speeds_, derivatives, ways, places, speeds);
@@ -220,11 +220,11 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
     for (std::size_t l = 0; l < m; ++l) this->lambda_[l] = {points_[last].lambda[l], change[last * Stages::unknowns + n + l].derivative};
     ended_ = Tangents{};
     be_at(mechanism, points_[last].t);
-    if constexpr (switches > 0)
+    if constexpr (indicators > 0)
       if (cut_.is_made) {
         StateOf<D> begin(M::sizes.coordinates, n, m);
         begin.q = from_, begin.v = speeds_, begin.vdot = bent;
-        return close_by_balance(points_[last]) && cut(mechanism, end, length, begin, ways[last], number);
+        return close_by_force_residual(points_[last]) && cut(mechanism, end, length, begin, ways[last], number);
       }
     return true;
   }
@@ -236,13 +236,13 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
     mechanism_.begin_step(Dual(t, ended_), 1.0);
   }
 
-  /// From the end of a step to where it is cut, by the interpolant that goes on from its beginning and has found a `way`.
-  bool cut(M& mechanism, const StateOf<M>& end, const Dual& length, StateOf<D>& begin, Fixed<Dual, n>& way, std::size_t number) {
+  /// From the end of a step to where it is cut, by the interpolant that goes on from its beginning and has found a `shift`.
+  bool cut(M& mechanism, const StateOf<M>& end, const Dual& length, StateOf<D>& begin, Fixed<Dual, n>& shift, std::size_t number) {
     StateOf<D> done(M::sizes.coordinates, n, m);
     done.q = q_, done.v = v_, done.vdot = vdot_;
     stepping::Interpolant<D> between(charts(), begin);
     typename stepping::Interpolant<D>::Vector at;
-    between.join(length, begin, done, way);
+    between.join(length, begin, done, shift);
     between.at(Dual(cut_.share, (cut_.share - 1.0) / length.value * begun_), at);
     std::copy_n(at.begin(), q_.size(), q_.begin());
     std::copy_n(at.begin() + q_.size(), n, v_.begin());
@@ -252,8 +252,8 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
       };
       (each(numbers), ...);
     };
-    still(begin.q, begin.v, begin.vdot, done.q, done.v, done.vdot, way);
-    between.join(length.value, begin, done, way);
+    still(begin.q, begin.v, begin.vdot, done.q, done.v, done.vdot, shift);
+    between.join(length.value, begin, done, shift);
     Dual share(cut_.share);
     share.derivative[0] = 1.0 / length.value;
     between.at(share, at);
@@ -265,19 +265,19 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
     return true;
   }
 
-  /// Slopes of a state that stay on closed loops, as the balance of forces has these; what closes them as masses do comes near to what the run's tangents do by the
-  /// gaps that steps leave.
-  bool close_by_balance(const StateOf<M>& state) {
+  /// Derivatives of a state that stay on closed loops, as the force residual has these; what closes them as masses do comes near to what the run's tangents do by the
+  /// violations that steps leave.
+  bool close_by_force_residual(const StateOf<M>& state) {
     if constexpr (m > 0) {
-      typename Balance::Changes change;
-      this->balance_.find(state.t, state.q, state.v, state.vdot, state.lambda, this->u_);
+      typename ForceResidual::Changes change;
+      this->force_residual_.find(state.t, state.q, state.v, state.vdot, state.lambda, this->u_);
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      if (!this->balance_.close_violations(phi_, change)) return false;
+      if (!this->force_residual_.close_violations(phi_, change)) return false;
       from_ = q_;
       for (std::size_t i = 0; i < n; ++i) step_[i] = {0.0, change[i].derivative};
       retract<Dual>(charts(), from_.data(), step_.data(), q_.data());
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      if (!this->balance_.close_violations(phid_, change)) return false;
+      if (!this->force_residual_.close_violations(phid_, change)) return false;
       for (std::size_t i = 0; i < n; ++i) v_[i].derivative += change[i].derivative;
     }
     return true;
@@ -293,7 +293,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
     return true;
   }
 
-  /// Whether numbers and their derivatives are so small, as those of a gap that numbers hardly change for are by the rounding of parameters.
+  /// Whether numbers and their derivatives are so small, as those of a violation that numbers hardly change for are by the rounding of parameters.
   template <class Numbers>
   static bool is_at_most(const Numbers& numbers, double most) {
     const Dual found = Base::largest(numbers);
@@ -302,7 +302,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance>
     return found.value <= most;
   }
 
-  /// Moves until a gap and its derivatives are rounding, or the next one leaves no more.
+  /// Moves until a violation and its derivatives are rounding, or the next one leaves no more.
   template <class Numbers, class Measure, class Move>
   bool close(const Fixed<Dual, m>& violation, Numbers& numbers, Measure measure, Move move, Numbers& before) {
     constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();

@@ -28,7 +28,7 @@ class SplitSteps : public stepping::SteppedIntegrator<SplitSteps<Rule>, typename
 
   SplitSteps(Subject& subject, const Settings& settings, const Road<Real>* roads)
       : stepping::SteppedIntegrator<SplitSteps, Subject>(subject, settings), rule_(subject, settings),
-        stages_(rule_, switches_of(subject, settings.events), roads, Real(settings.dt)), stepper_(stages_, {}, Real(settings.end), false), y_(stages_.size()) {}
+        stages_(rule_, indicators_of(subject, settings.events), roads, Real(settings.dt)), stepper_(stages_, {}, Real(settings.end), false), y_(stages_.size()) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<Subject>&) { return settings.stabilisation; }
 

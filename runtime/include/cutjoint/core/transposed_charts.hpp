@@ -1,4 +1,4 @@
-// From slopes by coordinates that charts make to slopes by what they make them of.
+// From derivatives by coordinates that charts make to derivatives by what they make them of.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace cutjoint {
 
-/// The slopes of four numbers of a ball by four others and by three.
+/// The derivatives of four numbers of a ball by four others and by three.
 struct BallDerivatives {
   double by[4][7];
 };
@@ -48,8 +48,8 @@ BallDerivatives derivatives_of_ball(const double* e, const double* x, Make make)
   return derivatives;
 }
 
-/// The slopes `by` the four numbers, added to those by the others.
-inline void pull_ball(const BallDerivatives& derivatives, const double* by, double* by_e, double* by_x) {
+/// The derivatives `by` the four numbers, added to those by the others.
+inline void ball_vjp(const BallDerivatives& derivatives, const double* by, double* by_e, double* by_x) {
   for (std::size_t i = 0; i < 4; ++i) {
     for (std::size_t k = 0; k < 4; ++k) by_e[k] += by[i] * derivatives.by[i][k];
     for (std::size_t k = 0; by_x && k < 3; ++k) by_x[k] += by[i] * derivatives.by[i][4 + k];
@@ -68,13 +68,13 @@ class RetractionDerivatives {
       if (chart.ball) derivatives_[place++] = turn_derivatives(q_0 + chart.q + chart.scalars, delta + chart.v + chart.scalars);
   }
 
-  void pull(const double* by_q, double* by_q_0, double* by_delta) const {
+  void vjp(const double* by_q, double* by_q_0, double* by_delta) const {
     std::size_t place = 0;
     for (const Chart& chart : charts_) {
       for (int i = 0; i < chart.scalars; ++i) by_q_0[chart.q + i] += by_q[chart.q + i], by_delta[chart.v + i] += by_q[chart.q + i];
       if (!chart.ball) continue;
       const int q = chart.q + chart.scalars;
-      pull_ball(derivatives_[place++], by_q + q, by_q_0 + q, by_delta + chart.v + chart.scalars);
+      ball_vjp(derivatives_[place++], by_q + q, by_q_0 + q, by_delta + chart.v + chart.scalars);
     }
   }
 
@@ -84,18 +84,18 @@ class RetractionDerivatives {
 };
 
 /// Of the rates of coordinates.
-inline void pull_rates(std::span<const Chart> charts, const double* q, const double* v, const double* by_rate, double* by_q, double* by_v) {
+inline void rates_vjp(std::span<const Chart> charts, const double* q, const double* v, const double* by_rate, double* by_q, double* by_v) {
   for (const Chart& chart : charts) {
     for (int i = 0; i < chart.scalars; ++i) by_v[chart.v + i] += by_rate[chart.q + i];
     if (!chart.ball) continue;
     const int e = chart.q + chart.scalars, w = chart.v + chart.scalars;
     const auto make = [](const Dual* e, const Dual* x, Dual* to) { coordinate_rates<Dual>(one_ball, e, x, to); };
-    pull_ball(derivatives_of_ball(q + e, v + w, make), by_rate + e, by_q + e, by_v + w);
+    ball_vjp(derivatives_of_ball(q + e, v + w, make), by_rate + e, by_q + e, by_v + w);
   }
 }
 
 /// Of quaternions whose length is made 1; `by` is that of those before, afterwards.
-inline void pull_lengths(std::span<const Chart> charts, const double* q, double* by) {
+inline void lengths_vjp(std::span<const Chart> charts, const double* q, double* by) {
   for (const Chart& chart : charts) {
     if (!chart.ball) continue;
     const int e = chart.q + chart.scalars;
@@ -105,7 +105,7 @@ inline void pull_lengths(std::span<const Chart> charts, const double* q, double*
       std::copy_n(e, 4, to);
       normalise<Dual>(one_ball, to);
     };
-    pull_ball(derivatives_of_ball(q + e, nullptr, make), behind.data(), by + e, nullptr);
+    ball_vjp(derivatives_of_ball(q + e, nullptr, make), behind.data(), by + e, nullptr);
   }
 }
 

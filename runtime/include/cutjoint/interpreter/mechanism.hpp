@@ -61,10 +61,10 @@ inline Description read_description(const Json& d) {
   found.columns = read_named(d.at("columns"));
   for (const Json& g : d.at("guards")) found.guards.push_back({text(g, 0), text(g, 1), g.size() == 3, g.size() > 3});
   for (const Json& x : d.at("domains")) found.domains.push_back({text(x, 0), text(x, 1), text(x, 2), x.at(3).get<bool>(), x.size() > 4 ? read_index(x.at(4), 0, d.at("domains").size()) : -1});
-  const Json& switches = d.at("switches");
-  for (const Json& s : switches)
-    found.switches.push_back({.element = text(s, 0), .place = text(s, 1), .road = read_index(s.at(2), -1, found.roads.size()),
-                              .across = read_index(s.at(3), -1, switches.size())});
+  const Json& indicators = d.at("indicators");
+  for (const Json& s : indicators)
+    found.indicators.push_back({.element = text(s, 0), .place = text(s, 1), .road = read_index(s.at(2), -1, found.roads.size()),
+                              .across = read_index(s.at(3), -1, indicators.size())});
   for (const Json& c : d.at("controllers")) {
     const std::string& felt = c.at(5).get_ref<const std::string&>();
     const int held = read_index(c.at(4), 0, 1000000);
@@ -100,7 +100,7 @@ class InterpretedMechanism final : public AnyMechanism<double> {
     if (program_.has("project")) project_ = program_.read("project", {q, {"gap", m}}, {{"dz", v.length}});
     if (program_.has("sample")) sample_ = program_.read("sample", {q, v, vdot, lambda}, {{"held", description_.held()}});
     guard_ = program_.read_if_any("guard", {q, v}, {"margin", description_.guards.size()});
-    events_ = program_.read_if_any("events", {q, v}, {"value", description_.switches.size()});
+    events_ = program_.read_if_any("events", {q, v}, {"value", description_.indicators.size()});
     domains_ = program_.read_if_any("domains", {q, v, lambda}, {"inside", description_.domains.size()});
   }
 

@@ -72,7 +72,7 @@ class InterpretedSystem final : public AnySystem<double> {
     energy_ = program_.read("energy", {q, v, vdot, lambda}, {{"energy", 2}});
     if (program_.has("sample")) sample_ = program_.read("sample", {q, v, vdot, lambda}, {{"held", description_.held()}});
     guard_ = program_.read_if_any("guard", {q, v}, {"margin", description_.guards.size()});
-    events_ = program_.read_if_any("events", {q, v}, {"value", description_.switches.size()});
+    events_ = program_.read_if_any("events", {q, v}, {"value", description_.indicators.size()});
     domains_ = program_.read_if_any("domains", {q, v, lambda}, {"inside", description_.domains.size()});
   }
 

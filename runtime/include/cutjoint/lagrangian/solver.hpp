@@ -28,7 +28,7 @@ class LinearSolver {
   /// Replace the right-hand side x by the solution.
   virtual Breakdown solve(Real* x) = 0;
 
-  /// The number of times that a fixed pivot order had to give way to pivoting.
+  /// The number of times that a fixed pivot order had to be given up for pivoting.
   virtual long fallbacks() const { return 0; }
 };
 

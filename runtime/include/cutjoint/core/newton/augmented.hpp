@@ -7,6 +7,7 @@
 
 #include "cutjoint/core/newton/closing.hpp"
 #include "cutjoint/core/newton/newton.hpp"
+#include "cutjoint/core/newton_steps.hpp"
 
 namespace cutjoint {
 
@@ -21,7 +22,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
   using typename Base::Real;
 
   AugmentedBase(S& system, Solver& solver, const NewtonSettings& settings)
-      : Base(system, solver, settings), alpha_(settings.penalty.value_or(0.0)), pose_(sizes_of(system).coordinates), closing_(system), way_(n_), from_(pose_) {}
+      : Base(system, solver, settings), alpha_(settings.penalty.value_or(0.0)), pose_(sizes_of(system).coordinates), closing_(system), shift_(n_), from_(pose_) {}
 
   /// Close the loops of another state, positions first, then speeds, with the factors of a step near it.
   Fault close_loops(StateOf<S>& state) {
@@ -31,7 +32,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
     if (!this->has_factors())
       if (const Fault fault = renew(state)) return fault;
     Residuals left;
-    return this->close_with(state, pose_, k_ * alpha_, closing_, way_, from_, left);
+    return this->close_with(state, pose_, k_ * alpha_, closing_, shift_, from_, left);
   }
 
   /// Close the loops of a state away from any step, by moving the masses least.  A fault names the equation that stays open.
@@ -44,7 +45,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
       this->linearise(state, Real(0), start_weights());
       pose_ = state.q;
       if (const Fault fault = this->factor()) return fault;
-      if (const Fault fault = this->close_with(state, pose_, start_alpha_, closing_, way_, from_, left)) return fault;
+      if (const Fault fault = this->close_with(state, pose_, start_alpha_, closing_, shift_, from_, left)) return fault;
       if (this->is_closed(state)) return {};
     }
     const bool open = left.position > left.velocity;
@@ -141,11 +142,11 @@ class AugmentedBase : public Newton<Own, S, Solver> {
     return pow(share_left_, Real(std::min(iteration_, settings_.multiplier_updates))) < Real(0.3);
   }
 
-  /// The projection  f_q dv = -dt^2/4 alpha Phi_q^T Phid  leaves the same share of the gap Phid; see Closing.
+  /// The projection  f_q dv = -dt^2/4 alpha Phi_q^T Phid  leaves the same share of the violation Phid; see Closing.
   Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& violation) {
     const Real negligible = static_cast<const Own*>(this)->negligible(values);
-    const Fault fault = closing_.close(values, violation, k_ * alpha_, negligible, [&](const auto& w, auto way, auto closing) {
-      return this->follow_weight(pose_, state, w, way, closing);
+    const Fault fault = closing_.close(values, violation, k_ * alpha_, negligible, [&](const auto& w, auto shift, auto closing) {
+      return this->follow_weight(pose_, state.q, w, shift, closing);
     });
     if (!fault && &values == &state.v) share_left_ = closing_.share_left();
     return fault;
@@ -159,13 +160,13 @@ class AugmentedBase : public Newton<Own, S, Solver> {
 
   Real start_alpha_{1}, alpha_;
   int iteration_ = 0;     ///< of a step
-  Real share_left_{0};    ///< of the gap of rates by a projection of length dt^2/4 alpha, where most is left
+  Real share_left_{0};    ///< of the violation of rates by a projection of length dt^2/4 alpha, where most is left
   Coordinates<S> pose_;   ///< of the tangent
 
   Closing<S> closing_;
 
  private:
-  Speeds<S> way_;  ///< of loops that close, and where from
+  Speeds<S> shift_;  ///< of loops that close, and where from
   Coordinates<S> from_;
 };
 
@@ -175,5 +176,9 @@ class AugmentedNewton final : public AugmentedBase<AugmentedNewton<S, Solver>, S
  public:
   using AugmentedBase<AugmentedNewton, S, Solver>::AugmentedBase;
 };
+
+/// Steps of a simulation over a system in natural coordinates, whose tangent is positive definite: any pivot order is safe.
+template <class M, class S>
+using AugmentedSteps = NewtonSteps<M, S, AugmentedNewton<S, StaticSolver<S>>, StaticSolver<S>>;
 
 }  // namespace cutjoint

@@ -6,9 +6,12 @@
 #include <cstddef>
 #include <limits>
 
+#include "cutjoint/core/newton/dense_solver.hpp"
+#include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/core/newton/newton.hpp"
 #include "cutjoint/core/newton/scaled.hpp"
 #include "cutjoint/core/newton/system.hpp"
+#include "cutjoint/core/newton_steps.hpp"
 
 namespace cutjoint {
 
@@ -99,8 +102,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     return {};
   }
 
-  /// A fault where a projection changes values by a leap: one equation nearly depends on others, and the state would land on
-  /// another branch silently.
+  /// A fault where a projection changes values by a leap: one equation nearly depends on others, and the state would land on another branch silently.
   Fault require_small(const Speeds<S>& values) const {
     using std::abs;
     std::size_t worst = 0;
@@ -110,7 +112,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     return this->fault_in_row(Cause::pose_singular, static_cast<int>(worst), x_[worst]);
   }
 
-  /// [M, Phi_q^T; Phi_q, 0] (change; .) = (0; -gap)
+  /// [M, Phi_q^T; Phi_q, 0] (change; .) = (0; -violation)
   template <class Numbers>
   Fault close(const Equations<S>& violation, Numbers& values) {
     std::fill_n(x_.begin(), n_, Real(0));
@@ -136,5 +138,9 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
   Scaled<S> scaled_;
   Rows<S> probe_;
 };
+
+/// Steps of a simulation over a system in natural coordinates with its multipliers.
+template <class M, class S>
+using ClassicalSteps = NewtonSteps<M, S, ClassicalNewton<S, GuardedSolver<S, DenseSolver<S>>>, GuardedSolver<S, DenseSolver<S>>>;
 
 }  // namespace cutjoint

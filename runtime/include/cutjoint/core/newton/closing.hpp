@@ -17,9 +17,9 @@ namespace cutjoint {
 template <class Real>
 inline constexpr Real overweight{1e4};
 
-/// With the tangent A = B + c Phi_q^T Phi_q, the projection  A dv = -c Phi_q^T gap  leaves a share of the gap.  It is the first step, of
-/// length c, of an iteration for w in  S w = gap, S = Phi_q A^-1 Phi_q^T, dv = -A^-1 Phi_q^T w.  Conjugate residuals take steps of the best
-/// length at the same price, a back-substitution each.  They close gaps where the length c closes next to nothing.  They are those of
+/// With the tangent A = B + c Phi_q^T Phi_q, the projection  A dv = -c Phi_q^T violation  leaves a share of the violation.  It is the first step, of
+/// length c, of an iteration for w in  S w = violation, S = Phi_q A^-1 Phi_q^T, dv = -A^-1 Phi_q^T w.  Conjugate residuals take steps of the best
+/// length at the same price, a back-substitution each.  They close violations where the length c closes next to nothing.  They are those of
 /// Eisenstat, Elman, Schultz (SIAM J. Numer. Anal. 20 (1983) 345-357), since A need not be symmetric, nor belong to this very pose.
 ///
 /// A direction far weaker than others belongs to equations that depend on each other, or nearly do: it is left as it is, since closing it
@@ -33,9 +33,9 @@ class Closing {
   static constexpr std::size_t passes = 10;
 
   explicit Closing(const S& system)
-      : n_(sizes_of(system).speeds), m_(sizes_of(system).equations), ways_(passes * n_), closings_(passes * m_) {}
+      : n_(sizes_of(system).speeds), m_(sizes_of(system).equations), shifts_(passes * n_), closings_(passes * m_) {}
 
-  /// Change `values` until their gap is `negligible`; it is left in `violation`, which is linear in them.  `follow` puts way = A^-1 Phi_q^T w and
+  /// Change `values` until their violation is `negligible`; it is left in `violation`, which is linear in them.  `follow` puts way = A^-1 Phi_q^T w and
   /// closing = Phi_q way for a w, and `constraint` is c.  The fault is that of `follow`.
   template <class Follow>
   Fault close(Speeds<S>& values, Equations<S>& violation, Real constraint, Real negligible, Follow follow) {
@@ -43,8 +43,8 @@ class Closing {
     share_left_ = Real(0);
     closed_ = !(largest(violation) > negligible);
     for (std::size_t pass = 0; pass < passes && !closed_; ++pass) {
-      const std::span<Real> way(ways_.data() + pass * n_, n_), closing(closings_.data() + pass * m_, m_);
-      if (const Fault fault = follow(violation, way, closing)) return fault;
+      const std::span<Real> shift(shifts_.data() + pass * n_, n_), closing(closings_.data() + pass * m_, m_);
+      if (const Fault fault = follow(violation, shift, closing)) return fault;
       Real match = dot(violation, closing);
       const Real strength = match / dot(violation, violation);
       share_left_ = std::max(share_left_, 1 - constraint * strength);
@@ -52,24 +52,24 @@ class Closing {
       if (!(free > Real(1e-4) * strongest)) break;
       strongest = std::max(strongest, std::min(free, overweight<Real> / constraint));
       for (std::size_t before = 0; before < pass; ++before) {
-        const std::span<Real> old_way(ways_.data() + before * n_, n_), old(closings_.data() + before * m_, m_);
+        const std::span<Real> old_shift(shifts_.data() + before * n_, n_), old(closings_.data() + before * m_, m_);
         const Real share = dot(closing, old) / dot(old, old);
-        subtract(share, old_way, way);
+        subtract(share, old_shift, shift);
         subtract(share, old, closing);
       }
       if (pass > 0) match = dot(violation, closing);
       const Real length = match / dot(closing, closing);
-      subtract(length, way, values);
+      subtract(length, shift, values);
       subtract(length, closing, violation);
       closed_ = !(largest(violation) > negligible);
     }
     return {};
   }
 
-  /// The share of the last gap that a projection of length c would leave, where most would be left.
+  /// The share of the last violation that a projection of length c would leave, where most would be left.
   Real share_left() const { return share_left_; }
 
-  /// Whether the last gap has been closed.
+  /// Whether the last violation has been closed.
   bool closed() const { return closed_; }
 
  private:
@@ -82,7 +82,7 @@ class Closing {
   std::size_t n_, m_;
   bool closed_ = true;
   Real share_left_{0};
-  Array<S, passes * static_sizes<S>().speeds> ways_;         ///< increments
+  Array<S, passes * static_sizes<S>().speeds> shifts_;         ///< increments
   Array<S, passes * static_sizes<S>().equations> closings_;  ///< what they close
 };
 

@@ -52,11 +52,10 @@ class GuardedSolver {
     return now_.pivots ? pivoting_.smallest_pivot(values) : fixed_.smallest_pivot(values);
   }
 
-  /// How often the fixed pivot order had to give way to pivoting.
+  /// How often the fixed pivot order had to be given up for pivoting.
   long fallbacks() const { return fallbacks_; }
 
-  /// Whether pivoting is in use, the last factors are known to be good, and scales have been measured.  The type is long, so that equal
-  /// values have equal bytes.
+  /// Whether pivoting is in use, the last factors are known to be good, and scales have been measured.  The type is long, so that equal values have equal bytes.
   struct Progress {
     long pivots = 0, trusted = 0, measured = 0;
   };

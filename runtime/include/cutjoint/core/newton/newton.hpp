@@ -61,7 +61,7 @@ struct NewtonSettings {
 /// - `weights` and `start_weights`, of the tangent of a step and of the matrix that gives accelerations,
 /// - `right_of_start` and `approach`, the right-hand sides of iterations, of a step with the tangent where that is renewed,
 /// - `update_multipliers` at the end of a step, whose Phi is known,
-/// - `project_on`, which brings rates, whose gap is Phid, or accelerations, whose gap is Phidd, to the equations; what is left stays in `violation`,
+/// - `project_on`, which brings rates, whose violation is Phid, or accelerations, whose violation is Phidd, to the equations; what is left stays in `violation`,
 /// - and whatever it has instead of the functions under "what methods may have of their own".
 template <class Own, class S, class Solver>
 class Newton : public Workspace<S, Solver> {
@@ -210,7 +210,7 @@ class Newton : public Workspace<S, Solver> {
   void take_multipliers() {}                                        ///< those of the solution
   void take_jump(StateOf<S>&) {}                                    ///< multipliers of a solution whose right-hand side was not scaled by k
   Fault explain(const Fault& fault) { return fault; }               ///< what more there is to say of an iteration without end
-  Real negligible(const auto& values) const { return rounding(values); }  ///< the gap beside a quantity of this size that a projection may leave
+  Real negligible(const auto& values) const { return rounding(values); }  ///< the violation beside a quantity of this size that a projection may leave
 
   /// Whether the last iteration changed the accelerations by little already, or the coordinates, in a short step, by rounding.
   bool is_near() const { return change_ <= std::max(Real(1e-3) * size_, rounding_ / k_); }
@@ -234,7 +234,7 @@ class Newton : public Workspace<S, Solver> {
     return largest(this->phi_) <= allowed * (Real(1) + largest(state.q)) && largest(this->phid_) <= allowed * (Real(1) + largest(state.v));
   }
 
-  /// The equation with the largest gap, or with one that is no number.
+  /// The equation with the largest violation, or with one that is no number.
   static std::size_t worst_of(const Equations<S>& violation) {
     using std::abs;
     std::size_t worst = 0;
@@ -246,7 +246,7 @@ class Newton : public Workspace<S, Solver> {
   /// The turns of the balls from the step's start to the iterate.
   void turn() { turn_matrices<Real>(this->charts(), delta_.data(), turns_.data()); }
 
-  /// Passes of a projection, and the gap beside a quantity of this size that is only rounding.
+  /// Passes of a projection, and the violation beside a quantity of this size that is only rounding.
   static constexpr std::size_t passes = 10;
   static Real rounding(const auto& values) { return rounding_like(1e-11) * (Real(1) + largest(values)); }
 
@@ -427,8 +427,7 @@ class Newton : public Workspace<S, Solver> {
     predicted_ = state.vdot;
   }
 
-  /// The change of the accelerations that may end an iteration: the tolerance, or with reused tangents the share that the step's own error
-  /// can see, if that is less.
+  /// The change of the accelerations that may end an iteration: the tolerance, or with reused tangents the share that the step's own error can see, if that is less.
   ///
   /// The rest of an old tangent has the same direction in all steps, and adds up.  The accelerations come to lie as far from their
   /// extrapolation as a second difference, of which the rule's error is a twelfth.  Less than the rounding of the speeds is not asked for.
@@ -498,7 +497,7 @@ class Newton : public Workspace<S, Solver> {
   }
 
   /// Rates and accelerations satisfy the equations at the smallest cost in the norm of the tangent: by increments that vanish with the
-  /// gaps, with the factors of the last iteration.  Phid is linear in the rates and Phidd in the accelerations: what is left is known.
+  /// violations, with the factors of the last iteration.  Phid is linear in the rates and Phidd in the accelerations: what is left is known.
   Fault project(StateOf<S>& state) {
     if (const Fault fault = own().project_on(state, state.v, phid_)) return fault;
     this->constraint_residual(state);

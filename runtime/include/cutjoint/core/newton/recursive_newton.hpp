@@ -6,6 +6,8 @@
 #include <cstddef>
 
 #include "cutjoint/core/newton/augmented.hpp"
+#include "cutjoint/core/newton/dense_solver.hpp"
+#include "cutjoint/core/newton/guarded_solver.hpp"
 
 namespace cutjoint {
 
@@ -53,7 +55,7 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
   /// A hundredth of what the iteration leaves of the accelerations.
   Real negligible(const Speeds<S>& values) const { return Real(1e-2) * Real(settings_.tolerance) * (Real(1) + largest(values)); }
 
-  /// Where the reused factors leave a gap, those of a new tangent close it.  So do they where their age shows: a gap of the rates is closed in the metric of
+  /// Where the reused factors leave a violation, those of a new tangent close it.  So do they where their age shows: a violation of the rates is closed in the metric of
   /// the tangent, and what its age changes in that has the same direction in all steps.
   Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& violation) {
     unclosed_ = values;
@@ -79,7 +81,7 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
     return this->age() * move > 100 * this->left() * this->speed_;
   }
 
-  /// Where a projection leaves most of a gap, equations nearly depend on each other.  Their directions turn quickly with the pose, their
+  /// Where a projection leaves most of a violation, equations nearly depend on each other.  Their directions turn quickly with the pose, their
   /// multipliers grow without limit, and the tangent's share of these does too.
   Fault project_surely(const StateOf<S>& state, Speeds<S>& values, Equations<S>& violation) {
     const Fault fault = Base::project_on(state, values, violation);
@@ -110,8 +112,12 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
 
   int updates_ = 0;  ///< iterations of a step that corrected the multipliers
   Equations<S> push_;
-  Speeds<S> penalised_, unclosed_;  ///< the last: rates before they were projected, whose gap is `violation_`
+  Speeds<S> penalised_, unclosed_;  ///< the last: rates before they were projected, whose violation is `violation_`
   Equations<S> violation_;
 };
+
+/// Steps of a simulation over a system in the coordinates of the mechanism M that starts.
+template <class M, class S>
+using RecursiveNewtonSteps = NewtonSteps<M, S, RecursiveNewton<S, GuardedSolver<S, DenseSolver<S>>>, GuardedSolver<S, DenseSolver<S>>>;
 
 }  // namespace cutjoint

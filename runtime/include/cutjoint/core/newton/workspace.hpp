@@ -62,30 +62,30 @@ class Workspace {
   Fault solve() { return fault_of(solver_.solve(x_.data())); }
 
   /// way = A^-1 Phi_q^T w and closing = Phi_q way, the first Phi_q that of a pose, with the factors of A.
-  Fault follow_weight(const Coordinates<S>& pose, const StateOf<S>& state, const Equations<S>& w, std::span<Real> way, std::span<Real> closing) {
+  Fault follow_weight(const Coordinates<S>& pose, const Coordinates<S>& at, const Equations<S>& w, std::span<Real> shift, std::span<Real> closing) {
     system_.apply_jacobian_transposed(pose.data(), w.data(), x_.data());
     if (const Fault fault = solve()) return fault;
-    std::copy_n(x_.begin(), n_, way.begin());
-    system_.apply_jacobian(state.q.data(), way.data(), closing.data());
+    std::copy_n(x_.begin(), n_, shift.begin());
+    system_.apply_jacobian(at.data(), shift.data(), closing.data());
     return {};
   }
 
   /// Close the loops of a state, positions first, then speeds, with the factors of a tangent that belongs to a pose and has the weight `constraint`
-  /// of the equations; `way` and `from` are room for speeds and coordinates.  `left` is what is left.
-  Fault close_with(StateOf<S>& state, const Coordinates<S>& pose, Real constraint, Closing<S>& closing, Speeds<S>& way, Coordinates<S>& from,
+  /// of the equations; `shift` and `from` are room for speeds and coordinates.  `left` is what is left.
+  Fault close_with(StateOf<S>& state, const Coordinates<S>& pose, Real constraint, Closing<S>& closing, Speeds<S>& shift, Coordinates<S>& from,
                    Residuals& left) {
     const auto bring = [&](Speeds<S>& values, Equations<S>& violation, Real negligible) {
       return closing.close(values, violation, constraint, negligible,
-                           [&](const auto& weight, auto along, auto closed) { return follow_weight(pose, state, weight, along, closed); });
+                           [&](const auto& weight, auto along, auto closed) { return follow_weight(pose, state.q, weight, along, closed); });
     };
     for (int round = 0;; ++round) {
       constraint_residual(state);
       const Real rounding = rounding_like(1e-13) * (Real(1) + largest(state.q));
       if (!(largest(phi_) > rounding) || round == 4) break;
-      std::fill(way.begin(), way.end(), Real(0));
-      if (const Fault fault = bring(way, phi_, rounding)) return fault;
+      std::fill(shift.begin(), shift.end(), Real(0));
+      if (const Fault fault = bring(shift, phi_, rounding)) return fault;
       from = state.q;
-      displace(charts(), from, way.data(), state.q);
+      displace(charts(), from, shift.data(), state.q);
     }
     if (const Fault fault = bring(state.v, phid_, rounding_like(1e-12) * (Real(1) + largest(state.v)))) return fault;
     constraint_residual(state);

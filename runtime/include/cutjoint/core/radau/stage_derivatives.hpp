@@ -111,10 +111,10 @@ class StageDerivatives {
 
   /// Slopes by coordinates and speeds of the step's start, added, and by accelerations, from those by coordinates and speeds of the stages.
   template <class Q, class V>
-  void pull(double h, std::span<const Chart> charts, const double* from, const std::array<Q, stages>& by_q, std::array<V, stages> by_v, Q& by_from, V& by_speeds,
+  void vjp(double h, std::span<const Chart> charts, const double* from, const std::array<Q, stages>& by_q, std::array<V, stages> by_v, Q& by_from, V& by_speeds,
             std::array<V, stages>& by_derivatives) const {
     std::array<V, stages> by_delta{};
-    for (std::size_t i = 0; i < stages; ++i) RetractionDerivatives<balls>(charts, from, delta_[i].data()).pull(by_q[i].data(), by_from.data(), by_delta[i].data());
+    for (std::size_t i = 0; i < stages; ++i) RetractionDerivatives<balls>(charts, from, delta_[i].data()).vjp(by_q[i].data(), by_from.data(), by_delta[i].data());
     for (const Chart& chart : charts)
       for (int k = 0; k < chart.scalars; ++k)
         for (std::size_t i = 0; i < stages; ++i)
@@ -209,7 +209,7 @@ class StageDerivatives {
           for (std::size_t j = 0; j < stages; ++j) add_state(balance, column, i, j, h, derivative_[i][Places::derivatives[k]], [&](std::size_t at, double share) { add(j, at, share); });
         }
         for (std::size_t k = Places::middles[row]; k < Places::starts[row + 1]; ++k) add(i, Places::columns[k] - Balance::first_acceleration, derivative_[i][Places::derivatives[k]]);
-        if (row >= n) add(i, row, -balance.gives_way(row - n));
+        if (row >= n) add(i, row, -balance.yields(row - n));
       }
     return matrix_.decompose(Matrix::everywhere);
   }

@@ -36,8 +36,8 @@ class Stages : public StepStart<S, Solver> {
   using typename Base::Real;
   using Base::charts;
 
-  Stages(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
-      : Base(system, solver, other, std::move(switches), roads), complex_(system), points_{at_, at_, at_},
+  Stages(S& system, Solver& solver, Solver& other, IndicatorPlaces<S> indicators, const Road<Real>* roads)
+      : Base(system, solver, other, std::move(indicators), roads), complex_(system), points_{at_, at_, at_},
         changes_(derivatives_), guess_(derivatives_), kept_(derivatives_), places_(derivatives_), violations_(forces_), kept_forces_(forces_), mass_(this->tangent_),
         damping_(mass_), stiffness_(mass_), re_(mass_), im_(mass_), x_re_(n_), x_im_(n_) {}
 
@@ -48,6 +48,7 @@ class Stages : public StepStart<S, Solver> {
     h_ = h;
     cells_.begin(start_.t);
     extrapolate(h);
+    drop_open_part();
     guess_ = derivatives_;
     stale_ = !factored_ || slow_;
     bool found = false;
@@ -111,9 +112,9 @@ class Stages : public StepStart<S, Solver> {
   }
 
  private:
-  using Base::alpha_, Base::at_, Base::cells_, Base::delta_, Base::f_, Base::factored_, Base::forces_, Base::lambda_, Base::last_h_, Base::m_,
+  using Base::alpha_, Base::at_, Base::before_, Base::cells_, Base::delta_, Base::f_, Base::factored_, Base::forces_, Base::lambda_, Base::last_h_, Base::m_,
       Base::n_, Base::phidd_, Base::pose_, Base::push_, Base::rates_, Base::derivatives_, Base::slow_, Base::start_, Base::system_, Base::tangent_, Base::time_,
-      Base::tolerances_, Base::turns_, Base::x_;
+      Base::tolerances_, Base::trial_, Base::turns_, Base::x_;
 
   static constexpr double shorter = 0.9, longer = 1.1;  ///< factors serve steps up to these times theirs
   static constexpr double rest = 0.003;                 ///< share of the allowed error that the iteration leaves
@@ -176,6 +177,21 @@ class Stages : public StepStart<S, Solver> {
         for (std::size_t l = 0; l < m_; ++l) forces_[i][l] += weight * kept_forces_[j][l];
       }
     }
+  }
+
+  /// Redundant equations leave a part of the multipliers open, which no iteration corrects: as the equations' directions turn, some of it comes in at each step,
+  /// and extrapolating enlarges it without end.  Where multipliers have doubled mostly by it, and it carries no force, the guess goes without.
+  void drop_open_part() {
+    const Real size = largest(forces_.back());
+    const bool grown = size > 2 * before_;
+    before_ = grown ? size : std::min(before_, size);
+    if (m_ == 0 || !grown || !this->has_factors_) return;
+    for (std::size_t i = Table::stages; i > 0; --i) {
+      if (this->carries_open_part(forces_[i])) return;
+      if (i == Table::stages && largest(push_) < size / 2) return;
+      for (std::size_t j = 0; j < m_; ++j) forces_[i][j] -= push_[j];
+    }
+    before_ = largest(forces_.back());
   }
 
   /// Whether the attempt leaves the regime with the stages as they are, and shall end there.

@@ -22,7 +22,7 @@
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/state.hpp"
 #include "cutjoint/core/stepping/step_control.hpp"
-#include "cutjoint/core/stepping/switch_cells.hpp"
+#include "cutjoint/core/stepping/indicator_cells.hpp"
 
 namespace cutjoint::radau {
 
@@ -40,11 +40,11 @@ class StepStart : public Workspace<S, Solver> {
   static constexpr int order = Table::order;
   static constexpr bool estimates = true;  ///< an error
 
-  /// `other` solves for the accelerations of single states; `switches` are where those stand at which steps end, all or none of the system's, and
+  /// `other` solves for the accelerations of single states; `indicators` are where those stand at which steps end, all or none of the system's, and
   /// `roads` those of its tyres.
-  StepStart(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
+  StepStart(S& system, Solver& solver, Solver& other, IndicatorPlaces<S> indicators, const Road<Real>* roads)
       : Base(system, solver), other_(other), single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}),
-        closing_(system), cells_(std::move(switches), roads), turns_(unit_turns(system)), row_(design_state(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
+        closing_(system), cells_(std::move(indicators), roads), turns_(unit_turns(system)), row_(design_state(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
         moved_(pose_), push_(m_), way_(n_), delta_(n_), trial_(n_), rates_(repeat<Table::stages + 1>(delta_)), derivatives_(rates_),
         forces_(repeat<Table::stages + 1>(push_)) {}
 
@@ -145,25 +145,25 @@ class StepStart : public Workspace<S, Solver> {
   /// Go over to the regime of the present state.
   void adopt() {
     if (cells_.empty()) return;
-    switch_at(start_);
+    evaluate_at(start_);
     cells_.adopt();
   }
 
-  /// Seek the switches that a state has out of the regime; whether there are any.
+  /// Seek the indicators that a state has out of the regime; whether there are any.
   bool seek(const StateOf<S>& state) {
     if (cells_.empty()) return false;
-    switch_at(state);
+    evaluate_at(state);
     return cells_.seek();
   }
 
-  /// The first of them that a state has out of the regime; as many as there are switches if there is none.
+  /// The first of them that a state has out of the regime; as many as there are indicators if there is none.
   std::size_t found(const StateOf<S>& state) {
     if (cells_.empty()) return 0;
-    switch_at(state);
+    evaluate_at(state);
     return cells_.found();
   }
 
-  stepping::SwitchCells<S>& cells() { return cells_; }
+  stepping::IndicatorCells<S>& cells() { return cells_; }
 
   /// Close the loops of a state, positions first, then speeds.
   Fault project(StateOf<S>& state) {
@@ -188,8 +188,8 @@ class StepStart : public Workspace<S, Solver> {
   long factorisations() const { return Base::factorisations() + factorisations_; }
 
   /// Why the last attempt, whose stages were `found` or not, is not taken in a shorter step; `size` is that of its error.
-  Fault give_up(bool found, bool adaptive, long number, Real size) const {
-    const Cause cause = found ? Cause::tolerance_not_met : adaptive ? Cause::stages_not_found : Cause::stage_not_converged;
+  Fault give_up(bool found, bool adaptive, long number, Real size) {
+    const Cause cause = is_singular() ? Cause::pose_singular : found ? Cause::tolerance_not_met : adaptive ? Cause::stages_not_found : Cause::stage_not_converged;
     Fault fault = this->fault_in_row(cause, static_cast<int>(worst_), size);
     fault.t = static_cast<double>(start_.t);
     fault.step = number;
@@ -201,15 +201,15 @@ class StepStart : public Workspace<S, Solver> {
     StateOf<S> start;
     Coordinates<S> pose;
     Entries<S> tangent;
-    Real alpha, factored_w, last_h, share;
+    Real alpha, factored_w, last_h, share, before;
     long has_factors, factored, slow;
-    typename stepping::SwitchCells<S>::Memory cells;
+    typename stepping::IndicatorCells<S>::Memory cells;
     typename Solver::Memory solver, other;
     typename RecursiveNewton<S, Solver>::Memory single;
   };
 
   Memory memory() const {
-    return {start_, pose_, tangent_, alpha_, factored_w_, last_h_, share_, has_factors_, factored_, slow_, cells_.memory(), solver_.memory(), other_.memory(),
+    return {start_, pose_, tangent_, alpha_, factored_w_, last_h_, share_, before_, has_factors_, factored_, slow_, cells_.memory(), solver_.memory(), other_.memory(),
             single_.memory()};
   }
 
@@ -221,6 +221,7 @@ class StepStart : public Workspace<S, Solver> {
     factored_w_ = memory.factored_w;
     last_h_ = memory.last_h;
     share_ = memory.share;
+    before_ = memory.before;
     has_factors_ = memory.has_factors;
     factored_ = memory.factored;
     slow_ = memory.slow;
@@ -243,7 +244,7 @@ class StepStart : public Workspace<S, Solver> {
 
   void take_over() {
     alpha_ = single_.step_weights().constraint;
-    last_h_ = Real(0);
+    last_h_ = before_ = Real(0);
     has_factors_ = factored_ = slow_ = false;
     keep_start();
     adopt();
@@ -255,19 +256,33 @@ class StepStart : public Workspace<S, Solver> {
     forces_[0] = start_.lambda;
   }
 
-  void switch_at(const StateOf<S>& state) {
+  void evaluate_at(const StateOf<S>& state) {
     system_.begin_step(state.t, Real(1));
     look_at(state);
   }
 
   void look_at(const StateOf<S>& state) {
-    if constexpr (stepping::SwitchCells<S>::can_switch) system_.events(state.q.data(), state.v.data(), cells_.values());
+    if constexpr (stepping::IndicatorCells<S>::has_indicators) system_.events(state.q.data(), state.v.data(), cells_.values());
   }
 
   void note(Real size, std::size_t speed, Real& largest) {
     if (size <= largest || largest != largest) return;
     largest = size;
     worst_ = speed;
+  }
+
+  /// Whether equations nearly depend on each other: a good part of the loops' force, Phi_q^T lambda, is by multipliers beside alpha Phi_q A^-1 Phi_q^T lambda, which
+  /// are those that the masses of the tangent A keep from the penalty.  What redundant equations leave open is beside it too, but has no force.
+  bool is_singular() { return m_ > 0 && has_factors_ && carries_open_part(start_.lambda); }
+
+  /// The part of multipliers that redundant equations leave open, which the penalty does not see, in push_; whether a tenth of their force is its.
+  bool carries_open_part(const Equations<S>& lambda) {
+    std::fill(push_.begin(), push_.end(), Real(0));
+    if (this->follow_weight(pose_, pose_, lambda, trial_, push_)) return false;
+    for (std::size_t i = 0; i < m_; ++i) push_[i] = lambda[i] - alpha_ * push_[i];
+    system_.apply_jacobian_transposed(pose_.data(), push_.data(), trial_.data());
+    system_.apply_jacobian_transposed(pose_.data(), lambda.data(), way_.data());
+    return largest(trial_) > largest(way_) / 10;
   }
 
   /// The difference (d, e) of the two orders in delta and v, into way_ and x_, without what is fast beside a step, which it overstates
@@ -291,7 +306,7 @@ class StepStart : public Workspace<S, Solver> {
   Solver& other_;
   RecursiveNewton<S, Solver> single_;
   Closing<S> closing_;
-  stepping::SwitchCells<S> cells_;
+  stepping::IndicatorCells<S> cells_;
   Turns<S> turns_;
   StateOf<S> row_, start_, at_, probe_;  ///< room, at the step's start, of a stage and at last the end, and beside it
   Coordinates<S> pose_, moved_;          ///< that of the factors
@@ -301,7 +316,7 @@ class StepStart : public Workspace<S, Solver> {
   std::array<Equations<S>, Table::stages + 1> forces_;       ///< the same of multipliers
   Residuals residuals_;
   stepping::Tolerances<Real> tolerances_;
-  Real alpha_{1}, factored_w_{0}, last_h_{0}, share_{0.5};  ///< the last: of a change by the iteration before
+  Real alpha_{1}, factored_w_{0}, last_h_{0}, share_{0.5}, before_{0};  ///< the last: of a change by the iteration before, and multipliers when their open part was sought
   bool has_factors_ = false;  ///< of a stage since the start
   bool factored_ = false, slow_ = false;  ///< whether these serve, and whether the iteration was slow
   std::size_t worst_ = 0;

@@ -13,19 +13,18 @@
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/runge_kutta/solved.hpp"
 #include "cutjoint/core/state.hpp"
-#include "cutjoint/core/stepping/switch_cells.hpp"
+#include "cutjoint/core/stepping/indicator_cells.hpp"
 
 namespace cutjoint::runge_kutta {
 
-/// The differential equation of a mechanism some of whose switches, all or none, are watched at every stage, and whose loops are closed
-/// after each step.
+/// The differential equation of a mechanism some of whose indicators, all or none, are watched at every stage, and whose loops are closed after each step.
 template <Mechanism M>
 class ClosedLoopDynamics : public Solved<M> {
  public:
   using Real = typename M::real_type;
   using typename Solved<M>::Vector;
 
-  ClosedLoopDynamics(M& mechanism, const stepping::SwitchCells<M>& cells, Real tolerance, Multipliers multipliers)
+  ClosedLoopDynamics(M& mechanism, const stepping::IndicatorCells<M>& cells, Real tolerance, Multipliers multipliers)
       : Solved<M>(mechanism, tolerance, multipliers), cells_(cells), history_{state_.lambda, state_.lambda}, residual_(state_.lambda),
         rate_(state_.lambda), speeds_(state_.v) {}
 
@@ -43,11 +42,11 @@ class ClosedLoopDynamics : public Solved<M> {
     if (history_.known < 2) state_.lambda = history_.last;
   }
 
-  /// The slope at a stage.  Unless it is wanted by all means, it is not found where the attempt has left the regime: returns whether it is.
+  /// The derivative at a stage.  Unless it is wanted by all means, it is not found where the attempt has left the regime: returns whether it is.
   bool derive(Real t, const Vector& y, Vector& derivative, bool by_all_means = true) {
     this->begin_at(t, y);
     if (!cells_.empty()) {
-      evaluate_switches();
+      evaluate_indicators();
       cells_.look(t);
       cells_.pass(t);
       if (!by_all_means && cells_.crossed()) return false;
@@ -57,7 +56,7 @@ class ClosedLoopDynamics : public Solved<M> {
     return true;
   }
 
-  /// The slope at a stage that only tells what lies between a step's ends: it leaves no trace in later evaluations, and no switch is looked at there.
+  /// The derivative at a stage that only tells what lies between a step's ends: it leaves no trace in later evaluations, and no indicator is looked at there.
   void derive_between(Real t, const Vector& y, Vector& derivative) {
     const auto before = this->experience_;
     complete_ = state_;
@@ -103,17 +102,17 @@ class ClosedLoopDynamics : public Solved<M> {
     std::copy(middle, y.end(), state.v.begin());
   }
 
-  /// Seek the switches that a state has out of the regime; whether there are any.
+  /// Seek the indicators that a state has out of the regime; whether there are any.
   bool seek(Real t, const Vector& y) {
     if (cells_.empty()) return false;
-    switch_at(t, y);
+    evaluate_at(t, y);
     return cells_.seek();
   }
 
-  /// The first of them that a state has out of the regime; as many as there are switches if there is none.
+  /// The first of them that a state has out of the regime; as many as there are indicators if there is none.
   std::size_t found(Real t, const Vector& y) {
     if (cells_.empty()) return 0;
-    switch_at(t, y);
+    evaluate_at(t, y);
     return cells_.found();
   }
 
@@ -131,11 +130,11 @@ class ClosedLoopDynamics : public Solved<M> {
   void adopt(Real t, const Vector& y) {
     history_.known = 0;
     if (cells_.empty()) return;
-    switch_at(t, y);
+    evaluate_at(t, y);
     cells_.adopt();
   }
 
-  stepping::SwitchCells<M>& cells() { return cells_; }
+  stepping::IndicatorCells<M>& cells() { return cells_; }
 
   /// Multipliers at the ends of the last two steps.
   struct History {
@@ -146,7 +145,7 @@ class ClosedLoopDynamics : public Solved<M> {
 
   /// Memory of the next steps.
   struct Memory {
-    typename stepping::SwitchCells<M>::Memory cells;
+    typename stepping::IndicatorCells<M>::Memory cells;
     History history;
     typename Solved<M>::Experience experience;
     Equations<M> lambda;
@@ -186,16 +185,16 @@ class ClosedLoopDynamics : public Solved<M> {
     for (std::size_t i = 0; i < last.size(); ++i) state_.lambda[i] = last[i] + share * (last[i] - before_last[i]);
   }
 
-  void switch_at(Real t, const Vector& y) {
+  void evaluate_at(Real t, const Vector& y) {
     this->begin_at(t, y);
-    evaluate_switches();
+    evaluate_indicators();
   }
 
-  void evaluate_switches() {
-    if constexpr (stepping::SwitchCells<M>::can_switch) mechanism_.events(state_.q.data(), state_.v.data(), cells_.values());
+  void evaluate_indicators() {
+    if constexpr (stepping::IndicatorCells<M>::has_indicators) mechanism_.events(state_.q.data(), state_.v.data(), cells_.values());
   }
 
-  stepping::SwitchCells<M> cells_;
+  stepping::IndicatorCells<M> cells_;
   History history_;
   Equations<M> residual_, rate_;
   Speeds<M> speeds_;  ///< before loops are closed

@@ -10,13 +10,13 @@
 
 namespace cutjoint::runge_kutta {
 
-/// A method whose last stage stands at the end of the step, so that its slope begins the next one.
+/// A method whose last stage stands at the end of the step, so that its derivative begins the next one.
 ///
 /// Between the ends, with s the share of the step,
 ///
 ///     y(s) = y + s (d + (1 - s) (b + s (c + (1 - s) (w + s (...)))))      d = end - y,  b = h f(y) - d,  c = d - h f(end) - b
 ///
-/// where w and those that follow are h times the slopes weighted by the rows of the table's `dense`.  Stages that stand there alone are found when the
+/// where w and those that follow are h times the derivatives weighted by the rows of the table's `dense`.  Stages that stand there alone are found when the
 /// first place between the ends is asked for.
 template <class Dynamics, class Table>
 class Formula {
@@ -33,10 +33,10 @@ class Formula {
     parts_.fill(at_);
   }
 
-  /// The state has been changed otherwise than by a step: no slope is known.
+  /// The state has been changed otherwise than by a step: no derivative is known.
   void restart() { begun_ = false; }
 
-  /// The slope where the next step begins, if it is known.
+  /// The derivative where the next step begins, if it is known.
   struct Memory {
     Vector derivative;
     long begun;  ///< 0 or 1; a bool would leave bytes of a snapshot to chance
@@ -49,7 +49,7 @@ class Formula {
     begun_ = memory.begun != 0;
   }
 
-  /// The slopes with which the accepted step began, and with which the next one does unless it restarts.
+  /// The derivatives with which the accepted step began, and with which the next one does unless it restarts.
   const Vector& first_derivative() const { return derivatives_[Table::stages - 1]; }
   const Vector& last_derivative() const { return derivatives_[0]; }
 
@@ -73,9 +73,9 @@ class Formula {
     using std::sqrt;
     Real above(0), below(0);
     for (std::size_t i = 0; i < end.size(); ++i) {
-      const Real derivative = derivatives_[Table::stages - 1][i] - derivatives_[Table::stages - 2][i], way = end[i] - before_[i];
+      const Real derivative = derivatives_[Table::stages - 1][i] - derivatives_[Table::stages - 2][i], shift = end[i] - before_[i];
       above += derivative * derivative;
-      below += way * way;
+      below += shift * shift;
     }
     return below > Real(0) ? h * sqrt(above / below) : Real(0);
   }
@@ -85,11 +85,11 @@ class Formula {
     const auto &first = derivatives_[0], &last = derivatives_[Table::stages - 1];
     if constexpr (Table::all == Table::stages) weigh_between(h);
     for (std::size_t i = 0; i < y.size(); ++i) {
-      const Real way = end[i] - y[i], bend = h * first[i] - way;
+      const Real shift = end[i] - y[i], bend = h * first[i] - shift;
       parts_[0][i] = y[i];
-      parts_[1][i] = way;
+      parts_[1][i] = shift;
       parts_[2][i] = bend;
-      parts_[3][i] = way - h * last[i] - bend;
+      parts_[3][i] = shift - h * last[i] - bend;
     }
     derivatives_[0].swap(derivatives_[Table::stages - 1]);
     accepted_ = {t, h, Table::all > Table::stages};
@@ -108,7 +108,7 @@ class Formula {
   }
 
  private:
-  /// h times weighted slopes.
+  /// h times weighted derivatives.
   void weigh(Real h, const typename Table::Row& weights, Vector& sum) const {
     std::fill(sum.begin(), sum.end(), Real(0));
     add_derivatives(h, weights, derivatives_, sum);

@@ -11,7 +11,7 @@
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/state.hpp"
-#include "cutjoint/core/stepping/switch_cells.hpp"
+#include "cutjoint/core/stepping/indicator_cells.hpp"
 
 namespace cutjoint::stepping {
 
@@ -19,7 +19,7 @@ namespace cutjoint::stepping {
 ///
 /// A rule has
 ///
-/// - `subject`, what is stepped, and `events`, the values of the switches in a state,
+/// - `subject`, what is stepped, and `events`, the values of the indicators in a state,
 /// - `start`, which takes over a first state, and `restart`, accelerations and multipliers of a state's coordinates and speeds,
 /// - `step`, a step of a given length; where it fails the state is that before,
 /// - `keep`, after a step that counts, and `go_back`, before another attempt from the last state that does,
@@ -38,8 +38,8 @@ class EqualSteps {
   static constexpr int order = 2;
   static constexpr bool estimates = false;
 
-  EqualSteps(Rule& rule, SwitchPlaces<Subject> switches, const Road<Real>* roads, Real dt)
-      : rule_(rule), cells_(std::move(switches), roads), dt_(dt), start_(design_state(rule.subject())), at_(start_), way_(start_.v), moved_(start_.v) {}
+  EqualSteps(Rule& rule, IndicatorPlaces<Subject> indicators, const Road<Real>* roads, Real dt)
+      : rule_(rule), cells_(std::move(indicators), roads), dt_(dt), start_(design_state(rule.subject())), at_(start_), shift_(start_.v), moved_(start_.v) {}
 
   std::size_t size() const { return start_.q.size() + start_.v.size(); }
   std::span<const Chart> charts() const { return charts_of(rule_.subject()); }
@@ -109,13 +109,13 @@ class EqualSteps {
     cells_.adopt();
   }
 
-  /// Seek the switches that a state has out of the regime; whether there are any.
+  /// Seek the indicators that a state has out of the regime; whether there are any.
   bool seek(const State& state) {
     rule_.events(state, cells_.values());
     return cells_.seek();
   }
 
-  /// The first of them that a state has out of the regime; as many as there are switches if there is none.
+  /// The first of them that a state has out of the regime; as many as there are indicators if there is none.
   std::size_t found(const State& state) {
     rule_.events(state, cells_.values());
     return cells_.found();
@@ -127,7 +127,7 @@ class EqualSteps {
     return start_;
   }
 
-  SwitchCells<Subject>& cells() { return cells_; }
+  IndicatorCells<Subject>& cells() { return cells_; }
 
   /// Close the loops of a state that lies between steps.
   Fault project(State& state) { return rule_.project(state); }
@@ -157,11 +157,11 @@ class EqualSteps {
   }
 
   void extrapolate(Real h) {
-    for (std::size_t i = 0; i < way_.size(); ++i) {
-      way_[i] = h * start_.v[i] + h * h / 2 * start_.vdot[i];
+    for (std::size_t i = 0; i < shift_.size(); ++i) {
+      shift_[i] = h * start_.v[i] + h * h / 2 * start_.vdot[i];
       at_.v[i] = start_.v[i] + h * start_.vdot[i];
     }
-    retract<Real>(charts(), start_.q.data(), way_.data(), at_.q.data());
+    retract<Real>(charts(), start_.q.data(), shift_.data(), at_.q.data());
     at_.t = start_.t + h;
   }
 
@@ -171,10 +171,10 @@ class EqualSteps {
   }
 
   Rule& rule_;
-  SwitchCells<Subject> cells_;
+  IndicatorCells<Subject> cells_;
   Real dt_;
   State start_, at_;  ///< at the step's start, and its attempted end
-  Speeds<Subject> way_, moved_;
+  Speeds<Subject> shift_, moved_;
   Fault fault_;  ///< of the last attempt
   bool tried_ = false;
 };

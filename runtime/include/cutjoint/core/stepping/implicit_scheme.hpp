@@ -151,7 +151,7 @@ class ImplicitScheme {
 
   const Residuals& residuals() const { return residuals_; }  ///< of the last row
 
-  Fault give_up(const Attempt& attempt, long, long number) const { return stages_.give_up(attempt.found, adaptive_, number, attempt.size); }
+  Fault give_up(const Attempt& attempt, long, long number) { return stages_.give_up(attempt.found, adaptive_, number, attempt.size); }
 
   /// Memory of the next steps and rows.
   struct Memory {

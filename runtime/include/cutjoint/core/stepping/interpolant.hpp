@@ -31,22 +31,22 @@ class Interpolant {
   void join(Real h, const StateOf<S>& start, const StateOf<S>& end, const Speeds<S>& found) {
     now_.q = start.q;
     now_.h = h;
-    auto &way = now_.parts[0], &derivative = now_.parts[1], &bend = now_.parts[2], &second = delta_;
-    displacement<Real>(charts_, start.q.data(), end.q.data(), way.data());
-    chart_rates<Real>(charts_, way.data(), end.v.data(), rate_.data());
-    chart_accelerations<Real>(charts_, way.data(), end.v.data(), end.vdot.data(), second.data());
+    auto &shift = now_.parts[0], &derivative = now_.parts[1], &bend = now_.parts[2], &second = delta_;
+    displacement<Real>(charts_, start.q.data(), end.q.data(), shift.data());
+    chart_rates<Real>(charts_, shift.data(), end.v.data(), rate_.data());
+    chart_accelerations<Real>(charts_, shift.data(), end.v.data(), end.vdot.data(), second.data());
     copy_states(charts_, end.v, rate_.begin());
     copy_states(charts_, end.vdot, second.begin());
     derivative = start.v;
     bend = start.vdot;
-    for (std::size_t i = 0; i < way.size(); ++i) {  // Taylor's polynomial, and what the three conditions at the end ask of powers 3 to 5
+    for (std::size_t i = 0; i < shift.size(); ++i) {  // Taylor's polynomial, and what the three conditions at the end ask of powers 3 to 5
       const Real v = h * derivative[i], a = h * h * bend[i] / 2;
-      const Real violation = way[i] - v - a, rate = h * rate_[i] - v - 2 * a, curve = h * h * second[i] - 2 * a;
+      const Real violation = shift[i] - v - a, rate = h * rate_[i] - v - 2 * a, curve = h * h * second[i] - 2 * a;
       const Real change = rate_[i] - derivative[i], surplus = found[i] - h * (derivative[i] + rate_[i]) / 2 - h * h * (bend[i] - second[i]) / 12;
       now_.rates[0][i] = 3 * change - 2 * h * bend[i] - h * second[i];
       now_.rates[1][i] = h * (bend[i] + second[i]) - 2 * change;
       now_.rates[2][i] = 30 * surplus / h;
-      way[i] = 10 * violation - 4 * rate + curve / 2;
+      shift[i] = 10 * violation - 4 * rate + curve / 2;
       derivative[i] = -15 * violation + 7 * rate - curve;
       bend[i] = 6 * violation - 3 * rate + curve / 2;
     }

@@ -49,7 +49,7 @@ class SteppedIntegrator {
   auto& stepper() { return own().stepper_; }
   const auto& stepper() const { return own().stepper_; }
 
-  /// The switch of the last event.
+  /// The indicator of the last event.
   std::size_t last_event() const { return own().stepper_.last_event(); }
   long events() const { return own().stepper_.counts().events; }
 

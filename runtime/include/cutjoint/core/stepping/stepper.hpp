@@ -17,9 +17,9 @@ namespace cutjoint::stepping {
 template <class M>
 struct Counts {
   long steps = 0, rejected = 0, events = 0;
-  Array<M, static_sizes<M>().switches, long> by_switch;  ///< events
+  Array<M, static_sizes<M>().indicators, long> by_indicator;  ///< events
 
-  explicit Counts(std::size_t switches) : by_switch(switches) {}
+  explicit Counts(std::size_t indicators) : by_indicator(indicators) {}
 };
 
 /// The outcome of an attempt of a step.
@@ -33,11 +33,11 @@ struct Attempt {
 template <class Real>
 constexpr Real before_all = -std::numeric_limits<Real>::infinity();
 
-/// Where a stepper stands: `limit`, beyond which no step goes, the length of the next step, events and the switches behind them, the row's number.
+/// Where a stepper stands: `limit`, beyond which no step goes, the length of the next step, events and the indicators behind them, the row's number.
 template <class Real>
 struct Progress {
   Real limit{0}, h{0}, last_event{-1};
-  std::size_t latest = 0;    ///< the switch by which a regime was left last
+  std::size_t latest = 0;    ///< the indicator by which a regime was left last
   std::size_t switched = 0;  ///< that of the last event
   Real since{before_all<Real>};  ///< when that was
   Real soon{-1};  ///< how far the next event is, where the last step has told it and does not reach there; below zero else
@@ -48,7 +48,7 @@ struct Progress {
 /// Advances a scheme by steps as long as the error allows, or without an estimate by one step a row.
 ///
 /// A step all of whose stages are in one regime is as accurate as the formulas are smooth.  One that leaves the regime is taken again,
-/// shorter, so that it ends a little before.  Its interpolant knows one regime only, and goes on to where a switch leaves its cell.  There
+/// shorter, so that it ends a little before.  Its interpolant knows one regime only, and goes on to where an indicator leaves its cell.  There
 /// the step ends, and the next one begins in the new regime.  Nothing of the order is lost: a step's end lies there with an error of the
 /// order of the interpolant's, and there are as many such ends as events, however short the steps.  Beyond a step of a method of high order its
 /// interpolant loses hundreds of times as much as within (such a scheme has no `reaches_beyond`): another, short step then ends before the event.
@@ -60,7 +60,7 @@ struct Progress {
 /// - `attempt` tries a step of length h from the present state; it may end where it leaves the regime, but not if `whole`,
 /// - `advance` makes the regime go on at the end of the attempt, `accept` makes that end the present state,
 /// - `follow` puts the trial state at a share of the last step's length, which may be above 1, and returns its time,
-/// - `seek` seeks the switches that the trial state has out of the regime, `found` is the first of these (see SwitchCells),
+/// - `seek` seeks the indicators that the trial state has out of the regime, `found` is the first of these (see IndicatorCells),
 /// - `finish` closes the loops of the trial state, which becomes the present one; these and `read` return a fault where loops do not close,
 /// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state; they return a fault where it has
 ///   no accelerations,
@@ -130,8 +130,7 @@ class Stepper {
 
   void watch(const Watch& watch) { watch_ = watch; }
 
-  /// A call where a step has ended at an event of a switch, before the new regime begins: it may change the speeds.  `since` is when the event
-  /// before was.
+  /// A call where a step has ended at an event of an indicator, before the new regime begins: it may change the speeds.  `since` is when the event before was.
   struct Strike {
     void (*call)(void* who, Scheme& scheme, std::size_t which, Real since) = nullptr;
     void* who = nullptr;
@@ -144,7 +143,7 @@ class Stepper {
   Scheme& scheme() { return scheme_; }
   const Scheme& scheme() const { return scheme_; }
 
-  /// The switch of the last event; as many as there are switches for one that none of them explains.
+  /// The indicator of the last event; as many as there are indicators for one that none of them explains.
   std::size_t last_event() const { return now_.switched; }
 
   /// Memory of the next steps, besides their counts.
@@ -193,20 +192,20 @@ class Stepper {
 
   /// A fault where a row's attempts bring a run so little forward that the rest of it would take a hundred million of them.  Forces that jump where
   /// a motion comes to rest make steps so short: at their events, or over these.
-  Fault keep(Pace& pace) const {
+  Fault keep(Pace& pace) {
     constexpr long some = 2000, rest = 50000;
     if (attempts() - pace.attempts < some) return {};
-    const Real way = time() - pace.time;
-    const bool switches = counts_.events > pace.events;
+    const Real span_left = time() - pace.time;
+    const bool has_events = counts_.events > pace.events;
     pace = {time(), attempts(), counts_.events};
-    if (!(end_ - time() > Real(rest) * way)) return {};
-    Fault fault{.cause = Cause::chattering, .list = FaultList::switches, .index = static_cast<int>(now_.latest),
+    if (!(end_ - time() > Real(rest) * span_left)) return {};
+    Fault fault{.cause = Cause::chattering, .list = FaultList::indicators, .index = static_cast<int>(now_.latest),
                 .t = static_cast<double>(time()), .step = now_.number};
-    if (!switches) {
+    if (!has_events) {
       fault = scheme_.give_up(typename Scheme::Attempt{}, counts_.steps, now_.number);
-      fault.cause = Cause::step_size_too_small;
+      if (fault.cause != Cause::pose_singular) fault.cause = Cause::step_size_too_small;
     }
-    fault.value = static_cast<double>(way) / some;
+    fault.value = static_cast<double>(span_left) / some;
     return fault;
   }
 
@@ -215,25 +214,25 @@ class Stepper {
     const Real left = limit - time();
     Real h = scheme_.adaptive() ? std::min(now_.h, left) : left;
     if (left - h < h / 1000) h = left;
-    Real way = std::exchange(now_.soon, Real(-1));  // to where the regime is left, if it is
-    if (way >= Real(0)) h = std::min(h, std::max(Real(0.9) * way, shortest()));
+    Real span_left = std::exchange(now_.soon, Real(-1));  // to where the regime is left, if it is
+    if (span_left >= Real(0)) h = std::min(h, std::max(Real(0.9) * span_left, shortest()));
     for (;; ++counts_.rejected) {
       const bool whole = h <= shortest();
       const Attempt<Real> attempt = scheme_.attempt(h, whole, now_.number);
       if (scheme_.cells().crossed()) {
         if (whole && attempt.found) return pass(h);
         if (!whole) {
-          const Real last = way;
-          way = scheme_.cells().crossing() - time();
+          const Real last = span_left;
+          span_left = scheme_.cells().crossing() - time();
           now_.latest = scheme_.cells().first();
-          const bool sure = attempt.found && way > last * Real(0.9) && way < last * Real(1.1);
-          h = std::max(std::clamp(Real(0.9) * way, sure ? Real(0) : h / 10, Real(0.9) * h), shortest());
+          const bool sure = attempt.found && span_left > last * Real(0.9) && span_left < last * Real(1.1);
+          h = std::max(std::clamp(Real(0.9) * span_left, sure ? Real(0) : h / 10, Real(0.9) * h), shortest());
           continue;
         }
       }
       if (attempt.found && attempt.size <= Real(1)) {
         if (const Fault fault = accept(h, attempt.size)) return fault;
-        if (!(way >= Real(0))) return {};
+        if (!(span_left >= Real(0))) return {};
         if (whole)
           if (const Fault fault = count_event()) return fault;
         return locate(limit, h);
@@ -255,15 +254,15 @@ class Stepper {
     return {};
   }
 
-  /// How far the state at a share of the last step has left the regime by a switch that is sought; at most zero where it has not.
+  /// How far the state at a share of the last step has left the regime by an indicator that is sought; at most zero where it has not.
   Real beyond(Real s) {
     scheme_.follow(s);
-    const bool left = scheme_.found() < counts_.by_switch.size();
+    const bool left = scheme_.found() < counts_.by_indicator.size();
     const Real distance = scheme_.cells().beyond();
     return left ? std::max(distance, std::numeric_limits<Real>::min()) : std::min(distance, Real(0));
   }
 
-  /// How exactly the end of a regime is sought, as a share of a step: switches have rounding of their own.
+  /// How exactly the end of a regime is sought, as a share of a step: indicators have rounding of their own.
   static Real sharp() { return 2048 * std::numeric_limits<Real>::epsilon(); }
 
   /// Where the state leaves the regime, between `low`, where it has not, and `high`: by halves or on the parabola through three places, if that is
@@ -296,7 +295,7 @@ class Stepper {
     return std::clamp(share, least, 1 - least);
   }
 
-  /// The share of a step in which a switch leaves the regime together with the one that leaves it at the share s of h: wheels side by side meet an edge of
+  /// The share of a step in which an indicator leaves the regime together with the one that leaves it at the share s of h: wheels side by side meet an edge of
   /// the road, and a law has conditions that say the same in other units.  That is ten times less than a whole step may err by, or what rounding moves.
   Real share_together(Real s, Real h) {
     constexpr Real most(0x1p-10);
@@ -304,7 +303,7 @@ class Stepper {
     const Real least = std::clamp(relative_ / 10 * now_.h / h, Real(0x1p-34), Real(0x1p-14));
     scheme_.follow(s);
     const std::size_t which = scheme_.found();
-    if (which == counts_.by_switch.size()) return least;
+    if (which == counts_.by_indicator.size()) return least;
     const auto& cells = scheme_.cells().memory();
     const Real value = cells.values[which];
     scheme_.follow(s + least);
@@ -312,7 +311,7 @@ class Stepper {
     return std::clamp(16 * cells.noise[which] * least / abs(cells.values[which] - value), least, most);
   }
 
-  /// How many of the switches that are sought the state at a share of the last step has out of the regime.
+  /// How many of the indicators that are sought the state at a share of the last step has out of the regime.
   std::size_t out_at(Real s) {
     scheme_.follow(s);
     scheme_.found();
@@ -341,7 +340,7 @@ class Stepper {
       scheme_.follow(high);
       if (const Fault fault = scheme_.finish()) return fault;
       const std::size_t which = scheme_.found();
-      if (which < counts_.by_switch.size()) return change(which);
+      if (which < counts_.by_indicator.size()) return change(which);
       high += more;
     }
     return scheme_.restart();
@@ -355,36 +354,36 @@ class Stepper {
     return scheme_.seek() ? change(scheme_.found()) : count_event();
   }
 
-  /// The regime of the state begins, of which `which` is the first switch that it has out of the last one.
+  /// The regime of the state begins, of which `which` is the first indicator that it has out of the last one.
   Fault change(std::size_t which) {
     leave_by(which);
-    for (std::size_t i = which + 1; i < counts_.by_switch.size(); ++i)
+    for (std::size_t i = which + 1; i < counts_.by_indicator.size(); ++i)
       if (scheme_.cells().is_sought_out(i)) leave_by(i);
     if (const Fault fault = scheme_.adopt()) return fault;
     control_.restart();
     return count_event();
   }
 
-  /// A switch leaves the regime, or none that explains why it ends.
+  /// A indicator leaves the regime, or none that explains why it ends.
   void leave_by(std::size_t which) {
     if (strike_.call) strike_.call(strike_.who, scheme_, which, now_.since);
     ++counts_.events;
     now_.switched = which;
     now_.since = time();
-    if (which < counts_.by_switch.size()) {
-      ++counts_.by_switch[which];
+    if (which < counts_.by_indicator.size()) {
+      ++counts_.by_indicator[which];
       now_.latest = which;
     }
   }
 
   /// Count an event, or a shortest step before one, if the last one was less than a thousandth of a step ago.  The run fails when the count
-  /// is so large that some switch must have changed again and again.
+  /// is so large that some indicator must have changed again and again.
   Fault count_event() {
     const Real since = time() - now_.last_event;
     now_.events_in_a_row = since <= Real(1e-3) * now_.h ? now_.events_in_a_row + 1 : 0;
     now_.last_event = time();
-    if (now_.events_in_a_row >= 50 + 2 * static_cast<long>(counts_.by_switch.size()))
-      return {.cause = Cause::chattering, .list = FaultList::switches, .index = static_cast<int>(now_.latest),
+    if (now_.events_in_a_row >= 50 + 2 * static_cast<long>(counts_.by_indicator.size()))
+      return {.cause = Cause::chattering, .list = FaultList::indicators, .index = static_cast<int>(now_.latest),
               .t = static_cast<double>(time()), .step = now_.number, .value = static_cast<double>(since)};
     return {};
   }

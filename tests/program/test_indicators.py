@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.indicators import find_indicators
 from cutjoint.program.interpret import interpret_blocks
-from cutjoint.program.switches import find_switches
 from tests.oracles.joints import Array
 
 
@@ -34,7 +34,7 @@ def test_the_sign_of_a_compound_condition() -> None:
     b = Builder()
     x = inputs(b)
     choice = b.call("where", compound(b, x), b.number(1.0), b.number(-1.0))
-    (switch,) = find_switches(b, [choice])
+    (switch,) = find_indicators(b, [choice])
     points = np.random.default_rng(3).uniform(-1, 1, (500, 3))
     value, chosen = values([switch.value, choice], points).T
     assert {*np.sign(value)} == {1.0, -1.0}
@@ -51,7 +51,7 @@ def test_each_place_of_change_counts_once() -> None:
         b.call("where", b.call("lt", x[0], zero), one, zero), b.call("where", b.call("lt", zero, x[0]), one, zero), b.call("abs", x[0]),
         b.call("abs", b.neg(x[0])), b.call("where", b.call("lt", open_parameter, one), one, zero), b.call("sqrt", x[1]),
     ]  # fmt: skip
-    (switch,) = find_switches(b, parts)
+    (switch,) = find_indicators(b, parts)
     assert switch.value is x[0]
 
 
@@ -60,7 +60,7 @@ def test_a_lookup_changes_along_and_across_its_road() -> None:
     x = inputs(b)
     with b.section("force", "wheel", "", "car.yaml:7"):
         looked_up = b.add(b.call("road_height", x[0], x[1], table="wheel"), b.call("road_slope", x[0], x[1], table="wheel"))
-    along, across = find_switches(b, [looked_up])
+    along, across = find_indicators(b, [looked_up])
     assert (along.value, along.road, along.across) == (x[0], "wheel", x[1])
     assert (across.value, across.road, across.across) == (x[1], "", None)
     assert b.sections[along.section].source == "car.yaml:7"

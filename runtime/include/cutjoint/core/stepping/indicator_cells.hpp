@@ -14,25 +14,25 @@
 
 namespace cutjoint::stepping {
 
-/// The cell of each switch: between which of its levels its value stands.  Zero is the level of a condition; breaks are those of a road.
+/// The cell of each indicator: between which of its levels its value stands.  Zero is the level of a condition; breaks are those of a road.
 ///
 /// A cell is left when the value is beyond its bounds by more than rounding; where, is then sought without regard to rounding.  A value
 /// that stands on a level when a regime begins has no cell until it is off it.  Rounding is that of the value where a step begins, small
 /// near a level, and a few units of the largest value seen: its terms may cancel there.  A step counts four times as much as the one
 /// before, since ratios such as a tyre's slip by its load are without bound for a moment.
 template <class M>
-class SwitchCells {
+class IndicatorCells {
   template <class T>
-  using Switches = Array<M, static_sizes<M>().switches, T>;
+  using Indicators = Array<M, static_sizes<M>().indicators, T>;
 
  public:
   using Real = typename M::real_type;
 
-  /// Whether there can be any switches.
-  static constexpr bool can_switch = !Sized<M> || static_sizes<M>().switches > 0;
+  /// Whether there can be any indicators.
+  static constexpr bool has_indicators = !Sized<M> || static_sizes<M>().indicators > 0;
 
   /// `roads` are those of the tyres.
-  SwitchCells(SwitchPlaces<M> places, const Road<Real>* roads) : places_(std::move(places)), roads_(roads), now_(places_.size()), way_(places_.size()) {}
+  IndicatorCells(IndicatorPlaces<M> places, const Road<Real>* roads) : places_(std::move(places)), roads_(roads), now_(places_.size()), shift_(places_.size()) {}
 
   std::size_t size() const { return places_.size(); }
   bool empty() const { return places_.empty(); }
@@ -60,17 +60,17 @@ class SwitchCells {
     now_.start = now_.values;
   }
 
-  /// Seek the switches that the present values have out of their cells; whether there are any.
+  /// Seek the indicators that the present values have out of their cells; whether there are any.
   bool seek() {
     using std::abs;
     for (std::size_t i = 0; i < now_.cells.size(); ++i) {
       now_.sought[i] = is_out(i, now_.noise[i]);
-      way_[i] = std::max(abs(now_.values[i] - now_.start[i]), std::numeric_limits<Real>::min());
+      shift_[i] = std::max(abs(now_.values[i] - now_.start[i]), std::numeric_limits<Real>::min());
     }
     return std::find(now_.sought.begin(), now_.sought.end(), 1) != now_.sought.end();
   }
 
-  /// Whether a switch is one of those sought, and out of its cell.
+  /// Whether an indicator is one of those sought, and out of its cell.
   bool is_sought_out(std::size_t i) const { return now_.sought[i] && is_out(i, Real(0)); }
 
   /// The first of those sought that is out of its cell; as many as there are if none is.
@@ -87,12 +87,12 @@ class SwitchCells {
     return count;
   }
 
-  /// How far the switches sought are out of their cells at most, in shares of their ways from the start to where they were sought; negative where all
-  /// are inside.  Switches that meet the ends of their cells together, in whatever units, so make no kink there.
+  /// How far the indicators sought are out of their cells at most, in shares of their ways from the start to where they were sought; negative where all
+  /// are inside.  Indicators that meet the ends of their cells together, in whatever units, so are smooth there.
   Real beyond() const {
     Real most = -std::numeric_limits<Real>::infinity();
     for (std::size_t i = 0; i < now_.cells.size(); ++i)
-      if (now_.sought[i]) most = std::max(most, std::max(now_.values[i] - now_.upper[i], now_.lower[i] - now_.values[i]) / way_[i]);
+      if (now_.sought[i]) most = std::max(most, std::max(now_.values[i] - now_.upper[i], now_.lower[i] - now_.values[i]) / shift_[i]);
     return most;
   }
 
@@ -126,15 +126,15 @@ class SwitchCells {
   /// About when the regime was left.
   Real crossing() const { return now_.crossing; }
 
-  /// The switch by which it was left.
+  /// The indicator by which it was left.
   std::size_t first() const { return now_.first; }
 
   /// Memory of the next steps.
   struct Memory {
-    Switches<int> cells;
-    Switches<unsigned char> sought;
-    Switches<Real> sides, values, start, previous, largest, noise;  ///< the first: places across the road, where it has one
-    Switches<Real> lower, upper;                                    ///< the levels at which cells end
+    Indicators<int> cells;
+    Indicators<unsigned char> sought;
+    Indicators<Real> sides, values, start, previous, largest, noise;  ///< the first: places across the road, where it has one
+    Indicators<Real> lower, upper;                                    ///< the levels at which cells end
     Real previous_time{0}, crossing{0};
     std::size_t first = 0;
 
@@ -173,7 +173,7 @@ class SwitchCells {
     return on_next || on_last ? undecided : static_cast<int>(cell);
   }
 
-  /// A switch gets a cell, and the levels at which it ends.
+  /// A indicator gets a cell, and the levels at which it ends.
   void enter(std::size_t i, int cell) {
     const auto number = static_cast<std::size_t>(cell);
     const bool bounded = cell != undecided;
@@ -201,10 +201,10 @@ class SwitchCells {
     return now_.previous_time + (share > Real(0) ? std::min(share, Real(1)) : Real(0)) * (t - now_.previous_time);
   }
 
-  SwitchPlaces<M> places_;
+  IndicatorPlaces<M> places_;
   const Road<Real>* roads_;
   Memory now_;
-  Switches<Real> way_;  ///< of each value from where the step began to where switches were sought
+  Indicators<Real> shift_;  ///< of each value from where the step began to where indicators were sought
 };
 
 }  // namespace cutjoint::stepping

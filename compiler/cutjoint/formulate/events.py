@@ -14,37 +14,37 @@ from sympy.core.relational import Relational
 
 from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.layout import Slot
-from cutjoint.formulate.records import DomainPlace, Function, SwitchPlace
+from cutjoint.formulate.records import DomainPlace, Function, IndicatorPlace
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import Model, Scalar, Scene
 from cutjoint.program.blocks import Builder
-from cutjoint.program.switches import Domain, Switch
+from cutjoint.program.indicators import Domain, EventIndicator
 
-# Switches
+# Indicators
 
 
-def events_function(switches: Sequence[Switch]) -> tuple[Function, ...]:
-    """The function ``events``: q, v -> the values of the switches; none if there are none."""
+def events_function(indicators: Sequence[EventIndicator]) -> tuple[Function, ...]:
+    """The function ``events``: q, v -> the values of the indicators; none if there are none."""
     arguments = ("const Real* q", "const Real* v", "Real* value")
-    results = {f"value:{i}": switch.value for i, switch in enumerate(switches)}
-    return (Function(name="events", arguments=arguments, results=results),) if switches else ()
+    results = {f"value:{i}": indicator.value for i, indicator in enumerate(indicators)}
+    return (Function(name="events", arguments=arguments, results=results),) if indicators else ()
 
 
-def value_slots(switches: Sequence[Switch]) -> dict[str, Slot]:
+def value_slots(indicators: Sequence[EventIndicator]) -> dict[str, Slot]:
     """The places of the values."""
-    return {f"value:{i}": Slot(array="value", offset=i, names=("value",)) for i in range(len(switches))}
+    return {f"value:{i}": Slot(array="value", offset=i, names=("value",)) for i in range(len(indicators))}
 
 
-def describe_switches(b: Builder, switches: Sequence[Switch]) -> tuple[SwitchPlace, ...]:
-    """The element of each switch and its line in the model file."""
-    numbers = {switch.value: i for i, switch in enumerate(switches) if not switch.road}
-    sections = [b.sections[switch.section] for switch in switches]
+def describe_indicators(b: Builder, indicators: Sequence[EventIndicator]) -> tuple[IndicatorPlace, ...]:
+    """The element of each indicator and its line in the model file."""
+    numbers = {indicator.value: i for i, indicator in enumerate(indicators) if not indicator.road}
+    sections = [b.sections[indicator.section] for indicator in indicators]
     return tuple(
-        SwitchPlace(
-            element=section.element or section.stage, place=section.source, road=switch.road,
-            across=-1 if switch.across is None else numbers.get(switch.across, -1),
+        IndicatorPlace(
+            element=section.element or section.stage, place=section.source, road=indicator.road,
+            across=-1 if indicator.across is None else numbers.get(indicator.across, -1),
         )
-        for switch, section in zip(switches, sections, strict=True)
+        for indicator, section in zip(indicators, sections, strict=True)
     )  # fmt: skip
 
 

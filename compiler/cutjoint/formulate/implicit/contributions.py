@@ -1,13 +1,13 @@
-"""Contributions of masses, force elements, cut joints and first-order states to the balance and to its tangent.
+"""Contributions of masses, force elements, cut joints and first-order states to the force residual and its tangent.
 
 An element acts on one body or on two.  Two bodies that both move along with a motion feel no change from it, seen from them; so only
-motions on the way between the element's bodies count, on which its wrench W and the columns s of the motions change.  (Of an element whose
+motions on the path between the element's bodies count, on which its wrench W and the columns s of the motions change.  (Of an element whose
 law reads more than its own bodies all motions count.)
 
     D_k (s_j^T W) = s_j^T D_k W + (xi_k x s_j)^T W          the last where k carries j along
 
 The masses' part is by composite bodies.  With F_i = M_i A_i - Q_i of the masses alone and composites over a body and
-all that it carries, motion k changes the balance of motion j by
+all that it carries, motion k changes the residual of motion j by
 
     s_j^T (M^c_j c_k + B^c_j DV_k)                    where k carries j along
     s_j^T (M^c_k c_k + B^c_k DV_k + xi_k x* F^c_k)    elsewhere
@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 from cutjoint.formulate.implicit.motions import Motion, Motions, times
 from cutjoint.formulate.layout import StateLayout
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves, motion_cross
-from cutjoint.formulate.recursive.loops import LoopClosure, pulls, transport
+from cutjoint.formulate.recursive.loops import LoopClosure, constraint_wrenches, transport
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.states import Entry, by_state, state_rates
 from cutjoint.model.records import GROUND, Body, Model
@@ -34,10 +34,10 @@ from cutjoint.program.differentiate import Variation
 
 @dataclass(frozen=True, kw_only=True)
 class Closed:
-    """A cut joint with residual Phi, the same ``pushed`` by penalty Phi + lambda, and its wrenches -A^T (penalty Phi + lambda)."""
+    """A cut joint with residual Phi, its ``augmented_loop`` by penalty Phi + lambda, and its wrenches -A^T (penalty Phi + lambda)."""
 
     loop: LoopClosure
-    pushed: LoopClosure
+    augmented_loop: LoopClosure
     wrenches: Mapping[str, Block]
 
     @property
@@ -50,8 +50,8 @@ def close(k: Kinematics, loop: LoopClosure, penalty: Block) -> Closed:
     """A cut joint under its multipliers and the penalty of its residual."""
     b, joint = k.builder, loop.joint
     with b.section("closure", joint.name, "W = -A^T (penalty Phi + lambda)", joint.span.place):
-        push = b.name(b.add(b.scale(penalty, loop.residual), loop.multipliers), "push", joint.name, rows=loop.names)
-        return Closed(loop=loop, pushed=replace(loop, multipliers=push), wrenches=pulls(k, loop, push))
+        augmented = b.name(b.add(b.scale(penalty, loop.residual), loop.multipliers), "push", joint.name, rows=loop.names)
+        return Closed(loop=loop, augmented_loop=replace(loop, multipliers=augmented), wrenches=constraint_wrenches(k, loop, augmented))
 
 
 def jacobian(motions: Motions, loop: LoopClosure) -> list[tuple[Motion, Block, Block]]:
@@ -59,8 +59,8 @@ def jacobian(motions: Motions, loop: LoopClosure) -> list[tuple[Motion, Block, B
     k, b = motions.k, motions.k.builder
     step = transport(b, k.pole_step(loop.joint.base, loop.joint.follower))
     found = []
-    for body, _, way in ways(motions, dict.fromkeys((loop.joint.follower, loop.joint.base), b.zero(6))):
-        for m in way:
+    for body, _, path in paths(motions, dict.fromkeys((loop.joint.follower, loop.joint.base), b.zero(6))):
+        for m in path:
             if body == loop.joint.follower:
                 found.append((m, b.mul(loop.A, m.s), b.mul(loop.A, m.shift)))
             else:
@@ -101,8 +101,8 @@ class SharedForces(BodySystem):
         super().add_force(i, block)
 
 
-def ways(motions: Motions, wrenches: Mapping[str, Block]) -> Iterator[tuple[str, Block, list[Motion]]]:
-    """Body, wrench, and the motions on the way from it to what the element's bodies are carried by in common."""
+def paths(motions: Motions, wrenches: Mapping[str, Block]) -> Iterator[tuple[str, Block, list[Motion]]]:
+    """Body, wrench, and the motions on the path from it to what the element's bodies are carried by in common."""
     chains = [motions.chains.get(body, ()) for body in wrenches]
     common = set(chains[0]).intersection(*chains[1:]) if len(chains) > 1 else set()
     for body, wrench in wrenches.items():
@@ -118,8 +118,8 @@ def wrench_tangent(
     Where the element ``sees`` more than its own bodies, all motions may change it.
     """
     b, together = motions.k.builder, motions.columns()
-    parts = list(ways(motions, wrenches))
-    keys = dict.fromkeys(together) if sees else dict.fromkeys(k.key for _, _, way in parts for k in way)
+    parts = list(paths(motions, wrenches))
+    keys = dict.fromkeys(together) if sees else dict.fromkeys(k.key for _, _, path in parts for k in path)
     for _, wrench, rows in parts:
         for key in keys:
             change, k = variations[key].of(wrench), together[key][0]
@@ -174,8 +174,8 @@ def _turning(k: Kinematics, body: Body) -> Block:
     )]  # fmt: skip
     J = b.sandwich(k.frames[body.name].R, b.mirror(b.stack(twice)))
     _, w = halves(b, k.frames[body.name].Z)
-    push = b.scale(b.add(mass, mass), k.velocity(body.name, c))
-    across = b.neg(b.skew(push))
+    momentum = b.scale(b.add(mass, mass), k.velocity(body.name, c))
+    across = b.neg(b.skew(momentum))
     return b.stack([[across], [b.add(b.mul(b.skew(c), across), b.mul(b.skew(w), J))]])
 
 
@@ -193,8 +193,8 @@ def inertial_tangent(motions: Motions, of: Mapping[str, Composite]) -> Iterator[
         if is_zero(whole.M) and is_zero(whole.F):
             continue
         turn = b.take(k.DV, (3, 6))
-        pushed = b.add(b.mul(whole.M, k.c), b.mul(whole.B, turn))
-        fixed = b.add(pushed, force_cross(b, k.xi, whole.F))
+        inertial = b.add(b.mul(whole.M, k.c), b.mul(whole.B, turn))
+        fixed = b.add(inertial, force_cross(b, k.xi, whole.F))
         for body in motions.chains[k.body]:
             for j in motions.of_body[body]:
                 if not motions.turns(k, j):
@@ -227,7 +227,7 @@ def _force_changes(motions: Motions, change: Variation, system: SharedForces) ->
     """The change of the generalised forces: row, value."""
     b = motions.k.builder
     for wrenches in system.wrenches.values():
-        for _, wrench, way in ways(motions, wrenches):
-            yield from ((m.row, b.dot(m.s, change.of(wrench))) for m in way)
+        for _, wrench, path in paths(motions, wrenches):
+            yield from ((m.row, b.dot(m.s, change.of(wrench))) for m in path)
     for body, force in system.joint_forces.items():
-        yield from ((m.row, times(b, m.slope, b.element(change.of(force), m.index))) for m in motions.of_body[body])
+        yield from ((m.row, times(b, m.derivative, b.element(change.of(force), m.index))) for m in motions.of_body[body])

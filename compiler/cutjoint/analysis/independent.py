@@ -1,7 +1,7 @@
-"""The motion of a block with one degree of freedom, and the coordinates that can lead it.
+"""The motion of a block with one degree of freedom, and the coordinates that can be its independent one.
 
-A block is followed both ways from where the scene has it, until its equations come near to depending on each other.  A coordinate leads on
-the part of this curve around the start on which it moves one way, and not much slower than the fastest one.
+A block is followed both ways from where the scene has it, until its equations come near to depending on each other.  A coordinate is
+independent on the part of this curve around the start on which it moves one way, and not much slower than the fastest one.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from cutjoint.topology.blocks import Block
 from cutjoint.topology.geometry import TOLERANCE
 from cutjoint.topology.records import degrees
 
+#: Why a block has no functions.
+NO_INDEPENDENT = "no joint with one coordinate can be independent in it"
 #: The step along a motion: the largest turn, or slide beside the block's size; and the most steps one way.
 STEP, STEPS = 0.15, 150
 #: The largest condition of the equations beside that of the start, and of all.
@@ -104,7 +106,7 @@ def fastest_joints(loops: BlockLoops, u: float) -> list[Joint]:
     joints = {joint.name: joint for joint in loops.block.joints}
     single = [chart.joint for chart in loops.own if len(chart.speed_names) == 1]
     if not single:
-        raise NoAssemblyError("no joint with one coordinate leads it")
+        raise NoAssemblyError(NO_INDEPENDENT)
     return [joints[name] for name in sorted(single, key=lambda name: -float(f"{tangent[loops.speeds[name]]:.2g}"))]
 
 
@@ -168,10 +170,9 @@ def _apart(loops: BlockLoops, one: Array, other: Array) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lead:
-    """A coordinate that can lead a block: its range, with ``value`` where the scene has it, and whether it makes full turns there.
-    ``travel`` is the way of the block over the range, ``curve`` its poses there in the order of the coordinate; it ``closes`` after a
-    turn."""
+class Independent:
+    """A coordinate that can be independent in a block: its range, with ``value`` where the scene has it, and whether it makes full turns
+    there.  ``travel`` is over the range, ``curve`` its poses there in the order of the coordinate; it ``closes`` after a turn."""
 
     joint: Joint
     place: int
@@ -184,29 +185,29 @@ class Lead:
     closes: bool
 
 
-def find_leads(loops: BlockLoops, curve: Curve) -> list[Lead]:
-    """The coordinates that can lead a block, the one that gets farthest first.
+def find_independent(loops: BlockLoops, curve: Curve) -> list[Independent]:
+    """The coordinates that can be independent in a block, the one that gets farthest first.
 
     Raises:
         NoAssemblyError: there is none.
     """
-    leads = []
+    candidates = []
     joints = {joint.name: joint for joint in loops.block.joints}
     for chart in loops.own:
         if len(chart.speed_names) == 1:
-            lead = _lead(loops, joints[chart.joint], chart, curve)
-            if lead is not None:
-                leads.append(lead)
-    if not leads:
-        raise NoAssemblyError("no joint with one coordinate leads it")
-    return sorted(leads, key=lambda lead: -lead.travel)
+            independent = _lead(loops, joints[chart.joint], chart, curve)
+            if independent is not None:
+                candidates.append(independent)
+    if not candidates:
+        raise NoAssemblyError(NO_INDEPENDENT)
+    return sorted(candidates, key=lambda independent: -independent.travel)
 
 
-#: The least speed of a leading coordinate beside the fastest of all.
+#: The least speed of an independent coordinate beside the fastest of all.
 _SLOWEST = 0.08
 
 
-def _lead(loops: BlockLoops, joint: Joint, chart: Chart, curve: Curve) -> Lead | None:
+def _lead(loops: BlockLoops, joint: Joint, chart: Chart, curve: Curve) -> Independent | None:
     place = loops.speeds[chart.joint]
     speed = curve.speeds[:, place] / loops.scales[place]
     sign = np.sign(speed[curve.start])
@@ -230,16 +231,16 @@ def _lead(loops: BlockLoops, joint: Joint, chart: Chart, curve: Curve) -> Lead |
     if min(upper - value, value - lower) < STEP / 8 * loops.scales[place]:
         return None
     poses = curve.q[first : last + 1]
-    return Lead(
+    return Independent(
         joint=joint, place=place, value=value, lower=lower, upper=upper, turns=turns, travel=STEP * (last - first),
         curve=poses if sign > 0 else poses[::-1], closes=turns,
     )  # fmt: skip
 
 
-def spanning_cuts(block: Block, leader: Joint, used: Sequence[str]) -> frozenset[str]:
+def spanning_cuts(block: Block, independent: Joint, used: Sequence[str]) -> frozenset[str]:
     """The joints of a block that are not in the tree whose bodies need the fewest functions; ``used`` are joints on whose coordinates
     forces act."""
-    weight = {j.name: 0.0 if j is leader else float(degrees(j)) * (0.25 if j.name in used else 1.0) for j in block.joints}
+    weight = {j.name: 0.0 if j is independent else float(degrees(j)) * (0.25 if j.name in used else 1.0) for j in block.joints}
     ends = {body for joint in block.joints for body in (joint.base, joint.follower)}
     distance = {body: 0.0 for body in ends if body not in block.bodies}
     chosen: set[str] = set()

@@ -1,4 +1,4 @@
-"""Switches between the formulas of a program, and domains of its laws: arguments of roots, logarithms and quotients."""
+"""Event indicators: values that change sign where a program changes its formulas; domains of roots, logarithms and quotients."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from cutjoint.ops import OPERATIONS, fact
 from cutjoint.program.blocks import SURFACE, BindingTime, Block, Builder
 from cutjoint.program.lower import reachable_blocks
 
@@ -43,34 +44,24 @@ def find_domains(builder: Builder, results: Iterable[Block]) -> list[Domain]:
 
 def _domain(b: Builder, block: Block) -> Domain | None:
     """The domain of a call; None of a power with a whole exponent."""
-    data: Any = block.data
-    function, argument = data[0], block.args[-1 if data[0] == "div" else 0]
-    match function:
-        case "sqrt" | "log":
-            margin = argument
-        case "asin" | "acos":
-            margin = b.sub(b.number(1.0), b.mul(argument, argument))
-        case "div":
-            margin = b.mul(argument, argument)
-        case _:
-            exponent: Any = block.args[1].data
-            if block.args[1].op == "const" and float(exponent[0][0]).is_integer():
-                return None
-            margin = argument
+    function = _function(block)[0]
+    margin = fact(function, "margin")(b, *block.args)
+    if margin is None:
+        return None
     cure = b.restricted[block]
-    strict = function in ("log", "div") or cure is not None
+    strict = OPERATIONS[function].strict or cure is not None
     return Domain(function=function, margin=margin, strict=strict, section=block.section, cure=cure)
 
 
-# Switches
+# Indicators
 
 
 @dataclass(frozen=True, kw_only=True)
-class Switch:
+class EventIndicator:
     """A scalar that changes sign where a formula changes, and the section of the program that chooses by it.
 
     Of a lookup on a ``road`` the value is the place along it, which matters where the road's pieces meet; ``across`` is the other place, a
-    switch of its own.  Without a road they are "" and None.
+    indicator of its own.  Without a road they are "" and None.
     """
 
     value: Block
@@ -79,29 +70,29 @@ class Switch:
     across: Block | None = None
 
 
-def find_switches(builder: Builder, results: Iterable[Block]) -> list[Switch]:
-    """The switches of all choices, absolute values and lookups that the results depend on and that change in a run, each once."""
-    found: dict[tuple[Block, str], Switch] = {}
+def find_indicators(builder: Builder, results: Iterable[Block]) -> list[EventIndicator]:
+    """The indicators of all choices, absolute values and lookups that the results depend on and that change in a run, each once."""
+    found: dict[tuple[Block, str], EventIndicator] = {}
     for block in reachable_blocks(results):
-        for switch in _switches(builder, block):
-            if switch.value.binding > BindingTime.PARAM:
-                found.setdefault((switch.value, switch.road), switch)
+        for indicator in _indicators(builder, block):
+            if indicator.value.binding > BindingTime.PARAM:
+                found.setdefault((indicator.value, indicator.road), indicator)
     return list(found.values())
 
 
-def _switches(builder: Builder, block: Block) -> list[Switch]:
-    """The switches of a block's formula."""
+def _indicators(builder: Builder, block: Block) -> list[EventIndicator]:
+    """The indicators of a block's formula."""
     if block.op != "call":
         return []
     function, road = _function(block)
     if function == "where":
-        return [Switch(value=_signless(_margin(builder, block.args[0])), section=block.section)]
+        return [EventIndicator(value=_signless(_margin(builder, block.args[0])), section=block.section)]
     if function == "abs":
-        return [Switch(value=_signless(block.args[0]), section=block.section)]
+        return [EventIndicator(value=_signless(block.args[0]), section=block.section)]
     if not road or function.startswith(SURFACE):
         return []
     x, y = block.args
-    return [Switch(value=x, section=block.section, road=road, across=y), Switch(value=y, section=block.section)]
+    return [EventIndicator(value=x, section=block.section, road=road, across=y), EventIndicator(value=y, section=block.section)]
 
 
 def _signless(value: Block) -> Block:

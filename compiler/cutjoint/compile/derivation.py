@@ -1,0 +1,77 @@
+"""Model -> Topology -> Equations -> Program -> Source: the symbolic half of every way to compile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from cutjoint.analysis.mobility import require_soundness
+from cutjoint.analysis.redundancy import require_loads
+from cutjoint.analysis.shaky import require_firmness
+from cutjoint.emit.simulator import emit
+from cutjoint.emit.source import Source
+from cutjoint.formulate.lanes import schedule_recursive
+from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
+from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Loops
+from cutjoint.model.records import Model, Output, Scene
+from cutjoint.program.records import Program
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.scenes import with_loops
+from cutjoint.run.settings import find_closure
+from cutjoint.topology.build import build_topology
+
+
+def schedule_method(
+    model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True,
+    poses: bool = False,
+) -> tuple[Equations, Program]:  # fmt: skip
+    """Derive the equations and the program of a scene, without its source."""
+    # Model -> Topology -> Equations -> Program
+    if METHODS[method].has_system:
+        from cutjoint.compile.systems import schedule_system  # the recursive method does not wait for what this imports
+
+        tunable = scene if METHODS[method].functions else with_loops(scene, Loops.EXACT)
+        start = require_firmness(derive(model, tunable, (), poses=poses), method)
+        return schedule_system(start.starting, method, tuple(outputs), lanes=lanes)
+    closure = find_closure(scene.numerics, METHODS[method]).name
+    recursive = require_firmness(derive(model, scene, outputs, closure=closure, poses=poses), method)
+    return recursive, schedule_recursive(recursive, lanes=lanes)
+
+
+def emit_scheduled(equations: Equations, program: Program, *, lanes: bool = True, precision: str = DEFAULT_PRECISION) -> Source:
+    """The source of what `schedule_method` has made."""
+    # Program -> Source
+    if isinstance(equations, RecursiveEquations):
+        return emit(program, equations)
+    from cutjoint.compile import systems
+
+    assert isinstance(equations, SystemEquations)
+    return systems.emit_scheduled(equations, program, lanes=lanes, packed=PRECISIONS[precision].packed)
+
+
+def derive(
+    model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = PLAIN_CLOSURE, poses: bool = False
+) -> RecursiveEquations:  # fmt: skip
+    """The recursive equations of a model, which start the runs of every method, with loops as the scene has them; errors as in
+    `compile_scene`."""
+    topology = require_loads(build_topology(with_requested_loops(model, scene, DEFAULT_METHOD)), scene)
+    return require_soundness(formulate_recursive(topology, scene, tuple(outputs), closure=closure, poses=poses))
+
+
+def with_requested_loops(model: Model, scene: Scene, method: str) -> Model:
+    """The model with loops closed as a scene has them for a method: by their equations, or by functions where they hold."""
+    if scene.numerics.loops == Loops.EXACT or not METHODS[method].functions or model.assemblies:
+        return model
+    from cutjoint.analysis.assembled import assemble_loops  # others do not wait for what this imports
+
+    return assemble_loops(model, scene).model
+
+
+def fallback(equations: Equations, compiled: Callable[[Model, Scene], Artifact]) -> Callable[[], Artifact] | None:
+    """Return a function that compiles the loops' equations, for runs that leave the range of functions; None where the scene stops."""
+    topology, scene = equations.mechanism.topology, equations.mechanism.scene
+    if not topology.model.assemblies or scene.on_violation == "stop":
+        return None
+    from cutjoint.analysis.assembled import without_functions  # others do not wait for what this imports
+
+    return lambda: compiled(without_functions(topology), with_loops(scene, Loops.EXACT))

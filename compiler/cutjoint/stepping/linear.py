@@ -1,0 +1,192 @@
+"""Derivatives of a simulation at one state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+
+from cutjoint.stepping.handle import require_list
+from cutjoint.stepping.states import WITHOUT_POSES, States
+from cutjoint.stepping.values import (
+    STEPS_BESIDE,
+    Array,
+    EigenvalueSensitivities,
+    StateSensitivities,
+    StateSpace,
+    difference,
+    find_eigenvalues,
+    find_place,
+    is_non_smooth,
+)
+
+#: Rates of states (SI units) that count as rest, and singular values, as a share of the largest, of directions in which a pose may go on.
+_AT_REST, _SINGULAR = 1e-3, 1e-11
+
+#: The step of a difference, as a share of the number, and in its unit of nought.
+_SHARE, _SHARE_OF_NOUGHT = 1e-3, 1e-4
+
+#: Shares of that step which are tried where differences of two widths do not agree.
+_NARROWER = (1.0, 1 / 16, 1 / 256)
+
+
+class Linear(States):
+    """A simulation with its linear model, and what follows from that."""
+
+    def linearise(self) -> StateSpace:
+        """Linear model about the present state: x' = A x + B u, y = C x + D u.
+
+        Raises:
+            TypeError: the model was loaded without derivatives.
+            SimulationError: the pose is singular, an acceleration has no finite derivative, or there was no `reset`.
+        """
+        states = self.states
+        n, inputs, outputs = len(states), *(self.library.names[kind] for kind in ("input", "output"))
+        A, B, C, D = matrices = [np.zeros((r, c)) for r in (n, len(outputs)) for c in (n, len(inputs))]
+        self._call(self.library.linearise, *(matrix.ctypes.data for matrix in matrices))
+        rates = [np.zeros_like(of) for of in (B, B, D, D)]
+        if self.library.moves_joints:
+            self._call(self.library.linearise_rates, *(matrix.ctypes.data for matrix in rates))
+        B_rate, B_acceleration, D_rate, D_acceleration = rates
+        return StateSpace(
+            A=A, B=B, B_rate=B_rate, B_acceleration=B_acceleration, C=C, D=D, D_rate=D_rate, D_acceleration=D_acceleration,
+            x=states.array, states=tuple(states), inputs=inputs, outputs=outputs,
+        )  # fmt: skip
+
+    def equilibrium_sensitivities(self, outputs: Sequence[str], by: Sequence[str]) -> StateSensitivities:
+        """Derivatives of the present static equilibrium by parameters and inputs, and those of ``outputs``.
+
+        They follow from the implicit function theorem.  Of a continuum of equilibria, as of a car that may stand anywhere, it is the
+        nearest one.
+
+        Raises:
+            TypeError: the model was loaded without derivatives.
+            KeyError: there is no such output, parameter or input.
+            ValueError: the mechanism is not at rest, or rests in no pose near by with another number.
+            SimulationError: the pose is singular, or there was no `reset`.
+        """
+        require_list("by", by)
+        require_list("outputs", outputs)
+        near = self.linearise()
+        parameters = self.library.names["parameter"]
+        E, F = np.zeros((len(near.states), len(parameters))), np.zeros((len(near.outputs), len(parameters)))
+        self._call(self.library.linearise_parameters, E.ctypes.data, F.ctypes.data)
+        places = {name: i for i, name in enumerate((*near.inputs, *parameters))}
+        numbers = [find_place(places, name) for name in by]
+        rates = np.zeros(len(near.states))
+        self._call(self.library.minimal_state_derivatives, rates.ctypes.data)
+        if not np.abs(rates).max(initial=0.0) <= _AT_REST:
+            raise ValueError(
+                f"the mechanism moves: a state changes by {np.abs(rates).max():.3g} (SI units) in a second; begin at rest, or "
+                "take `initial_state_sensitivities`, on the command line --objective start, of a start that moves"
+            )
+        forcing = np.hstack([near.B, E])[:, numbers]
+        states = np.asarray(-np.linalg.lstsq(near.A, forcing, rcond=_SINGULAR)[0], dtype=np.float64)
+        left, size = np.abs(near.A @ states + forcing).max(axis=0), np.abs(forcing).max(axis=0)
+        for name, rest in zip(by, left > 1e-6 * size, strict=True):
+            if rest:
+                raise ValueError(f"with another '{name}' the mechanism rests in no pose near this one")
+        chosen = [self.outputs.place(name) for name in outputs]
+        derivatives = (near.C @ states + np.hstack([near.D, F])[:, numbers])[chosen]
+        values = self.outputs.array[chosen]
+        return StateSensitivities(values=values, derivatives=derivatives, states=states, outputs=tuple(outputs), by=tuple(by))
+
+    def eigenvalue_sensitivities(self, by: Sequence[str], modes: Sequence[int] | None = None) -> EigenvalueSensitivities:
+        """Eigenvalues of the linear model at the present state, and their derivatives by parameters and inputs.
+
+        At a static equilibrium the change of the pose is included; elsewhere the states stay.  The derivative of the matrix is by
+        fourth-order differences of exact matrices.
+
+        Args:
+            modes: indices of modes by magnitude; default: all with a nonzero eigenvalue.
+
+        Raises:
+            TypeError: the model was loaded without derivatives.
+            KeyError: there is no such parameter, input or mode.
+            ValueError: an eigenvalue repeats, or the state is a non-smooth point of a force, so that there is no derivative; or as of
+                `equilibrium_sensitivities`.
+            SimulationError: the pose is singular, or there was no `reset`.
+        """
+        require_list("by", by)
+        near = self.linearise()
+        rates = np.zeros(len(near.states))
+        self._call(self.library.minimal_state_derivatives, rates.ctypes.data)
+        is_at_rest = np.abs(rates).max(initial=0.0) <= _AT_REST
+        ways = self.equilibrium_sensitivities([], by).states if is_at_rest else np.zeros((len(near.states), len(by)))
+
+        def matrix(way: Array, change: float) -> Array:
+            self.set_states(near.x + change * way)
+            return self.linearise().A
+
+        changes = [self._differentiate(name, partial(matrix, way)) for name, way in zip(by, ways.T, strict=True)]
+        values, derivatives = find_eigenvalues(near.A, changes, modes)
+        return EigenvalueSensitivities(values=values, derivatives=derivatives, by=tuple(by))
+
+    def _differentiate(self, name: str, find: Callable[[float], Array]) -> Array:
+        """The difference of fourth order of what is found where a number, a parameter or an input, has changed; the state stays.
+
+        Raises:
+            ValueError: the number is at a non-smooth point or a jump.
+        """
+        here, numbers = self.snapshot(), self.parameters if name in self.parameters else self.inputs
+        places = {each: i for i, each in enumerate((*self.parameters, *self.inputs))}
+        value = self.parameters[name] if find_place(places, name) < len(self.parameters) else self.get_input(name)
+
+        def beside(change: float) -> Array:
+            try:
+                numbers[name] = value + change
+                return find(change)
+            finally:
+                self.restore(here)
+
+        for share in _NARROWER:
+            h = share * (_SHARE * abs(value) or _SHARE_OF_NOUGHT)
+            found = [beside(steps * h) for steps in STEPS_BESIDE]
+            if not is_non_smooth(found, h):
+                return difference(found, h)
+        raise ValueError(
+            f"by '{name}' there is no derivative: what changes with it jumps or is not smooth at this state, as where a damper has other "
+            "rates for bump and rebound; make that law smooth here, or take a state beside it"
+        )
+
+    def equations_of_motion(self) -> tuple[Array, Array]:
+        """Mass matrix M (f, f) and force (f,) of M z'' = force for the f independent coordinates z; SI units.
+
+        The force includes everything that acts, and velocity products.
+
+        Raises:
+            TypeError: the model was loaded without derivatives or without poses.
+            SimulationError: the pose is singular, or there was no `reset`.
+        """
+        dofs = self._require_dofs()
+        self._require(self.library.has_poses, WITHOUT_POSES)
+        mass, force = np.zeros((dofs, dofs)), np.zeros(dofs)
+        self._call(self.library.equations_of_motion, mass.ctypes.data, force.ctypes.data)
+        return mass, force
+
+    def point_jacobian(self, name: str, point: Sequence[float] | None = None) -> Array:
+        """Jacobian (6, f) of a point of a body by the rates of the independent coordinates, guides at rest.
+
+        Three rows of the velocity, three of the angular velocity, in global axes.  A wrench (F, T) there adds J^T (F, T) to the force of
+        `equations_of_motion`.
+
+        Args:
+            name: a body or marker.
+            point: (3,) m, in the design position; default: the point of its pose.
+
+        Raises:
+            TypeError: the model was loaded without derivatives or without poses.
+            KeyError: no body or marker has that name.
+            ValueError: the point has not three numbers.
+            SimulationError: the pose is singular, or there was no `reset`.
+        """
+        dofs = self._require_dofs()
+        poses = self.poses
+        place = poses.place(name)
+        at = np.array(poses.point[place] if point is None else point, dtype=float)
+        if at.shape != (3,):
+            raise ValueError(f"point: {at.shape} numbers are no point; give three, where it is in the design position (m)")
+        jacobian = np.zeros((6, dofs))
+        self._call(self.library.point_jacobian, place, at.ctypes.data, jacobian.ctypes.data)
+        return jacobian

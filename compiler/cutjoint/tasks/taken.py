@@ -1,0 +1,23 @@
+"""Compiled models that tasks take, or compile."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cutjoint.compile.options import CompileOptions
+from cutjoint.compile.pipeline import compile_scene
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.scenes import ModelLike, load_model, method_of, with_default_closure
+
+
+def take_artifact(
+    model: ModelLike, scene: str | None = None, tunable: Sequence[str] = (), method: str | None = None, integrator: str | None = None,
+    dt: float | None = None,
+) -> Artifact:  # fmt: skip
+    """A compiled model as it is, and any other compiled by `compile_model` with a method, the scene's where none is named, and with the
+    closure of the integrator that is asked for, or of equal steps ``dt`` (s)."""
+    if isinstance(model, Artifact) and scene is None and not tunable and method in (None, model.method):
+        return model
+    read, chosen = load_model(model, scene, tunable)
+    wanted = method or method_of(chosen)
+    return compile_scene(read, with_default_closure(chosen, wanted, integrator, dt), CompileOptions(method=wanted))
