@@ -38,6 +38,8 @@ forces:
     centre: [1, 0, -0.5]
     radius: 0.3
     force: [-vx, -0.5*vy, 100*deflection + 3*deflection_rate]
+  gust: {kind: load, body: arm, at: [1, 0, 0], force: [0, "exp(-vx)", 0]}
+  ram: {kind: axial_force, bodies: [arm, wheel], origin: [0.5, 0, 0], point: [1, 0, 0.8], axis: [1, 0, 0], law: 5 - 3*travel}
   tyre:
     kind: tyre
     body: wheel
@@ -174,10 +176,10 @@ class Reading:
         return name
 
 
-def chapter(kind: str) -> list[str]:
+def chapter(kind: str, method: str = "recursive") -> list[str]:
     """The formulas of a kind of force."""
     model = read_model_text(MODEL, "forces.yaml")
-    text = explain(model, model.scenes["fall"]).partition(f"#### {kind}:")[2].partition("####")[0]
+    text = explain(model, model.scenes["fall"], method).partition(f"#### {kind}:")[2].partition("####")[0]
     return re.findall(r"^\$\$\n(.*)\n\$\$$", text, re.MULTILINE)
 
 
@@ -222,6 +224,32 @@ def test_a_spring_between_two_points() -> None:
     assert base == pytest.approx(-follower)
 
 
+def test_forces_on_points_do_the_work_of_the_wrenches() -> None:
+    """Both bodies move about the pole, and the axis with the base."""
+    given = vectors("p_{point}", "p_{origin}", "e_{axis}", r"\omega_{base}", r"\omega_{follower}", "v_{base}", "v_{follower}")
+    end, start, axis, w_base, w_follower, v_base, v_follower = given.values()
+    _, (follower, base) = read(chapter("Axial force"), dict(given))
+    found, (on_end, on_start, on_axis) = read(chapter("Axial force", "augmented"), dict(given))
+    assert found["F"] == pytest.approx(5 - 3 * axis @ (end - start))
+    power = on_end @ (v_follower + np.cross(w_follower, end)) + on_start @ (v_base + np.cross(w_base, start)) + on_axis @ np.cross(w_base, axis)
+    assert power == pytest.approx(follower @ [*v_follower, *w_follower] + base @ [*v_base, *w_base])
+
+
+def test_a_spring_on_points() -> None:
+    given = vectors("p_{start}", "p_{end}", r"\dotp_{start}", r"\dotp_{end}")
+    _, (follower, _) = read(chapter("Point spring"), dict(given))
+    _, (on_end, on_start) = read(chapter("Point spring", "augmented"), dict(given))
+    assert on_end == pytest.approx(follower[:3])
+    assert on_start == pytest.approx(-on_end)
+
+
+def test_quantities_that_no_law_reads_are_not_printed() -> None:
+    """``exp`` has an x, and vx another."""
+    definitions = chapter("Load")[0]
+    assert "v_x &=" in definitions
+    assert not re.search(r"(^|\W)(x|y|z|v_y|v_z) &=", definitions)
+
+
 def test_a_ball_on_a_plane() -> None:
     given = vectors("p_{start}", "p_{centre}", r"\dotp_{start}", r"\dotp_{centre}", r"\omega_{base}", r"\omega_{follower}")
     start, centre, v_start, v_centre, w_base, w_follower = given.values()
@@ -262,7 +290,7 @@ def test_what_a_force_computes_is_what_is_printed(monkeypatch: pytest.MonkeyPatc
     def act(self: LineForce, force: Any, m: Mechanics) -> dict[str, Block]:
         n, values = self._stretch(m)
         law = m.law(force.law, values, self.position)
-        m.pull(self.start, self.end, m.b.neg(m.b.scale(m.b.mul(m.b.number(3.0), law["force"]), n)))
+        m.apply_force_pair(self.start, self.end, m.b.neg(m.b.scale(m.b.mul(m.b.number(3.0), law["force"]), n)))
         return {**law, **values}
 
     monkeypatch.setattr(LineForce, "act", act)
@@ -282,3 +310,16 @@ def test_a_spring_off_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(LineForce, "_stretch", longer)
     assert r"\text{ length } &= \lVert p_{end} - p_{start} \rVert + 0.25" in chapter("Point spring")[0]
+
+
+def test_a_quantity_that_is_a_number_is_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    stretch = LineForce._stretch
+
+    def held(self: LineForce, m: Mechanics) -> tuple[Block, dict[str, Block]]:
+        n, values = stretch(self, m)
+        return n, {**values, "length": m.b.number(0.25)}
+
+    monkeypatch.setattr(LineForce, "_stretch", held)
+    formulas = chapter("Point spring")
+    assert r"\text{ length } = 0.25" in formulas
+    assert any(line.startswith(r"F(\text{ length }, \text{ rate }) =") for line in formulas)

@@ -69,16 +69,20 @@ def compare(equations: LagrangianEquations) -> int:
     q, residuals = state(equations)
     known: dict[str, Any] = {words(name): x if len(x) > 1 else x[0] for name, x in places(equations, q).items()}
     known |= {words(p.name): p.value for p in equations.parameters} | {words("t"): NOW}
-    known |= {rf"\text{{{name}}}": getattr(np, name) for name in ("sin", "cos")}
-    laws = input_functions(equations.topology.model, equations.scene).values()
-    known |= {words(f"inputs {i}"): equations.layout.value(law.subs(TIME, NOW)) for i, law in enumerate(laws, 1)}
-    parameters, count = [p.name for p in equations.parameters], 0
+    known |= {rf"\{name}": getattr(np, name) for name in ("sin", "cos")}
+    model, count = equations.topology.model, 0
+    known |= {words(str(x)): equations.layout.value(law.subs(TIME, NOW)) for x, law in input_functions(model, equations.scene).items()}
     for c in equations.constraints:
-        for names, printed in print_residuals(c.residual, c.names, parameters):
+        for names, printed in print_residuals(c.residual, c.names, model):
             expected = [residuals[f"{c.element}.{name}"] for name in names]
-            assert np.ravel(Reading(printed, known).sum()) == pytest.approx(expected, rel=1e-5, abs=1e-5), names  # seven digits each
+            assert np.ravel(Reading(printed, known).sum()) == pytest.approx(expected, rel=1e-9, abs=1e-9), names
             count += len(names)
     return count
+
+
+@pytest.fixture(autouse=True)
+def all_digits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.report.explain.latex.DIGITS", 17)
 
 
 @pytest.mark.parametrize("kind", [kind for kind in TREE_KINDS if kind not in (K.FIXED, K.SPHERICAL, K.FREE)])

@@ -11,7 +11,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cutjoint.elements.interaction import Carrier
+from cutjoint.formulate.inputs import HELD, INPUTS, held_name, input_parameters, input_symbols, open_parameters
 from cutjoint.formulate.translate import Translator
+from cutjoint.model.records import Model
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_identity, is_zero
 from cutjoint.report.explain.latex import NOISE, lines, matrix, number, words
 
@@ -135,21 +137,21 @@ def print_blocks(b: Letters, named: Iterable[Block], used: Iterable[tuple[str, B
     return (*shown, *(f"{left} {names.show(block)}".replace("+ -", "- ", 1) for left, block in used))
 
 
-def print_residuals(residual: Block, names: Sequence[str], parameters: Sequence[str]) -> Iterator[tuple[tuple[str, ...], str]]:
+def print_residuals(residual: Block, names: Sequence[str], model: Model) -> Iterator[tuple[tuple[str, ...], str]]:
     """The equations of a column of natural coordinates, each with its names: a vector's components have one text."""
-    b = Letters()
-    whole = _Names(b, [residual])
+    b, arrays = Letters(), {
+        "parameters": [p.name for p in open_parameters(model)],
+        INPUTS: [str(symbol) for p in input_parameters(model) for symbol in input_symbols(p)],
+        HELD: [held_name(value) for value in model.held],
+    }  # fmt: skip
     rows = residual.args if residual.op == "stack" and len(residual.args) == len(names) else (residual,)
-    for block in whole.reached:
-        name = str(block.data).removeprefix("node:")
-        if name == "parameters" and len(parameters) == 1:
-            b.letters[block] = words(parameters[0])
+    for block in _Names(b, [residual]).reached:
+        data: Any = block.data
+        array = arrays.get(block.args[0].data, ()) if block.op == "take" else arrays.get(data, ()) if block.op == "symbol" else ()
+        if block.op == "take" and array:
+            b.letters[block] = words(array[data[0][0]])
         elif block.op == "symbol":
-            b.letters[block] = words(name)
-        elif block.op == "take" and block.args[0].data in ("parameters", "inputs"):
-            data: Any = block.data
-            index, array = data[0][0], str(block.args[0].data)
-            b.letters[block] = words(parameters[index] if array == "parameters" else f"{array} {index + 1}")
+            b.letters[block] = words(array[0] if len(array) == 1 else data.removeprefix("node:"))
     for i, row in enumerate(rows):
         yield ((names[i],) if len(rows) > 1 or len(names) == 1 else tuple(names)), _Names(b, [row], divide=False).show(row)
 
@@ -208,8 +210,13 @@ class _Names:
                 return self._product(block)
             case "mul":
                 return self._product(block)
+            case "transpose" if args[0].op == "neg" and args[0].args[0].op == "skew" and args[0] not in self._letters:
+                return self.show(args[0].args[0]), _ONE
             case "transpose":
                 return f"{self.show(args[0], _ONE)}^T", _ONE
+            case "skew" if args[0].op == "scale" and args[0].args[0].op in ("symbol", "const") and args[0] not in self._letters:
+                factor, vector = args[0].args
+                return rf"{self.show(factor)} \tilde {{{self.show(vector, _ONE)}}}", _PRODUCT
             case "skew":
                 return rf"\tilde {{{self.show(args[0], _ONE)}}}", _ONE
             case "mirror":
@@ -237,8 +244,12 @@ class _Names:
             return "0"
         if is_identity(block) and block.shape != (1, 1):
             return r"\mathbf{1}"
-        rows = [[number(x if abs(x) > NOISE else 0.0, times=r" \cdot 10^{{{}}}") for x in row] for row in block.data]  # type: ignore[attr-defined]
+        rows = [[self._number(x) for x in row] for row in block.data]  # type: ignore[attr-defined]
         return rows[0][0] if block.shape == (1, 1) else matrix(rows)
+
+    @staticmethod
+    def _number(x: float) -> str:
+        return number(x if abs(x) > NOISE else 0.0, times=r" \cdot 10^{{{}}}")
 
     def _sum(self, block: Block) -> str:
         first, second = block.args
@@ -249,6 +260,8 @@ class _Names:
 
     def _product(self, block: Block) -> tuple[str, int]:
         first, second = block.args
+        if first.op == second.op == "const" and block.shape == (1, 1):
+            return (text := self._number(first.data[0][0] * second.data[0][0])), (_SUM if text.startswith("-") else _ONE)  # type: ignore[index]
         if first.op == "skew" and first not in self._letters and second.shape[1] == 1:
             return rf"{self.show(first.args[0], _ONE)} \times {self.show(second, _ONE)}", _VECTORS
         if first.op == "transpose" and block.shape == (1, 1):
@@ -257,6 +270,8 @@ class _Names:
             return rf"{self.show(first.args[0], _ONE)} \cdot {self.show(second, _ONE)}", _VECTORS
         if first.op == "call" and first.data == ("div", None) and first not in self._letters and _is_one(first.args[0]):
             return rf"\frac{{{self.show(second)}}}{{{self.show(first.args[1])}}}", _PRODUCT
+        if first.op == "neg" and first not in self._letters:
+            return f"-{self.show(first.args[0], _PRODUCT)} {self.show(second, _PRODUCT)}", _SUM
         left, right = self.show(first, _SUM if first.op == "const" else _PRODUCT), self.show(second, _PRODUCT)
         if left == right:
             return f"{self.show(first, _ONE)}^2", _PRODUCT
@@ -295,6 +310,8 @@ class _Names:
             return rf"\lvert {self.show(args[0])} \rvert", _ONE
         if function == "pow":
             return f"{self.show(args[0], _ONE)}^{{{self.show(args[1])}}}", _PRODUCT
+        if function in ("sin", "cos", "tan", "exp"):
+            return rf"\{function} \left({self.show(args[0])}\right)", _ONE
         name = words(function) if "_" in function or "." in function else rf"\text{{{function}}}"
         return rf"{name} \left({', '.join(self.show(x) for x in args)}\right)", _ONE
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import sympy
 
@@ -26,20 +26,21 @@ Cells = tuple[tuple[str, str], ...]
 #: The forces of all methods.
 NOTES = (
     r"$p$, $e$ and $\omega$ are points, directions and angular velocities of the bodies by which they are called, a dot their rate, $R$ a "
-    r"body's rotation; words are the model file's own. $Q$ of a body takes a force and its moment about the pole.",
+    r"body's rotation; words are the model file's own. $Q$ of a body takes a force and its moment about the pole, $\tau$ of a joint a "
+    "force on its coordinate, which works along its direction or about its axis on both bodies where the joint is cut.",
 )
 
-#: And what natural coordinates make of them.
+#: Those of natural coordinates.
 POINT_NOTES = (
-    *NOTES,
+    NOTES[0].partition(" $Q$")[0],
     "A force on a point of a body works on the displacement of that point: $Q_p$ takes it, and a point that is no coordinate hands it on "
-    "to the nodes that it combines, times their coefficients. A torque $T$ on a body works on the three directions $e_x$, $e_y$, $e_z$ of "
-    r"the body that are the global axes in the design position: $Q_{e_i}$ takes $T \times e_i / 2$.",
+    "to the nodes that it combines, times their coefficients; so do directions. A torque on a body works on the three directions $e_i$ of "
+    "the body that are the global axes in the design position, by which "
+    r"$R = [e_x, e_y, e_z]$ and $\omega = \sum e_i \times \dot e_i / 2$. A force on the position of a joint is one on an angle, which is a "
+    "node, or works on the joint's points and direction as an axial force does.",
 )
 
-_FRAME_NOTE = (
-    r"$E$ holds the axes as the base carries them, $G$ as the follower does; $\theta$ are the small rotations between them, in $E$."
-)
+_FRAME_NOTE = "$E$ holds the axes as the base carries them, $G$ as the follower does."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +88,7 @@ class PageMechanics(WrenchMechanics):
         field_of, _, mark = name.partition("_")
         again = sum(law is known for _, law, *_ in self.laws)
         letter = ("m" if field_of == "moment" else "f") + (f"_{mark or again}" if mark or again else "")
-        self.laws.append((letter, known, values, ()))
+        self.laws.append((letter, known, values, tuple(v for v in values if variable(v) in known.free_symbols)))
         return self.b.free(letter)
 
     def law(self, law: Scalar, values: Mapping[str, Block], position: str) -> dict[str, Block]:
@@ -102,15 +103,18 @@ class PageMechanics(WrenchMechanics):
         for i, (name, law, values, by) in enumerate(self.laws, 1):
             letters: dict[str, str] = {}
             for v, block in values.items():
+                if variable(v) not in law.free_symbols and v not in by:
+                    continue
                 word = rf"\dot {{{next(iter(letters.values()))}}}" if v == "rate" and letters else quantity_letter(v)
                 if variables.get(word, block) is not block:
                     word = quantity_letter(f"{v}_{i}")
                 self.b.letter(block, word)
-                letters[v] = str(block.data) if block.op == "symbol" else self.b.letters.get(block, "0")
+                letters[v] = str(block.data) if block.op == "symbol" else self.b.letters.get(block, word)
+                if block.op == "const" and letters[v] not in variables:
+                    shown += print_blocks(self.b, [], [(f"{word} =", block)])
                 variables[letters[v]] = block
-            used = {v: letter for v, letter in letters.items() if variable(v) in law.free_symbols or v in by}
-            shown += explain_law(name, law, used, by, self.model)
-        return {letter: block for letter, block in variables.items() if any(letter in line for line in shown)}, tuple(shown)
+            shown += explain_law(name, law, letters, by, self.model)
+        return {letter: block for letter, block in variables.items() if block.op != "const"}, tuple(shown)
 
     def in_motion(self, value: Block) -> Block:
         """The value itself, as a note says."""
@@ -127,24 +131,78 @@ class PageMechanics(WrenchMechanics):
     def _axes(self, frame: Frame) -> tuple[Block, Block]:
         return self.b.free("E", 3, 3), self.b.free("G", 3, 3)
 
-    def along(self, start: Point, end: Point, direction: Axis | Frame) -> Measured | Lazy:
-        """The way along directions."""
+    def along(self, start: Point, end: Point, direction: Axis | Frame) -> Measured:
+        """The displacement along directions, and its rate."""
+        b, way = self.b, self.displacement(start, end).x
         if isinstance(direction, Frame):
-            return super().along(start, end, direction)
-        travel = self.b.dot(self.k.direction("", direction.of(self.force)), self.displacement(start, end).x)
-        return Measured(x=travel, v=self.b.rate(travel))
+            along = b.mul(b.transpose(self._axes(direction)[0]), way)
+        else:
+            along = b.dot(self.k.direction("", direction.of(self.force)), way)
+        return Measured(x=along, v=b.rate(along))
 
     def coordinate(self) -> dict[str, Block]:
         """The coordinate, and its rate."""
         return {name: self.b.free(quantity_letter(name)) for name in ("position", "rate")}
 
+    def _gets(self, place: str, force: Block) -> None:
+        self.on_joint.append((rf"{place} \leftarrow {place} +", force))
+
     def apply_joint_force(self, force: Block) -> None:
-        """A force on the coordinate."""
-        self.on_joint.append((r"\tau \leftarrow \tau +", force))
+        """A force on the coordinate, which does nothing against a guide."""
+        if next(j for j in self.model.joints if j.name == self.force.joint_of).guide is None:
+            self._gets(self._coordinate, force)
+
+    _coordinate: ClassVar[str] = r"\tau"
 
     def apply_joint_friction(self, law: Block) -> None:
         """The law times the load of the joint."""
-        self.on_joint.append((r"\tau \leftarrow \tau +", self.b.mul(self.b.free("N"), law)))
+        self._gets(self._coordinate, self.b.mul(self.b.free("N"), law))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointMechanics(PageMechanics):
+    """Forces on points and directions, as natural coordinates have them."""
+
+    _coordinate: ClassVar[str] = r"Q_{\text{ position }}"
+
+    def _at(self, at: Point) -> str:
+        return f"Q_{{{self._point(at).data}}}"  # type: ignore[attr-defined]
+
+    def apply_force_pair(self, start: Point, end: Point, force: Block) -> None:
+        """Opposite forces on both points."""
+        self._gets(self._at(end), force)
+        self._gets(self._at(start), self.b.neg(force))
+
+    def apply_force_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
+        """Opposite forces on both points, and one on the directions."""
+        b, way = self.b, self.displacement(start, end).x
+        if isinstance(direction, Frame):
+            self.apply_force_pair(start, end, b.mul(self._axes(direction)[0], force))
+            self._gets("Q_{E}", b.mul(way, b.transpose(force)))
+        else:
+            e = self.k.direction("", direction.of(self.force))
+            self.apply_force_pair(start, end, b.scale(force, e))
+            self._gets(f"Q_{{{e.data}}}", b.scale(force, way))  # type: ignore[attr-defined]
+
+    def apply_force(self, at: Point, force: Block) -> None:
+        """A force on a point."""
+        self._gets(self._at(at), force)
+
+    def apply_force_at_offset(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
+        """A force on the point, and the torque of what is beside it."""
+        self.apply_force(at, force)
+        self.apply_torque(at.carrier, self.b.add(self.b.cross(arm, force), moment))
+
+    def apply_torque(self, carrier: Carrier, torque: Block) -> None:
+        """Half of T x e_i on each direction."""
+        e = f"e_{{{carrier} i}}"
+        self._gets(f"Q_{{{e}}}", self.b.cross(self.b.scale(self.b.number(0.5), torque), self.b.free(e, 3)))
+
+    def apply_frame_torque(self, frame: Frame, torque: Block) -> None:
+        """The force on half the differences of E^T G, by the directions of both bodies."""
+        b, (E, G) = self.b, self._axes(frame)
+        for name, factor, axes in (("Q_{E}", -0.5, G), ("Q_{G}", 0.5, E)):
+            self._gets(name, b.scale(b.number(factor), b.mul(axes, b.skew(torque))))
 
 
 def _with_letters(force: Force) -> tuple[Force, dict[Scalar, Scalar]]:
@@ -172,13 +230,13 @@ def _with_letters(force: Force) -> tuple[Force, dict[Scalar, Scalar]]:
     return replace(force, **changed), found
 
 
-def describe(force: Force, model: Model, road: frozenset[str]) -> ForceDescription:
+def describe(force: Force, model: Model, road: frozenset[str], mechanics: type[PageMechanics] = PageMechanics) -> ForceDescription:
     """The description of a force by what its interaction does."""
     b = Letters()
     of_letters, expressions = _with_letters(force)
     fields_of = Counter(p.field for p in force.places)
     k: Any = LetterBodies(b, frozenset(name for name, count in fields_of.items() if count > 1))
-    m = PageMechanics(
+    m = mechanics(
         b=b, translator=k.translator, road=road, system=k, k=k, force=of_letters, expressions=expressions, model=model,
     )  # fmt: skip
     reported = force.interaction.act(of_letters, m)
@@ -187,6 +245,7 @@ def describe(force: Force, model: Model, road: frozenset[str]) -> ForceDescripti
     variables, laws = m.lettered()
     joins = [(rf"Q_{{{body}}} \leftarrow Q_{{{body}}} +", wrench) for body, wrench in k.added if not is_zero(wrench)]
     notes = [force.element.text, *([_FRAME_NOTE] if any(isinstance(p, Frame) for p in force.places) else [])]
+    notes += ["Its joint is guided: it is reported and does nothing."] if force.joint_of and not m.on_joint else []
     notes += ["Absent while the equilibrium is sought."] if getattr(force, "moving_only", False) else []
     return ForceDescription(
         title=str(force.element.kind.replace("_", " ").capitalize()), notes=tuple(notes),
@@ -212,12 +271,13 @@ def _cell(where: Place, force: Force, model: Model) -> str:
 
 
 def explain_forces(
-    equations: Equations, counterparts: Sequence[Counterparts], notes: tuple[str, ...] = NOTES
+    equations: Equations, counterparts: Sequence[Counterparts], notes: tuple[str, ...] = NOTES,
+    mechanics: type[PageMechanics] = PageMechanics,
 ) -> Chapter:
     """The forces that act in the scene; those that are switched off are named."""
     model, scene = equations.topology.model, equations.scene
     forces = {f.name: f for f in model.forces if is_active(f, scene)}
-    descriptions = {name: describe(f, model, scene.road.parts) for name, f in forces.items()}
+    descriptions = {name: describe(f, model, scene.road.parts, mechanics) for name, f in forces.items()}
     groups = group(list(forces), counterparts, lambda name: descriptions[name].kind, lambda name: descriptions[name].laws)
     entries = [_entry([forces[n] for n in names], [descriptions[n] for n in names]) for names in groups]
     off = [f for f in model.forces if f.name not in forces]

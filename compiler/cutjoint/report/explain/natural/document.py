@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from cutjoint.methods import METHODS
 from cutjoint.model.records import Model, Numerics, Scene
-from cutjoint.report.explain.forces import POINT_NOTES, explain_forces
+from cutjoint.report.explain.forces import POINT_NOTES, PointMechanics, explain_forces
 from cutjoint.report.explain.graph import count_bodies, given_rows, operation_rows
 from cutjoint.report.explain.latex import number
 from cutjoint.report.explain.natural.derivation import Derivation, derive_natural
@@ -111,7 +111,7 @@ def explain_natural(model: Model, scene: Scene, method: str, further: tuple[Chap
         chapters=(
             explain_constraints(d),
             explain_masses(d, counterparts),
-            explain_forces(d.full, counterparts, POINT_NOTES),
+            explain_forces(d.full, counterparts, POINT_NOTES, PointMechanics),
             explain_dependence(d),
             *further,
         ),

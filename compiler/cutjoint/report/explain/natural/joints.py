@@ -27,7 +27,7 @@ def explain_constraints(d: Derivation) -> Chapter:
     rows = [
         (code(f"{c.element}.{name}" for name in names), spans[c.element].place, rf"$\Phi = {residual}$")
         for c in d.full.constraints
-        for names, residual in print_residuals(c.residual, c.names, [p.name for p in d.full.parameters])
+        for names, residual in print_residuals(c.residual, c.names, d.model)
     ]
     left_out = [name for name in d.full.equation_names if not d.is_held(name)]
     notes = (f"Left out, since others imply them: {code(left_out)}.",) if left_out else ()
