@@ -231,7 +231,8 @@ def test_forces_on_points_do_the_work_of_the_wrenches() -> None:
     _, (follower, base) = read(chapter("Axial force"), dict(given))
     found, (on_end, on_start, on_axis) = read(chapter("Axial force", "augmented"), dict(given))
     assert found["F"] == pytest.approx(5 - 3 * axis @ (end - start))
-    power = on_end @ (v_follower + np.cross(w_follower, end)) + on_start @ (v_base + np.cross(w_base, start)) + on_axis @ np.cross(w_base, axis)
+    power = on_end @ (v_follower + np.cross(w_follower, end)) + on_start @ (v_base + np.cross(w_base, start))
+    power += on_axis @ np.cross(w_base, axis)
     assert power == pytest.approx(follower @ [*v_follower, *w_follower] + base @ [*v_base, *w_base])
 
 

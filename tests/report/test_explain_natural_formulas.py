@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy
 
 from cutjoint.analysis.natural import call
 from cutjoint.elements.joints import JOINTS
-from cutjoint.formulate.inputs import TIME, input_functions
+from cutjoint.formulate.inputs import TIME, input_functions, input_parameters
 from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_lagrangian
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName
@@ -23,7 +24,7 @@ from cutjoint.report.explain.latex import words
 from cutjoint.report.explain.natural.derivation import form_text
 from cutjoint.topology.build import build_topology
 from tests.mechanisms import random_models
-from tests.mechanisms.random_models import GUIDABLE, TREE_KINDS, K, workshop
+from tests.mechanisms.random_models import DRIVE, GUIDABLE, TREE_KINDS, K, workshop
 from tests.report.test_explain_blocks import Reading
 from tests.report.test_explain_natural import explained, random_scene
 
@@ -71,7 +72,8 @@ def compare(equations: LagrangianEquations) -> int:
     known |= {words(p.name): p.value for p in equations.parameters} | {words("t"): NOW}
     known |= {rf"\{name}": getattr(np, name) for name in ("sin", "cos")}
     model, count = equations.topology.model, 0
-    known |= {words(str(x)): equations.layout.value(law.subs(TIME, NOW)) for x, law in input_functions(model, equations.scene).items()}
+    given = input_functions(model, equations.scene)
+    known |= {words(p.name): equations.layout.value(given[p.symbol].subs(TIME, NOW)) for p in input_parameters(model)}
     for c in equations.constraints:
         for names, printed in print_residuals(c.residual, c.names, model):
             expected = [residuals[f"{c.element}.{name}"] for name in names]
@@ -95,6 +97,18 @@ def test_printed_residuals_of_guided_joints(kind: JointKind) -> None:
     w = workshop(0, f"guided {kind}")
     w.grow(w.guided(w.guided(w.grow("ground"), kind), kind))
     assert compare(random_equations(w.model()))
+
+
+def test_printed_residuals_name_the_inputs_of_guides() -> None:
+    w = workshop(0, "two inputs")
+    other = replace(DRIVE, name="other", symbol=sympy.Symbol("p_other", real=True), value=0.4)
+    w.grow(w.guided(w.grow("ground"), K.PRISMATIC), K.PRISMATIC, guide=(2 * other.symbol - DRIVE.symbol,))
+    model = w.model()
+    equations = random_equations(replace(model, parameters=(*model.parameters, other)))
+    printed = " ".join(text for c in equations.constraints for _, text in print_residuals(c.residual, c.names, equations.topology.model))
+    assert words("drive") in printed
+    assert words("other") in printed
+    assert compare(equations)
 
 
 @pytest.mark.parametrize("model", [random_models.random_loops(1), random_models.loop_with(K.CYLINDRICAL, "branch", 1)], ids=["", "surplus"])

@@ -141,7 +141,7 @@ def print_residuals(residual: Block, names: Sequence[str], model: Model) -> Iter
     """The equations of a column of natural coordinates, each with its names: a vector's components have one text."""
     b, arrays = Letters(), {
         "parameters": [p.name for p in open_parameters(model)],
-        INPUTS: [str(symbol) for p in input_parameters(model) for symbol in input_symbols(p)],
+        INPUTS: [name for p in input_parameters(model) for name in (p.name, *map(str, input_symbols(p)[1:]))],
         HELD: [held_name(value) for value in model.held],
     }  # fmt: skip
     rows = residual.args if residual.op == "stack" and len(residual.args) == len(names) else (residual,)
