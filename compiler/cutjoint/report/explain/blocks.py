@@ -139,18 +139,18 @@ def print_blocks(b: Letters, named: Iterable[Block], used: Iterable[tuple[str, B
 
 def print_residuals(residual: Block, names: Sequence[str], model: Model) -> Iterator[tuple[tuple[str, ...], str]]:
     """The equations of a column of natural coordinates, each with its names: a vector's components have one text."""
-    b, arrays = Letters(), {
+    b, arrays = Letters(), dict[str, list[str]]({
         "parameters": [p.name for p in open_parameters(model)],
         INPUTS: [name for p in input_parameters(model) for name in (p.name, *map(str, input_symbols(p)[1:]))],
         HELD: [held_name(value) for value in model.held],
-    }  # fmt: skip
+    })  # fmt: skip
     rows = residual.args if residual.op == "stack" and len(residual.args) == len(names) else (residual,)
     for block in _Names(b, [residual]).reached:
         data: Any = block.data
-        array = arrays.get(block.args[0].data, ()) if block.op == "take" else arrays.get(data, ()) if block.op == "symbol" else ()
-        if block.op == "take" and array:
+        if block.op == "take" and (array := arrays.get(str(block.args[0].data), [])):
             b.letters[block] = words(array[data[0][0]])
         elif block.op == "symbol":
+            array = arrays.get(data, [])
             b.letters[block] = words(array[0] if len(array) == 1 else data.removeprefix("node:"))
     for i, row in enumerate(rows):
         yield ((names[i],) if len(rows) > 1 or len(names) == 1 else tuple(names)), _Names(b, [row], divide=False).show(row)

@@ -166,7 +166,7 @@ class PointMechanics(PageMechanics):
     _coordinate: ClassVar[str] = r"Q_{\text{ position }}"
 
     def _at(self, at: Point) -> str:
-        return f"Q_{{{self._point(at).data}}}"  # type: ignore[attr-defined]
+        return f"Q_{{{self._point(at).data}}}"
 
     def apply_force_pair(self, start: Point, end: Point, force: Block) -> None:
         """Opposite forces on both points."""
@@ -182,7 +182,7 @@ class PointMechanics(PageMechanics):
         else:
             e = self.k.direction("", direction.of(self.force))
             self.apply_force_pair(start, end, b.scale(force, e))
-            self._gets(f"Q_{{{e.data}}}", b.scale(force, way))  # type: ignore[attr-defined]
+            self._gets(f"Q_{{{e.data}}}", b.scale(force, way))
 
     def apply_force(self, at: Point, force: Block) -> None:
         """A force on a point."""
