@@ -76,6 +76,7 @@ def compare(equations: LagrangianEquations) -> int:
     known |= {words(p.name): equations.layout.value(given[p.symbol].subs(TIME, NOW)) for p in input_parameters(model)}
     for c in equations.constraints:
         for names, printed in print_residuals(c.residual, c.names, model):
+            assert not printed.endswith(" - 0")
             expected = [residuals[f"{c.element}.{name}"] for name in names]
             assert np.ravel(Reading(printed, known).sum()) == pytest.approx(expected, rel=1e-9, abs=1e-9), names
             count += len(names)

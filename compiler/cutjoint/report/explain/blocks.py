@@ -254,6 +254,8 @@ class _Names:
     def _sum(self, block: Block) -> str:
         first, second = block.args
         left, right = self.show(first), self.show(second, _SUM if block.op == "add" else _VECTORS)
+        if right == "0":
+            return left
         if block.op == "add" and right.startswith("-"):
             return f"{left} - {right.removeprefix('-').lstrip()}"
         return f"{left} {'+' if block.op == 'add' else '-'} {right}"
