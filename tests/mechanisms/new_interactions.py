@@ -16,10 +16,8 @@ from cutjoint.elements.interaction import (
     Axis,
     Carrier,
     Coil,
-    Explanation,
     Interaction,
     Mechanics,
-    Page,
     Point,
     Visual,
     VisualContext,
@@ -48,14 +46,6 @@ class Bend(Interaction):
             m.apply_force(at, push)
         return {f"F{axis}": b.neg(b.element(m.in_global(F), i)) for i, axis in enumerate("xyz")}
 
-    def explain(self, force: LawForce, page: Page) -> Explanation:
-        """The bend, its law and three forces."""
-        pushes = [page.apply_force(f"p_{i}", "2 F" if i == 2 else "(-F)", f"{i}") for i in (1, 2, 3)]
-        return Explanation(
-            notes=("$F$ straightens the points.",), actions=(r"s = p_1 + p_3 - 2 p_2", *pushes),
-            laws=page.law("F", force.law, "position", "s"),
-        )  # fmt: skip
-
     def visuals(self) -> tuple[Visual, ...]:
         """Two springs."""
         return (Coil(self.middle, self.first), Coil(self.middle, self.last))
@@ -82,13 +72,6 @@ class Pointer(Interaction):
         m.apply_torque(self.follower.carrier, T)
         m.apply_torque(self.base.carrier, b.neg(T))
         return {f"M{axis}": b.element(m.in_global(T), i) for i, axis in enumerate("xyz")}
-
-    def explain(self, force: PointerForce, page: Page) -> Explanation:
-        """The torque on both bodies."""
-        return Explanation(
-            notes=(), actions=(page.apply_torque(r"k g \times e - c \omega", "f"), page.apply_torque(r"c \omega - k g \times e", "b")),
-            constants=(("k", page.number(force.stiffness)), ("c", page.number(force.damping))),
-        )
 
 
 _LAW = Law({"position": "m", "rate": "m/s"}, "N")

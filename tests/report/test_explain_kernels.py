@@ -1,4 +1,4 @@
-"""Rewritten parts of the explanation keep their value: numbers, laws, kernels behind a ball, the tyre in steps."""
+"""Rewritten parts of the explanation keep their value: numbers, laws, kernels behind a ball."""
 
 from __future__ import annotations
 
@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 import sympy
 
-from cutjoint.elements.interactions.road_contact import calspan
 from cutjoint.kernels.joints import QUATERNION, derive_joint, rotation_of
 from cutjoint.model.records import Joint, JointKind, Span
-from cutjoint.program.blocks import BindingTime, Builder
-from cutjoint.program.interpret import interpret_blocks
-from cutjoint.report.explain import laws as tyre
 from cutjoint.report.explain.joints import _matrices
 from cutjoint.report.explain.latex import latex, number, variants
 from cutjoint.report.explain.laws import differentiate, expand_polynomials
@@ -100,49 +96,6 @@ def test_what_stands_behind_a_ball_makes_the_kernel_again(kind: JointKind, is_re
         (found["R(q)"], kernel.rotation), (found["p(q)"], kernel.displacement), (subspace, kernel.subspace), (found["c"], kernel.drift),
     ):  # fmt: skip
         assert float((shown - true.subs(point)).norm()) < 1e-12
-
-
-CONSTANTS = {"A0": 2625, "A1": 14.47, "A2": 12930, "A3": 2.29, "A4": 18175, "B1": -4.64e-5, "B3": 1.216, "B4": 2.18e-11, "SN": 1.0274,
-             "AF1": -1.71e-5, "AF2": 1.71e-5}  # fmt: skip
-STATES = [(3000.0, 0.02, 0.01), (6000.0, -0.04, 0.03), (15000.0, 0.3, -0.02)]
-
-
-def compiled(load: float, slip: float, camber: float) -> tuple[float, float]:
-    """Lateral force and aligning moment as the compiler computes them."""
-    b = Builder()
-    column = b.symbol("x", 3, BindingTime.ITERATION)
-    results = calspan(b, {n: b.number(c) for n, c in CONSTANTS.items()}, *(b.element(column, i) for i in range(3)))
-    values = interpret_blocks(results, {"x": np.array([load, slip, camber])}, {})
-    return float(values[results[0]][0, 0]), float(values[results[1]][0, 0])
-
-
-def in_steps(load: float, slip: float, camber: float) -> dict[sympy.Symbol, float]:
-    """Every quantity of the printed steps."""
-    known = {sympy.Symbol(n, real=True): c for n, c in CONSTANTS.items()}
-    known |= {tyre.Fz: load, tyre.ALPHA: slip, tyre.GAMMA: camber}
-    for step in tyre.CALSPAN:
-        known[step.symbol] = float(step.value.subs(known))
-    return known
-
-
-@pytest.mark.parametrize("state", STATES)
-def test_the_printed_tyre_is_the_compiled_one(state: tuple[float, float, float]) -> None:
-    side, moment = compiled(*state)
-    known = in_steps(*state)
-    assert known[tyre.FY] == pytest.approx(side, rel=1e-12)
-    assert float(tyre.MOMENT.subs(known)) == pytest.approx(moment, rel=1e-12)
-
-
-@pytest.mark.parametrize("state", STATES[:2])
-def test_the_printed_derivatives_of_the_tyre(state: tuple[float, float, float]) -> None:
-    known, h = in_steps(*state), 1e-7
-    load, slip, camber = state
-    by_slip = (compiled(load, slip + h, camber)[0] - compiled(load, slip - h, camber)[0]) / (2 * h)
-    by_camber = (compiled(load, slip, camber + h)[0] - compiled(load, slip, camber - h)[0]) / (2 * h)
-    (plus, minus) = (compiled(load, slip + d, camber) for d in (h, -h))
-    by_side = (plus[1] - minus[1]) / (plus[0] - minus[0])
-    printed = [float(derivative.subs(known)) for _, _, _, derivative in tyre.partials()]
-    assert printed == pytest.approx([by_slip, by_camber, by_side], rel=1e-5)
 
 
 def test_laws_that_differ_are_printed_with_their_owners() -> None:

@@ -1,8 +1,7 @@
 """The vocabulary of interactions: the places that a force has on its bodies, and how it works between them, for every method.
 
-An interaction is a file of `elements/interactions/`.  It says by the verbs of `Mechanics` what a force measures and where it acts, by those
-of `Page` how `explain` writes that, and by shapes and those of `VisualContext` how it looks.  Methods, `explain` and the viewer interpret
-it.
+An interaction is a file of `elements/interactions/`.  It says by the verbs of `Mechanics` what a force measures and where it acts, and
+by shapes and those of `VisualContext` how it looks.  Methods, `explain` and the viewer interpret it.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
 from cutjoint.elements.terms import Scalar
 
@@ -174,76 +173,6 @@ class Mechanics(Protocol):
         """A force on the joint's coordinate, by N of the load that the joint carries."""
 
 
-# Formulas
-
-T = TypeVar("T", str, tuple[str, ...])
-
-
-def on_both(sign: str, force: str, moment: str) -> str:
-    """A wrench on the follower, the opposite one on the base."""
-    other = "+" if sign == "-" else "-"
-    wrench = rf"\begin{{bmatrix}} {force} \cr {moment} \end{{bmatrix}}"
-    return rf"Q_f \leftarrow Q_f {sign} {wrench}, \quad Q_b \leftarrow Q_b {other} {wrench}"
-
-
-def gets(node: str, sign: str, force: str) -> str:
-    """A force on the displacement of a point or direction."""
-    return rf"Q_{{{node}}} \leftarrow Q_{{{node}}} {sign} {force}"
-
-
-def pair(end: str, start: str, sign: str, force: str) -> str:
-    """A force on one point, the opposite one on another."""
-    other = "+" if sign == "-" else "-"
-    return rf"{gets(end, sign, force)}, \quad {gets(start, other, force)}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Explanation:
-    """Notes on a force, formulas of its action, those of its laws with numbers, and ``constants`` as pairs of a heading and a cell."""
-
-    notes: tuple[str, ...]
-    actions: tuple[str, ...]
-    laws: tuple[str, ...] = ()
-    constants: tuple[tuple[str, str], ...] = ()
-
-
-class Page(Protocol):
-    """The LaTeX of a method, whose forces act on bodies as wrenches or on displacements of points and directions."""
-
-    def either(self, bodies: T, points: T) -> T:
-        """The text of this method."""
-
-    def apply_force_pair(self, start: str, end: str, force: str) -> str:
-        """A force that draws the end to the start, and its reaction."""
-
-    def apply_force_along(self, start: str, end: str, axis: str, way: str, force: str) -> str:
-        """A force on the end along an axis of the start's body, and its reaction on the same line; ``way`` leads from start to end."""
-
-    def apply_force(self, at: str, force: str, body: str = "") -> str:
-        """A force on a point of a body."""
-
-    def apply_torque(self, torque: str, body: str = "") -> str:
-        """A torque on a body."""
-
-    def kind_of_coordinate(self, force: Force) -> str:
-        """The kind of the joint's coordinate on which a force works: ``guided``, ``angle`` or ``slide``."""
-
-    def law(self, name: str, law: Scalar, position: str, symbol: str) -> tuple[str, ...]:
-        """A law over one position, whose LaTeX is ``symbol``, and its rate, with its partial derivatives."""
-
-    def laws(self, name: str, laws: Sequence[Scalar], symbol: str) -> tuple[str, ...]:
-        """Three laws over a position and a rate each, along x, y and z, with the diagonals of their Jacobians."""
-
-    def vector(self, name: str, components: Sequence[Scalar], by: Mapping[str, str]) -> tuple[str, ...]:
-        """A vector and its Jacobians that are not zero, each by the variables of its symbol, ``by`` as {"r": "x y z"}."""
-
-    def calspan(self) -> tuple[str, ...]:
-        """The tyre's lateral force and aligning moment, with their partial derivatives."""
-
-    def number(self, value: Scalar) -> str:
-        """A number."""
-
-
 # Looks
 
 
@@ -326,14 +255,6 @@ class Interaction(ABC):
     def swapped(self, force: Any) -> Mapping[str, Any]:
         """The fields of the force's places after its bodies change parts, {} where that makes another force of it."""
         return {}
-
-    @abstractmethod
-    def explain(self, force: Any, page: Page) -> Explanation:
-        """The formulas by which it works."""
-
-    def title(self, force: Any) -> str:
-        """The heading of the force in an explanation."""
-        return str(force.element.kind.replace("_", " ").capitalize())
 
     def visuals(self) -> tuple[Visual, ...]:
         """The shapes that are drawn."""

@@ -223,6 +223,10 @@ class Builder:
         self.labels.setdefault(block, Label(text=self._mark + name, rows=rows, columns=columns))
         return block
 
+    def letter(self, block: Block, name: str) -> Block:
+        """Note the LaTeX of a block for the formulas that `explain` prints; nothing that is generated has it."""
+        return block
+
     def record(self, block: Block, symbol: str, *parts: str, which: tuple[str | int, ...] = ()) -> Block:
         """Say what a block is, in the words of `Quantity`; the same is said of corresponding blocks, but for the parts."""
         key = (self._mark + symbol, parts, which)

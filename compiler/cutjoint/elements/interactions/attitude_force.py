@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import reduce
 from typing import TYPE_CHECKING, ClassVar
 
-from cutjoint.elements.interaction import Carrier, Explanation, Frame, Interaction, Mechanics, Page, on_both
+from cutjoint.elements.interaction import Carrier, Frame, Interaction, Mechanics
 
 if TYPE_CHECKING:
     from cutjoint.elements.forces.joint_force import BallSpring
@@ -36,7 +36,7 @@ class AttitudeForce(Interaction):
 
     def act(self, force: BallSpring, m: Mechanics) -> dict[str, Block]:
         """The torque on the follower, and its reaction on the base."""
-        b, theta = m.b, self._turned(force, m)
+        b, theta = m.b, m.b.letter(self._turned(force, m), r"\theta")
         stiffness, damping = (m.scalar(law, {}) for law in force.expressions)
         back = b.scale(stiffness, m.from_body(Carrier.FOLLOWER, theta)) if force.stiffness != 0 else b.zero(3)
         drag = b.scale(damping, b.sub(m.spin(Carrier.FOLLOWER), m.spin(Carrier.BASE))) if force.damping != 0 else b.zero(3)
@@ -58,20 +58,6 @@ class AttitudeForce(Interaction):
         R = [[m.scalar(component, {}) for component in axis] for axis in force.axes]  # an axis of rest in each row
         # S is over the axes of rest of both bodies: D = S R^T has the follower's own
         return rotation_vector(b, [[b.total([b.mul(S[i][k], R[k][j]) for k in range(3)]) for j in range(3)] for i in range(3)])
-
-    def explain(self, force: BallSpring, page: Page) -> Explanation:
-        """The rotation vector and the torque."""
-        torque = r"M = -k \theta - d (\omega_f - \omega_b)"
-        actions = page.either(
-            (torque, on_both("+", "0", "M")),
-            (torque, ", \\quad ".join((page.apply_torque("M", "f"), page.apply_torque("-M", "b")))),
-        )
-        note = (
-            r"$\theta$ is the rotation vector, at most $\pi$ long, by which the follower is turned out of the attitude of rest beside "
-            r"the base, in the follower's axes; the potential is $k \lVert \theta \rVert^2 / 2$."
-        )
-        numbers = (("stiffness k", page.number(force.stiffness)), ("damping d", page.number(force.damping)))
-        return Explanation(notes=(note,), actions=actions, constants=numbers)
 
 
 def rotation_vector(b: Builder, D: list[list[Block]]) -> Block:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from cutjoint.elements.interaction import Arrow, Axis, Coil, Explanation, Interaction, Mechanics, Page, Point, Visual, VisualContext
+from cutjoint.elements.interaction import Arrow, Axis, Coil, Interaction, Mechanics, Point, Visual, VisualContext
 
 if TYPE_CHECKING:
     from cutjoint.elements.force import LawForce
@@ -38,18 +38,6 @@ class AxisForce(Interaction):
         """The travel, and its rate."""
         travel = m.along(self.origin, self.point, self.axis)
         return {"travel": travel.x, "rate": travel.v}
-
-    def explain(self, force: LawForce, page: Page) -> Explanation:
-        """A push along the axis."""
-        note = "$F$ pushes the follower's point $p$ along the axis $a$, which is fixed in the base like the origin $p_o$"
-        travel = page.either(
-            r"s = a \cdot (p - p_o), \quad \dot s = a \cdot (v_f - v_b)",
-            r"d = p - p_o, \quad s = a \cdot d, \quad \dot s = a \cdot \dot d + d \cdot \dot a",
-        )
-        return Explanation(
-            notes=(f"{note}{page.either('; both velocities are of the bodies at $p$.', '.')}",),
-            actions=(travel, page.apply_force_along("p_o", "p", "a", "d", "F")), laws=page.law("F", force.law, self.position, "s"),
-        )  # fmt: skip
 
     def visuals(self) -> tuple[Visual, ...]:
         """A spring along the line of the force, as long as its travel."""

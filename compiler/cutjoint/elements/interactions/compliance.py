@@ -7,18 +7,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 from cutjoint.elements.interaction import (
     Arrow,
-    Explanation,
     Frame,
     Interaction,
     Mechanics,
-    Page,
     Point,
     Ring,
     Visual,
     VisualContext,
-    gets,
-    on_both,
-    pair,
 )
 
 if TYPE_CHECKING:
@@ -47,7 +42,7 @@ class Compliance(Interaction):
             m.scalar(law, {"position": b.element(places[i // 3], i % 3), "rate": b.element(rates[i // 3], i % 3)})
             for i, law in enumerate(force.expressions)
         ]
-        applied, torque = b.column(laws[:3]), b.column(laws[3:])
+        applied, torque = b.letter(b.column(laws[:3]), "F"), b.letter(b.column(laws[3:]), "M")
         columns = {"F": applied, "M": b.mul(b.transpose(by_rotation), torque), "d": places[0], "r": places[1]}
         quantities = {f"{name}{axis}": b.element(block, i) for name, block in columns.items() for i, axis in enumerate("xyz")}
         m.apply_force_along(self.base, self.follower, self.frame, applied)
@@ -58,32 +53,6 @@ class Compliance(Interaction):
         """The displacements and the rotations."""
         columns = {"d": m.along(self.base, self.follower, self.frame).x, "r": m.rotation(self.frame).x}
         return {f"{name}{axis}": m.b.element(block, i) for name, block in columns.items() for i, axis in enumerate("xyz")}
-
-    def explain(self, force: Force, page: Page) -> Explanation:
-        """Displacements, rotations and their laws."""
-        carried = "$E$ holds the axes $e_k$ carried by the base, $G$ the axes $g_k$ carried by the follower; "
-        meaning = page.either(
-            r"$d$ are the displacements along and $\theta$ the small rotations about the former, both velocities are of the bodies at the "
-            "follower's point $p$.",
-            r"$w$ leads from the base's point to the follower's, $d$ are the displacements along and $\theta$ the small rotations about "
-            "the axes $e_k$.",
-        )
-        actions = page.either(
-            (
-                r"S = E^T G, \quad d = E^T (p - p_b), \quad \theta = E^T \sum\nolimits_{k} e_k \times g_k / 2, \quad"
-                r" T = (\text{tr} S \cdot \mathbf{1} - S) / 2",
-                r"\dot d = E^T (v_f - v_b), \quad \dot \theta = T E^T (\omega_f - \omega_b)",
-                on_both("+", "E F", r"p \times E F + E T^T M"),
-            ), (
-                r"w = p_f - p_b, \quad d = E^T w, \quad S = E^T G, \quad \tilde \theta = (S - S^T) / 2",
-                pair("p_f", "p_b", "+", "E F"),
-                r", \quad ".join((gets("E", "+", r"w F^T - G \tilde M / 2"), gets("G", "+", r"E \tilde M / 2"))),
-            ),
-        )  # fmt: skip
-        along, about = force.expressions[:3], force.expressions[3:]
-        return Explanation(
-            notes=(carried + meaning,), actions=actions, laws=(*page.laws("F", along, "d"), *page.laws("M", about, r"\theta"))
-        )
 
     def visuals(self) -> tuple[Visual, ...]:
         """A ring."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from cutjoint.elements.interaction import Arrow, Coil, Explanation, Interaction, Mechanics, Page, Point, Visual, VisualContext
+from cutjoint.elements.interaction import Arrow, Coil, Interaction, Mechanics, Point, Visual, VisualContext
 
 if TYPE_CHECKING:
     from cutjoint.elements.force import LawForce
@@ -39,23 +39,12 @@ class LineForce(Interaction):
         """The direction of the displacement, its length, and the length's rate."""
         b, displacement = m.b, m.displacement(self.start, self.end)
         length = b.call("sqrt", b.dot(displacement.x, displacement.x))
-        n = b.scale(b.call("div", b.number(1.0), length), displacement.x)
+        n = b.letter(b.scale(b.call("div", b.number(1.0), length), displacement.x), "n")
         return n, {"length": length, "rate": b.dot(n, displacement.v)}
 
     def swapped(self, force: LawForce) -> Mapping[str, Any]:
         """Both ends change places."""
         return {self.start.field: self.end.of(force), self.end.field: self.start.of(force)}
-
-    def explain(self, force: LawForce, page: Page) -> Explanation:
-        """A tension and its line."""
-        line = page.either(
-            r"\ell = \lVert p_e - p_s \rVert, \quad n = (p_e - p_s) / \ell, \quad \dot \ell = n \cdot (v_e - v_s)",
-            r"d = p_e - p_s, \quad \ell = \lVert d \rVert, \quad n = d / \ell, \quad \dot \ell = n \cdot \dot d",
-        )
-        return Explanation(
-            notes=("$F$ is the tension between the start $p_s$, fixed in the base, and the end $p_e$, fixed in the follower.",),
-            actions=(line, page.apply_force_pair("p_s", "p_e", "F n")), laws=page.law("F", force.law, self.position, r"\ell"),
-        )  # fmt: skip
 
     def visuals(self) -> tuple[Visual, ...]:
         """A spring."""

@@ -18,16 +18,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from cutjoint.elements.interaction import (
     Arrow,
     Axis,
-    Explanation,
     Interaction,
     Mechanics,
     Motion,
-    Page,
     Point,
     Visual,
     VisualContext,
     Wheel,
-    gets,
 )
 
 if TYPE_CHECKING:
@@ -83,51 +80,6 @@ class RoadContact(WheelContact):
     def _contact(self, force: Tyre, m: Mechanics) -> Contact:
         return touch_road(m, force, m.point(self.centre), m.direction(self.axis))
 
-    def explain(self, force: Tyre, page: Page) -> Explanation:
-        """The contact, the Calspan model and the wrench."""
-        letters = {"stiffness": "stiffness k", "radius": "radius R", "spin_inertia": "spin inertia I"}
-        return Explanation(
-            notes=(*_NOTES, *(_GROUND if force.expressions else ()), *page.either((), ("$c$ is the wheel centre.",))),
-            actions=(*_CONTACT, *page.calspan(), page.either(_WRENCH, _ON_POINTS)),
-            constants=tuple((letters.get(name, name), page.number(x)) for name, x in (*force.constants.items(), *explain_terrain(force))),
-        )
-
-
-_CONTACT = (
-    r"n = \begin{bmatrix} -h' \cr 0 \cr 1 \end{bmatrix} / \sqrt{1 + h'^2}, \quad e_x = (y \times n) / \lVert y \times n \rVert, \quad"
-    r" e_y = n \times e_x, \quad e_z = e_x \times y",
-    r"\delta = R - (z - h), \quad F_z = k \delta n_z \text{ where } \delta \gt 0 \text{, else } 0",
-    r"\alpha = \text{atan} (e_y \cdot v / e_x \cdot v), \quad \gamma = \text{atan} (n \cdot y / n \cdot e_z)",
-)
-
-_WRENCH = (
-    r"Q \leftarrow Q + \begin{bmatrix} F \cr p \times F + M_z n + h \times \omega \end{bmatrix},"
-    r" \quad F = F_z n + F_y e_y, \quad h = I \frac{v \cdot e_x}{R} y"
-)
-
-_ON_POINTS = r", \quad ".join((
-    "F = F_z n + F_y e_y", r"T = (p - c) \times F + M_z n - I \frac{v \cdot e_x}{R} \dot y", gets("c", "+", "F"),
-    gets("e_i", "+", r"T \times e_i / 2"),
-))  # fmt: skip
-
-_NOTES = (
-    "$y$ is the wheel axis, $v$ the velocity of the wheel centre, $z$ its height, $h$ and $h'$ height and slope of the road below it; the "
-    "force acts at $p$, where the wheel plane's $e_z$ from the centre meets the road. Without load there is no force at all.",
-    f"Below {STANDING} m/s along $e_x$ the wheel counts as standing: no lateral force, no moment, contact along $n$. Where the size of $a$ "
-    "is 3 or more the wheel slides, and the derivatives by slip and camber are zero.",
-)
-
-_GROUND = (
-    "The ground under the wheel has its height added to $h$ and its slope to $h'$. With a bank $b$ $n$ is $(-h', -b, 1)$, made a unit "
-    "vector. Friction is a factor of SN.",
-)
-
-
-def explain_terrain(wheel: OnRoad) -> tuple[tuple[str, Scalar], ...]:
-    """The ground under a wheel, by words."""
-    words = {"terrain_height": "ground height", "terrain_slope": "ground slope", "terrain_bank": "bank b", "friction": "friction"}
-    return tuple((words[name], value) for name, value in wheel.terrain.items())
-
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
@@ -176,21 +128,22 @@ def meet_road(m: Mechanics, wheel: OnRoad, place: Block, axis: Block) -> Ground:
     if "surface" in m.road:
         height, slope = b.add(height, lookup("road_surface")), b.add(slope, lookup("road_surface_x"))
         bank = lookup("road_surface_y")
-    slope = _with(m, b.add, slope, wheel.terrain_slope)
-    clearance = b.sub(z, _with(m, b.add, height, wheel.terrain_height))
+    slope = b.letter(_with(m, b.add, slope, wheel.terrain_slope), "h_x")
+    clearance = b.letter(b.sub(z, _with(m, b.add, height, wheel.terrain_height)), "c")
     steep = b.add(b.number(1.0), b.mul(slope, slope))
     if wheel.terrain_bank is not None:
         own = m.scalar(wheel.terrain_bank, {})
         bank = own if bank is None else b.add(bank, own)
-    n_z = b.call("div", b.number(1.0), b.call("sqrt", steep if bank is None else b.add(steep, b.mul(bank, bank))))
+    bank = None if bank is None else b.letter(bank, "h_y")
+    n_z = b.letter(b.call("div", b.number(1.0), b.call("sqrt", steep if bank is None else b.add(steep, b.mul(bank, bank)))), "n_z")
     friction = lookup("road_friction") if "friction" in m.road else b.number(1.0)
     n = m.from_global(b.column([b.neg(b.mul(slope, n_z)), b.zero(1) if bank is None else b.neg(b.mul(bank, n_z)), n_z]))
-    across = b.cross(axis, n)
+    across = b.cross(axis, b.letter(n, "n"))
     upright = b.call("sqrt", b.dot(across, across))  # n . (e_x x a) = e_x . (a x n)
-    e_x = b.scale(_inverse(b, upright), across)
+    e_x = b.letter(b.scale(_inverse(b, upright), across), "e_x")
     return Ground(
-        n=n, n_z=n_z, e_x=e_x, e_y=b.cross(n, e_x), e_z=b.cross(e_x, axis), axis=axis, clearance=clearance,
-        friction=_with(m, b.mul, friction, wheel.friction), upright=upright,
+        n=n, n_z=n_z, e_x=e_x, e_y=b.letter(b.cross(n, e_x), "e_y"), e_z=b.letter(b.cross(e_x, axis), "e_z"), axis=axis,
+        clearance=clearance, friction=_with(m, b.mul, friction, wheel.friction), upright=upright,
     )  # fmt: skip
 
 
@@ -203,7 +156,7 @@ def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> 
     constants["SN"] = b.mul(constants["SN"], road.friction)
     deflection = b.sub(constants["radius"], road.clearance)
     load = _where_positive(b, deflection, b.mul(b.mul(constants["stiffness"], deflection), n_z))
-    rolling, drift = b.dot(e_x, velocity), b.dot(e_y, velocity)
+    rolling, drift = b.letter(b.dot(e_x, velocity), "v_x"), b.letter(b.dot(e_y, velocity), "v_y")
     moves = b.call("lt", b.number(STANDING), rolling)
     slip = b.call("where", moves, b.call("atan", b.call("div", drift, rolling)), b.zero(1))
     camber = road.camber(b)
@@ -227,15 +180,15 @@ def _with(m: Mechanics, combine: Callable[[Block, Block], Block], of_road: Block
 
 def calspan(b: Builder, c: Mapping[str, Block], load: Block, slip: Block, camber: Block) -> tuple[Block, Block]:
     """Lateral force and aligning moment of the Calspan model, zero without load."""
-    capped = b.call("where", b.call("lt", load, c["A2"]), load, c["A2"])
+    capped = b.letter(b.call("where", b.call("lt", load, c["A2"]), load, c["A2"]), "F_c")
     share = b.call("div", b.sub(c["A2"], capped), c["A2"])
-    cornering = b.add(c["A0"], b.mul(b.mul(c["A1"], capped), share))
-    thrust = b.call("div", b.mul(b.mul(c["A3"], b.sub(c["A4"], capped)), capped), c["A4"])
+    cornering = b.letter(b.add(c["A0"], b.mul(b.mul(c["A1"], capped), share)), r"C_\alpha")
+    thrust = b.letter(b.call("div", b.mul(b.mul(c["A3"], b.sub(c["A4"], capped)), capped), c["A4"]), r"C_\gamma")
     friction = b.add(b.add(b.mul(c["B1"], load), c["B3"]), b.mul(c["B4"], b.mul(load, load)))
-    limit = b.mul(b.mul(friction, c["SN"]), load)
+    limit = b.letter(b.mul(b.mul(friction, c["SN"]), load), r"F_{max}")
     grips = b.call("lt", b.zero(1), limit)
     demand = b.neg(b.add(b.mul(cornering, slip), b.mul(thrust, camber)))
-    a = b.call("div", demand, b.call("where", grips, limit, b.number(1.0)))
+    a = b.letter(b.call("div", demand, b.call("where", grips, limit, b.number(1.0))), "a")
     size = b.call("abs", a)
     inside = b.mul(a, b.add(b.sub(b.number(1.0), b.mul(b.number(1 / 3), size)), b.mul(b.number(1 / 27), b.mul(a, a))))
     sliding = b.call("where", b.call("lt", a, b.zero(1)), b.number(-1.0), b.number(1.0))

@@ -15,8 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from cutjoint.elements.interaction import Explanation, Mechanics, Page, gets
-from cutjoint.elements.interactions.road_contact import Ground, WheelContact, explain_terrain, meet_road
+from cutjoint.elements.interaction import Mechanics
+from cutjoint.elements.interactions.road_contact import Ground, WheelContact, meet_road
 
 if TYPE_CHECKING:
     from cutjoint.elements import forces
@@ -51,7 +51,7 @@ class RollingContact(WheelContact):
         b, centre, axis, (w, beside) = m.b, m.point(self.centre), m.direction(self.axis), m.spin_beside(self.centre.carrier)
         road = meet_road(m, force, centre.x, axis.x)
         n, y, spin = road.n, road.axis, b.dot(road.axis, w)
-        lean, per_upright = b.dot(n, y), b.call("div", b.number(1.0), road.upright)
+        lean, per_upright = b.dot(n, y), b.call("div", b.number(1.0), b.letter(road.upright, "u"))
         distance = b.mul(b.mul(road.clearance, road.n_z), per_upright)
         tilt = b.mul(lean, per_upright)
         sinking = b.add(b.dot(n, centre.v), b.mul(distance, b.mul(tilt, b.dot(n, axis.v))))
@@ -66,38 +66,3 @@ class RollingContact(WheelContact):
             "turn": b.sub(b.dot(n, w), b.mul(spin, lean)),
             "road_friction": road.friction,
         }
-
-    def explain(self, force: forces.Wheel, page: Page) -> Explanation:
-        """The motion of the contact, and the components over it."""
-        named = ((name, page.number(value)) for name, value in (("radius R", force.free_radius), *explain_terrain(force)))
-        return Explanation(
-            notes=(_NOTES, *page.either((), ("$c$ is the wheel centre.",))),
-            actions=(*_CONTACT, page.either(_WRENCH, _ON_POINTS)),
-            laws=(*page.vector("F", force.force, {}), *page.vector("M", force.moment, {})),
-            constants=tuple(named),
-        )
-
-
-_CONTACT = (
-    r"n = \begin{bmatrix} -h' \cr 0 \cr 1 \end{bmatrix} / \sqrt{1 + h'^2}, \quad e_x = (y \times n) / \lVert y \times n \rVert, \quad"
-    r" e_y = n \times e_x, \quad e_z = e_x \times y",
-    r"l = (z - h) n_z / (n \cdot e_z), \quad \delta = R - l, \quad"
-    r" \dot \delta = -(n \cdot v + l (n \cdot y) (n \cdot \dot y) / (n \cdot e_z)) / (n \cdot e_z)",
-    r"v_x = e_x \cdot v, \quad v_y = e_y \cdot (v - l \omega \times e_z), \quad \Omega = y \cdot \omega, \quad"
-    r" \gamma = \text{atan} (n \cdot y / n \cdot e_z), \quad \dot \psi = n \cdot (\omega - \Omega y)",
-)
-
-_WRENCH = (
-    r"Q \leftarrow Q + \begin{bmatrix} F \cr p \times F + M \end{bmatrix}, \quad F = F_1 e_x + F_2 e_y + F_3 n, \quad"
-    r" M = M_1 e_x + M_2 e_y + M_3 n"
-)
-
-_ON_POINTS = r", \quad ".join((
-    "F = F_1 e_x + F_2 e_y + F_3 n", "M = M_1 e_x + M_2 e_y + M_3 n", r"T = (p - c) \times F + M", gets("c", "+", "F"),
-    gets("e_i", "+", r"T \times e_i / 2"),
-))  # fmt: skip
-
-_NOTES = (
-    "$y$ is the wheel axis, $v$ the velocity of the wheel centre, $z$ its height, $h$ and $h'$ height and slope of the road below it, "
-    r"$\omega$ the wheel's angular velocity; the forces act at $p = c - l e_z$, where $\delta \gt 0$."
-)

@@ -20,14 +20,10 @@ from cutjoint.elements.interaction import (
     Arrow,
     Axis,
     Carrier,
-    Explanation,
     Interaction,
     Mechanics,
-    Page,
     Point,
     VisualContext,
-    gets,
-    on_both,
 )
 
 if TYPE_CHECKING:
@@ -75,10 +71,10 @@ class Touch(Interaction):
 
     def _contact(self, force: forces.Contact, m: Mechanics) -> tuple[_Surface, dict[str, Block]]:
         b, displacement, turning = m.b, m.displacement(self.start, self.centre), m.spin(Carrier.BASE)
-        at = self._meet(force, m, displacement.x)
-        beside = b.sub(displacement.v, b.cross(turning, displacement.x))
+        at = self._meet(force, m, b.letter(displacement.x, "w"))
+        beside = b.letter(b.sub(displacement.v, b.cross(turning, displacement.x)), "u")
         spin = b.sub(m.spin(Carrier.FOLLOWER), turning)
-        v = b.sub(beside, b.scale(at.distance, b.cross(spin, at.n)))
+        v = b.letter(b.sub(beside, b.scale(b.letter(at.distance, "l"), b.cross(spin, b.letter(at.n, "n")))), "v")
         return at, {
             "deflection": b.sub(m.scalar(force.ball, {}), at.distance),
             "deflection_rate": b.neg(b.dot(at.n, beside)),
@@ -103,35 +99,6 @@ class Touch(Interaction):
         """Base and follower are not alike."""
         return {}
 
-    def explain(self, force: forces.Contact, page: Page) -> Explanation:
-        """The motion of the contact, and the components over it."""
-        sign = "-" if force.inside else ""
-        surface = r"l = n \cdot w" if force.normal is not None else (
-            rf"d = \lVert w - a (a \cdot w) \rVert, \quad n = {sign}(w - a (a \cdot w)) / d, \quad l = {sign}(d - R), \quad e_x = a"
-        )
-        numbers = [("radius r", page.number(force.ball))]
-        numbers += [] if force.cylinder is None else [("radius R of the cylinder", page.number(force.cylinder))]
-        return Explanation(
-            notes=(_NOTES,), actions=(r"w = c - p_b, \quad " + surface, *_CONTACT, page.either(_WRENCH, _ON_POINTS)),
-            laws=page.vector("F", force.force, {}), constants=tuple(numbers),
-        )  # fmt: skip
-
     def arrow(self, force: forces.Contact, context: VisualContext) -> Arrow:
         """The normal force on a plane."""
         return None if force.normal is None else context.apply_force_along(self.centre, self.normal, "Fz")
-
-
-_NOTES = (
-    r"$c$ is the centre, $p_b$ the surface's point, $n$ its normal towards $c$, $u$ the velocity of $c$ beside the base, $v$ that of the "
-    r"material at the contact; the force acts at $p = c - l n$ on both, where $\delta \gt 0$."
-)
-_CONTACT = (
-    r"\delta = r - l, \quad u = v_c - v_b - \omega_b \times w, \quad \dot \delta = - n \cdot u, \quad"
-    r" v = u - l (\omega_f - \omega_b) \times n, \quad \dot \psi = n \cdot (\omega_f - \omega_b)",
-    r"v_x = e_x \cdot v, \quad v_y = e_y \cdot v, \quad e_y = n \times e_x, \quad F = F_1 e_x + F_2 e_y + F_3 n",
-)
-_WRENCH = on_both("+", "F", r"p \times F")
-_ON_POINTS = r", \quad ".join((
-    gets("c", "+", "F"), gets("p_b", "-", "F"), gets("e_{f,i}", "+", r"(p - c) \times F \times e_{f,i} / 2"),
-    gets("e_{b,i}", "-", r"(p - p_b) \times F \times e_{b,i} / 2"),
-))  # fmt: skip

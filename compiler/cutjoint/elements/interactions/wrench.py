@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from cutjoint.elements.interaction import Arrow, Explanation, Interaction, Mechanics, Page, Point, VisualContext
+from cutjoint.elements.interaction import Arrow, Interaction, Mechanics, Point, VisualContext
 
 if TYPE_CHECKING:
     from cutjoint.elements.forces.body_load import BodyLoad
@@ -47,24 +47,6 @@ class Wrench(Interaction):
         for name in [name for name in vectors if name]:
             vectors[name] = m.in_body(self.point.carrier, vectors[name]) if force.in_body else m.in_global(vectors[name])
         return {f"{name}{axis}": m.b.element(vector, i) for name, vector in vectors.items() for i, axis in enumerate("xyz")}
-
-    def explain(self, force: BodyLoad, page: Page) -> Explanation:
-        """A vector by its components."""
-        axes = "the body's axes" if force.in_body else "global axes"
-        at_point = f"A force at the body's point $p$, in {axes}; $r$ is that point's place, $v$ its velocity."
-        notes = [f"A torque in {axes}." if force.point is None else at_point]
-        if force.moving_only:
-            notes.append("Absent while the equilibrium is sought.")
-        turned = page.either("R F", r"E F, \quad E = [e_x, e_y, e_z]") if force.in_body else "F"
-        spin = page.either("", r", \quad \omega = \sum\nolimits_{i} e_i \times \dot e_i / 2")
-        action = page.apply_torque(turned) + spin if force.point is None else page.apply_force("p", turned)
-        return Explanation(
-            notes=tuple(notes), actions=(action,), laws=page.vector("F", force.components, {"r": "x y z", "v": "vx vy vz"})
-        )
-
-    def title(self, force: BodyLoad) -> str:
-        """The heading of a load or a torque."""
-        return "Torque" if force.point is None else super().title(force)
 
     def arrow(self, force: BodyLoad, context: VisualContext) -> Arrow:
         """The force on the body."""

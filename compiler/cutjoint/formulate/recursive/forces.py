@@ -42,9 +42,9 @@ def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
             gravity = k.direction(GROUND, model.gravity)
             held = [by_name[wheel] for wheel, rotor in k.rotors.items() if rotor.carrier == name]
             joined = reduce(_joined, (replace(each, inertia=_across(each, k)) for each in held), body)
-            system.M[name], system.Q[name] = _spinning(k, name) if name in k.rotors else _body(k, joined, gravity, turns=name in wheels)
+            system.M[name], system.Q[name] = _spinning(k, name) if name in k.rotors else of_body(k, joined, gravity, turns=name in wheels)
             if held or name in k.rotors:
-                M, Q = _body(k, body, gravity, turns=name in wheels)
+                M, Q = of_body(k, body, gravity, turns=name in wheels)
                 system.own[name] = M, b.sub(Q, system.Q[name])
 
 
@@ -102,7 +102,8 @@ def _entries(matrix: sympy.Matrix) -> Inertia:
     return xx, yy, zz, xy, xz, yz
 
 
-def _body(k: Kinematics, body: Body, gravity: Block, *, turns: bool) -> tuple[Block, Block]:
+def of_body(k: Kinematics, body: Body, gravity: Block, *, turns: bool) -> tuple[Block, Block]:
+    """M_i and Q_i of a body by its weight and inertia."""
     b = k.builder
     if body.is_massless:
         return b.zero(6, 6), b.zero(6)

@@ -3,20 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import sympy
 
 from cutjoint.formulate.inputs import reference_point
-from cutjoint.model.records import Body, Model, Scalar, Vector
-from cutjoint.report.explain.latex import Symbols, column, latex, matrix, parameter_symbols, place, text
+from cutjoint.formulate.recursive.forces import of_body
+from cutjoint.model.records import Body, Model, Vector
+from cutjoint.report.explain.blocks import LetterBodies, Letters, print_blocks
+from cutjoint.report.explain.latex import column, parameter_symbols, place, text
 from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, line_of, make_table, with_others
 from cutjoint.topology.records import Topology
 
-_LAW = (
-    r"M = \begin{bmatrix} m \mathbf{1} & -m \tilde c \cr m \tilde c & J - m \tilde c \tilde c \end{bmatrix}, \quad"
-    r" Q = \begin{bmatrix} m (g - \omega \times v_G) \cr c \times m (g - \omega \times v_G) - \omega \times J \omega \end{bmatrix}",
-    r"c = r + R s, \quad J = R J_0 R^T, \quad v_G = v_0 + \omega \times c",
-)
-
+_INERTIA = "xx yy zz xy xz yz"
 _HEADINGS = ("body", "line", "mass $m$", "centre of mass, design", "$s$", "Ixx, Iyy, Izz", "Ixy, Ixz, Iyz")
+
+
+def mass_and_force(body: Body) -> tuple[str, ...]:
+    """The mass matrix and the inertia force of a body with mass, as the recursion computes them."""
+    b = Letters()
+    k: Any = LetterBodies(b)
+    centre: Any = "G"
+    inertia: Any = tuple(sympy.Symbol(f"I_{{{x}}}") for x in _INERTIA.split())
+    i = replace(body, name="i", mass=sympy.Symbol("m"), centre_of_mass=centre, inertia=inertia)
+    M, Q = of_body(k, i, b.free("g", 3), turns=False)
+    return print_blocks(b, [], [("M =", M), ("Q =", Q)])
 
 
 def explain_bodies(topology: Topology, counterparts: Sequence[Counterparts]) -> Chapter:
@@ -25,12 +37,13 @@ def explain_bodies(topology: Topology, counterparts: Sequence[Counterparts]) -> 
     bodies = {b.name: b for b in model.bodies}
     arms = {name: _arm(topology, bodies[name]) for name in topology.order}
     groups = group(
-        topology.order, counterparts, lambda name: bodies[name].is_massless, lambda name: _formulas(bodies[name], arms[name], model)
+        topology.order, counterparts, lambda name: bodies[name].is_massless, lambda name: (bodies[name].mass, bodies[name].inertia)
     )
+    heavy = [body for body in model.bodies if not body.is_massless]
     return Chapter(
-        title="Bodies", formulas=(*_LAW, f"g = {column(model.gravity, parameter_symbols(model))}"),
-        notes=("$s$ leads from the body's origin, its joint's point, to the centre of mass, in body axes; $c$ is that centre seen from "
-               "the pole; $J_0$ is the inertia about it in the design position (eqs. 24, 25).",),
+        title="Bodies", formulas=(*(mass_and_force(heavy[0]) if heavy else ()), f"g = {column(model.gravity, parameter_symbols(model))}"),
+        notes=(r"$p_{G}$ is the centre of mass seen from the pole, $R$ the rotation from the design position, where the inertia $I$ is "
+               "given (eqs. 24, 25); $s$ leads from the body's origin, its joint's point, to that centre, in body axes.",),
         entries=tuple(_entry([bodies[name] for name in names], arms, model) for names in groups),
     )  # fmt: skip
 
@@ -46,10 +59,9 @@ def _entry(bodies: Sequence[Body], arms: Mapping[str, Vector], model: Model) -> 
     first, title = bodies[0], with_others([b.name for b in bodies])
     if first.is_massless:
         rows = ((code(b.name), line_of(b)) for b in bodies)
-        return Entry(title=title, notes=("Massless.",), formulas=(r"M = 0, \quad Q = 0",), table=make_table(_HEADINGS[:2], rows))
-    notes = (f"With the numbers of {code(first.name)}:",) if len(bodies) > 1 else ()
+        return Entry(title=title, notes=("Massless.",), formulas=(), table=make_table(_HEADINGS[:2], rows))
     return Entry(
-        title=title, notes=notes, formulas=_formulas(first, arms[first.name], model),
+        title=title, notes=(), formulas=(),
         table=make_table(_HEADINGS, (_row(b, arms[b.name], model) for b in bodies)),
     )  # fmt: skip
 
@@ -65,25 +77,3 @@ def inertia_cells(body: Body, model: Model) -> tuple[str, str]:
     """Moments and products of inertia for a table."""
     principal, products = (", ".join(text(x, model) for x in part) for part in (body.inertia[:3], body.inertia[3:]))
     return principal, products
-
-
-def _formulas(body: Body, arm: Vector, model: Model) -> tuple[str, ...]:
-    """M and Q with the body's mass, and its s and J_0."""
-    if body.is_massless:
-        return ()
-    symbols = parameter_symbols(model)
-    m = _factor(body.mass, symbols)
-    xx, yy, zz, xy, xz, yz = body.inertia
-    J = [[latex(x, symbols) for x in row] for row in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))]
-    M = matrix([[rf"{m}\mathbf{{1}}", rf"-{m}\tilde c"], [rf"{m}\tilde c", rf"J - {m}\tilde c \tilde c"]])
-    pull = rf"{m}(g - \omega \times v_G)"
-    Q = matrix([[pull], [rf"c \times {pull} - \omega \times J \omega"]])
-    return rf"M = {M}, \quad Q = {Q}", rf"s = {column(arm, symbols)}, \quad J_0 = {matrix(J)}"
-
-
-def _factor(mass: Scalar, symbols: Symbols) -> str:
-    """A mass as a factor."""
-    if mass == 1:
-        return ""
-    factor = latex(mass, symbols)
-    return rf"\left({factor}\right) \cdot " if mass.is_Add else rf"{factor} \cdot "

@@ -17,24 +17,12 @@ from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, gr
 from cutjoint.run.settings import find_closure
 from cutjoint.topology.records import Topology
 
-_RATES = r"\dot \Phi = A Z, \quad Z = Z_f - Z_b, \quad \gamma = \dot A Z - A (Z_b \times Z), \quad \sigma = \gamma"
-_LAW = (
-    r"M_f \leftarrow M_f + A^T \alpha A, \quad M_b \leftarrow M_b + A^T \alpha A, \quad C_{fb} \leftarrow C_{fb} - A^T \alpha A",
-    r"Q_f \leftarrow Q_f - A^T (\lambda + \alpha \sigma), \quad Q_b \leftarrow Q_b + A^T (\lambda + \alpha \sigma), \quad"
-    r" \lambda \leftarrow \lambda + \alpha (A \ddot Z + \sigma)",
-)
-
-#: Of a closure with stabilisation, and of one that projects each step instead.
-_STABILISED, _PROJECTED = rf"{_RATES} + 2 \xi w \dot \Phi + w^2 \Phi", _RATES
-
 _NOTES = (
     "$b$ and $f$ stand for base and follower. A residual is written over the follower's point $p$ and the base's point $p_0$, both from "
     "the follower's pole, and directions $f_k$ fixed in the follower and $b_k$ fixed in the base. Seen from the base only the former "
     r"move, with the relative motion $Z = (V, W)$, so that one Jacobian $A$ serves both bodies; $\dot A Z$ is its rate times $Z$ "
-    "(eqs. 39-42).",
+    "(eqs. 39-42); dots are the rates by that motion.",
 )
-
-_POINT_RATE, _DIRECTION_RATE = r"\dot p = V + W \times p", r"\dot f_k = W \times f_k"
 
 
 def explain_closures(topology: Topology, numerics: Numerics, counterparts: Sequence[Counterparts]) -> Chapter:
@@ -46,8 +34,7 @@ def explain_closures(topology: Topology, numerics: Numerics, counterparts: Seque
     formulas = {name: _formulas(kernel, topology.model) for name, kernel in kernels.items()}
     groups = group(list(cuts), counterparts, lambda name: cuts[name].kind, lambda name: formulas[name])
     entries = tuple(_entry([cuts[n] for n in names], kernels, formulas, topology.model) for names in groups)
-    rates = _PROJECTED if _closure(numerics).penalty_of_each_cut else _STABILISED
-    return Chapter(title="Cut joints", notes=(*_NOTES, _numbers(numerics)), formulas=(rates, *_LAW), entries=entries + gears)
+    return Chapter(title="Cut joints", notes=(*_NOTES, _numbers(numerics)), formulas=(), entries=entries + gears)
 
 
 #: The further solutions of an evaluation, by the number of corrections.
@@ -107,11 +94,9 @@ def _formulas(kernel: ClosureKernel, model: Model) -> tuple[str, ...]:
     of_point = _rates(closures.P, closures.V + closures.W.cross(closures.P))
     of_directions = {rate: value for f in closures.F for rate, value in _rates(f, closures.W.cross(f)).items()}
     drift = kernel.drift.subs({value: rate for rate, value in {**of_point, **of_directions}.items()})
-    used = drift.free_symbols
-    where = [*([_POINT_RATE] if used & set(of_point) else []), *([_DIRECTION_RATE] if used & set(of_directions) else [])]
     matrices = ((r"\Phi", kernel.residual), ("A", kernel.jacobian), (r"\dot A Z", drift))
     named = [(name, without_noise(m).xreplace(_LAST)) for name, m in matrices]
-    return (*print_equations(named, {**parameter_symbols(model), **_symbols()}), *([r", \quad ".join(where)] if where else []))
+    return print_equations(named, {**parameter_symbols(model), **_symbols()})
 
 
 def _rates(vector: Matrix, rate: Matrix) -> dict[Scalar, Scalar]:

@@ -111,31 +111,9 @@ def is_reduced(model: Model, scene: Scene) -> bool:
     return bool(model.guards or any(isinstance(r, RodForce) for r in model.reactions) or any(o.stands_for for o in scene.outputs))
 
 
-_ABOUT = {
-    "dynamic_residual": r"$f$ and $\Phi$",
-    "linearise": r"the same and $T$",
-    "constraint_residual": r"$\Phi$, $\dot \Phi$, $\ddot \Phi$",
-    "apply_jacobian_transposed": r"$\Phi_z^T w$",
-    "apply_jacobian": r"$\Phi_z x$",
-}
-
 _STEP = (
     "The elimination above finds where a run begins. A step solves the balance of the same bodies, joints and forces for the accelerations "
-    "of the joints, from which positions and speeds follow by the trapezoidal rule (eqs. 43, 44)."
-)
-
-_BALANCE = (
-    r"f = S^T \sum F + \Phi_z^T (\alpha \Phi + \lambda) - \tau = 0, \quad F_i = M_i \ddot Z_i - Q_i",
-    r"T = f_{\ddot z} + \frac{\Delta t}{2} f_{\dot z} + \frac{\Delta t^2}{4} (f_z + \Phi_z^T \alpha \Phi_z)",
-)
-
-_ITERATION = (
-    r"Factors of the tangent at the pose $z_0$ are kept, over steps too, while the iteration gets on with them; what violates the "
-    r"constraints is corrected along their $\Phi_z$. Multipliers take over what the penalty carries when the iteration is near its end."
-)
-
-_CORRECTIONS = (
-    r"T_0 \, \Delta z = -\frac{\Delta t^2}{4} (f + \Phi_{z_0}^T \alpha \Phi), \quad \lambda \leftarrow \lambda + \alpha \Phi",
+    "of the joints, from which positions and speeds follow by the trapezoidal rule (eqs. 43, 44). Operations of one call, all lanes:"
 )
 
 
@@ -143,12 +121,9 @@ def explain_newton(start: RecursiveEquations, method: str) -> Chapter:
     """The equations of a step in the recursion's coordinates; ``start`` are those that begin a run."""
     equations, _ = formulate_system(start, method, ())
     program = schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
-    rows = [(f"`{name}`", about, str(program.operations(name))) for name, about in _ABOUT.items()]
-    costs, nothing = make_table(("function", "gives", "operations"), rows), make_table((), ())
-    return Chapter(title=f"The {method} method", notes=(_STEP,), formulas=_BALANCE, entries=(
-        Entry(title="Iteration", notes=(_ITERATION,), formulas=_CORRECTIONS, table=nothing),
-        Entry(title="Operations", notes=("Of one call, all lanes counted.",), formulas=(), table=costs),
-    ))  # fmt: skip
+    costs = make_table(("function", "operations"), [(f"`{f.name}`", str(program.operations(f.name))) for f in program.functions])
+    entry = Entry(title="Operations", notes=(), formulas=(), table=costs)
+    return Chapter(title=f"The {method} method", notes=(_STEP,), formulas=(), entries=(entry,))
 
 
 def explain_reduction(model: Model, scene: Scene, done: Sequence[Note]) -> tuple[Chapter, ...]:

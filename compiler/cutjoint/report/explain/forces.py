@@ -1,38 +1,53 @@
-"""Every force's law, its partial derivatives, and how it acts; every gear's equation."""
+"""Every force's formulas, as its interaction computes them, with its law and the law's partial derivatives; every gear's equation."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar
 
 import sympy
 
-from cutjoint.elements.gear import NAMES, TEXT
-from cutjoint.elements.interaction import Carrier, Frame, Page, Place, Point, T, gets, on_both, pair
-from cutjoint.formulate.forces import is_active, variable
+from cutjoint.elements.gear import NAMES, TEXT, equation
+from cutjoint.elements.interaction import Axis, Carrier, Frame, Place, Point
+from cutjoint.formulate.forces import Lazy, Measured, is_active, variable
 from cutjoint.formulate.records import Equations
+from cutjoint.formulate.recursive.forces import WrenchMechanics
 from cutjoint.model.records import Force, Gear, JointCoordinate, Model, Scalar
-from cutjoint.report.explain.latex import equations as print_equations
-from cutjoint.report.explain.latex import place, text, variants
-from cutjoint.report.explain.laws import RATE, differentiate, expand_polynomials, explain_calspan, explain_law, law_symbols
+from cutjoint.program.blocks import Block, is_zero
+from cutjoint.report.explain.blocks import LetterBodies, Letters, print_blocks
+from cutjoint.report.explain.latex import place, quantity_letter, text, variants
+from cutjoint.report.explain.laws import explain_law
 from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, line_of, make_table, with_others
 
 Cells = tuple[tuple[str, str], ...]
 
-#: Forces in natural coordinates.
-POINT_NOTES = (
-    "A force on a point of a body works on the displacement of that point: $Q_p$ takes it, and a point that is no coordinate hands it on "
-    "to the nodes that it combines, times their coefficients. A law $F$ over a scalar $s$ works on $s$: $Q$ takes $F$ times the gradient "
-    "of $s$. A torque $T$ on a body works on the three directions $e_x$, $e_y$, $e_z$ of the body that are the global axes in the design "
-    r"position: $Q_{e_i}$ takes $T \times e_i / 2$.",
+#: The forces of all methods.
+NOTES = (
+    r"$p$, $e$ and $\omega$ are points, directions and angular velocities of the bodies by which they are called, a dot their rate, $R$ a "
+    r"body's rotation; words are the model file's own. $Q$ of a body takes a force and its moment about the pole, $\tau$ of a joint a "
+    "force on its coordinate, which works along its direction or about its axis on both bodies where the joint is cut.",
 )
+
+#: Those of natural coordinates.
+POINT_NOTES = (
+    NOTES[0].partition(" $Q$")[0],
+    "A force on a point of a body works on the displacement of that point: $Q_p$ takes it, and a point that is no coordinate hands it on "
+    "to the nodes that it combines, times their coefficients; so do directions. A torque on a body works on the three directions $e_i$ of "
+    "the body that are the global axes in the design position, by which "
+    r"$R = [e_x, e_y, e_z]$ and $\omega = \sum e_i \times \dot e_i / 2$. A force on the position of a joint is one on an angle, which is a "
+    "node, or works on the joint's points and direction as an axial force does.",
+)
+
+_FRAME_NOTE = "$E$ holds the axes as the base carries them, $G$ as the follower does."
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceDescription:
     """A force as the explanation shows it.
 
-    ``actions`` are formulas of its action, ``laws`` formulas with its numbers; ``places`` and ``constants`` are pairs of a heading and a
+    ``actions`` are formulas of its action, ``laws`` those with its numbers; ``places`` and ``constants`` are pairs of a heading and a
     cell, the constants those that forces of a kind may share.
     """
 
@@ -50,129 +65,199 @@ class ForceDescription:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LawPage:
-    """The laws of forces in LaTeX: the part of `elements.interaction.Page` that all methods share."""
+class PageMechanics(WrenchMechanics):
+    """The mechanics of the recursion over letters: what an interaction computes with it is what `explain` prints."""
 
+    b: Letters
+    expressions: Mapping[Scalar, Scalar]
     model: Model
+    laws: list[tuple[str, Scalar, Mapping[str, Block], tuple[str, ...]]] = field(default_factory=list)
+    constants: dict[str, str] = field(default_factory=dict)
+    on_joint: list[tuple[str, Block]] = field(default_factory=list)
 
-    def law(self, name: str, law: Scalar, position: str, symbol: str) -> tuple[str, ...]:
-        """A law, and its partial derivatives."""
-        return explain_law(name, law, position, symbol, self.model)
+    def scalar(self, expression: Scalar, values: Mapping[str, Block]) -> Block:
+        """A letter: of a law over ``values``, which is printed with its numbers, or of a constant, which joins the table."""
+        e = sympy.sympify(expression)
+        known = self.expressions.get(e)
+        if known is None:
+            return super().scalar(e, values)
+        name = str(e)
+        if not values:
+            self.constants[name] = text(known, self.model)
+            return self.b.free(quantity_letter(name))
+        field_of, _, mark = name.partition("_")
+        again = sum(law is known for _, law, *_ in self.laws)
+        letter = ("m" if field_of == "moment" else "f") + (f"_{mark or again}" if mark or again else "")
+        self.laws.append((letter, known, values, tuple(v for v in values if variable(v) in known.free_symbols)))
+        return self.b.free(letter)
 
-    def laws(self, name: str, laws: Sequence[Scalar], symbol: str) -> tuple[str, ...]:
-        """Three laws, each over one displacement or rotation, and the diagonals of their Jacobians."""
-        names = [f"{symbol}_{{{axis}}}" for axis in "xyz"]
-        mine = [(variable(f"position_{i}"), variable(f"rate_{i}")) for i in range(3)]
-        symbols = law_symbols(self.model)
-        for (x, rate), text_of in zip(mine, names, strict=True):
-            symbols |= {x: text_of, rate: rf"\dot {text_of}"}
-        position = variable("position")
-        own = [expand_polynomials(law).subs({position: x, RATE: r}) for law, (x, r) in zip(laws, mine, strict=True)]
-        slopes = [[differentiate(law, pair[which]) for law, pair in zip(own, mine, strict=True)] for which in (0, 1)]
-        return print_equations([
-            (name, sympy.Matrix(own)),
-            (rf"\partial {name} / \partial {symbol}", sympy.diag(*slopes[0])),
-            (rf"\partial {name} / \partial \dot {symbol}", sympy.diag(*slopes[1])),
-        ], symbols)  # fmt: skip
+    def law(self, law: Scalar, values: Mapping[str, Block], position: str) -> dict[str, Block]:
+        """A law with its partial derivatives."""
+        self.laws.append(("F", self.expressions.get(law, law), values, (position, "rate")))
+        return {"force": self.b.free("F")}
 
-    def vector(self, name: str, components: Sequence[Scalar], by: Mapping[str, str]) -> tuple[str, ...]:
-        """Components, and those of their Jacobians that are not zero; rates are set as components of their symbol."""
-        F, symbols, jacobians = sympy.Matrix(components), law_symbols(self.model), []
-        for symbol, names in by.items():
-            variables = [variable(each) for each in names.split()]
-            symbols |= {x: f"{symbol}_{{{x.name[-1]}}}" for x in variables if len(x.name) > 1}
-            jacobians.append((rf"\partial {name} / \partial {symbol}", F.jacobian(variables)))
-        return print_equations([(name, F), *((each, J) for each, J in jacobians if not J.is_zero_matrix)], symbols)
+    def lettered(self) -> tuple[dict[str, Block], tuple[str, ...]]:
+        """The variables of the laws by their letters, and the laws over these; a rate without a name is that of the first variable."""
+        variables: dict[str, Block] = {}
+        shown: list[str] = []
+        for i, (name, law, values, by) in enumerate(self.laws, 1):
+            letters: dict[str, str] = {}
+            for v, block in values.items():
+                if variable(v) not in law.free_symbols and v not in by:
+                    continue
+                word = rf"\dot {{{next(iter(letters.values()))}}}" if v == "rate" and letters else quantity_letter(v)
+                if variables.get(word, block) is not block:
+                    word = quantity_letter(f"{v}_{i}")
+                self.b.letter(block, word)
+                letters[v] = str(block.data) if block.op == "symbol" else self.b.letters.get(block, word)
+                if block.op == "const" and letters[v] not in variables:
+                    shown += print_blocks(self.b, [], [(f"{word} =", block)])
+                variables[letters[v]] = block
+            shown += explain_law(name, law, letters, by, self.model)
+        return {letter: block for letter, block in variables.items() if block.op != "const"}, tuple(shown)
 
-    def calspan(self) -> tuple[str, ...]:
-        """The steps of the Calspan model."""
-        return explain_calspan()
+    def in_motion(self, value: Block) -> Block:
+        """The value itself, as a note says."""
+        return value
 
-    def number(self, value: Scalar) -> str:
-        """A number of the model."""
-        return text(value, self.model)
+    def _spin(self, body: str) -> Block:
+        return self.b.free(rf"\omega_{{{body}}}", 3)
+
+    def direction(self, axis: Axis) -> Lazy:
+        """A direction."""
+        e = self.k.direction("", axis.of(self.force))
+        return Lazy(place=lambda: e, rate=lambda: self.b.rate(e))
+
+    def _axes(self, frame: Frame) -> tuple[Block, Block]:
+        return self.b.free("E", 3, 3), self.b.free("G", 3, 3)
+
+    def along(self, start: Point, end: Point, direction: Axis | Frame) -> Measured:
+        """The displacement along directions, and its rate."""
+        b, way = self.b, self.displacement(start, end).x
+        if isinstance(direction, Frame):
+            along = b.mul(b.transpose(self._axes(direction)[0]), way)
+        else:
+            along = b.dot(self.k.direction("", direction.of(self.force)), way)
+        return Measured(x=along, v=b.rate(along))
+
+    def coordinate(self) -> dict[str, Block]:
+        """The coordinate, and its rate."""
+        return {name: self.b.free(quantity_letter(name)) for name in ("position", "rate")}
+
+    def _gets(self, place: str, force: Block) -> None:
+        self.on_joint.append((rf"{place} \leftarrow {place} +", force))
+
+    def apply_joint_force(self, force: Block) -> None:
+        """A force on the coordinate, which does nothing against a guide."""
+        if next(j for j in self.model.joints if j.name == self.force.joint_of).guide is None:
+            self._gets(self._coordinate, force)
+
+    _coordinate: ClassVar[str] = r"\tau"
+
+    def apply_joint_friction(self, law: Block) -> None:
+        """The law times the load of the joint."""
+        self._gets(self._coordinate, self.b.mul(self.b.free("N"), law))
 
 
 @dataclass(frozen=True, kw_only=True)
-class BodyPage(LawPage):
-    """Forces as wrenches on bodies."""
+class PointMechanics(PageMechanics):
+    """Forces on points and directions, as natural coordinates have them."""
 
-    def either(self, bodies: T, points: T) -> T:
-        """The text for bodies."""
-        return bodies
+    _coordinate: ClassVar[str] = r"Q_{\text{ position }}"
 
-    def apply_force_pair(self, start: str, end: str, force: str) -> str:
-        """Opposite wrenches."""
-        return on_both("-", force, rf"{end} \times {force}")
+    def _at(self, at: Point) -> str:
+        return f"Q_{{{self._point(at).data}}}"
 
-    def apply_force_along(self, start: str, end: str, axis: str, way: str, force: str) -> str:
-        """Opposite wrenches."""
-        return on_both("+", f"{force} {axis}", rf"{end} \times {force} {axis}")
-
-    def apply_force(self, at: str, force: str, body: str = "") -> str:
-        """The wrench of a force."""
-        return _joins(body, force, rf"{at} \times {force}")
-
-    def apply_torque(self, torque: str, body: str = "") -> str:
-        """The wrench of a torque."""
-        return _joins(body, "0", torque)
-
-    def kind_of_coordinate(self, force: Force) -> str:
-        """Any coordinate: wrenches and unknowns of joints are explained together."""
-        return ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PointPage(LawPage):
-    """Forces on displacements of points, directions and angles."""
-
-    def either(self, bodies: T, points: T) -> T:
-        """The text for points."""
-        return points
-
-    def apply_force_pair(self, start: str, end: str, force: str) -> str:
+    def apply_force_pair(self, start: Point, end: Point, force: Block) -> None:
         """Opposite forces on both points."""
-        return pair(end, start, "-", force)
+        self._gets(self._at(end), force)
+        self._gets(self._at(start), self.b.neg(force))
 
-    def apply_force_along(self, start: str, end: str, axis: str, way: str, force: str) -> str:
-        """Opposite forces on both points, and one on the axis."""
-        return rf"{pair(end, start, '+', f'{force} {axis}')}, \quad {gets(axis, '+', f'{force} {way}')}"
+    def apply_force_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
+        """Opposite forces on both points, and one on the directions."""
+        b, way = self.b, self.displacement(start, end).x
+        if isinstance(direction, Frame):
+            self.apply_force_pair(start, end, b.mul(self._axes(direction)[0], force))
+            self._gets("Q_{E}", b.mul(way, b.transpose(force)))
+        else:
+            e = self.k.direction("", direction.of(self.force))
+            self.apply_force_pair(start, end, b.scale(force, e))
+            self._gets(f"Q_{{{e.data}}}", b.scale(force, way))
 
-    def apply_force(self, at: str, force: str, body: str = "") -> str:
+    def apply_force(self, at: Point, force: Block) -> None:
         """A force on a point."""
-        return gets(at, "+", force)
+        self._gets(self._at(at), force)
 
-    def apply_torque(self, torque: str, body: str = "") -> str:
-        """A torque on the directions of its body."""
-        on_directions = gets(f"e_{{{body} i}}" if body else "e_i", "+", r"T \times e_i / 2")
-        return rf"T = {torque}, \quad {on_directions}"
+    def apply_force_at_offset(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
+        """A force on the point, and the torque of what is beside it."""
+        self.apply_force(at, force)
+        self.apply_torque(at.carrier, self.b.add(self.b.cross(arm, force), moment))
 
-    def kind_of_coordinate(self, force: Force) -> str:
-        """The kind by the joint's guide and its measures."""
-        joint = next(j for j in self.model.joints if j.name == force.joint_of)
-        if joint.guide is not None:
-            return "guided"
-        return "angle" if force.coordinate_of in joint.element.measures else "slide"
+    def apply_torque(self, carrier: Carrier, torque: Block) -> None:
+        """Half of T x e_i on each direction."""
+        e = f"e_{{{carrier} i}}"
+        self._gets(f"Q_{{{e}}}", self.b.cross(self.b.scale(self.b.number(0.5), torque), self.b.free(e, 3)))
+
+    def apply_frame_torque(self, frame: Frame, torque: Block) -> None:
+        """The force on half the differences of E^T G, by the directions of both bodies."""
+        b, (E, G) = self.b, self._axes(frame)
+        for name, factor, axes in (("Q_{E}", -0.5, G), ("Q_{G}", 0.5, E)):
+            self._gets(name, b.scale(b.number(factor), b.mul(axes, b.skew(torque))))
 
 
-def _joins(body: str, force: str, moment: str) -> str:
-    Q = f"Q_{{{body}}}" if body else "Q"
-    return rf"{Q} \leftarrow {Q} + \begin{{bmatrix}} {force} \cr {moment} \end{{bmatrix}}"
+def _with_letters(force: Force) -> tuple[Force, dict[Scalar, Scalar]]:
+    """The force with its places and expressions replaced by their names, and the expressions by these."""
+    places = {p.field: p.field for p in force.places if not isinstance(p, Frame)}
+    bodies = {str(c): str(c) for c in Carrier if hasattr(force, c)}
+    found: dict[Scalar, Scalar] = {}
+
+    def named(name: str, x: Any) -> Any:
+        if isinstance(x, Mapping):
+            found.update({sympy.Symbol(key): value for key, value in x.items()})
+            return {key: sympy.Symbol(key) for key in x}
+        if isinstance(x, tuple):
+            return tuple(named(f"{name}_{'xyz'[i] if len(x) == 3 else i + 1}", value) for i, value in enumerate(x))
+        if not isinstance(x, sympy.Basic) or x == 0:
+            return x
+        found[sympy.Symbol(name)] = x
+        return sympy.Symbol(name)
+
+    others = {
+        f.name: named(f.name, getattr(force, f.name))
+        for f in fields(force) if f.name not in places and f.name not in bodies and not any(p.field == f.name for p in force.places)
+    }
+    changed: dict[str, Any] = {**others, **places, **bodies}
+    return replace(force, **changed), found
 
 
-def describe(force: Force, model: Model, page: Callable[..., Page] = BodyPage) -> ForceDescription:
-    """The description of a force on a method's page."""
-    explanation = force.interaction.explain(force, page(model=model))
+def describe(force: Force, model: Model, road: frozenset[str], mechanics: type[PageMechanics] = PageMechanics) -> ForceDescription:
+    """The description of a force by what its interaction does."""
+    b = Letters()
+    of_letters, expressions = _with_letters(force)
+    fields_of = Counter(p.field for p in force.places)
+    k: Any = LetterBodies(b, frozenset(name for name, count in fields_of.items() if count > 1))
+    m = mechanics(
+        b=b, translator=k.translator, road=road, system=k, k=k, force=of_letters, expressions=expressions, model=model,
+    )  # fmt: skip
+    reported = force.interaction.act(of_letters, m)
+    for name, block in reported.items():
+        b.letter(block, quantity_letter(name))
+    variables, laws = m.lettered()
+    joins = [(rf"Q_{{{body}}} \leftarrow Q_{{{body}}} +", wrench) for body, wrench in k.added if not is_zero(wrench)]
+    notes = [force.element.text, *([_FRAME_NOTE] if any(isinstance(p, Frame) for p in force.places) else [])]
+    notes += ["Its joint is guided: it is reported and does nothing."] if force.joint_of and not m.on_joint else []
+    notes += ["Absent while the equilibrium is sought."] if getattr(force, "moving_only", False) else []
     return ForceDescription(
-        title=force.interaction.title(force), notes=explanation.notes, actions=explanation.actions, laws=explanation.laws,
-        places=_where(force, model), constants=explanation.constants,
+        title=str(force.element.kind.replace("_", " ").capitalize()), notes=tuple(notes),
+        actions=print_blocks(b, [*reported.values(), *variables.values()], [*joins, *m.on_joint]), laws=laws,
+        places=_where(force, model), constants=tuple(m.constants.items()),
     )  # fmt: skip
 
 
 def _where(force: Force, model: Model) -> Cells:
     """The bodies of a force, its points, and its directions; or its joint and coordinate."""
     if force.joint_of:
-        return ("joint", code(force.joint_of)), ("coordinate $z$", code(force.coordinate_of))
+        return ("joint", code(force.joint_of)), ("coordinate", code(force.coordinate_of))
     bodies = [(carrier.value, code(getattr(force, carrier))) for carrier in Carrier if hasattr(force, carrier)]
     places = sorted({p.field: p for p in force.places}.values(), key=lambda place: not isinstance(place, Point))
     return *bodies, *((place.field, _cell(place, force, model)) for place in places)
@@ -186,13 +271,13 @@ def _cell(where: Place, force: Force, model: Model) -> str:
 
 
 def explain_forces(
-    equations: Equations, counterparts: Sequence[Counterparts], page: Callable[..., Page] = BodyPage,
-    notes: tuple[str, ...] = (),
-) -> Chapter:  # fmt: skip
-    """The forces that act in the scene, on the page of a formulation; those that are switched off are named."""
+    equations: Equations, counterparts: Sequence[Counterparts], notes: tuple[str, ...] = NOTES,
+    mechanics: type[PageMechanics] = PageMechanics,
+) -> Chapter:
+    """The forces that act in the scene; those that are switched off are named."""
     model, scene = equations.topology.model, equations.scene
     forces = {f.name: f for f in model.forces if is_active(f, scene)}
-    descriptions = {name: describe(f, model, page) for name, f in forces.items()}
+    descriptions = {name: describe(f, model, scene.road.parts, mechanics) for name, f in forces.items()}
     groups = group(list(forces), counterparts, lambda name: descriptions[name].kind, lambda name: descriptions[name].laws)
     entries = [_entry([forces[n] for n in names], [descriptions[n] for n in names]) for names in groups]
     off = [f for f in model.forces if f.name not in forces]
@@ -232,15 +317,12 @@ def _gear_entry(gears: Sequence[Gear], model: Model) -> Entry:
         (code(g.name), line_of(g), _coordinate(g.first), ", ".join(map(_coordinate, g.coordinates[1:])), _relation(g, model))
         for g in gears
     ]  # fmt: skip
-    linear = r"\Phi = q_a - r q_b, \quad \dot \Phi = \dot q_a - r \dot q_b, \quad \ddot \Phi = \ddot q_a - r \ddot q_b"
-    bent = r"\Phi = q_a - f(q_b), \quad \dot \Phi = \dot q_a - f' \dot q_b, \quad \ddot \Phi = \ddot q_a - f' \ddot q_b - f'' \dot q_b^2"
-    forms = {"ratio $r$": linear} if any(g.law is None for g in gears) else {}
-    forms |= {"law $f$": bent} if any(g.law is not None for g in gears) else {}
+    forms = {"ratio": equation(False)} if any(g.law is None for g in gears) else {}
+    forms |= {"law f": equation(True)} if any(g.law is not None for g in gears) else {}
     return Entry(
         title=f"Gears: {with_others([g.name for g in gears])}",
-        notes=(f"{TEXT.capitalize()}, with all turns. Equations: {code(NAMES)}.",),
-        formulas=tuple(forms.values()),
-        table=make_table(("gear", "line", "$q_a$", "$q_b$", " or ".join(forms)), rows),
+        notes=(f"{TEXT.capitalize()}, with all turns: {code(forms.values())}. Equations: {code(NAMES)}.",), formulas=(),
+        table=make_table(("gear", "line", "q_a", "q_b", " or ".join(forms)), rows),
     )
 
 

@@ -15,46 +15,16 @@ from cutjoint.report.explain.views import Counterparts, Entry, Table, code, line
 from cutjoint.report.tables import closing_equations
 from cutjoint.topology.records import Branch, SubtreeClass, Topology, TreeJoint, degrees, eliminate
 
-#: The formulas of cutjoint.formulate.recursive.recursion.
-_ELIMINATION = (
-    r"D = b^T M_i b, \quad y_p = b^T (M_i + C_{ip}), \quad y_j = b^T C_{ij}, \quad e = D^{-1} b^T (Q_i - M_i d)",
-    r"\begin{aligned} M_p &\leftarrow M_p + M_i + C_{ip} + C_{pi} - y_p^T D^{-1} y_p"
-    r" \cr Q_p &\leftarrow Q_p + Q_i - M_i d - C_{pi} d - y_p^T e \cr C_{pj} &\leftarrow C_{pj} + C_{ij} - y_p^T D^{-1} y_j"
-    r" \cr Q_j &\leftarrow Q_j - C_{ji} d - y_j^T e \cr C_{jk} &\leftarrow C_{jk} - y_j^T D^{-1} y_k \end{aligned}",
-    r"\ddot z_i = e - D^{-1} \Big( y_p \ddot Z_p + \sum\nolimits_{j} y_j \ddot Z_j \Big), \quad \ddot Z_i = \ddot Z_p + b \ddot z_i + d",
-)
-
 _NOTES = (
-    r"$Z = (v_0, \omega)$ holds the velocity of a body's point at the pole and its angular velocity. The pole is the first "
-    "joint's point of a branch on the ground, or the origin of a free root body. $M$ and $Q$ are a body's mass matrix and force there, "
-    "$C$ the couplings that cut joints bring.",
-    "Body $i$ with parent $p$, coupled to bodies $j$ and $k$, gives up its unknowns $z$, leaves first; the last line then runs from the "
-    "ground outwards (eqs. 28-42). The operations are those of this step alone.",
+    "Body $i$ gives up its unknowns, leaves first, and passes its mass matrix and force on to its parent and to the bodies that cut "
+    "joints couple it to; accelerations then run from the ground outwards (eqs. 28-42). The operations are those of this step alone.",
 )
 
-#: The formulas of cutjoint.formulate.recursive.branches.
-_BRANCHES = (
-    r"G_j = M^c_j S_j, \quad H_{ij} = S_i^T G_j, \quad h_j = S_j^T F^c_j + \tau_j, \quad J = A S",
-    r"H \leftarrow H + J^T \alpha J, \quad h \leftarrow h - J^T (\lambda + \alpha s'), \quad s' = s + A (a_f - a_b)",
-    r"M_P \leftarrow M_P + M^c - G H^{-1} G^T, \quad Q_P \leftarrow Q_P + F^c - G H^{-1} h, \quad \ddot z = H^{-1} (h - G^T \ddot Z_P)",
-)
-
-#: And of branches around a hub K.
-_HUBS = (
-    r"H_K \leftarrow H_K + J_K^T \alpha J_K - W^T D^{-1} W, \quad h_K \leftarrow h_K - J_K^T (\lambda + \alpha s') - W^T D^{-1} g",
-    r"G_K^T \leftarrow G_K^T - W^T D^{-1} Y, \quad H = L D L^T, \quad W = L^{-1} J^T \alpha J_K, \quad Y = L^{-1} G^T, \quad g = L^{-1} h",
-    r"\ddot z = L^{-T} D^{-1} (g - Y \ddot Z_P - W \ddot z_K)",
-)
-
-_AT_ONCE = (
-    "Loops that stay among subtrees of one body $P$ are eliminated at once, in joint space: their equations do not have the motion of $P$. "
-    "$S_j$ is the subspace of body $j$'s joint, $M^c_j$ and $F^c_j$ are the sums of $M$ and of $Q - M a$ over body $j$ and all that it "
-    "carries, $a$ what known motions add to the acceleration relative to $P$.",
-)
+_AT_ONCE = ("Loops that stay among subtrees of one body are eliminated at once, in joint space: their equations do not have its motion.",)
 
 _AROUND = (
-    "Branches that one body $K$ connects, their hub, share cut joints with it and none with each other. They go first, each by itself, and "
-    "pass on to the equations of $K$ too; $J_K$ is the Jacobian by its unknowns.",
+    "Branches that one body connects, their hub, share cut joints with it and none with each other: they go first, each by itself, "
+    "and pass on to the hub too.",
 )
 
 
@@ -174,11 +144,9 @@ def elimination(topology: Topology, operations: dict[tuple[str, str], int]) -> E
     headings = ("step", "body", "joint", "unknowns", "coupled to", "passed on to", "operations")
     steps = [(str(i), *row) for i, row in enumerate(rows, 1)]
     table = make_table(headings, [*steps, ("", "**sum**", "", "", "", "", f"**{total}**")])
-    notes, formulas = (_NOTES, _ELIMINATION) if len(branch_of) < len(topology.tree) else (_NOTES[:1], ())
     at_once, around = bool(topology.branches), any(branch.hub for branch in topology.branches)
     return Entry(
-        title="Order of elimination", notes=notes + _AT_ONCE * at_once + _AROUND * around,
-        formulas=formulas + _BRANCHES * at_once + _HUBS * around, table=table,
+        title="Order of elimination", notes=_NOTES + _AT_ONCE * at_once + _AROUND * around, formulas=(), table=table,
     )  # fmt: skip
 
 

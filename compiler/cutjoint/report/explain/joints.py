@@ -17,18 +17,10 @@ from cutjoint.report.explain.latex import latex, parameter_symbols, place, text,
 from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, line_of, make_table, with_others
 from cutjoint.topology.records import TreeJoint
 
-_LAW = (
-    r"R_i = R_p R(q), \quad r_i = r_p + R_p (\text{arm} + p(q)), \quad Z_i = Z_p + b \dot z, \quad \ddot Z_i = \ddot Z_p + b \ddot z + d",
-    r"b = X S, \quad d = Z_p \times b \dot z + X c, \quad X = \begin{bmatrix} R_p & \tilde p R_p \cr 0 & R_p \end{bmatrix}",
-    r"R(e) = \begin{bmatrix} 1 - 2 (e_2^2 + e_3^2) & 2 (e_1 e_2 - e_0 e_3) & 2 (e_1 e_3 + e_0 e_2)"
-    r" \cr 2 (e_1 e_2 + e_0 e_3) & 1 - 2 (e_1^2 + e_3^2) & 2 (e_2 e_3 - e_0 e_1)"
-    r" \cr 2 (e_1 e_3 - e_0 e_2) & 2 (e_2 e_3 + e_0 e_1) & 1 - 2 (e_1^2 + e_2^2) \end{bmatrix}",
-)
-
 _NOTES = (
     "For each joint: the rotation $R(q)$ and the displacement $p(q)$ of the outer joint point from the inner one, the motion subspace "
     r"$S$ with its drift $c = \dot S \dot z$, all in the inner body's axes at the inner joint point, to which the arm leads from the "
-    "inner body's origin. $X$ takes them to the pole, from which that point stands at $p$ (eqs. 26, 27).",
+    "inner body's origin (eqs. 26, 27).",
     "A ball's rotation is that of the unit quaternion $e$; what stands behind a ball is given behind its rotation, "
     r"$\omega$ then in those axes. The cross product of two motions is the rate of the second when the first "
     r"carries it: $(v, \omega) \times (v', \omega') = (\omega \times v' + v \times \omega', \omega \times \omega')$.",
@@ -64,7 +56,9 @@ def explain_joints(equations: RecursiveEquations, counterparts: Sequence[Counter
     kinds = {name: (t.joint.kind, t.joint.guide is not None) for name, t in joints.items()}
     groups = group(list(joints), counterparts, lambda name: kinds[name], lambda name: kernels[name])
     entries = tuple(_entry([joints[n] for n in names], kernels, equations) for names in groups)
-    return Chapter(title="Tree joints", notes=_NOTES, formulas=_LAW, entries=entries)
+    has_ball = any(t.joint.element.has_ball for t in topology.tree)
+    ball = print_equations([("R(e)", _BALL)], {e: f"e_{{{i}}}" for i, e in enumerate(QUATERNION)}) if has_ball else ()
+    return Chapter(title="Tree joints", notes=_NOTES, formulas=ball, entries=entries)
 
 
 def _entry(joints: Sequence[TreeJoint], kernels: Mapping[str, tuple[str, ...]], equations: RecursiveEquations) -> Entry:

@@ -149,14 +149,20 @@ def parameter_symbols(model: Model) -> dict[Scalar, str]:
     symbols = {p.symbol: rf"\text{{ {p.name.replace('_', ' ')} }}" for p in model.parameters}
     for value, rate, acceleration in map(input_symbols, input_parameters(model)):
         symbols |= {rate: rf"\dot {{{symbols[value]}}}", acceleration: rf"\ddot {{{symbols[value]}}}"}
-    symbols |= {element.symbol: _words(element.name) for group in (model.states, model.signals) for element in group}
+    symbols |= {element.symbol: words(element.name) for group in (model.states, model.signals) for element in group}
     for controller in model.controllers:
-        symbols |= {signal.symbol: f"{_words(signal.name)}^{{+}}" for signal in controller.signals}
-        symbols |= {value.symbol: _words(str(value.symbol).removeprefix("@").partition(":")[0]) for value in controller.held}
-    return symbols | {quantity_symbol(o.element, o.quantity): _words(o.column) for o in readings_of(model)}
+        symbols |= {signal.symbol: f"{words(signal.name)}^{{+}}" for signal in controller.signals}
+        symbols |= {value.symbol: words(str(value.symbol).removeprefix("@").partition(":")[0]) for value in controller.held}
+    return symbols | {quantity_symbol(o.element, o.quantity): words(o.column) for o in readings_of(model)}
 
 
-def _words(name: str) -> str:
+def quantity_letter(name: str) -> str:
+    """The LaTeX of a quantity or a field: Fx has an index, words stay words."""
+    return f"{name[:-1]}_{name[-1]}" if len(name) == 2 and name[-1] in "xyz" else name if len(name) == 1 else words(name)
+
+
+def words(name: str) -> str:
+    """A name as text."""
     return rf"\text{{ {name.replace('_', ' ').replace('.', ' ')} }}"
 
 
