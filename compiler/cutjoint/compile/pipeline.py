@@ -33,10 +33,10 @@ from cutjoint.toolchain.later import BuildPending, build_later
 
 
 def compile_model(model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), **choices: Any) -> Artifact:
-    """Compile a model or its file for a scene, by default the only one; further ``choices`` as of `CompileOptions`,
-    the method by default the scene's.
+    """Compile a model or its file for a scene, by default the only one; further ``choices`` as of `CompileOptions`.
 
     Args:
+        choices: the method is by default the scene's.
         tunable: patterns such as "*.stiffness"; constants whose names match become parameters.
     """
     read, chosen = load_model(model, scene, tunable)  # model.yaml -> Model
