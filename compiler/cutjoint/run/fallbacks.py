@@ -99,7 +99,7 @@ def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | Non
     settings = plan.run_file.settings
     if plan.closes_loops and METHODS[plan.method].closures and not CLOSURES[settings.stabilisation.closure].penalty_of_each_cut:
         untried.insert(0, f"closure {INTEGRATORS[settings.integrator].closure}")
-    reach = failure.message in _OPEN and plan.leading and not trials.helped
+    reach = (crosses or failure.message in _OPEN) and plan.leading and not trials.helped
     goes = "goes" if len(trials.helped) == 1 else "go"
     words = (
         _BEYOND.format(join_or([f"'{name}'" for name in plan.leading])) if reach else "",
