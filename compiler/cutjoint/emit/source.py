@@ -170,7 +170,7 @@ def _of_templates(functions: Sequence[SuppliedFunction]) -> str:
         f"{'result' if '' in f.results else 'results'}, partials);\n}}\n"
         for f in functions
     )
-    return f'\n#line 1 "partials"\n{includes}\nnamespace cutjoint_numbers {{\n\n{own.body}\n}}  // namespace cutjoint_numbers\n\n{calls}'
+    return f'\n#line 1 "partials"\n{includes}{own.top}\nnamespace cutjoint_numbers {{\n\n{own.body}\n}}  // namespace cutjoint_numbers\n\n{calls}'
 
 
 def quotable(text: str) -> str:
