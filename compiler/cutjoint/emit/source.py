@@ -162,7 +162,7 @@ def _of_templates(functions: Sequence[SuppliedFunction]) -> str:
     if not functions:
         return ""
     own = amalgamate(["cutjoint/core/supplied_partials.hpp"])
-    includes = "".join(f"#include <{name}>\n" for name in own.standard)
+    before = "".join(f"#include <{name}>\n" for name in own.standard) + own.top
     calls = "".join(
         f"{signatures_of(f)[PREFIX + f.name]} {{\n"
         f"  const auto call = [&](const auto* x, auto* y) {{ {PREFIX}{f.name}(x, {'memory, ' * bool(f.words)}y); }};\n"
@@ -170,7 +170,7 @@ def _of_templates(functions: Sequence[SuppliedFunction]) -> str:
         f"{'result' if '' in f.results else 'results'}, partials);\n}}\n"
         for f in functions
     )
-    return f'\n#line 1 "partials"\n{includes}{own.top}\nnamespace cutjoint_numbers {{\n\n{own.body}\n}}  // namespace cutjoint_numbers\n\n{calls}'
+    return f'\n#line 1 "partials"\n{before}\nnamespace cutjoint_numbers {{\n\n{own.body}\n}}  // namespace cutjoint_numbers\n\n{calls}'
 
 
 def quotable(text: str) -> str:
