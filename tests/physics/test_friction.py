@@ -267,6 +267,13 @@ scenes: {run: {end: 0.3, output_step: 0.01, rates: {a.angle_rate: 20}}}
 """
 
 
+@pytest.mark.parametrize("load", ['force: [0, "where(t < 0.1, 30, 0)", 0]', "force: [0, 30, 0], moving_only: true"])
+def test_load_across_the_plane_at_times_is_refused(load: str, tmp_path: Path) -> None:
+    side = f"side: {{kind: load, body: slider, at: C, {load}}}, drag:"
+    with pytest.raises(ModelError, match=r"force 'drag'.*redundant equations"):
+        run(tmp_path, SLIDER_CRANK.replace("drag:", side))
+
+
 def in_the_plane(angle: float, rate: float, s: float) -> tuple[float, float, float, float]:
     """The crank's acceleration, the bristle's rate, the rail's force and the slider's place, by bodies and pins in the plane of x and z."""
     b = 0.1 * np.array([np.sin(angle), np.cos(angle)])

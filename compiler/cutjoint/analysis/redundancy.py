@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ from cutjoint.topology.records import Topology
 _GOOD_ENOUGH = 0.01
 #: An equation whose part in another's combination is below this share has none.
 _PART = 1e-6
+#: How many times of a scene symmetry is tried at, since a force may act for a while.
+_TIMES = 9
 #: Damping of the combinations by the largest square of a row, for poses in which the kept equations are dependent.
 _DAMPING = 1e-13
 
@@ -170,7 +173,7 @@ def require_loads(topology: Topology, scene: Scene) -> Topology:
     poses = _regular(explore(equations))
     shares = np.max([_ways(equations, pose) for pose in poses], axis=0)
     loose = [f.name for f, share in zip(forces, shares, strict=True) if share > _DETERMINED]
-    if loose and not (_is_constant(poses) and all(_is_even(equations, pose) for pose in poses)):
+    if loose and not (_is_constant(poses) and all(_is_even(equations, *at) for at in product(poses, np.linspace(0.0, scene.end, _TIMES)))):
         raise refuse_friction(
             topology.model, loose, "redundant equations of its loop leave open what the joint carries, so friction by it has no value",
             "give joints of the loop more freedom until 'check' finds no redundant equation, or leave out arm or thrust_radius",
@@ -184,7 +187,7 @@ def _is_constant(poses: Sequence[Pose]) -> bool:
     return all(np.allclose(space @ space.T, spaces[0] @ spaces[0].T, atol=1e-6) for space in spaces)
 
 
-def _is_even(equations: RecursiveEquations, pose: Pose) -> bool:
+def _is_even(equations: RecursiveEquations, pose: Pose, t: float) -> bool:
     """Return whether multipliers of the null space and their opposites give the same loads in any motion of the loops, as across the plane
     of a mechanism that lies, moves, and is pushed in it: by symmetry there are none."""
     random = np.random.default_rng(7)
@@ -193,11 +196,11 @@ def _is_even(equations: RecursiveEquations, pose: Pose) -> bool:
     v, vdot = random.standard_normal((2, len(free))) @ free
     rows = pose.jacobian @ random.standard_normal(equations.speeds)
     size = np.linalg.norm(rows) or 1.0
-    inputs = make_inputs(equations, pose.q, v, 0.37)
+    inputs = make_inputs(equations, pose.q, v, t) | {"motion": np.ones(1)}
     inputs |= {f"vdot:{c.joint}": vdot[c.v : c.v + len(c.speed_names)] for c in equations.charts}
     acting = {INPUTS, HELD, *(f"v:{state.name}" for state in equations.state.states)} & inputs.keys()
     inputs |= {name: inputs[name] + random.standard_normal(inputs[name].shape) for name in sorted(acting)}
-    one, other = (_columns(equations, inputs, rows + way * size * null) for way in (1, -1))
+    one, other = (_columns(equations, inputs, rows + sign * size * null) for sign in (1, -1))
     return bool(np.allclose(one, other, rtol=1e-7, atol=1e-9 * size))
 
 
