@@ -279,7 +279,7 @@ OPENED_GUIDE = STEERED.replace("at: [-0.15, 0.1, 0.45]", "at: [behind, 0.1, 0.45
     ("text", "reason"),
     [
         (FIVE_BAR % "", "it has 2 degrees of freedom beside 'ground', and one is wanted"),
-        (OPENED_GUIDE, "its geometry has open parameters, and its guide moves"),
+        (OPENED_GUIDE, "its geometry has tunable parameters, and its guide moves"),
         (SWING.replace("joints:", "gears: {g: {joints: [a.angle, d.angle], ratio: 1}}\njoints:") % "", "a gear couples its joints"),
         (SWING % ", positions: {d.angle: 0.1}", "the scene gives a and d, and one of them may be independent"),
     ],

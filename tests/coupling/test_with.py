@@ -226,7 +226,7 @@ REFUSED = [
     (("--connect", "angle"), "--connect angle: write PORT=NAME"),
     ((), "{fmu}: none of its inputs and outputs (position, angle, force) has the name of one of the model's outputs"),
     ((*NAMES, "--set", "push=1"), "--set push: output 'force' of {fmu} drives this input; leave out one of the two"),
-    ((*NAMES, "--set", "pull=1"), "--set pull: model 'cart_pole' has no such open parameter or input; it has: push"),
+    ((*NAMES, "--set", "pull=1"), "--set pull: model 'cart_pole' has no such tunable parameter or input; it has: push"),
     ((*NAMES, "--solver-tolerance", "1e-6"), "--solver-tolerance: beside an FMU only dormand-prince, dop853 or radau5 has one"),
 ]
 

@@ -414,7 +414,7 @@ scenes: {swing: {end: 1}}
 
 @pytest.mark.parametrize("reach", [0.3, 0.36])
 def test_points_that_coincide_by_a_default_alone_stay_apart(reach: float, tmp_path: Path) -> None:
-    """A spring's end that an open parameter puts into the joint, or beside it."""
+    """A spring's end that a tunable parameter puts into the joint, or beside it."""
     path = tmp_path / "coincident.yaml"
     path.write_text(COINCIDENT, encoding="utf-8")
     model = read_model(path)

@@ -46,7 +46,7 @@ def test_open_parameters_are_refused_with_the_joints_place(text: str, kind: str)
     with pytest.raises(ModelError) as caught:
         formulate_recursive(build_topology(found), found.scenes["run"], ())
     assert str(caught.value) == (
-        f"m.yaml:7:3: joint 'slide': the direction of this {kind} joint depends on the open parameter 'lean', but needs two others "
+        f"m.yaml:7:3: joint 'slide': the direction of this {kind} joint depends on the tunable parameter 'lean', but needs two others "
         "across it; give the parameter binding: const"
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 def pendulums_in_a_row(links: int, *, joint: str = "revolute", stiffnesses: bool = False, masses: bool = False) -> str:
-    """A hanging chain; ``masses`` differ from link to link, and so do ``stiffnesses``, open parameters of springs across its pins."""
+    """A hanging chain; ``masses`` differ from link to link, and so do ``stiffnesses``, tunable parameters of springs across its pins."""
     axis = ", axis: [0, 1, 0]" if joint == "revolute" else ""
     weights = [1.0 + 0.125 * (i % 5) if masses else 1.0 for i in range(links)]
     bodies = "".join(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cutjoint.formulate.inputs import open_parameters
+from cutjoint.formulate.inputs import tunable_parameters
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
@@ -46,7 +46,7 @@ def test_expressions_are_of_the_numbers_alone() -> None:
     model = bar()
     assert [p.name for p in model.parameters] == ["half", "section", "density", "lift"]
     assert [p.name for p in model.derived] == ["inertia", "mass", "reach", "far"]
-    assert [p.name for p in open_parameters(model)] == ["half"]
+    assert [p.name for p in tunable_parameters(model)] == ["half"]
     values = {p.symbol: p.value for p in model.parameters}
     assert evaluate(model.bodies[0].mass, values) == pytest.approx(0.8, rel=1e-15)
     assert evaluate(model.bodies[0].inertia[1], values) == pytest.approx(0.8 / 12, rel=1e-15)

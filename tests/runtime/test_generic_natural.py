@@ -16,7 +16,7 @@ import pytest
 from cutjoint.analysis.closing import evaluate_scene_inputs, explore
 from cutjoint.analysis.natural import closed_states, dependent_equations
 from cutjoint.elements.joints import JOINTS
-from cutjoint.formulate.inputs import open_parameters
+from cutjoint.formulate.inputs import tunable_parameters
 from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_lagrangian
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import Implementation
@@ -101,7 +101,7 @@ class Case:
     @property
     def parameters(self) -> dict[str, float]:
         """Values that differ from the defaults, so that a default taken for a value shows."""
-        return {p.name: self.factor * p.value for p in open_parameters(self.equations.topology.model)}
+        return {p.name: self.factor * p.value for p in tunable_parameters(self.equations.topology.model)}
 
 
 def make_case(

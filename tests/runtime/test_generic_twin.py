@@ -15,7 +15,7 @@ import pytest
 
 from cutjoint.analysis.closing import evaluate_scene_inputs
 from cutjoint.elements.joints import JOINTS
-from cutjoint.formulate.inputs import LAW_TIME, open_parameters
+from cutjoint.formulate.inputs import LAW_TIME, tunable_parameters
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.quantities import quantities
@@ -135,7 +135,7 @@ class Case:
     @property
     def parameters(self) -> dict[str, float]:
         """Values that differ from the defaults, so that a default taken for a value shows."""
-        return {p.name: 1.01 * p.value for p in open_parameters(self.equations.topology.model)}
+        return {p.name: 1.01 * p.value for p in tunable_parameters(self.equations.topology.model)}
 
 
 def make_case(model: Model, scene: str | Scene, road: Road = FLAT, penalty: float = 1e4, outputs: tuple[Output, ...] = ()) -> Case:

@@ -67,7 +67,7 @@ scenes: {swing: {end: 1, output_step: 0.01, rates: {pin.angle_rate: v}}}
 
 
 @pytest.mark.parametrize(("options", "said"), [
-    (("--steer", "q9"), "model 'delta' has no input or open parameter 'q9'; it has kd, kp, q1, q2, q3"),
+    (("--steer", "q9"), "model 'delta' has no input or tunable parameter 'q9'; it has kd, kp, q1, q2, q3"),
     (("--steer", "q1=0.1"), "--steer q1=0.1: write q1=LOW,HIGH, or q1 alone"),
     (("--throttle", "q1=1,2"), "--throttle q1=1,2: write q1=FULL, or q1 alone"),
     (("--range", "q1=a,b"), "--range q1=a"),

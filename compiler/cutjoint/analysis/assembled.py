@@ -139,7 +139,7 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, seen
     moved = drive.name if drive is not None else None
     first = BlockLoops(driven_by_time(topology, moved), block)
     if first.open and u.half > 0:
-        raise NoAssemblyError("its geometry has open parameters, and its guide moves")
+        raise NoAssemblyError("its geometry has tunable parameters, and its guide moves")
     if not given and scene.pose != "equilibrium":
         _require_closed(first, motion)
     if motion is not None and motion.rate != 0 and not {key.rpartition(".")[0] for key in scene.rates} & names:

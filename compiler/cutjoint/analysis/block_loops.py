@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from cutjoint.analysis.closing import Array, design_coordinates, retract
-from cutjoint.formulate.inputs import make_charts, open_parameters
+from cutjoint.formulate.inputs import make_charts, tunable_parameters
 from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.recursive.fitted import BlockEquations, derive_block
 from cutjoint.model.records import Joint
@@ -95,7 +95,7 @@ class BlockLoops:
 
     @cached_property
     def open(self) -> bool:
-        """True where the geometry has open parameters."""
+        """True where the geometry has tunable parameters."""
         reached = reachable_blocks([*self._blocks.residuals, *self._blocks.rates])
         return any(x.op == "symbol" and x.data == "parameters" for x in reached)
 
@@ -108,7 +108,7 @@ class BlockLoops:
         residuals, rates = self._blocks.residuals, self._blocks.rates
         inputs = {
             "t": u[:, np.newaxis, np.newaxis], "motion": np.zeros(1), "numerics": np.ones(3),
-            "parameters": np.array([p.value for p in open_parameters(self.topology.model)]),
+            "parameters": np.array([p.value for p in tunable_parameters(self.topology.model)]),
         }
         unit = np.eye(self.size)
         for chart in self.charts:

@@ -11,7 +11,7 @@ import click
 from cutjoint.commands import options, table
 from cutjoint.compile.c_export import for_hosts, frozen_words, make_standalone
 from cutjoint.compile.pipeline import compile_model, generate
-from cutjoint.formulate.inputs import open_parameters
+from cutjoint.formulate.inputs import tunable_parameters
 from cutjoint.model.functions import leave_to_host
 from cutjoint.model.records import Model
 from cutjoint.model.tunable import with_inputs
@@ -86,5 +86,5 @@ def _price(artifact: Artifact, path: Path) -> str:
     plain = replace(read_model(path), code=artifact.model.code)
     case, scene = find_case(plain, artifact.scene.name)
     _, program, _ = generate(case, scene, artifact.scene.outputs, method=artifact.method)
-    count = len(open_parameters(artifact.topology.model)) - len(open_parameters(plain))
+    count = len(tunable_parameters(artifact.topology.model)) - len(tunable_parameters(plain))
     return f" ({count} constants are tunable; {program.operations(artifact.iteration)} without)"

@@ -13,7 +13,7 @@ from cutjoint.compile.prepared import Request
 from cutjoint.coupling.connections import connect, open_system
 from cutjoint.coupling.controller import CALL_LIMIT, ControllerFmu, open_controller
 from cutjoint.coupling.run import Party, Plan, co_simulate
-from cutjoint.formulate.inputs import input_parameters, open_parameters
+from cutjoint.formulate.inputs import input_parameters, tunable_parameters
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, Implementation, describe_steps, join_or, names_of
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import Model, Scene
@@ -131,10 +131,10 @@ def _named(connections: tuple[str, ...]) -> dict[str, str]:
 
 def _require_free(model: Model, parameters: Mapping[str, float], parties: Sequence[Party]) -> None:
     """Check that the names of --set can be set."""
-    known = {p.name: p for p in (*open_parameters(model), *input_parameters(model))}
+    known = {p.name: p for p in (*tunable_parameters(model), *input_parameters(model))}
     for name, value in parameters.items():
         if name not in known:
-            raise RunError(f"--set {name}: model '{model.name}' has no such open parameter or input; {nearest(name, known, 'it has')}")
+            raise RunError(f"--set {name}: model '{model.name}' has no such tunable parameter or input; {nearest(name, known, 'it has')}")
         for fmu, driven in ((party.fmu, party.connections.driven) for party in parties):
             if name in driven:
                 raise RunError(f"--set {name}: output '{driven[name].name}' of {fmu.path} drives this input; leave out one of the two")

@@ -16,7 +16,7 @@ from cutjoint.topology.reading import read_model
 
 @table.command("explain")
 def command(model: Path, scene: str | None, method: str, reduced: bool, tunable: tuple[str, ...], out: Path | None) -> None:
-    """Explain in Markdown what the compiler derives from MODEL: topology, equations, operations, what open parameters cost."""
+    """Explain in Markdown what the compiler derives from MODEL: topology, equations, operations, what tunable parameters cost."""
     require_apart({"the model": model}, documents=[("--out", out)])
     checked = read_model(model, tunable=tunable)
     checked, chosen = options.take_case(checked, scene)

@@ -14,7 +14,7 @@ from cutjoint.commands import options
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.compile.prepared import PreparedRun, Request, cache_run
-from cutjoint.formulate.inputs import input_parameters, open_parameters
+from cutjoint.formulate.inputs import input_parameters, tunable_parameters
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import (
     AUTO,
@@ -195,7 +195,7 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
     return PreparedRun(
         model=model.name, counts=counts, places=artifact.places,
         compilation=artifact.compilation, following=changing(model, artifact.scene), inputs=tuple(p.name for p in input_parameters(model)),
-        units={p.name: p.unit for p in (*open_parameters(model), *input_parameters(model))},
+        units={p.name: p.unit for p in (*tunable_parameters(model), *input_parameters(model))},
         run=make_simulator_run(artifact, asked, parameters), plots=artifact.scene.plots,
         files={name: sha256(text.encode()).hexdigest() for name, text in model.files.items() if not name.startswith(SHIPPED)},
     )  # fmt: skip

@@ -23,7 +23,7 @@ from cutjoint.emit.source import Generated, Page, Source
 from cutjoint.emit.standalone import emit_standalone, mark_of
 from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.implicit.equations import formulate_residual
-from cutjoint.formulate.inputs import open_parameters
+from cutjoint.formulate.inputs import tunable_parameters
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import POSES, Equations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
@@ -240,7 +240,7 @@ def for_hosts(model: Model, scene: Scene) -> Model:
     """The model whose parameters that stand only where runs of the scene begin are ``frozen``: exported code has numbers there, which
     setting such a parameter would not change."""
     start = sources_of_parts(model, scene)
-    asked = _symbols((start["positions"], start["rates"], scene.assemble)) & {p.symbol for p in open_parameters(model)}
+    asked = _symbols((start["positions"], start["rates"], scene.assemble)) & {p.symbol for p in tunable_parameters(model)}
     if asked:
         states = tuple(replace(state, initial=sympy.Integer(0)) for state in model.states)
         rest = replace(model, parameters=(), derived=(), scenes={}, states=states)

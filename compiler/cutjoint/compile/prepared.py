@@ -62,10 +62,9 @@ class PreparedRun:
     """A compiled model's run, and the facts that reports need.
 
     ``counts`` are the model's by name, ``places`` has where each joint stands in the model file.  ``following`` are the parts of the run
-    file that follow from open parameters, see `changing`: where there are none, parameters can be changed in the run file alone.  ``files``
-    are the digests of the files that the model file names.
-    ``inputs`` are the names of the model's inputs, which can be held constant there too; ``units`` are those of inputs and open parameters,
-    ``plots`` the pictures that the scene names.
+    file that follow from tunable parameters, see `changing`: where there are none, parameters can be changed in the run file alone.
+    ``files`` are the digests of the files that the model file names.  ``inputs`` are the names of the model's inputs, which can be held
+    constant there too; ``units`` are those of inputs and tunable parameters, ``plots`` the pictures that the scene names.
     """
 
     model: str

@@ -311,7 +311,7 @@ def _arrays(equations: Equations) -> list[str]:
         f"v[{len(state.v)}]": f"speeds: m/s, rad/s{states}; vdot has their rates of change, dz, force and force_residual one for each",
         f"lambda[{len(state.equations)}]": "multipliers of closing equations: N, N*m; residual, rate, gap and their like have one for each",
         f"column[{len(equations.columns)}]": "outputs, in the units of the description",
-        f"parameters[{len(equations.parameters)}]": "open parameters, in SI units",
+        f"parameters[{len(equations.parameters)}]": "tunable parameters, in SI units",
         f"input[{equations.input_values}]": f"of each input value, rate and acceleration, then {held}values by which laws are watched",
         f"held[{equations.held}]": "what controllers hold next, in SI units",
     }  # fmt: skip

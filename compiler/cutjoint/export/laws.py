@@ -61,7 +61,7 @@ class Numbers:
         """The numbers of a scene after changes of parameters (SI units), and with inputs that these hold constant.
 
         Raises:
-            RunError: a change names neither an open parameter nor an input.
+            RunError: a change names neither a tunable parameter nor an input.
         """
         changed = parameter_values(model, parameters)
         values = {p.symbol: changed.get(p.name, p.value) for p in model.parameters if p.binding is not Binding.INPUT}

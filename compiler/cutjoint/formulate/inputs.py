@@ -47,7 +47,7 @@ class Numbers:
     frequency: Block
 
 
-def open_parameters(model: Model) -> tuple[Parameter, ...]:
+def tunable_parameters(model: Model) -> tuple[Parameter, ...]:
     """The parameters that the binary loads."""
     return tuple(p for p in model.parameters if p.binding is Binding.PARAM)
 
@@ -83,7 +83,7 @@ def _name_of(symbol: Scalar) -> str:
 
 def parameter_blocks(builder: Builder, model: Model) -> dict[Scalar, Block]:
     """The blocks of the parameters that do not change in a run."""
-    column = open_parameters(model)
+    column = tunable_parameters(model)
     values: dict[Scalar, Block] = {}
     if column:
         loaded = builder.symbol("parameters", len(column), BindingTime.PARAM)

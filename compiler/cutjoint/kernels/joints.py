@@ -64,7 +64,7 @@ def derive_joint(tree_joint: TreeJoint) -> JointKernel:
     A reversed joint moves its base: its motions are undone in the opposite order, so that a coordinate keeps its sign and meaning.
 
     Raises:
-        ModelError: tangents are needed across a direction that depends on an open parameter.
+        ModelError: tangents are needed across a direction that depends on a tunable parameter.
     """
     joint = tree_joint.joint
     general, known = _derive_kind(joint.kind, tree_joint.reversed), _given(tree_joint)
@@ -229,7 +229,7 @@ def direction_of(joint: Joint, direction: Direction) -> Vector:
     """A direction of a joint.
 
     Raises:
-        ModelError: two directions are needed across one that depends on an open parameter.
+        ModelError: two directions are needed across one that depends on a tunable parameter.
     """
     match direction:
         case Direction.AXIS:
@@ -267,12 +267,12 @@ def tangents(joint: Joint, normal: Vector) -> tuple[Matrix, Matrix]:
     """Two unit vectors across a direction of a joint; the three make a right-handed frame.
 
     Raises:
-        ModelError: the direction depends on an open parameter.
+        ModelError: the direction depends on a tunable parameter.
     """
     n = sympy.Matrix(normal)
     if n.free_symbols:
         names = ", ".join(sorted(f"'{str(symbol).removeprefix('p_')}'" for symbol in n.free_symbols))
-        message = f"the direction of this {joint.kind} joint depends on the open parameter {names}, but needs two others across it"
+        message = f"the direction of this {joint.kind} joint depends on the tunable parameter {names}, but needs two others across it"
         hint = "give the parameter binding: const"
         raise ModelError([Problem(span=joint.span, element=f"joint '{joint.name}'", message=message, hint=hint)])
     n = n / n.norm()

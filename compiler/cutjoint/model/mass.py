@@ -174,7 +174,7 @@ def _axisymmetric(element: Element, inertia: values.Principal, moments: Vector) 
 
 
 def _equal(element: Element, a: Scalar, b: Scalar) -> bool:
-    """Return whether two moments are equal for any values of open parameters; True where one is wrong and has been noted."""
+    """Return whether two moments are equal for any values of tunable parameters; True where one is wrong and has been noted."""
     difference = sympy.expand((a - b).xreplace(element.scope.settled))
     if difference.has(FAILED):
         return True

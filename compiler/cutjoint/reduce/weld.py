@@ -26,7 +26,7 @@ def weld_bodies(model: Model, scene: Scene) -> Outcome:
 
 
 def _at_rest(joint: Joint, model: Model, scene: Scene) -> bool:
-    """Return whether a guide is zero at all times, for all values of the open parameters."""
+    """Return whether a guide is zero at all times, for all values of the tunable parameters."""
     return joint.guide is not None and all(bool(law.subs(input_functions(model, scene)).is_zero) for law in joint.guide)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import sympy
 
 from cutjoint.elements.joint import ATTITUDE
-from cutjoint.formulate.inputs import input_parameters, open_parameters
+from cutjoint.formulate.inputs import input_parameters, tunable_parameters
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, Implementation, join_or
 from cutjoint.model.errors import nearest
 from cutjoint.model.evaluate import evaluate
@@ -39,12 +39,12 @@ MASSES = "masses"
 
 
 def parameter_values(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
-    """The open parameters with their values after ``changes`` (SI units); changes of inputs have no part in them.
+    """The tunable parameters with their values after ``changes`` (SI units); changes of inputs have no part in them.
 
     Raises:
-        RunError: a change names neither an open parameter nor an input, has no finite value, or a unit that is not the parameter's.
+        RunError: a change names neither a tunable parameter nor an input, has no finite value, or a unit that is not the parameter's.
     """
-    known, inputs = {p.name: p for p in open_parameters(model)}, {p.name for p in input_parameters(model)}
+    known, inputs = {p.name: p for p in tunable_parameters(model)}, {p.name for p in input_parameters(model)}
     values = {name: p.value for name, p in known.items()}
     for name, value in changes.items():
         if name in inputs:
@@ -79,7 +79,7 @@ def make_run_file(
     """The run file of a task: "simulate", "realtime", "equilibrium" or "evaluate"; of methods with a linear system also "factor", of
     batches "batch".
 
-    ``changes`` are values (SI units) of open parameters, and of inputs that are held constant; ``inputs`` are constants or tables over
+    ``changes`` are values (SI units) of tunable parameters, and of inputs that are held constant; ``inputs`` are constants or tables over
     time.  Inputs that neither names follow the scene.  To its entries "steps_out" may be added, where iterations and residuals of each
     step go, "tangents_out", where the recursive method's Jacobians at each row do, "coordinates_out", where the coordinates at each row
     do, and "states", of which "evaluate" evaluates; a batch needs "cases", what each run has of its own, and "threads".
@@ -87,7 +87,7 @@ def make_run_file(
     Equal steps that are given have to divide the intervals of controllers, unless they need not ``fits_samples``.
 
     Raises:
-        RunError: a change names neither an open parameter nor an input, has no finite value, or leaves the start or a road
+        RunError: a change names neither a tunable parameter nor an input, has no finite value, or leaves the start or a road
             without a finite value; an input is given wrongly; settings do not go together, or one is out of its range; the run has no
             steps, or too many.
     """
@@ -124,8 +124,8 @@ def _joined(held: Mapping[str, float], inputs: Mapping[str, InputLike]) -> dict[
 
 
 def changing(model: Model, scene: Scene) -> tuple[str, ...]:
-    """The parts of a run file that follow from open parameters, besides "parameters" itself; and `MASSES`."""
-    symbols = {p.symbol for p in open_parameters(model)}
+    """The parts of a run file that follow from tunable parameters, besides "parameters" itself; and `MASSES`."""
+    symbols = {p.symbol for p in tunable_parameters(model)}
     found = symbols if scene.assemble else set()  # all coordinates may follow from any
     of_part = {name: sympy.Tuple(*expressions.values()).free_symbols for name, expressions in sources_of_parts(model, scene).items()}
     masses = (MASSES,) if any(True for _ in _changing_bodies(model)) else ()
@@ -156,7 +156,7 @@ def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts
 
 
 def placed(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Scene:
-    """The scene with the coordinates of a start that has the places it wants, in their stead, with the values of all open parameters.
+    """The scene with the coordinates of a start that has the places it wants, in their stead, with the values of all tunable parameters.
 
     Raises:
         RunError: no pose has them.
@@ -171,7 +171,7 @@ def placed(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Scene
 
 
 def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> None:
-    """Check that a start that is found once holds for all runs: none of the open parameters that are ``changed`` has a part in it.
+    """Check that a start that is found once holds for all runs: none of the tunable parameters that are ``changed`` has a part in it.
 
     Raises:
         RunError: one has.
@@ -203,8 +203,8 @@ def _require_masses(model: Model, value: Evaluator) -> None:
 
 
 def _changing_bodies(model: Model) -> Iterator[Body]:
-    """The bodies whose masses or inertias follow from open parameters."""
-    symbols = {p.symbol for p in open_parameters(model)}
+    """The bodies whose masses or inertias follow from tunable parameters."""
+    symbols = {p.symbol for p in tunable_parameters(model)}
     yield from (body for body in model.bodies if any(entry.free_symbols & symbols for entry in (body.mass, *body.inertia)))
 
 

@@ -81,7 +81,7 @@ class SimulatorRun:
         return replace(self, run_file=checked)
 
     def with_parameters(self, changes: Mapping[str, float]) -> SimulatorRun:
-        """The run with other values (SI units) of open parameters that nothing else in the run file follows from, and of inputs."""
+        """The run with other values (SI units) of tunable parameters that nothing else in the run file follows from, and of inputs."""
         file = self.run_file
         given = {name: value for name, value in changes.items() if name in file.parameters}
         held = {name: value for name, value in changes.items() if name not in given}

@@ -80,7 +80,7 @@ class HostFunction:
         return _CALL(call)
 
 
-#: From open parameters to coordinates and speeds by name, SI units.
+#: From tunable parameters to coordinates and speeds by name, SI units.
 Begin: TypeAlias = Callable[[Mapping[str, float]], tuple[Mapping[str, float], Mapping[str, float]]]
 
 

@@ -57,7 +57,7 @@ class Objective:
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """An expression of time, open parameters and outputs, whose symbols are named as `expressions` has it; ``text`` as it was written."""
+    """An expression of time, tunable parameters and outputs, with symbols named as `expressions` has it; ``text`` as it was written."""
 
     text: str
     value: Scalar

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from cutjoint.formulate.inputs import input_parameters, open_parameters
+from cutjoint.formulate.inputs import input_parameters, tunable_parameters
 from cutjoint.model.errors import nearest
 from cutjoint.model.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import fault_of
@@ -57,7 +57,7 @@ class Variables:
         self._source, self._problems = where.scope.source, where.scope.problems
         self._joints = {joint.name: joint for joint in model.joints}
         self._constants = {p.name: p for p in model.parameters if p.binding is Binding.CONST}
-        self._parameters: Mapping[str, Parameter] = {p.name: p for p in (*open_parameters(model), *input_parameters(model))}
+        self._parameters: Mapping[str, Parameter] = {p.name: p for p in (*tunable_parameters(model), *input_parameters(model))}
         self._inputs = {p.name for p in input_parameters(model)}
         self._states = {
             f"{joint.name}.{component}": unit for joint in model.joints if not joint.cut

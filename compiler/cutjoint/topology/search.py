@@ -147,7 +147,7 @@ class _Search:
         """The condition of a cut joint's loop and its neighbours to three digits, so that rounding decides nothing."""
         try:
             return float(f"{loop_condition(self.geometry, spanning.tree, spanning.cuts, cut):.2e}")
-        except ModelError:  # a direction of this joint depends on an open parameter, so that it has no numbers yet
+        except ModelError:  # a direction of this joint depends on a tunable parameter, so that it has no numbers yet
             return math.inf
 
 

@@ -17,7 +17,7 @@ from cutjoint.compile.c_export import Standalone, for_hosts, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.elements.interaction import Wheel
 from cutjoint.export.laws import Numbers
-from cutjoint.formulate.inputs import input_parameters, open_parameters
+from cutjoint.formulate.inputs import input_parameters, tunable_parameters
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.errors import nearest
 from cutjoint.model.quantities import bodies_of
@@ -229,7 +229,7 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
     if drive.mark != alone.mark:
         of = escaped(f"'{drive.model}', {drive.scene}")
         raise RunError(f"--replay {path}: a drive of {of}, in another version; drive the page of this one")
-    moves = {p.name: p for p in (*input_parameters(model), *open_parameters(model))}
+    moves = {p.name: p for p in (*input_parameters(model), *tunable_parameters(model))}
     for name in (*drive.given, *(name for _, name, _ in drive.events)):
         if name not in moves:
             raise RunError(f"--replay {path}: {_unknown(model, escaped(name), moves)}")
@@ -302,7 +302,7 @@ def _find_roles(model: Model) -> dict[str, Ends]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Axes:
-    """The inputs and open parameters of a page, and how far each moves."""
+    """The inputs and tunable parameters of a page, and how far each moves."""
 
     model: Model
     values: Mapping[str, float]
@@ -317,7 +317,7 @@ class _Axes:
         Raises:
             RunError: an option names nothing that moves.
         """
-        known = {p.name: p for p in (*input_parameters(self.model), *open_parameters(self.model))}
+        known = {p.name: p for p in (*input_parameters(self.model), *tunable_parameters(self.model))}
         for ends in (*self.roles.values(), *self.ranges.values()):
             if ends.name not in known:
                 raise RunError(_unknown(self.model, ends.name, known))
@@ -359,4 +359,4 @@ class _Axes:
 
 def _unknown(model: Model, name: str, known: Mapping[str, Parameter]) -> str:
     hint = nearest(name, known, "it has") or "it has none"
-    return f"{model.span.file}: model '{model.name}' has no input or open parameter '{name}'; {hint.replace('it has:', 'it has')}"
+    return f"{model.span.file}: model '{model.name}' has no input or tunable parameter '{name}'; {hint.replace('it has:', 'it has')}"

@@ -26,7 +26,7 @@ def build_mechanism(model: Model, scene: Scene, parameters: Mapping[str, float])
 
     Raises:
         ModelError: a body without mass.
-        RunError: a change names no open parameter, the scene has no start, or the model is reduced.
+        RunError: a change names no tunable parameter, the scene has no start, or the model is reduced.
         TopologyError, SimulatorError, ToolchainError: as for a run.
     """
     if is_reduced(model, scene):

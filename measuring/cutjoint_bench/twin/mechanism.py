@@ -29,7 +29,7 @@ from cutjoint.elements.joint import (
 )
 from cutjoint.elements.joint import Motion as ChainMotion
 from cutjoint.formulate.forces import is_active
-from cutjoint.formulate.inputs import make_charts, open_parameters
+from cutjoint.formulate.inputs import make_charts, tunable_parameters
 from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.quantities import needs_place
 from cutjoint.kernels.closures import derive_closure
@@ -77,7 +77,7 @@ def heading(trees: Trees) -> Json:
         "name": model.name,
         "scene": trees.scene.name,
         "gravity": trees.all(model.gravity),
-        "parameters": [{"name": p.name, "unit": p.unit, "default": p.value} for p in open_parameters(model)],
+        "parameters": [{"name": p.name, "unit": p.unit, "default": p.value} for p in tunable_parameters(model)],
         "inputs": trees.inputs(),
         "roads": [force.name for force in model.forces if force.has_road],
     }

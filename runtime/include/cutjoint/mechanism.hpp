@@ -58,7 +58,7 @@ struct Description {
   std::vector<std::string_view> coordinates;  ///< names of q
   std::vector<std::string_view> speeds;       ///< names of v, first-order states last
   std::vector<std::string_view> equations;    ///< names of the cut joints' equations
-  std::vector<Named> parameters;              ///< open parameters with defaults, SI units
+  std::vector<Named> parameters;              ///< tunable parameters with defaults, SI units
   std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
   std::vector<Named> columns;                 ///< reported quantities
   std::vector<int> cuts{};                    ///< first equation of each cut joint

@@ -378,7 +378,7 @@ function layAxes() {
   }
   by('tuning').open = !drive.car;
   if (!drive.car) by('tuning').querySelector('summary').textContent = 'Parameters';
-  if (!run.axes.length) by('inputs').appendChild(document.createElement('p')).append('Nothing moves it from outside: the model has no input and no open parameter. ', Object.assign(document.createElement('kbd'), { textContent: 'cutjoint drive --tunable NAME' }), ' makes numbers of its file such.');
+  if (!run.axes.length) by('inputs').appendChild(document.createElement('p')).append('Nothing moves it from outside: the model has no input and no tunable parameter. ', Object.assign(document.createElement('kbd'), { textContent: 'cutjoint drive --tunable NAME' }), ' makes numbers of its file such.');
   by('tuning').hidden = !by('tunable').childElementCount;
 }
 

@@ -53,8 +53,8 @@ from cutjoint.formulate.inputs import (
     derive_scene_inputs,
     make_numbers,
     make_translator,
-    open_parameters,
     report_columns,
+    tunable_parameters,
 )
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import (
@@ -134,7 +134,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         energy=derive_energy(k, reactions, acting.joint_forces, gears),
     )  # fmt: skip
     return ImplicitEquations(
-        topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
+        topology=topology, scene=scene, builder=b, parameters=tunable_parameters(model),
         roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(

@@ -26,7 +26,7 @@ from cutjoint.formulate.events import (
     value_slots,
 )
 from cutjoint.formulate.forces import guard_function, margin_slots
-from cutjoint.formulate.inputs import column_slots, derive_scene_inputs, make_translator, open_parameters, report_columns
+from cutjoint.formulate.inputs import column_slots, derive_scene_inputs, make_translator, report_columns, tunable_parameters
 from cutjoint.formulate.layout import Entry, Slot, StateLayout, state_entries
 from cutjoint.formulate.natural.assembly import NodalForce, NodalMatrix, mass_matrix
 from cutjoint.formulate.natural.constraints import Constraint, ConstraintMaker, multipliers
@@ -115,7 +115,7 @@ def formulate_lagrangian(
         report=report_columns(b, reporter.quantity, outputs), energy=system.energy(),
     )  # fmt: skip
     return LagrangianEquations(
-        topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
+        topology=topology, scene=scene, builder=b, parameters=tunable_parameters(model),
         roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(

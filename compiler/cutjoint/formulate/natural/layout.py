@@ -88,7 +88,7 @@ class Layout:
         return combination(self.groups[self.group_of[body]], kind, place)
 
     def _key(self, body: str, kind: NodeKind, place: Vector) -> tuple[str, NodeKind, tuple[Scalar, ...]]:
-        """The key of a node: nodes of a body with equal keys are one; places that depend on an open parameter must do so alike."""
+        """The key of a node: nodes of a body with equal keys are one; places that depend on a tunable parameter must do so alike."""
         exact = (sympy.sympify(x) for x in place)
         return self.group_of[body], kind, tuple(round(float(x), 11) + 0.0 if x.is_number else x for x in exact)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from cutjoint.formulate.inputs import make_translator, open_parameters
+from cutjoint.formulate.inputs import make_translator, tunable_parameters
 from cutjoint.formulate.natural.layout import Layout, lay_out
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.nodes import Node, NodeKind
@@ -51,7 +51,7 @@ def derive_spans(topology: Topology, scene: Scene) -> SpanEquations:
     motions = NodeMotions(builder=b, translator=make_translator(b, model), layout=layout)
     groups = {body: layout.groups[group] for body, group in layout.group_of.items() if group != GROUND}
     return SpanEquations(
-        coordinates=tuple((f"node:{n.name}", n.size) for n in layout.coordinates), parameters=open_parameters(model),
+        coordinates=tuple((f"node:{n.name}", n.size) for n in layout.coordinates), parameters=tunable_parameters(model),
         spans={body: _span(motions, group.basis) for body, group in groups.items()},
     )  # fmt: skip
 

@@ -12,8 +12,8 @@ from cutjoint.formulate.inputs import (
     make_charts,
     make_numbers,
     make_translator,
-    open_parameters,
     report_columns,
+    tunable_parameters,
 )
 from cutjoint.formulate.layout import Closure, relative_layout
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, energy_slots
@@ -140,7 +140,7 @@ def formulate_recursive(
         *(fit.function for fit in fits),
     )  # fmt: skip
     return RecursiveEquations(
-        topology=topology, scene=scene, builder=b, state=layout, parameters=open_parameters(model),
+        topology=topology, scene=scene, builder=b, state=layout, parameters=tunable_parameters(model),
         roads=tuple(f.name for f in model.forces if f.has_road),
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
         slots={

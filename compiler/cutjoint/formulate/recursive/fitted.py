@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
-from cutjoint.formulate.inputs import TIME, make_charts, make_numbers, make_translator, open_parameters
+from cutjoint.formulate.inputs import TIME, make_charts, make_numbers, make_translator, tunable_parameters
 from cutjoint.formulate.layout import Chart, Slot
 from cutjoint.formulate.records import CLOSE, Function, LoopFit
 from cutjoint.formulate.recursive.following import coefficients_of, quaternion_of, turned_by
@@ -98,7 +98,7 @@ def _fit(b: Builder, topology: Topology, assembly: Assembly, first: int, number:
     place = b.symbol(f"place:{independent}", count, BindingTime.ITERATION)
     with b.section("functions", independent, "residual and Jacobian of the joints that functions close, by the place", assembly.span.place):
         known = _places(b, equations.charts, assembly, place)
-        parameters = open_parameters(topology.model)
+        parameters = tunable_parameters(topology.model)
         known["parameters"] = b.symbol(f"fitted:{independent}", len(parameters), BindingTime.ITERATION)
         known["t"] = b.number(functions.drive_range.middle if functions.drive_range is not None else 0.0)
         residual = _substituted(b, equations.residuals, known)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import sympy
 
-from cutjoint.formulate.inputs import derive_scene_inputs, guide_rates, make_charts, make_translator, open_parameters, reference_point
+from cutjoint.formulate.inputs import derive_scene_inputs, guide_rates, make_charts, make_translator, reference_point, tunable_parameters
 from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.recursive.following import Following, follow
 from cutjoint.formulate.translate import Translator
@@ -406,7 +406,7 @@ def derive_poses(topology: Topology, scene: Scene) -> PoseEquations:
     origin = (sympy.Integer(0),) * 3
     laws = derive_scene_inputs(b, model, scene, (), events=False)
     return PoseEquations(
-        topology=topology, charts=charts, parameters=open_parameters(model),
+        topology=topology, charts=charts, parameters=tunable_parameters(model),
         laws=tuple(law for f in laws.functions for law in f.results.values()),
         rotations={name: k.frames[name].R for name in topology.order},
         shifts={name: k.absolute(name, k.point(name, origin)) for name in topology.order},

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cutjoint.elements.interaction import Carrier
-from cutjoint.formulate.inputs import HELD, INPUTS, held_name, input_parameters, input_symbols, open_parameters
+from cutjoint.formulate.inputs import HELD, INPUTS, held_name, input_parameters, input_symbols, tunable_parameters
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.records import Model
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_identity, is_zero
@@ -140,7 +140,7 @@ def print_blocks(b: Letters, named: Iterable[Block], used: Iterable[tuple[str, B
 def print_residuals(residual: Block, names: Sequence[str], model: Model) -> Iterator[tuple[tuple[str, ...], str]]:
     """The equations of a column of natural coordinates, each with its names: a vector's components have one text."""
     b, arrays = Letters(), dict[str, list[str]]({
-        "parameters": [p.name for p in open_parameters(model)],
+        "parameters": [p.name for p in tunable_parameters(model)],
         INPUTS: [name for p in input_parameters(model) for name in (p.name, *map(str, input_symbols(p)[1:]))],
         HELD: [held_name(value) for value in model.held],
     })  # fmt: skip

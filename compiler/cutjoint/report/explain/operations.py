@@ -23,7 +23,7 @@ STAGES = ("inputs", "kinematics", "body", "force", "closure", "condensation", "a
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """The price of an open parameter: operations an evaluation more than with its value folded in, and the scalars that depend on it
+    """The price of a tunable parameter: operations an evaluation more than with its value folded in, and the scalars that depend on it
     which the loaded stage keeps for later."""
 
     parameter: Parameter
