@@ -260,7 +260,7 @@ _NEWTON = Steps(header="cutjoint/core/newton/recursive_newton.hpp", name="Recurs
 def _explicit(name: str, table: str, *, order: str, stages: int, about: str, adaptive: bool = True) -> Integrator:
     """An explicit Runge-Kutta method by its table of core/runge_kutta/tables.hpp."""
     of_table = f"ExplicitSteps<Mechanism, cutjoint::runge_kutta::{table}>"
-    steps = Steps(header="cutjoint/core/explicit_steps.hpp", name=of_table, stages=stages, differentiable=True)
+    steps = Steps(header="cutjoint/core/stepping/explicit_steps.hpp", name=of_table, stages=stages, differentiable=True)
     return Integrator(
         name=name, methods=("recursive",), order=order, about=about, steps={"recursive": steps},
         closures=_ALL_CLOSURES, closure="solved", adaptive=adaptive, settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY,
@@ -270,7 +270,7 @@ def _explicit(name: str, table: str, *, order: str, stages: int, about: str, ada
 def _radau(name: str, *, about: str, adaptive: bool) -> Integrator:
     """Radau IIA of order 5."""
     of_length = f"RadauSteps<Mechanism, System, {str(adaptive).lower()}>"
-    steps = Steps(header="cutjoint/core/implicit_steps.hpp", name=of_length, differentiable=True, by_residual=True)
+    steps = Steps(header="cutjoint/core/stepping/implicit_steps.hpp", name=of_length, differentiable=True, by_residual=True)
     return Integrator(
         name=name, methods=("recursive-newton",), order="5", about=about, steps={"recursive-newton": steps},
         adaptive=adaptive, uses_solver=True, settings=("absolute_tolerance",),
@@ -283,7 +283,8 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
         name="trapezoidal", methods=tuple(METHODS), order="2", about="bounded work in a step; loops stabilised or projected",
         steps={
             "recursive": Steps(
-                header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True, differentiable=True
+                header="cutjoint/core/stepping/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True,
+                differentiable=True,
             ),
             "augmented": Steps(header="cutjoint/core/newton/augmented.hpp", name="AugmentedSteps<Mechanism, System>"),
             "classical": Steps(header="cutjoint/core/newton/classical.hpp", name="ClassicalSteps<Mechanism, System>"),

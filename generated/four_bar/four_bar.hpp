@@ -2,7 +2,7 @@
 // Equation numbers: Cuadrado, Cardenal, Morer, Bayo, Multibody System Dynamics 4 (2000) 55-73.
 #pragma once
 
-#include "cutjoint/core/contract.hpp"
+#include "cutjoint/core/mechanism/contract.hpp"
 
 namespace cutjoint::generated {
 

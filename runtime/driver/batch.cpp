@@ -15,8 +15,8 @@
 #include <thread>
 #include <vector>
 
-#include "cutjoint/core/lane_steps.hpp"
-#include "cutjoint/core/side_by_side.hpp"
+#include "cutjoint/core/stepping/lane_steps.hpp"
+#include "cutjoint/core/mechanism/side_by_side.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/failure_report.hpp"
 #include "cutjoint/guards.hpp"

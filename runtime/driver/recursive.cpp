@@ -3,9 +3,9 @@
 #include "cutjoint/extension.hpp"
 #include "integrators.hpp"
 
-#include "cutjoint/core/explicit_steps.hpp"
-#include "cutjoint/core/fixed_point_steps.hpp"
-#include "cutjoint/core/substeps.hpp"
+#include "cutjoint/core/stepping/explicit_steps.hpp"
+#include "cutjoint/core/stepping/fixed_point_steps.hpp"
+#include "cutjoint/core/stepping/substeps.hpp"
 #include "cutjoint/core/stepping/trapezoidal_rule.hpp"
 #include "cutjoint/perform.hpp"
 #include "cutjoint/program.hpp"

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <utility>
 
-#include "cutjoint/core/functions.hpp"
+#include "cutjoint/core/numbers/functions.hpp"
 
 namespace cutjoint::interpreter {
 

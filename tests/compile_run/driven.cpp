@@ -1,7 +1,7 @@
 // A host drives the generated mechanism of tests/mechanisms/driven.py; a line for each source with the time and the guided columns.
 #include <cstdio>
 
-#include "cutjoint/core/inputs.hpp"
+#include "cutjoint/core/inputs/inputs.hpp"
 #include "driven.hpp"
 
 using Mechanism = cutjoint::generated::Driven<double>;

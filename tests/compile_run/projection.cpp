@@ -1,6 +1,6 @@
 // Projects disturbed states of a generated mechanism; prints for each of positions and speeds iterations and gap before and after, then
 // the share of the change of the speeds that is no answer to multipliers.
-#include "cutjoint/core/projection.hpp"
+#include "cutjoint/core/constraints/projection.hpp"
 
 #include <Eigen/Dense>
 #include <cstdio>
@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/core/road.hpp"
-#include "cutjoint/core/start.hpp"
+#include "cutjoint/core/roads/road.hpp"
+#include "cutjoint/core/start/start.hpp"
 #include "cutjoint/state.hpp"
 #include "cutjoint/generated.hpp"
 #include MECHANISM_HEADER

@@ -23,7 +23,7 @@ def test_statuses_are_those_of_the_core() -> None:
     causes = _core(FAULTS).partition("enum class Cause : int {")[2].partition("}")[0]
     numbers = {name: int(number) for name, number in re.findall(r"(\w+) = (\d+)", causes)}
     assert numbers == {"none": 0, **{cause: status.number for cause, status in STATUSES.items()}}
-    limits = _core("cutjoint/core/step_statistics.hpp").partition("limit_names[] = {")[2].partition("}")[0]
+    limits = _core("cutjoint/core/stepping/step_statistics.hpp").partition("limit_names[] = {")[2].partition("}")[0]
     assert tuple(re.findall(r"\w+", limits)) == LIMITED
 
 

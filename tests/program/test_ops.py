@@ -20,7 +20,7 @@ PLACES = (0.3, 0.4, 0.7)
 @pytest.mark.parametrize("row", OPERATIONS.values(), ids=OPERATIONS)
 def test_a_row_reaches_all_that_follow_from_it(row: Operation) -> None:
     runtime = ROOT / "runtime"
-    listed = (runtime / "include/cutjoint/core/functions.hpp").read_text(encoding="utf-8")
+    listed = (runtime / "include/cutjoint/core/numbers/functions.hpp").read_text(encoding="utf-8")
     interpreted = (runtime / "interpreter/operations.cpp").read_text(encoding="utf-8")
     assert f"X({row.name}, " in listed or f'("{row.name}")' in interpreted
     if row.fold is not None:

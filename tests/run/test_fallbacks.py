@@ -120,7 +120,7 @@ def _press_plan() -> SimulatorRun:
 
 #: The sources of messages by the methods that have them.
 SOURCES = {
-    "recursive": ("trapezoidal.hpp", "runge_kutta/*.hpp"), "recursive-newton": ("newton/recursive_newton.hpp", "radau/*.hpp"),
+    "recursive": ("stepping/trapezoidal.hpp", "runge_kutta/*.hpp"), "recursive-newton": ("newton/recursive_newton.hpp", "radau/*.hpp"),
     "classical": ("newton/classical.hpp",),
 }  # fmt: skip
 
@@ -128,7 +128,7 @@ SOURCES = {
 def test_no_message_names_the_method_that_has_it() -> None:
     """The advice of each cause beside the methods whose headers have that cause."""
     core = Path("runtime/include/cutjoint/core")
-    text = (core / "fault.hpp").read_text(encoding="utf-8")
+    text = (core / "simulation/fault.hpp").read_text(encoding="utf-8")
     shared = re.search(r'shorter_steps = "(.*)"', text)
     assert shared is not None
     table = text.partition("advice_of(const Fault& fault)")[2].replace("shorter_steps", shared[1])

@@ -1,6 +1,6 @@
 // Solves random systems whose unknowns fall apart but for a border, several of a pattern in turn; prints how many there were, how often other pivots were
 // taken, and the largest error.
-#include "cutjoint/core/bordered.hpp"
+#include "cutjoint/core/numbers/bordered.hpp"
 
 #include <algorithm>
 #include <cmath>

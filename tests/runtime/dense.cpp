@@ -1,5 +1,5 @@
 // Compares the dense kernels of the core with Eigen's on random matrices; prints a line for each with the largest differences.
-#include "cutjoint/core/dense.hpp"
+#include "cutjoint/core/numbers/dense.hpp"
 
 #include <Eigen/Dense>
 #include <complex>

@@ -1,5 +1,5 @@
 // Numbers with derivatives, alone and side by side, beside differences of the same formulas over long doubles; prints the largest errors of values and of slopes.
-#include "cutjoint/core/dual_lanes.hpp"
+#include "cutjoint/core/numbers/dual_lanes.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -53,7 +53,7 @@ EXACT = 1e-11
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch of road, as in runtime/include/cutjoint/core/road.hpp."""
+    """A stretch of road, as in runtime/include/cutjoint/core/roads/road.hpp."""
 
     kind: str
     begin: float

@@ -406,7 +406,7 @@ def _largest_derivative(functions: LoopFunctions) -> float:
 
 
 def refit(topology: Topology, assembly: Assembly, parameters: Mapping[str, float]) -> LoopFunctions:
-    """The functions of an assembly with open geometry by other ``parameters`` (SI units), as runtime core/loop_fits.hpp finds them; its
+    """The functions of an assembly with open geometry by other ``parameters`` (SI units), as core/mechanism/loop_fits.hpp finds them; its
     own where its loops do not close over the range."""
     model, functions, moved = topology.model, assembly.functions, assembly.drive
     model = replace(model, parameters=tuple(replace(p, value=parameters.get(p.name, p.value)) for p in model.parameters))

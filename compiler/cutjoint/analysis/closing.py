@@ -173,7 +173,7 @@ def _step(matrix: Array, right: Array) -> Array:
 
 
 def retract(equations: Charted, q: Array, delta: Array) -> Array:
-    """q (+) delta, (..., coordinates) and (..., speeds), as in runtime/include/cutjoint/core/retraction.hpp: scalars add, a quaternion is
+    """q (+) delta, (..., coordinates) and (..., speeds), as in runtime core/mechanism/retraction.hpp: scalars add, a quaternion is
     turned by (1, theta/2)."""
     result = q.copy()
     for chart in equations.charts:

@@ -290,8 +290,8 @@ def _class(
         has_members=bool(records or lane_types or roads or equations.input_values),
     )  # fmt: skip
     runtime = {
-        "contract": True, "inputs": equations.input_values, "loop_fits": equations.fits, "lanes": lane_types, "road": roads,
-        "supplied": supplied,
+        "mechanism/contract": True, "inputs/inputs": equations.input_values, "mechanism/loop_fits": equations.fits,
+        "numbers/lanes": lane_types, "roads/road": roads, "mechanism/supplied": supplied,
     }  # fmt: skip
     return CppClass(
         name=page.class_name,

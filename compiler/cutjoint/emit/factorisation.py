@@ -42,7 +42,7 @@ def emit_factorisation(plan: Plan, names: Sequence[str], page: Page, *, straight
         page: renders templates, with the banner of all files.
         straight_line: predicted multiply-adds from which on the code is index data and a loop.
     """
-    declared = Piece(text=page.render("factorisation.hpp.jinja", **_header(plan)), headers=("cutjoint/core/contract.hpp",))
+    declared = Piece(text=page.render("factorisation.hpp.jinja", **_header(plan)), headers=("cutjoint/core/mechanism/contract.hpp",))
     view = {"symmetric": "true" if plan.pattern.symmetric else "false", "room": WIDTH * len(plan.tiling)}
     if plan.multiply_adds > straight_line:
         text = page.render("factorisation_tables.cpp.jinja", **view, tables=make_tables(plan, names))

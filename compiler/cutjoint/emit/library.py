@@ -31,24 +31,24 @@ class _Number:
 
 
 _OF_INSTANCES = _Number(
-    unity=_SIDE, real=LANES, headers=("cutjoint/core/instances.hpp", "cutjoint/core/lane_road.hpp")
+    unity=_SIDE, real=LANES, headers=("cutjoint/core/numbers/instances.hpp", "cutjoint/core/roads/lane_road.hpp")
 )  # fmt: skip
 
 #: Functions of the earlier stages; what closes loops belongs to that of parameters.
 _STAGES = frozenset({"load", "load_values", "start_step", "begin_step", "scene_inputs"})
 
 _OF_DERIVATIVES = _Number(
-    unity="dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
+    unity="dual", real="cutjoint::Dual", headers=("cutjoint/core/numbers/dual_lanes.hpp",),
     functions=_STAGES | {"evaluate", "constraint_residual", "project", "report", "sample"},
 )  # fmt: skip
 
 _OF_SYSTEM_DERIVATIVES = _Number(
-    unity="system_dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
+    unity="system_dual", real="cutjoint::Dual", headers=("cutjoint/core/numbers/dual_lanes.hpp",),
     functions=_STAGES | {"report", "sample"},
 )  # fmt: skip
 
 _OF_LOADED = _Number(
-    unity="balance_dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
+    unity="balance_dual", real="cutjoint::Dual", headers=("cutjoint/core/numbers/dual_lanes.hpp",),
     functions=frozenset({"load", "load_values", "loaded_values"}),
 )  # fmt: skip
 
@@ -127,7 +127,7 @@ def _classes(parts: SimulationCode, steps: Steps) -> Iterator[_Placed]:
 
 def _interface(parts: SimulationCode, classes: Sequence[_Placed], begin: Beginning, view: Mapping[str, object]) -> str:
     """The C++ file of the C interface, with the simulation and its integrator."""
-    page, has_lanes = parts.page, any("cutjoint/core/lanes.hpp" in each.made.header.headers for each in classes)
+    page, has_lanes = parts.page, any("cutjoint/core/numbers/lanes.hpp" in each.made.header.headers for each in classes)
     runtime = headers_of(parts, STEPS[parts.method][begin.integrator], has_lanes=has_lanes)
     own = [f"{each.header}.hpp" for each in classes]
     return page.render(

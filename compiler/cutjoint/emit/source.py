@@ -161,7 +161,7 @@ def _of_templates(functions: Sequence[SuppliedFunction]) -> str:
     """The C functions of templates over the number type; their numbers with derivatives have a namespace of their own."""
     if not functions:
         return ""
-    own = amalgamate(["cutjoint/core/supplied_partials.hpp"])
+    own = amalgamate(["cutjoint/core/mechanism/supplied_partials.hpp"])
     before = "".join(f"#include <{name}>\n" for name in own.standard) + own.top
     calls = "".join(
         f"{signatures_of(f)[PREFIX + f.name]} {{\n"
@@ -248,7 +248,7 @@ class Amalgamation:
 
 
 def amalgamate(headers: Iterable[str]) -> Amalgamation:
-    """Headers of the runtime, such as ``cutjoint/core/state.hpp``, each behind those that it includes."""
+    """Headers of the runtime, such as ``cutjoint/core/mechanism/state.hpp``, each behind those that it includes."""
     standard: set[str] = set()
     top, body = [], []
     for text in texts_of(headers).values():

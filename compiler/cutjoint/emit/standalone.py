@@ -49,18 +49,18 @@ from cutjoint.package.locations import licence
 from cutjoint.topology.geometry import extent
 
 #: Headers of the runtime: all that a simulation behind its interface needs but its integrator, and lanes.
-_CORE = "cutjoint/core/checked_simulation.hpp"
-_LANES = "cutjoint/core/lanes.hpp"
-_DERIVATIVES = "cutjoint/core/checked_minimal.hpp"
-_STEP_DERIVATIVES = "cutjoint/core/step_derivatives.hpp"
-_ADJOINT = "cutjoint/core/adjoint.hpp"
-_DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
-_POSES = "cutjoint/core/poses.hpp"
-_DYNAMICS = "cutjoint/core/dynamics.hpp"
-_SUPPLIED = "cutjoint/core/supplied.hpp"
-_LAID_ROAD = "cutjoint/core/laid_road.hpp"
-_FITS = "cutjoint/core/loop_fits.hpp"
-_SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
+_CORE = "cutjoint/core/simulation/checked_simulation.hpp"
+_LANES = "cutjoint/core/numbers/lanes.hpp"
+_DERIVATIVES = "cutjoint/core/simulation/checked_minimal.hpp"
+_STEP_DERIVATIVES = "cutjoint/core/derivatives/step_derivatives.hpp"
+_ADJOINT = "cutjoint/core/derivatives/adjoint.hpp"
+_DUAL_LANES = "cutjoint/core/numbers/dual_lanes.hpp"
+_POSES = "cutjoint/core/mechanism/poses.hpp"
+_DYNAMICS = "cutjoint/core/mechanism/dynamics.hpp"
+_SUPPLIED = "cutjoint/core/mechanism/supplied.hpp"
+_LAID_ROAD = "cutjoint/core/roads/laid_road.hpp"
+_FITS = "cutjoint/core/mechanism/loop_fits.hpp"
+_SIDE_BY_SIDE = "cutjoint/core/simulation/lane_simulations.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
 OF_INTERFACE = ("algorithm", "cstdint", "cstring", "limits", "new", "type_traits")

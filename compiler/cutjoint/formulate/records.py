@@ -94,7 +94,7 @@ class LoopFit:
         return sum(map(len, self.description()["start"])) + 1
 
     def description(self) -> dict[str, Any]:
-        """Its tables, as runtime core/loop_fits.hpp reads them: coefficients of the model's own numbers, ``start``, by function."""
+        """Its tables, as core/mechanism/loop_fits.hpp reads them: coefficients of the model's own numbers, ``start``, by function."""
         f = self.assembly.functions
         series = [one for found in f.series.values() for one in found]
         return {

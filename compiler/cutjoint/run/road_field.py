@@ -111,7 +111,7 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CurvedField:
-    """A surface along a line, as in runtime/include/cutjoint/core/curved_field.hpp."""
+    """A surface along a line, as in runtime core/roads/curved_field.hpp."""
 
     grid: CurvedGrid
 
@@ -269,7 +269,7 @@ def _faded(parts: list[_Array], share: _Array, level: float, slope: float) -> li
 
 @dataclass(frozen=True, kw_only=True)
 class Surface:
-    """A surface as all wheels meet it, as in runtime/include/cutjoint/core/surface.hpp: a field of heights, None for none, and patches of
+    """A surface as all wheels meet it, as in runtime core/roads/surface.hpp: a field of heights, None for none, and patches of
     friction."""
 
     field: Field | CurvedField | None

@@ -61,7 +61,7 @@ class Piece:
 
 @dataclass(frozen=True, kw_only=True)
 class WheelRoad:
-    """A road as one wheel meets it, as in runtime/include/cutjoint/core/road.hpp: a point follower sees height and slope, a rigid disc its
+    """A road as one wheel meets it, as in runtime core/roads/road.hpp: a point follower sees height and slope, a rigid disc its
     envelope and no slope."""
 
     left: Sequence[Piece]

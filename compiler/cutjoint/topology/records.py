@@ -105,7 +105,7 @@ class Topology:
     @property
     def ends_on_massless(self) -> bool:
         """True where all closings of loops join massless bodies, so that perhaps no mass resists them: kinetic energy then tells penalties
-        (runtime/include/cutjoint/core/effective_mass.hpp)."""
+        (runtime/include/cutjoint/core/mechanism/effective_mass.hpp)."""
         massless, joints = {b.name for b in self.model.bodies if b.is_massless}, {j.name: j for j in self.model.joints}
         ends = [[e] if isinstance(e, Joint) else [joints[name] for name in e.joints] for e in self.closing]
         return bool(ends) and all(any({j.base, j.follower} & massless for j in around) for around in ends)

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/roads/road.hpp"
 
 namespace {
 

@@ -3,8 +3,8 @@
 
 #include <exception>
 
-#include "cutjoint/core/contract.hpp"
-#include "cutjoint/core/inputs.hpp"
+#include "cutjoint/core/mechanism/contract.hpp"
+#include "cutjoint/core/inputs/inputs.hpp"
 #include "cutjoint/precision.hpp"
 
 namespace cutjoint {

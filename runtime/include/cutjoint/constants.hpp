@@ -1,7 +1,7 @@
 // Descriptions as generated code has them: constants.  This includes no header of the standard library, which takes longer to compile than they do.
 #pragma once
 
-#include "cutjoint/core/chart.hpp"
+#include "cutjoint/core/mechanism/chart.hpp"
 
 namespace cutjoint {
 

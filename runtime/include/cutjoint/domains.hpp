@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "cutjoint/core/largest.hpp"
+#include "cutjoint/core/numbers/largest.hpp"
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {

@@ -14,7 +14,7 @@
 #include "cutjoint/energy_book.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "cutjoint/core/loop_fits.hpp"
+#include "cutjoint/core/mechanism/loop_fits.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/state.hpp"
 

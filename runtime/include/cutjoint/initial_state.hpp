@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "cutjoint/core/initialisation.hpp"
+#include "cutjoint/core/start/initialisation.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/run_file.hpp"

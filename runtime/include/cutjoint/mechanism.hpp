@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "cutjoint/any_mechanism.hpp"
-#include "cutjoint/core/chart.hpp"
+#include "cutjoint/core/mechanism/chart.hpp"
 
 namespace cutjoint {
 

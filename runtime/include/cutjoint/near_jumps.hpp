@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/state.hpp"

@@ -13,7 +13,7 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/read_json.hpp"
-#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/run_inputs.hpp"
 #include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/core/inputs.hpp"
+#include "cutjoint/core/inputs/inputs.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/read_json.hpp"

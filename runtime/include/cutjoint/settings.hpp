@@ -5,9 +5,9 @@
 #include <optional>
 #include <string>
 
-#include "cutjoint/core/simulation_settings.hpp"
-#include "cutjoint/core/stabilisation.hpp"
-#include "cutjoint/core/trapezoidal.hpp"
+#include "cutjoint/core/simulation/simulation_settings.hpp"
+#include "cutjoint/core/constraints/stabilisation.hpp"
+#include "cutjoint/core/stepping/trapezoidal.hpp"
 #include "cutjoint/integrator_table.hpp"
 
 namespace cutjoint {

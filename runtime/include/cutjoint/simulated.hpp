@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/core/largest.hpp"
-#include "cutjoint/core/simulation.hpp"
+#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/simulation/simulation.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/energy_balance.hpp"
 #include "cutjoint/examine.hpp"

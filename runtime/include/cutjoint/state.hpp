@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "cutjoint/core/fault.hpp"
-#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/mechanism.hpp"
 
 namespace cutjoint {

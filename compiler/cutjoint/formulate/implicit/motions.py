@@ -278,7 +278,7 @@ def _columns(b: Builder, motion: JointMotion) -> list[list[Block]]:
 
 def _shifts(k: Kinematics, motion: JointMotion, columns: Mapping[int, Block]) -> Mapping[int, Block]:
     """The columns of a motion by its unknowns.  A ball's unknowns are those of a rotation vector from the pose before the step: the
-    turns that they make are T (3, 3) times as large, see runtime/include/cutjoint/core/retraction.hpp."""
+    turns that they make are T (3, 3) times as large, see runtime/include/cutjoint/core/mechanism/retraction.hpp."""
     b, chart = k.builder, motion.chart
     if chart is None or not chart.ball or chart.scalars not in columns:
         return columns

@@ -1,6 +1,6 @@
 """Loops whose geometry is open: functions that close them are found when parameters are loaded.
 
-`runtime core/loop_fits.hpp` closes such loops at the nodes of their functions and makes series of what it finds.  For that the program has
+`core/mechanism/loop_fits.hpp` closes such loops at nodes of their functions and makes series of what it finds.  For that the program has
 a function for each assembly: residual and Jacobian of the joints that the assembly's functions close, by the place of the block, the
 coordinates that `following.py` has series for::
 

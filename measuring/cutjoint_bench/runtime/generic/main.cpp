@@ -1,6 +1,6 @@
 // The simulator of a model that is interpreted at run time: `generic RUN.json`, where the run file has the model's description, or names a file
 // with it.
-#include "cutjoint/core/fixed_point_steps.hpp"
+#include "cutjoint/core/stepping/fixed_point_steps.hpp"
 #include "cutjoint/generic/mechanism.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"

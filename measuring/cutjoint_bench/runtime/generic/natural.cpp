@@ -1,7 +1,7 @@
 #include "natural.hpp"
 
 #include "cutjoint/core/newton/augmented.hpp"
-#include "cutjoint/core/newton_steps.hpp"
+#include "cutjoint/core/stepping/newton_steps.hpp"
 #include "cutjoint/generic/natural/system.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/core/newton/classical.hpp"

@@ -7,8 +7,8 @@
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #endif
 
-#include "cutjoint/core/instances.hpp"
-#include "cutjoint/core/lane_road.hpp"
+#include "cutjoint/core/numbers/instances.hpp"
+#include "cutjoint/core/roads/lane_road.hpp"
 
 namespace cutjoint::batch {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/roads/road.hpp"
 
 namespace cutjoint::interpreter {
 

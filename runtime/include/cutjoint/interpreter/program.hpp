@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "cutjoint/core/inputs.hpp"
-#include "cutjoint/core/loop_fits.hpp"
+#include "cutjoint/core/inputs/inputs.hpp"
+#include "cutjoint/core/mechanism/loop_fits.hpp"
 #include "cutjoint/interpreter/operations.hpp"
 #include "cutjoint/json.hpp"
 

@@ -7,7 +7,7 @@
 
 #include "cutjoint/core/newton/closing.hpp"
 #include "cutjoint/core/newton/newton.hpp"
-#include "cutjoint/core/newton_steps.hpp"
+#include "cutjoint/core/stepping/newton_steps.hpp"
 
 namespace cutjoint {
 

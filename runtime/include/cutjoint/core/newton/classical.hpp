@@ -11,7 +11,7 @@
 #include "cutjoint/core/newton/newton.hpp"
 #include "cutjoint/core/newton/scaled.hpp"
 #include "cutjoint/core/newton/system.hpp"
-#include "cutjoint/core/newton_steps.hpp"
+#include "cutjoint/core/stepping/newton_steps.hpp"
 
 namespace cutjoint {
 

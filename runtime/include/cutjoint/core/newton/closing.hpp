@@ -6,10 +6,10 @@
 #include <limits>
 #include <span>
 
-#include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/dot.hpp"
-#include "cutjoint/core/fault.hpp"
-#include "cutjoint/core/largest.hpp"
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/numbers/dot.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/numbers/largest.hpp"
 
 namespace cutjoint {
 

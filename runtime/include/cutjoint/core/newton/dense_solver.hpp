@@ -5,7 +5,7 @@
 #include <array>
 #include <cstddef>
 
-#include "cutjoint/core/dense.hpp"
+#include "cutjoint/core/numbers/dense.hpp"
 #include "cutjoint/core/newton/static_solver.hpp"
 #include "cutjoint/core/newton/system.hpp"
 

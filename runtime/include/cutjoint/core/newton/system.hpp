@@ -6,8 +6,8 @@
 #include <type_traits>
 #include <utility>
 
-#include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
 
 namespace cutjoint {
 

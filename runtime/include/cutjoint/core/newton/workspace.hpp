@@ -7,14 +7,14 @@
 #include <limits>
 #include <span>
 
-#include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/fault.hpp"
-#include "cutjoint/core/largest.hpp"
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/numbers/largest.hpp"
 #include "cutjoint/core/newton/closing.hpp"
 #include "cutjoint/core/newton/static_solver.hpp"
 #include "cutjoint/core/newton/system.hpp"
-#include "cutjoint/core/retraction.hpp"
-#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
 

@@ -5,14 +5,14 @@
 #include <cstddef>
 #include <span>
 
-#include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/bordered.hpp"
-#include "cutjoint/core/dense.hpp"
-#include "cutjoint/core/dual.hpp"
-#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/numbers/bordered.hpp"
+#include "cutjoint/core/numbers/dense.hpp"
+#include "cutjoint/core/numbers/dual.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/radau/table.hpp"
-#include "cutjoint/core/retraction.hpp"
-#include "cutjoint/core/transposed_charts.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/mechanism/transposed_charts.hpp"
 
 namespace cutjoint::radau {
 

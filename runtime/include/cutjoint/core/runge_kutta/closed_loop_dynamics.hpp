@@ -6,13 +6,13 @@
 #include <cstddef>
 #include <utility>
 
-#include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/fault.hpp"
-#include "cutjoint/core/largest.hpp"
-#include "cutjoint/core/projection.hpp"
-#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/constraints/projection.hpp"
+#include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/core/runge_kutta/solved.hpp"
-#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/core/stepping/indicator_cells.hpp"
 
 namespace cutjoint::runge_kutta {

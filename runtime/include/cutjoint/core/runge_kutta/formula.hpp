@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "cutjoint/core/coefficients.hpp"
+#include "cutjoint/core/stepping/coefficients.hpp"
 
 namespace cutjoint::runge_kutta {
 

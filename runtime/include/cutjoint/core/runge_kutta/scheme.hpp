@@ -6,9 +6,9 @@
 #include <cstddef>
 #include <limits>
 
-#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/runge_kutta/formula.hpp"
-#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 
 namespace cutjoint::runge_kutta {

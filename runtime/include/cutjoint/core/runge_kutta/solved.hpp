@@ -6,11 +6,11 @@
 #include <cstddef>
 #include <limits>
 
-#include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/largest.hpp"
-#include "cutjoint/core/projection.hpp"
-#include "cutjoint/core/relative.hpp"
-#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/constraints/projection.hpp"
+#include "cutjoint/core/mechanism/relative.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint::runge_kutta {
 

@@ -7,7 +7,7 @@
 #include <array>
 #include <cstddef>
 
-#include "cutjoint/core/coefficients.hpp"
+#include "cutjoint/core/stepping/coefficients.hpp"
 
 namespace cutjoint::runge_kutta {
 

@@ -5,12 +5,12 @@
 #include <span>
 #include <utility>
 
-#include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/fault.hpp"
-#include "cutjoint/core/mechanism.hpp"
-#include "cutjoint/core/retraction.hpp"
-#include "cutjoint/core/road.hpp"
-#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/roads/road.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/core/stepping/indicator_cells.hpp"
 
 namespace cutjoint::stepping {

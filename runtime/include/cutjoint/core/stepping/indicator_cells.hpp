@@ -8,9 +8,9 @@
 #include <span>
 #include <utility>
 
-#include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/mechanism.hpp"
-#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/roads/road.hpp"
 
 namespace cutjoint::stepping {
 

@@ -6,10 +6,10 @@
 #include <cstddef>
 #include <span>
 
-#include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/mechanism.hpp"
-#include "cutjoint/core/retraction.hpp"
-#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint::stepping {
 

@@ -5,10 +5,10 @@
 #include <cstddef>
 #include <type_traits>
 
-#include "cutjoint/core/fault.hpp"
-#include "cutjoint/core/impacts.hpp"
-#include "cutjoint/core/simulation_settings.hpp"
-#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/constraints/impacts.hpp"
+#include "cutjoint/core/simulation/simulation_settings.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint::stepping {
 

@@ -7,8 +7,8 @@
 #include <limits>
 #include <utility>
 
-#include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/stepping/step_control.hpp"
 
 namespace cutjoint::stepping {

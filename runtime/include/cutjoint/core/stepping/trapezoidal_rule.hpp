@@ -3,13 +3,13 @@
 
 #include <cmath>
 
-#include "cutjoint/core/fault.hpp"
-#include "cutjoint/core/largest.hpp"
-#include "cutjoint/core/mechanism.hpp"
-#include "cutjoint/core/relative.hpp"
-#include "cutjoint/core/simulation_settings.hpp"
-#include "cutjoint/core/state.hpp"
-#include "cutjoint/core/trapezoidal.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/mechanism/relative.hpp"
+#include "cutjoint/core/simulation/simulation_settings.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
+#include "cutjoint/core/stepping/trapezoidal.hpp"
 
 namespace cutjoint::stepping {
 

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "cutjoint/core/inputs.hpp"
+#include "cutjoint/core/inputs/inputs.hpp"
 
 namespace cutjoint::generic {
 

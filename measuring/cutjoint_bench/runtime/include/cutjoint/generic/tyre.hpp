@@ -6,7 +6,7 @@
 #include <tuple>
 
 #include "cutjoint/generic/kinematics.hpp"
-#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/roads/road.hpp"
 
 namespace cutjoint::generic {
 

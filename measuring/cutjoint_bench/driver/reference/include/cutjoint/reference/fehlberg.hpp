@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "cutjoint/core/coefficients.hpp"
+#include "cutjoint/core/stepping/coefficients.hpp"
 
 namespace cutjoint::reference {
 

@@ -12,7 +12,7 @@
 #include "cutjoint/reference/fehlberg.hpp"
 #include "cutjoint/reference/natural.hpp"
 #include "cutjoint/reference/row_by_row.hpp"
-#include "cutjoint/core/relative.hpp"
+#include "cutjoint/core/mechanism/relative.hpp"
 #include "cutjoint/run_file.hpp"
 
 namespace cutjoint::reference {

@@ -7,7 +7,7 @@
 
 #include "cutjoint/generic/natural/forms.hpp"
 #include "cutjoint/generic/natural/places.hpp"
-#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/roads/road.hpp"
 
 namespace cutjoint::generic::natural {
 

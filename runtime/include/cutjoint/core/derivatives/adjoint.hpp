@@ -1,0 +1,1045 @@
+// Derivatives of objectives of a run by all that it depends on, from its end to its beginning.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "cutjoint/core/numbers/secant_inverse.hpp"
+#include "cutjoint/core/derivatives/step_derivatives.hpp"
+#include "cutjoint/core/mechanism/transposed_charts.hpp"
+
+namespace cutjoint {
+
+template <class Real, class Fits>
+class LoopFits;
+
+/// No loops whose functions are found with parameters.
+struct NoFits {
+  static constexpr int length = 0;
+};
+
+template <class Fits>
+struct FitsWithDerivatives {
+  using type = LoopFits<Dual, Fits>;
+};
+
+template <>
+struct FitsWithDerivatives<NoFits> {
+  using type = NoFits;
+};
+
+/// Derivatives by all that the force residual reads, and by values of parameters among these.
+template <class ForceResidual, bool>
+struct ColumnsOf {
+  using type = Fixed<double, 0>;
+  using OfLoaded = Fixed<double, 0>;
+};
+
+template <class ForceResidual>
+struct ColumnsOf<ForceResidual, true> {
+  using type = Fixed<double, ForceResidual::first_acceleration>;
+  using OfLoaded = Fixed<double, ForceResidual::loaded>;
+};
+
+/// `StepDerivatives` with the transposed functions T of the mechanism (formulate/transposed.py), which sum up derivatives by values of parameters, `loaded`
+/// of them; `Fits` are the loops whose functions are found with these.
+///
+/// A run is recorded part by part.  From its end on, the derivatives of an objective by all at the end of a part become those by all at its beginning.  The
+/// solution of an implicit step has one of the transposed equations, found by iteration from that of the step behind it.
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class T, std::size_t loaded, class Fits = NoFits, class ForceResidual = NoResidual>
+class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
+ public:
+  using Base = StepDerivatives<Simulation, D, S, dofs, ForceResidual>;
+  using typename Base::Trajectory, typename Base::M, typename Base::Minimal;
+  using Base::inputs, Base::parameters, Base::states;
+
+ private:
+  using Base::m, Base::n, Base::indicators, Base::is_explicit, Base::has_stages, Base::carries_derivative, Base::is_derivative_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
+  static constexpr std::size_t orders = InputTrajectories<inputs>::orders, coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + 2 * n + m;
+
+ public:
+  /// Doubles of a record: a part of a step, a sample or a row.
+  static constexpr std::size_t stages = has_stages ? radau::Table::stages : 0, record = 4 + (2 + stages) * length + held;
+
+  /// Room for records, as many as a run has parts, samples and rows.
+  struct Tape {
+    double* numbers;
+    std::size_t records;
+  };
+
+  /// So many objectives, sums of the outputs of all rows with `weights` (number, rows, outputs), and their derivatives (number, states), (number, inputs) and
+  /// (number, parameters).
+  struct Objectives {
+    std::size_t number;
+    const double* weights;
+    double *by_state, *by_input, *by_parameter;
+  };
+
+  /// Step the simulation so many times, and find how objectives change with the states at the beginning, with a shift of each input all the time, and
+  /// with parameters.
+  Fault adjoint_sensitivities(Simulation& simulation, Minimal& minimal, long steps, Trajectory trajectory, const Objectives& objectives, const Tape& tape) {
+    const auto begun = simulation.memory();
+    this->open(simulation, minimal, nullptr);
+    tape_ = tape;
+    records_ = 0;
+    const Fault missed = write_run(steps, trajectory);
+    const auto ended = simulation.memory();
+    simulation.restore(begun);
+    if (missed) return missed;
+    load_transposed();
+    const std::size_t rows = static_cast<std::size_t>(steps / trajectory.every) + 1;
+    begun_at_ = simulation.state().t;
+    Fault fault;
+    for (std::size_t i = 0; i < objectives.number && !fault; ++i) {
+      objective_ = i;
+      fault = go_back(trajectory.number, objectives.weights + i * rows * trajectory.number, rows);
+      if (!fault) fault = begin_of(objectives, i);
+    }
+    simulation.restore(fault ? begun : ended);
+    return fault;
+  }
+
+ private:
+  static constexpr std::size_t most_moves = m > 0 ? 8 : 1;  ///< of a projection
+
+  enum class Kind : int { part, sample, row, cut };  ///< the last: where the part before is cut
+  using Numbers = Fixed<double, n>;
+
+  static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
+  static constexpr std::size_t unknowns = n + m;
+  static constexpr bool by_residual = has_stages || seeks_multipliers;  ///< parts go back by force residual
+  using ByColumns = typename ColumnsOf<ForceResidual, by_residual>::type;
+  using Unknowns = Fixed<double, unknowns>;
+
+  /// A state without its time, or derivatives by one.
+  struct Point {
+    Fixed<double, coordinates> q;
+    Numbers v, vdot;
+    Fixed<double, m> lambda;
+
+    void clear() { q.fill(0.0), v.fill(0.0), vdot.fill(0.0), lambda.fill(0.0); }
+
+    template <class State>
+    void take(const State& state) {
+      std::copy(state.q.begin(), state.q.end(), q.begin());
+      std::copy(state.v.begin(), state.v.end(), v.begin());
+      std::copy(state.vdot.begin(), state.vdot.end(), vdot.begin());
+      std::copy(state.lambda.begin(), state.lambda.end(), lambda.begin());
+    }
+
+    const double* read(const double* x) {
+      const auto all = [&x](auto& numbers) { std::copy_n(x, numbers.size(), numbers.begin()), x += numbers.size(); };
+      all(q), all(v), all(vdot), all(lambda);
+      return x;
+    }
+
+    double* write(double* x) const {
+      x = std::copy(q.begin(), q.end(), x);
+      x = std::copy(v.begin(), v.end(), x);
+      x = std::copy(vdot.begin(), vdot.end(), x);
+      return std::copy(lambda.begin(), lambda.end(), x);
+    }
+  };
+
+  static constexpr int anew = 2;  ///< more of a part's number, where it begins anew
+
+  struct Record {
+    Kind kind;
+    double h = 0.0, t = 0.0;  ///< the length of a part, and when it begins
+    int first = 0, number = 0;  ///< values of a sample; 1 of a part that begins with the derivative, or the accelerations, of the one before, by Newton's iteration of one that does not end with its own
+    Point from, end;            ///< in place of the end of such a part the derivative, as rates of coordinates and accelerations
+    std::array<Point, stages> between;
+    Fixed<double, held> values;  ///< that controllers hold meanwhile
+    bool begins_anew = false;    ///< a part
+  };
+
+  // The record
+
+  Fault write_run(long steps, Trajectory& trajectory) {
+    Simulation& simulation = *simulation_;
+    blocks_ = {};
+    blocks_[0].held = held;
+    this->recorder_ = {&write_part, &write_sample, this};
+    const auto go = [&]() -> Fault {
+      if constexpr (held > 0) {
+        const auto& sampling = simulation.sampling();
+        for (std::size_t i = 0; i < sampling.size(); ++i)
+          if (sampling.is_of(i, simulation.state().t, 1e-9 * simulation.settings().dt))
+            if (const Fault fault = write_sample(this, sampling.first_of(i), sampling.held_by(i))) return fault;
+      }
+      if (const Fault fault = write_row(trajectory)) return fault;
+      this->is_loaded_ = false;
+      for (long i = 1; i <= steps; ++i) {
+        if (const Fault fault = this->take(simulation)) return fault;
+        if (i % trajectory.every == 0)
+          if (const Fault fault = write_row(trajectory)) return fault;
+      }
+      return {};
+    };
+    const Fault fault = go();
+    this->recorder_ = {};
+    return fault;
+  }
+
+  Fault write_row(Trajectory& trajectory) {
+    const double* known = simulation_->report();
+    for (std::size_t i = 0; i < trajectory.number; ++i) *trajectory.values++ = known[trajectory.outputs[i]];
+    outputs_ = trajectory.outputs;
+    record_.number = 0;
+    record_.from.take(simulation_->complete_state());
+    return write(Kind::row, simulation_->state().t, 0.0);
+  }
+
+  static Fault write_part(void* who, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    Adjoint& x = *static_cast<Adjoint*>(who);
+    x.record_.from.take(from);
+    x.record_.end.take(end);
+    x.record_.number = 0;
+    if constexpr (carries_derivative) {
+      x.record_.number = x.is_derivative_known_;
+      std::copy_n(x.first_derivative_.begin(), coordinates, x.record_.end.q.begin());
+      std::copy_n(x.first_derivative_.begin() + coordinates, n, x.record_.end.vdot.begin());
+    }
+    if constexpr (seeks_multipliers) x.record_.number = x.is_short(h);
+    if constexpr (has_stages) {
+      x.record_.number = x.is_known(from);
+      for (std::size_t i = 0; i < stages; ++i) x.record_.between[i].take(x.points_[i]);
+    }
+    if (x.begins_anew(from)) x.record_.number += anew;
+    if (const Fault fault = x.write(Kind::part, from.t, h)) return fault;
+    return x.cut_.is_made ? x.write_cut(end) : Fault{};
+  }
+
+  /// Where the last part is cut: at a share of its length, in a state, where indicators leave their formulas.
+  Fault write_cut(const StateOf<M>& end) {
+    const auto& cut = this->cut_;
+    if (cut.left > length) return cut.fault(Cause::step_subdivided, end.t);
+    record_.from.take(end);
+    record_.number = static_cast<int>(cut.left);
+    if (const Fault fault = write(Kind::cut, end.t, cut.share)) return fault;
+    double* const which = tape_.numbers + (records_ - 1) * record + 4 + length;
+    for (std::size_t j = 0; j < cut.left; ++j) which[j] = static_cast<double>(cut.which[j]);
+    return {};
+  }
+
+  static Fault write_sample(void* who, std::size_t first, std::size_t number) {
+    Adjoint& x = *static_cast<Adjoint*>(who);
+    x.record_.from.take(x.simulation_->complete_state());
+    x.record_.first = static_cast<int>(first), x.record_.number = static_cast<int>(number);
+    return x.write(Kind::sample, x.simulation_->state().t, 0.0);
+  }
+
+  Fault write(Kind kind, double t, double h) {
+    if (records_ == tape_.records) return {.cause = Cause::too_many_steps, .t = t, .step = static_cast<long>(records_)};
+    double* x = tape_.numbers + records_++ * record;
+    *x++ = static_cast<double>(kind);
+    *x++ = kind == Kind::sample ? record_.first : h;
+    *x++ = t;
+    *x++ = record_.number;
+    x = record_.from.write(x);
+    x = (kind == Kind::part ? record_.end : record_.from).write(x);
+    for (const Point& stage : record_.between) x = stage.write(x);
+    if constexpr (held > 0) {
+      M& mechanism = simulation_->mechanism();
+      mechanism.begin_step(t, 1.0);
+      std::copy_n(mechanism.last_inputs() + (given - held), held, x);
+      mechanism.begin_step(simulation_->state().t, 1.0);
+    }
+    return {};
+  }
+
+  void read(std::size_t place) {
+    const double* x = tape_.numbers + place * record;
+    record_.kind = static_cast<Kind>(static_cast<int>(*x++));
+    record_.h = *x++, record_.first = static_cast<int>(record_.h);
+    record_.t = *x++;
+    record_.number = static_cast<int>(*x++);
+    record_.begins_anew = record_.kind == Kind::part && record_.number >= anew;
+    if (record_.begins_anew) record_.number -= anew;
+    x = record_.from.read(x);
+    x = record_.end.read(x);
+    for (Point& stage : record_.between) x = stage.read(x);
+    std::copy_n(x, held, record_.values.begin());
+  }
+
+  // The way back
+
+  void load_transposed() {
+    Simulation& simulation = *simulation_;
+    if constexpr (given > 0) transposed_.drive_by({&fill, this});
+    load_mechanism(transposed_, simulation.parameters().data(), simulation.roads(), simulation.stabilisation(), simulation.penalties());
+  }
+
+  static void fill(void* self, double, double* input) {
+    const Adjoint& x = *static_cast<const Adjoint*>(self);
+    std::copy(x.u_.begin(), x.u_.end(), input);
+  }
+
+  /// Be at a time, where controllers hold what they held then.
+  void begin_step(double t, [[maybe_unused]] const Fixed<double, held>& values) {
+    M& mechanism = simulation_->mechanism();
+    if constexpr (held > 0) simulation_->hold(values);
+    mechanism.begin_step(t, 1.0);
+    if constexpr (given > 0) std::copy_n(mechanism.last_inputs(), given, this->u_.begin());
+    transposed_.begin_step(t, 1.0);
+  }
+
+  Fault go_back(std::size_t number, const double* weights, std::size_t rows) {
+    by_.clear();
+    by_loaded_.fill(0.0), by_parameter_.fill(0.0), by_input_.fill(0.0), by_held_.fill(0.0);
+    if (this->trajectories_) this->trajectories_->clear_derivatives(objective_);
+    solved_ = 0;
+    owes_derivative_ = false;
+    read(records_ - 1);
+    by_rows_.fill(0.0);
+    for (std::size_t place = records_; place-- > 0;) {
+      be_within(record_);
+      const bool is_part = record_.kind == Kind::part || record_.kind == Kind::cut;
+      const Point behind_row = by_;
+      if (has_stages && !is_part) by_.vdot.fill(0.0), by_.lambda.fill(0.0);
+      if (record_.kind == Kind::row) go_over_row(number, weights + --rows * number);
+      else if (record_.kind == Kind::sample) go_over_sample();
+      else if (is_at_event(place)) {
+        if (const Fault fault = go_over_events(place)) return fault;
+      } else if (!go_over_part()) return no_end();
+      if constexpr (has_stages) {
+        if ((!is_part || record_.number == 0) && !find_anew(record_)) return no_end();
+        if (!is_part) by_.vdot = behind_row.vdot, by_.lambda = behind_row.lambda;
+        if (place > 0) read(place - 1);
+        continue;
+      }
+      if (place == 0) break;
+      const Record behind = record_;
+      read(place - 1);
+      const bool is_new = record_.kind == Kind::sample || behind.begins_anew;
+      const bool ends_otherwise = seeks_multipliers && record_.number == 1;
+      const bool goes_on = !is_explicit && !is_new && !ends_otherwise && behind.from.vdot == record_.end.vdot;
+      if (!goes_on && !find_anew(behind)) return no_end();
+    }
+    return {};
+  }
+
+  Fault no_end() const { return {.cause = Cause::accelerations_not_finite, .t = record_.t}; }
+
+  /// Accelerations and multipliers have been found anew from the rest of a state: its derivatives by them become those by that.
+  bool find_anew(const Record& at) {
+    be_within(at);
+    begin_step(at.t, at.values);
+    put(at.from, at.t);
+    if (!this->enter(simulation_->mechanism(), stage_)) return false;
+    Point of = by_;
+    by_.vdot.fill(0.0), by_.lambda.fill(0.0);
+    return accelerations_vjp(of.vdot, of.lambda, by_);
+  }
+
+  /// Courses of inputs are in the part of a record, or where one ends or the run begins.
+  void be_within(const Record& at) {
+    if (!this->trajectories_) return;
+    if (at.kind == Kind::part) this->trajectories_->be_within(at.t, at.t + at.h);
+    else if (at.t > begun_at_) this->trajectories_->be_behind(at.t);
+    else this->trajectories_->be_within(at.t, std::numeric_limits<double>::infinity());
+  }
+
+  void put(const Point& point, double t) {
+    stage_.t = t;
+    std::copy(point.q.begin(), point.q.end(), stage_.q.begin());
+    std::copy(point.v.begin(), point.v.end(), stage_.v.begin());
+    std::copy(point.vdot.begin(), point.vdot.end(), stage_.vdot.begin());
+    std::copy(point.lambda.begin(), point.lambda.end(), stage_.lambda.begin());
+  }
+
+  void go_over_row(std::size_t number, const double* weights) {
+    begin_step(record_.t, record_.values);
+    by_columns_.fill(0.0);
+    for (std::size_t i = 0; i < number; ++i) by_columns_[static_cast<std::size_t>(outputs_[i])] += weights[i];
+    const Point& x = record_.from;
+    transposed_.report_transposed(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), by_columns_.data(), more_.q.data(), more_.v.data(), more_.vdot.data(),
+                                  more_.lambda.data(), more_loaded_.data(), more_input_.data());
+    add_more();
+    add_sums();
+  }
+
+  void go_over_sample() {
+    if constexpr (held > 0) {
+      begin_step(record_.t, record_.values);
+      Fixed<double, held> by_next;
+      for (int i = record_.first; i < record_.first + record_.number; ++i) std::swap(by_next[static_cast<std::size_t>(i)], by_held_[static_cast<std::size_t>(i)]);
+      const Point& x = record_.from;
+      transposed_.sample_transposed(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), by_next.data(), more_.q.data(), more_.v.data(), more_.vdot.data(),
+                                    more_.lambda.data(), more_loaded_.data(), more_input_.data());
+      add_more();
+      add_sums();
+    }
+  }
+
+  void add_more() {
+    add(more_.q, by_.q), add(more_.v, by_.v), add(more_.vdot, by_.vdot), add(more_.lambda, by_.lambda);
+  }
+
+  template <class Numbers>
+  static void add(const Numbers& more, Numbers& to) {
+    for (std::size_t i = 0; i < to.size(); ++i) to[i] += more[i];
+  }
+
+  void add_sums() {
+    add(more_loaded_, by_loaded_);
+    add_inputs();
+  }
+
+  void add_inputs() {
+    for (std::size_t i = 0; i < given - held; ++i) by_input_[i] += more_input_[i];
+    if (this->trajectories_) this->trajectories_->vjp(objective_, more_input_.data());
+    for (std::size_t i = 0; i < held; ++i) by_held_[i] += more_input_[given - held + i];
+  }
+
+  bool go_over_part() {
+    if constexpr (is_explicit) return go_over_derivatives<typename Simulation::Steps::Method>();
+    else if constexpr (has_stages) return go_over_stages();
+    else if constexpr (seeks_multipliers) return go_over_closed_end();
+    else return go_over_rule();
+  }
+
+  // Parts up to events, and those behind them
+
+  Kind kind_at(std::size_t place) const { return static_cast<Kind>(static_cast<int>(tape_.numbers[place * record])); }
+  bool ends_at_event(std::size_t place) const { return kind_at(place) == Kind::cut && tape_.numbers[place * record + 3] > 0.0; }
+
+  /// Whether a part is cut, or begins at an event.
+  bool is_at_event(std::size_t place) const { return indicators > 0 && (record_.kind == Kind::cut || (place > 0 && ends_at_event(place - 1))); }
+
+  /// From derivatives at the end of parts with events between, or where the last one is cut, to those at the beginning of the first, the place of which is returned: by
+  /// how the end changes along all that the beginning has.
+  Fault go_over_events(std::size_t& place) {
+    const std::size_t last = place;
+    place -= kind_at(place) == Kind::cut ? 1 : 0;
+    while (place > 0 && ends_at_event(place - 1)) place -= 2;
+    constexpr std::size_t moving = coordinates + n + (carries_derivative ? n + coordinates : has_stages ? n : 0), all = moving + held + inputs + parameters;
+    Fixed<double, all> found;
+    std::array<int, directions> by{};
+    const auto follow = [&](std::size_t number, double* derivatives) {
+      if (const Fault fault = follow_parts(place, last, number)) return fault;
+      for (std::size_t k = 0; k < number; ++k) {
+        const double* row = this->carried_ + k;
+        const auto add_rows = [&](const auto& by_end) {
+          for (const double derivative : by_end) derivatives[k] += derivative * *row, row += number;
+        };
+        add_rows(by_.q), add_rows(by_.v);
+        if constexpr (carries_derivative)
+          if (owes_derivative_) add_rows(by_derivative_), add_rows(by_coordinate_rates_);
+      }
+      return Fault{};
+    };
+    for (std::size_t first = 0; first < all; first += directions) {
+      const std::size_t number = std::min(directions, all - first);
+      open_rows(number, by);
+      for (std::size_t k = 0; k < number; ++k) {
+        const std::size_t which = first + k;
+        if (which >= moving + held) by[k] = static_cast<int>(which - moving - held);
+        if (which < moving) this->carried_[which * number + k] = 1.0;
+        else if (which < moving + held) matrix_[(states + which - moving) * number + k] = 1.0;
+      }
+      if (const Fault fault = follow(number, found.data() + first)) return fault;
+    }
+    const auto by_piece = [&](double* derivatives) {
+      open_rows(orders, by);
+      return follow(orders, derivatives);
+    };
+    if (const Fault fault = visit_pieces(place, last, by_piece)) return fault;
+    read(place);
+    const double* x = found.data();
+    const auto take = [&x](auto& derivatives) { std::copy_n(x, derivatives.size(), derivatives.begin()), x += derivatives.size(); };
+    by_.clear();
+    take(by_.q), take(by_.v);
+    if constexpr (has_stages) take(by_.vdot);
+    if constexpr (carries_derivative) take(by_derivative_), take(by_coordinate_rates_);
+    owes_derivative_ = carries_derivative && record_.number == 1;
+    for (double& derivative : by_held_) derivative += *x++;
+    for (std::size_t i = 0; i < inputs; ++i) by_input_[numbers_per_input * i] += *x++;
+    for (double& derivative : by_parameter_) derivative += *x++;
+    return {};
+  }
+
+  /// So many directions, along which nothing changes yet; `by` says what is to beside states.
+  void open_rows(std::size_t number, std::array<int, directions>& by) {
+    matrix_.fill(0.0);
+    by.fill(-1);
+    blocks_ = {};
+    blocks_[0] = {matrix_.data(), number, -1, by.data(), held};
+    this->carried_ = matrix_.data() + (states + held) * number;
+    this->loaded_ = Base::no_row;
+  }
+
+  /// Add derivatives by the numbers of each piece of an input trajectory that parts touch, as `follow` finds them along these.
+  template <class Follow>
+  Fault visit_pieces([[maybe_unused]] std::size_t first, [[maybe_unused]] std::size_t last, [[maybe_unused]] Follow follow) {
+    if constexpr (inputs > 0) {
+      auto* const trajectories = this->trajectories_;
+      for (std::size_t i = 0; trajectories && i < trajectories->number(); ++i) {
+        const auto piece_at = [&](std::size_t place, bool is_end) {
+          read(place);
+          be_within(record_);
+          return trajectories->find(i, record_.t + (is_end && record_.kind == Kind::part ? record_.h : 0.0));
+        };
+        const std::size_t end = piece_at(last, true);
+        for (std::size_t piece = piece_at(first, false); piece <= end; ++piece) {
+          double* const derivatives = trajectories->derivatives_of(objective_, i, piece);
+          if (!derivatives) continue;
+          trajectories->change_piece(i, piece);
+          const Fault fault = follow(derivatives);
+          trajectories->change_along(InputTrajectories<inputs>::Along::nothing);
+          if (fault) return fault;
+        }
+      }
+    }
+    return {};
+  }
+
+  /// The same parts along directions.
+  Fault follow_parts(std::size_t place, std::size_t last, std::size_t number) {
+    this->begins_at_event_ = false;
+    for (; place <= last; ++place) {
+      read(place);
+      be_within(record_);
+      put(record_.from, record_.t);
+      const StateOf<M> from = stage_;
+      StateOf<M> end = from;
+      const double h = record_.h;
+      end.t = from.t + h;
+      is_derivative_known_ = carries_derivative && record_.number == 1;
+      if constexpr (carries_derivative) {
+        std::copy(record_.end.q.begin(), record_.end.q.end(), this->first_derivative_.begin());
+        std::copy(record_.end.vdot.begin(), record_.end.vdot.end(), this->first_derivative_.begin() + coordinates);
+      }
+      if constexpr (held > 0) simulation_->hold(record_.values);
+      if constexpr (has_stages) {
+        put_stages(from.t, h);
+        this->known_.fill(std::numeric_limits<double>::quiet_NaN());
+        if (record_.number == 1) std::copy(from.vdot.begin(), from.vdot.end(), this->known_.begin());
+      }
+      this->cut_ = {};
+      this->wants_derivative_ = owes_derivative_ && place == last;
+      if (place < last && kind_at(place + 1) == Kind::cut) {
+        read(++place);
+        put(record_.from, record_.t);
+        end = stage_;
+        this->cut_ = {true, record_.h, static_cast<std::size_t>(record_.number), {}};
+        for (std::size_t j = 0; j < this->cut_.left; ++j) this->cut_.which[j] = static_cast<std::size_t>(tape_.numbers[place * record + 4 + length + j]);
+      }
+      if constexpr (has_stages)
+        if (!this->find_part(*simulation_, from, end, h)) return no_end();
+      const Fault fault = this->follow_row(from, end, h, 0, number);
+      is_derivative_known_ = false;
+      this->begins_at_event_ = this->cut_.left > 0;
+      Base::last_.t = end.t;
+      if (fault) return fault;
+    }
+    return this->end_at_event();
+  }
+
+  // Coupled stages
+
+  void put_stages([[maybe_unused]] double t, [[maybe_unused]] double h) {
+    if constexpr (has_stages)
+      for (std::size_t i = 0; i < stages; ++i) {
+        put(record_.between[i], t + radau::Table::nodes[i + 1].template as<double>() * h);
+        this->points_[i] = stage_;
+      }
+  }
+
+  /// From the end of a step to its beginning: its loops are closed as force residual have these, and its stages are one solution of transposed equations.
+  bool go_over_stages() {
+    if constexpr (has_stages) {
+      const double h = record_.h;
+      put_stages(record_.t, h);
+      begin_step(record_.t + h, record_.values);
+      if (!residual_loops_vjp()) return false;
+      const auto find = [&](std::size_t i) { begin_step(this->points_[i].t, record_.values); };
+      if (!this->stages_.find(this->force_residual_, h, charts(), record_.from.q.data(), this->points_, find)) return false;
+      std::array<Fixed<double, coordinates>, stages> by_q{};
+      std::array<Numbers, stages> by_v{}, by_vdot{};
+      Fixed<double, stages * unknowns> solution;
+      Point by;
+      by_q.back() = by_.q, by_v.back() = by_.v, by_vdot.back() = by_.vdot;
+      this->stages_.vjp(h, charts(), record_.from.q.data(), by_q, by_v, by.q, by.v, by_vdot);
+      for (std::size_t i = 0; i < stages; ++i) std::copy(by_vdot[i].begin(), by_vdot[i].end(), solution.begin() + i * unknowns);
+      std::copy(by_.lambda.begin(), by_.lambda.end(), solution.end() - m);
+      if (!this->force_residual_.solve_transposed(this->stages_.matrix(), solution)) return false;
+      for (std::size_t i = 0; i < stages; ++i) {
+        ByColumns by_all;
+        this->force_residual_.vjp(this->stages_.derivative(i), solution.data() + i * unknowns, by_all);
+        by_q[i].fill(0.0), by_v[i].fill(0.0);
+        find(i);
+        add_columns(by_all, by_q[i], by_v[i]);
+      }
+      this->stages_.vjp(h, charts(), record_.from.q.data(), by_q, by_v, by.q, by.v, by_vdot);
+      by_ = by;
+    }
+    return true;
+  }
+
+  /// Add derivatives by all that the force residual reads to those by coordinates, speeds, inputs, held values and values of parameters.
+  void add_columns(const ByColumns& by, Fixed<double, coordinates>& by_q, Numbers& by_v) {
+    const double* x = by.data();
+    const auto add_next = [&x](auto& derivatives, std::size_t number) {
+      for (std::size_t i = 0; i < number; ++i) derivatives[i] += *x++;
+    };
+    more_input_.fill(0.0);
+    add_next(by_q, coordinates), add_next(by_v, n), add_next(more_input_, given), add_next(by_rows_, by_rows_.size());
+    add_inputs();
+  }
+
+  /// From derivatives behind loops that have been closed by the force residual at the end to those before.
+  bool residual_loops_vjp() {
+    if constexpr (m > 0) {
+      const Point &open = record_.between.back(), &end = record_.end;
+      this->force_residual_.find(record_.t + record_.h, end.q, end.v, end.vdot, end.lambda, this->u_);
+      if (!this->force_residual_.violations_vjp(by_.v, by_violation_)) return false;
+      residual_vjp(open, nothing_, by_violation_);
+      add(more_.q, by_.q), add(more_.v, by_.v);
+      add_sums();
+      Fixed<double, coordinates> behind = by_.q;
+      Numbers by_delta;
+      by_.q.fill(0.0);
+      RetractionDerivatives<balls>(charts(), open.q.data(), by_delta.data()).vjp(behind.data(), by_.q.data(), by_delta.data());
+      if (!this->force_residual_.violations_vjp(by_delta, by_violation_)) return false;
+      residual_vjp(open, by_violation_, nothing_);
+      add(more_.q, by_.q);
+      add_sums();
+    }
+    return true;
+  }
+
+  // The trapezoidal rule with multipliers that close the loops
+
+  bool go_over_closed_end() {
+    if constexpr (seeks_multipliers) {
+      const double h = record_.h;
+      put(record_.from, record_.t);
+      const StateOf<M> from = stage_;
+      put(record_.end, record_.t + h);
+      const StateOf<M> end = stage_;
+      begin_step(end.t, record_.values);
+      if (!this->find_rule(simulation_->mechanism(), from, end, h)) return false;
+      const auto& force_residual = this->force_residual_;
+      ByColumns by, projected;
+      Unknowns by_first;
+      std::copy(by_.lambda.begin(), by_.lambda.end(), std::copy(by_.vdot.begin(), by_.vdot.end(), by_first.begin()));
+      if (!this->ends_.accelerations_vjp(force_residual, by_.vdot, by, projected, by_first)) return false;
+      add_columns(projected, by_.q, by_.v);
+      if (!this->ends_.speeds_vjp(force_residual, by_.v, by, by_first, by_violation_)) return false;
+      residual_vjp(record_.end, nothing_, by_violation_);
+      add(more_.q, by_.q), add(more_.v, by_.v);
+      add_sums();
+      add_columns(by, by_.q, by_.v);
+      Point rule, begun;
+      rule.take(stage_);
+      Numbers by_delta;
+      const RetractionDerivatives<balls> turning(charts(), from.q.data(), this->ends_.delta());
+      turning.vjp(by_.q.data(), begun.q.data(), by_delta.data());
+      for (std::size_t i = 0; i < n; ++i) by_first[i] += h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
+      by.fill(0.0);
+      if (!this->ends_.rule_vjp(force_residual, by_first, by, by_violation_)) return false;
+      residual_vjp(rule, by_violation_, nothing_);
+      by_.q = more_.q;
+      add_sums();
+      add_columns(by, by_.q, by_.v);
+      turning.vjp(by_.q.data(), begun.q.data(), by_delta.data());
+      for (std::size_t i = 0; i < n; ++i) {
+        begun.v[i] = by_.v[i] + h * by_delta[i];
+        begun.vdot[i] = h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
+      }
+      by_ = begun;
+    }
+    return true;
+  }
+
+  // The trapezoidal rule
+
+  bool go_over_rule() {
+    const double h = record_.h;
+    begin_step(record_.t + h, record_.values);
+    const Point& from = record_.from;
+    put(record_.end, record_.t + h);
+    if (!settle(from, h) || !closed_loops_vjp()) return false;
+    Numbers by_delta;
+    Fixed<double, coordinates> by_before;
+    const RetractionDerivatives<balls> turning(charts(), from.q.data(), way_of_.data());
+    const auto measure = [&] {
+      evaluate_transposed(solution_.data());
+      add(by_.q, more_.q), add(by_.v, more_.v), add(by_.lambda, more_.lambda);
+      by_delta.fill(0.0), by_before.fill(0.0);
+      turning.vjp(more_.q.data(), by_before.data(), by_delta.data());
+      for (std::size_t i = 0; i < n; ++i) left_[i] = by_.vdot[i] + h / 2 * more_.v[i] + h * h / 4 * by_delta[i] - solution_[i];
+      for (std::size_t i = 0; i < m; ++i) left_[n + i] = more_.lambda[i];
+    };
+    if (!solve(h, measure)) return false;
+    sum_up(solution_.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      by_.vdot[i] = h / 2 * more_.v[i] + h * h / 4 * by_delta[i];
+      by_.v[i] = more_.v[i] + h * by_delta[i];
+    }
+    by_.q = by_before;
+    by_.lambda.fill(0.0);
+    return true;
+  }
+
+  /// The fixed point at the end as the run came near to it, before loops are closed, in the stage.
+  bool settle(const Point& from, double h) {
+    double before = 0.0;
+    for (int iteration = 1; iteration <= 30; ++iteration) {
+      for (std::size_t i = 0; i < n; ++i) {
+        stage_.v[i] = from.v[i] + h / 2 * (from.vdot[i] + stage_.vdot[i]);
+        way_of_[i] = h * from.v[i] + h * h / 4 * (from.vdot[i] + stage_.vdot[i]);
+      }
+      retract<double>(charts(), from.q.data(), way_of_.data(), stage_.q.data());
+      simulation_->mechanism().evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), found_values_.data(), violation_.data());
+      double change = 0.0, size = 0.0;
+      for (std::size_t i = 0; i < n; ++i) {
+        change = std::max(change, std::abs(found_values_[i] - stage_.vdot[i]));
+        size = std::max(size, std::abs(found_values_[i]));
+      }
+      if (!(change - change == 0.0)) return false;
+      const double share = change / (1.0 + size);
+      if (m == 0 && (h != settled_for_ || (iteration > 1 && share > before))) settled_for_ = h, inverse_of_end_.forget();
+      correct_end(iteration > 1);
+      const double left = iteration > 1 ? share * std::min(1.0, share / before) : share;
+      if (left <= 1e-12 || (iteration > 2 && share > before / 2 && share <= 1e-5)) return true;
+      before = share;
+    }
+    return false;
+  }
+
+  /// Go on to the fixed point from accelerations that are found from those of the stage: without loops by Broyden's method, which has learnt from the parts behind.
+  void correct_end(bool learns) {
+    if constexpr (m == 0) {
+      for (std::size_t i = 0; i < n; ++i) left_[i] = found_values_[i] - stage_.vdot[i];
+      const auto& step = inverse_of_end_.find_step(left_, learns);
+      for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] += step[i];
+    } else {
+      std::copy(found_values_.begin(), found_values_.end(), stage_.vdot.begin());
+      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += violation_[i];
+    }
+  }
+
+  /// The root of what `measure` finds left, by Broyden's method, from those of the two parts behind; what it has learnt of these holds for the next.
+  template <class Measure>
+  bool solve(double h, Measure measure) {
+    if (h != solved_for_) solved_ = 0, inverse_of_rule_.forget();
+    solved_for_ = h;
+    const Unknowns last = solution_;
+    for (std::size_t i = 0; i < unknowns; ++i) solution_[i] = solved_ == 0 ? (i < n ? by_.vdot[i] : 0.0) : solved_ == 1 ? last[i] : 2 * last[i] - last_[i];
+    last_ = last;
+    solved_ = std::min(solved_ + 1, 2);
+    double before = std::numeric_limits<double>::infinity();
+    int stalled = 0;
+    for (int iteration = 0; iteration < 200; ++iteration) {
+      measure();
+      const double share = share_of(0, n), beside = share_of(n, unknowns);
+      if (!(share + beside - (share + beside) == 0.0)) return false;
+      stalled = share < before ? 0 : stalled + 1;
+      if (share <= 1e-12 && (beside <= 1e-12 || before <= 1e-10)) return true;
+      if (share <= 1e-9 && stalled > 2) return true;
+      before = std::min(share, before);
+      const auto& step = inverse_of_rule_.find_step(left_, iteration > 0);
+      for (std::size_t i = 0; i < unknowns; ++i) solution_[i] += step[i];
+    }
+    return false;
+  }
+
+  double share_of(std::size_t first, std::size_t end) const {
+    double left = 0.0, size = 0.0;
+    for (std::size_t i = first; i < end; ++i) {
+      if (!(std::abs(left_[i]) <= left)) left = std::abs(left_[i]);
+      size = std::max(size, std::abs(solution_[i]));
+    }
+    return left > 0.0 ? left / std::max(left, size) : left;
+  }
+
+  /// More derivatives by the stage's coordinates, speeds and multipliers, from those by accelerations and then by corrections of multipliers.
+  void evaluate_transposed(const double* solution) {
+    transposed_.evaluate_transposed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), solution, solution + n, more_.q.data(), more_.v.data(),
+                                    more_.lambda.data());
+  }
+
+  /// Those by all else, which are summed.
+  void sum_up(const double* solution) {
+    transposed_.evaluate_summed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), solution, solution + n, more_loaded_.data(), more_input_.data());
+    add_sums();
+  }
+
+  // Accelerations as functions of states
+
+  /// Add to derivatives by the stage's coordinates and speeds what those by its accelerations and multipliers make.
+  bool accelerations_vjp(const Numbers& by_vdot, const Fixed<double, m>& by_lambda, Point& to) {
+    std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
+    Unknowns solution;
+    std::copy(by_vdot.begin(), by_vdot.end(), solution.begin());
+    double before = std::numeric_limits<double>::infinity();
+    for (int iteration = 0; iteration < 200; ++iteration) {
+      evaluate_transposed(solution.data());
+      double left = 0.0, size = 0.0;
+      for (std::size_t i = 0; i < m; ++i) {
+        const double more = by_lambda[i] + more_.lambda[i];
+        if (!(std::abs(more) <= left)) left = std::abs(more);
+        solution[n + i] += more;
+        size = std::max(size, std::abs(solution[n + i]));
+      }
+      if (!(left - left == 0.0)) return false;
+      if (left <= 1e-14 * size || (left <= 1e-9 * size && !(left < before / 2))) break;
+      before = left;
+    }
+    add(more_.q, to.q), add(more_.v, to.v);
+    sum_up(solution.data());
+    return true;
+  }
+
+  // Explicit methods
+
+  template <class Table>
+  bool go_over_derivatives() {
+    constexpr std::size_t stages = Table::stages - 1;
+    const double h = record_.h;
+    const bool begins_with_derivative = carries_derivative && record_.number == 1;
+    M& mechanism = simulation_->mechanism();
+    std::array<Point, stages> points;
+    std::array<Fixed<double, coordinates>, stages> turns;
+    const auto row = [](std::size_t stage) {
+      std::array<double, stages> weights;
+      for (std::size_t j = 0; j < stages; ++j) weights[j] = Table::weights[stage][j].template as<double>();
+      return weights;
+    };
+    const auto time = [&](std::size_t stage) { return record_.t + Table::nodes[stage].template as<double>() * h; };
+    for (std::size_t stage = 0; stage <= stages; ++stage) {
+      put(record_.from, time(stage));
+      for (std::size_t j = 0; j < stage; ++j) {
+        const double weight = h * row(stage)[j];
+        for (std::size_t i = 0; i < coordinates; ++i) stage_.q[i] += weight * turns[j][i];
+        for (std::size_t i = 0; i < n; ++i) stage_.v[i] += weight * points[j].vdot[i];
+      }
+      if (stage == stages) break;
+      if (stage == 0 && begins_with_derivative) {
+        points[0] = record_.from;
+        points[0].vdot = record_.end.vdot;
+        turns[0] = record_.end.q;
+        continue;
+      }
+      begin_step(stage_.t, record_.values);
+      if (!this->enter(mechanism, stage_)) return false;
+      std::copy(this->still_.begin(), this->still_.end(), stage_.vdot.begin());
+      std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
+      points[stage].take(stage_);
+      coordinate_rates<double>(charts(), stage_.q.data(), stage_.v.data(), turns[stage].data());
+    }
+    begin_step(stage_.t, record_.values);
+    const StateOf<M> end = stage_;
+    normalise<double>(charts(), stage_.q.data());
+    if (!closed_loops_vjp()) return false;
+    lengths_vjp(charts(), end.q.data(), by_.q.data());
+    if (owes_derivative_) {
+      stage_ = end;
+      begin_step(stage_.t, record_.values);
+      if (!this->enter(mechanism, stage_)) return false;
+      rates_vjp(charts(), stage_.q.data(), stage_.v.data(), by_coordinate_rates_.data(), by_.q.data(), by_.v.data());
+      if (!accelerations_vjp(by_derivative_, Fixed<double, m>(), by_)) return false;
+    }
+    owes_derivative_ = begins_with_derivative;
+    std::array<Fixed<double, coordinates>, stages> by_coordinate_rates{};
+    std::array<Numbers, stages> by_derivatives{};
+    Point by = by_, whole = by_;
+    for (std::size_t stage = stages; stage > 0; --stage) {
+      for (std::size_t j = 0; j < stage; ++j) {
+        const double weight = h * row(stage)[j];
+        for (std::size_t i = 0; i < coordinates; ++i) by_coordinate_rates[j][i] += weight * by.q[i];
+        for (std::size_t i = 0; i < n; ++i) by_derivatives[j][i] += weight * by.v[i];
+      }
+      const std::size_t at = stage - 1;
+      if (at == 0 && begins_with_derivative) {
+        by_coordinate_rates_ = by_coordinate_rates[0];
+        by_derivative_ = by_derivatives[0];
+        break;
+      }
+      by.clear();
+      put(points[at], time(at));
+      std::copy(stage_.lambda.begin(), stage_.lambda.end(), this->force_.begin());
+      begin_step(stage_.t, record_.values);
+      rates_vjp(charts(), stage_.q.data(), stage_.v.data(), by_coordinate_rates[at].data(), by.q.data(), by.v.data());
+      if (!accelerations_vjp(by_derivatives[at], Fixed<double, m>(), by)) return false;
+      add(by.q, whole.q), add(by.v, whole.v);
+    }
+    by_ = whole;
+    by_.vdot.fill(0.0), by_.lambda.fill(0.0);
+    return true;
+  }
+
+  // Closed loops
+
+  /// From derivatives behind the projection of the stage to those before.
+  bool closed_loops_vjp() {
+    if constexpr (m > 0) {
+      if (!is_explicit && !simulation_->settings().fixed_point.proximal) return true;
+      std::array<Point, most_moves> places, speeds;
+      std::array<Fixed<double, m>, most_moves> violations, rates;
+      StateOf<M> now = stage_;
+      std::size_t moved = 0, sped = 0;
+      if (!follow_moves(now, places, violations, moved, true) || !follow_moves(now, speeds, rates, sped, false)) return false;
+      for (std::size_t i = sped; i-- > 0;) {
+        const Point& x = speeds[i];
+        move_vjp(x, rates[i], by_.v);
+        residual_vjp(x, nothing_, by_violation_);
+        add(more_.q, by_.q), add(more_.v, by_.v);
+        add_sums();
+      }
+      for (std::size_t i = moved; i-- > 0;) {
+        const Point& x = places[i];
+        Fixed<double, coordinates> behind = by_.q;
+        Numbers by_delta;
+        by_.q.fill(0.0);
+        simulation_->mechanism().project(x.q.data(), violations[i].data(), found_values_.data());
+        RetractionDerivatives<balls>(charts(), x.q.data(), found_values_.data()).vjp(behind.data(), by_.q.data(), by_delta.data());
+        move_vjp(x, violations[i], by_delta);
+        residual_vjp(x, by_violation_, nothing_);
+        add(more_.q, by_.q);
+        add_sums();
+      }
+    }
+    return true;
+  }
+
+  /// From derivatives by a move that removes a violation to those by the violation, and by coordinates, which are added.
+  void move_vjp(const Point& at, const Fixed<double, m>& violation, const Numbers& by_move) {
+    transposed_.project_transposed(at.q.data(), violation.data(), by_move.data(), more_.q.data(), by_violation_.data(), more_loaded_.data(), more_input_.data());
+    add(more_.q, by_.q);
+    add_sums();
+  }
+
+  /// More derivatives by coordinates and speeds, from those by the residual of loops and its rate.
+  void residual_vjp(const Point& at, const Fixed<double, m>& by_residual, const Fixed<double, m>& by_rate) {
+    transposed_.constraint_residual_transposed(at.q.data(), at.v.data(), by_residual.data(), by_rate.data(), more_.q.data(), more_.v.data(),
+                                               more_loaded_.data(), more_input_.data());
+  }
+
+  /// The moves that close the loops of a state, or their rates; false where they stay open.
+  bool follow_moves(StateOf<M>& now, std::array<Point, most_moves>& before, std::array<Fixed<double, m>, most_moves>& violations, std::size_t& number,
+                    bool is_place) {
+    constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
+    M& mechanism = simulation_->mechanism();
+    Fixed<double, m> residual, rate;
+    double last = std::numeric_limits<double>::infinity();
+    for (;;) {
+      mechanism.constraint_residual(now.q.data(), now.v.data(), residual.data(), rate.data());
+      const Fixed<double, m>& violation = is_place ? residual : rate;
+      double left = 0.0, size = 1.0;
+      for (const double x : violation) left = std::max(left, std::abs(x));
+      for (const double x : now.v) size = is_place ? size : std::max(size, std::abs(x));
+      if (!(left - left == 0.0)) return false;
+      if (left <= rounding * size || (left > last / 2 && left <= 1e-9 * size)) return true;
+      if (number == most_moves) return false;
+      last = left;
+      before[number].take(now);
+      violations[number] = violation;
+      mechanism.project(now.q.data(), violation.data(), found_values_.data());
+      if (is_place) retract<double>(charts(), before[number].q.data(), found_values_.data(), now.q.data());
+      else
+        for (std::size_t i = 0; i < n; ++i) now.v[i] += found_values_[i];
+      ++number;
+    }
+  }
+
+  // The beginning
+
+  /// What an objective changes with where the run begins: all that follows from states, inputs and parameters there.
+  Fault begin_of(const Objectives& objectives, std::size_t objective) {
+    double* const by_state = objectives.by_state + objective * states;
+    double* const by_input = objectives.by_input + objective * inputs;
+    double* const by_parameter = objectives.by_parameter + objective * parameters;
+    if constexpr (has_fits) transposed_.load_transposed(by_loaded_.data(), by_parameter, by_series_.data());
+    else transposed_.load_transposed(by_loaded_.data(), by_parameter);
+    for (std::size_t i = 0; i < inputs; ++i) by_input[i] = by_input_[numbers_per_input * i];
+    constexpr std::size_t all = states + inputs + parameters;
+    std::array<int, directions> by{};
+    const auto follow = [&](std::size_t number, auto put) {
+      const double* const carried = this->carried_;
+      this->load_all();
+      if (const Fault fault = this->find_carried()) return fault;
+      const Dual* series = nullptr;
+      if constexpr (has_fits) series = fits_.find(this->mechanism_, this->parameters_.data());
+      for (std::size_t k = 0; k < number; ++k) {
+        double sum = 0.0;
+        const double* row = carried + k;
+        const auto add_rows = [&](const auto& derivatives) {
+          for (const double derivative : derivatives) sum += derivative * *row, row += number;
+        };
+        for (std::size_t i = 0; series && i < by_series_.size(); ++i) sum += by_series_[i] * series[i].derivative[k];
+        add_rows(by_.q), add_rows(by_.v), add_rows(by_.vdot), add_rows(by_.lambda);
+        put(k, sum);
+      }
+      return Fault{};
+    };
+    for (std::size_t first = 0; first < all; first += directions) {
+      const std::size_t number = std::min(directions, all - first);
+      open_rows(number, by);
+      for (std::size_t k = 0; k < number; ++k) {
+        const std::size_t which = first + k;
+        if (which >= states) by[k] = static_cast<int>(which - states);
+        else matrix_[which * number + k] = 1.0;
+      }
+      const auto put = [&](std::size_t k, double sum) {
+        const std::size_t which = first + k;
+        if (which < states) by_state[which] = sum;
+        else if (which < states + inputs) by_input[which - states] += sum;
+        else by_parameter[which - states - inputs] += sum + by_rows(k) + by_parameter_[which - states - inputs];
+      };
+      if (const Fault fault = follow(number, put)) return fault;
+    }
+    const auto by_piece = [&](double* derivatives) {
+      open_rows(orders, by);
+      return follow(orders, [&](std::size_t k, double sum) { derivatives[k] += sum; });
+    };
+    return visit_pieces(0, 0, by_piece);
+  }
+
+  /// What derivatives by values of parameters in force residual make along a direction.
+  double by_rows([[maybe_unused]] std::size_t k) const {
+    double sum = 0.0;
+    if constexpr (decltype(by_rows_)::size() > 0)
+      for (std::size_t i = 0; i < by_rows_.size(); ++i) sum += by_rows_[i] * this->force_residual_.changes()[i].derivative[k];
+    return sum;
+  }
+
+  using Base::stage_;
+
+  static constexpr bool has_fits = Fits::length > 0;
+
+  T transposed_;
+  [[no_unique_address]] typename FitsWithDerivatives<Fits>::type fits_{};
+  Fixed<double, static_cast<std::size_t>(Fits::length)> by_series_;
+  Tape tape_{};
+  std::size_t records_ = 0, objective_ = 0;
+  double begun_at_ = 0.0;
+  const int* outputs_ = nullptr;
+  Record record_{};
+  Point by_, more_;
+  Fixed<double, coordinates> by_coordinate_rates_;  ///< derivatives by that with which the part behind begins, which the end of the part before owes
+  Numbers by_derivative_;
+  bool owes_derivative_ = false;
+  Fixed<double, loaded> by_loaded_, more_loaded_;
+  Fixed<double, parameters> by_parameter_;  ///< by events
+  typename ColumnsOf<ForceResidual, by_residual>::OfLoaded by_rows_;  ///< by values of parameters in force residual
+  Fixed<double, given> by_input_, more_input_;
+  Fixed<double, held> by_held_;
+  Fixed<double, Base::columns> by_columns_;
+  Fixed<double, m> violation_, by_violation_, nothing_;
+  Numbers way_of_, found_values_;
+  Unknowns solution_, last_;
+  typename SecantInverse<unknowns>::Numbers left_;
+  SecantInverse<unknowns> inverse_of_rule_;
+  SecantInverse<m == 0 ? n : 0> inverse_of_end_;
+  double solved_for_ = 0.0, settled_for_ = 0.0;  ///< the length of part of which these have learnt
+  int solved_ = 0;           ///< how many solutions there are behind, two at most
+  Fixed<double, Base::rows * directions> matrix_;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,415 @@
+// Derivatives of a motion and of its outputs by independent coordinates, their rates and inputs.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <span>
+#include <type_traits>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/derivatives/residual_jacobian.hpp"
+#include "cutjoint/core/roads/dual_road.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/inputs/input_trajectories.hpp"
+#include "cutjoint/core/inputs/inputs.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/mechanism/minimal.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/constraints/stabilisation.hpp"
+#include "cutjoint/core/start/start.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
+
+namespace cutjoint {
+
+/// Derivatives about the present state of a `Simulation` by generated code over dual numbers: the mechanism D, and S, which reports, of a method
+/// without a system the same.
+///
+/// x = (z, z') are minimal coordinates, behind them first-order states.  Along a direction of x and of inputs u the dependent coordinates
+/// change so that loops stay closed, J_d dz_d = -(J dz + dPhi/du du).  Their rates follow from the residual's rate, which stays zero,
+/// accelerations and multipliers from the force residual `ForceResidual` where there is one, else from the fixed point of the augmented update, taken
+/// for their derivatives.  What controllers hold stays.
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
+class Derivatives {
+ public:
+  using M = typename Simulation::Mechanism;
+  using Minimal = MinimalCoordinates<M, dofs>;
+
+  static constexpr std::size_t states = 2 * dofs + M::sizes.states, inputs = M::sizes.inputs, columns = S::sizes.columns;
+
+  /// Derivatives x' and outputs y along a direction: `states` numbers of x, of each input its value, rate and acceleration, and parameters; a null
+  /// pointer for what stays.
+  Fault along(Simulation& simulation, Minimal& minimal, const double* dx, const double* du, const double* dp, double* dxdot, double* dy) {
+    if (const Fault fault = begin(simulation, minimal)) return fault;
+    for (std::size_t i = 0; dp && i < parameters_.size(); ++i) parameters_[i].derivative[0] = dp[i];
+    if (dp) load_parameters(simulation);
+    for (std::size_t i = 0; dx && i < states; ++i) dx_[i].derivative[0] = dx[i];
+    for (std::size_t i = 0; du && i < du_.size(); ++i) du_[i].derivative[0] = du[i];
+    if (const Fault fault = derive(simulation.mechanism(), minimal, 1)) return fault;
+    for (std::size_t i = 0; i < states; ++i) dxdot[i] = dxdot_[i].derivative[0];
+    for (std::size_t i = 0; i < columns; ++i) dy[i] = columns_[i].derivative[0];
+    return {};
+  }
+
+  /// x' = A x + B u, y = C x + D u by values of inputs; matrices by rows, a null pointer where one is not wanted.
+  Fault linearise(Simulation& simulation, Minimal& minimal, double* A, double* B, double* C, double* D_) {
+    if (const Fault fault = begin(simulation, minimal)) return fault;
+    const std::size_t first = A || C ? 0 : states, end = B || D_ ? states + inputs : states;
+    return derive_columns(simulation, minimal, first, end, [&](std::size_t j) {
+      return j < states ? Columns{A, C, j, states} : Columns{B, D_, j - states, inputs};
+    });
+  }
+
+  /// What rates u' and accelerations u'' of inputs add, x' = B_rate u' + B_acceleration u'' and so y: each of the size of B or D.  They reach a
+  /// motion by guides, and are zero without these.
+  Fault linearise_rates(Simulation& simulation, Minimal& minimal, double* B_rate, double* B_acceleration, double* D_rate, double* D_acceleration) {
+    if (const Fault fault = begin(simulation, minimal)) return fault;
+    return derive_columns(simulation, minimal, after, after + 2 * inputs, [&](std::size_t j) {
+      return j < after + inputs ? Columns{B_rate, D_rate, j - after, inputs} : Columns{B_acceleration, D_acceleration, j - after - inputs, inputs};
+    });
+  }
+
+  /// x' = E p, y = F p by parameters.
+  Fault linearise_parameters(Simulation& simulation, Minimal& minimal, double* E, double* F) {
+    if (const Fault fault = begin(simulation, minimal)) return fault;
+    constexpr std::size_t before = states + inputs, number = M::sizes.parameters;
+    const Fault fault = derive_columns(simulation, minimal, before, before + number, [&](std::size_t j) { return Columns{E, F, j - before, number}; });
+    for (Dual& x : parameters_) x.derivative = Tangents{};
+    return fault;
+  }
+
+ protected:
+  static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, joints = M::sizes.joint_speeds();
+  static constexpr bool has_system = !std::is_same_v<D, S>;
+  static constexpr std::size_t given = numbers_per_input * inputs + M::sizes.held;  ///< numbers of inputs, and what controllers hold, which stays but along runs
+
+  struct None {};
+
+  /// Where derivatives of x' and of y by one number go: a column of two matrices of the same width, null pointers where they are not wanted.
+  struct Columns {
+    double *of_rates, *of_outputs;
+    std::size_t column, width;
+  };
+
+  /// Derivatives along numbers of a list in turn: states, inputs, parameters, rates of inputs, accelerations of inputs.
+  template <class Place>
+  Fault derive_columns(Simulation& simulation, Minimal& minimal, std::size_t first, std::size_t end, Place place) {
+    for (std::size_t from = first; from < end; from += directions) {
+      const std::size_t number = std::min(directions, end - from);
+      dx_.fill(Dual());
+      du_.fill(Dual());
+      for (Dual& x : parameters_) x.derivative = Tangents{};
+      for (std::size_t k = 0, j = from; k < number; ++k, ++j)
+        number_at(j).derivative[k] = 1.0;
+      if (from < after && from + number > states + inputs) load_parameters(simulation);
+      if (const Fault fault = derive(simulation.mechanism(), minimal, number)) return fault;
+      for (std::size_t k = 0, j = from; k < number; ++k, ++j) {
+        const Columns to = place(j);
+        for (std::size_t i = 0; to.of_rates && i < states; ++i) to.of_rates[i * to.width + to.column] = dxdot_[i].derivative[k];
+        for (std::size_t i = 0; to.of_outputs && i < columns; ++i) to.of_outputs[i * to.width + to.column] = columns_[i].derivative[k];
+      }
+    }
+    return {};
+  }
+
+  static constexpr std::size_t after = states + inputs + M::sizes.parameters;  ///< numbers of the list before rates of inputs
+
+  Dual& number_at(std::size_t j) {
+    if (j < states) return dx_[j];
+    if (j < states + inputs) return du_[numbers_per_input * (j - states)];
+    if (j < after) return parameters_[j - states - inputs];
+    constexpr std::size_t each = inputs > 0 ? inputs : 1;
+    return du_[numbers_per_input * ((j - after) % each) + 1 + (j - after) / each];
+  }
+
+  static std::span<const Chart> charts() { return M::charts; }
+
+  /// Get ready at the present state.
+  Fault begin(Simulation& simulation, Minimal& minimal) {
+    Starter<M>& starter = simulation.starter();
+    load(simulation, minimal);
+    dx_.fill(Dual());
+    du_.fill(Dual());
+    if (!enter(simulation.mechanism(), simulation.complete_state())) return not_finite();
+    return minimal.decompose(starter, *state_);
+  }
+
+  /// Take over all but states from a simulation; parameters do not change along directions.
+  void load(Simulation& simulation, const Minimal& minimal) {
+    std::copy(simulation.parameters().begin(), simulation.parameters().end(), parameters_.begin());
+    std::copy(simulation.penalties().begin(), simulation.penalties().end(), penalties_.begin());
+    dheld_.fill(Dual());
+    for (std::size_t i = 0; i < M::sizes.roads; ++i) roads_[i] = Road<Dual>(simulation.roads()[i]);
+    if constexpr (ForceResidual::is_there) force_residual_.load(simulation);
+    load_parameters(simulation);
+    if constexpr (given > 0) {
+      mechanism_.drive_by({&fill, this});
+      if constexpr (has_system) system_.drive_by({&fill, this});
+      if constexpr (ForceResidual::is_there) force_residual_.drive_by({&fill_plain, this});
+    }
+    std::copy(minimal.choice().reference.begin(), minimal.choice().reference.end(), reference_.begin());
+  }
+
+  void load_parameters(Simulation& simulation) {
+    load_mechanism(mechanism_, parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
+    if constexpr (has_system) system_.load(parameters_.data(), roads_.data());
+    if constexpr (ForceResidual::is_there) force_residual_.load_changes(parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
+  }
+
+  /// Go to a state, at whose time the mechanism is; false where an acceleration is no number.
+  bool enter(M& mechanism, const StateOf<M>& state) {
+    state_ = &state;
+    take_inputs(mechanism);
+    violation_.fill(0.0);
+    return find_values(mechanism);
+  }
+
+  /// Inputs where the mechanism is, and how they change along directions.
+  void take_inputs([[maybe_unused]] M& mechanism) {
+    if constexpr (given > 0) std::copy_n(mechanism.last_inputs(), u_.size(), u_.begin());
+    if constexpr (inputs > 0)
+      if (trajectories_ && along_.number > 0) {
+        du_ = shift_;
+        trajectories_->add_changes(along_.first, along_.number, du_);
+      }
+  }
+
+  /// From here on inputs change along so many directions from one on, beside shifts that have been set, as their trajectories do.
+  void change_trajectories(std::size_t first, std::size_t number) {
+    along_ = {first, number};
+    shift_ = du_;
+  }
+
+  Fault not_finite() const { return {.cause = Cause::accelerations_not_finite, .t = state_->t}; }
+
+  static void fill(void* self, Dual t, Dual* input) {
+    const Derivatives& x = *static_cast<const Derivatives*>(self);
+    for (std::size_t i = 0; i < x.du_.size(); ++i) {
+      Tangents by_time{};
+      if ((i + 1) % std::size_t{numbers_per_input} != 0) by_time = x.u_[i + 1] * t.derivative;
+      else if (const double* const jerk = x.trajectories_ ? x.trajectories_->jerk(i - 2) : nullptr) by_time = *jerk * t.derivative;
+      else if (input[i].value == x.u_[i])  // an acceleration by the law of the scene; others stay
+        for (std::size_t k = 0; k < directions; ++k) by_time[k] = t.derivative[k] == 0.0 ? 0.0 : input[i].derivative[k];
+      input[i] = {x.u_[i], x.du_[i].derivative + by_time};
+    }
+    for (std::size_t i = 0; i < M::sizes.held; ++i) input[x.du_.size() + i] = {x.u_[x.du_.size() + i], x.dheld_[i]};
+  }
+
+  static void fill_plain(void* self, double, double* input) {
+    const Derivatives& x = *static_cast<const Derivatives*>(self);
+    std::copy(x.u_.begin(), x.u_.end(), input);
+  }
+
+  /// Along the directions that are given, the first `number` of a row.
+  Fault derive(M& mechanism, Minimal& minimal, std::size_t number) {
+    if (!derive_motion(mechanism, minimal, number)) return not_finite();
+    chart_accelerations<Dual>(charts(), delta_.data(), v_.data(), vdot_.data(), second_.data());
+    take_derivatives(rate_, minimal, dxdot_.data());
+    take_derivatives(second_, minimal, dxdot_.data() + dofs);
+    for (std::size_t i = 0; i < M::sizes.states; ++i) dxdot_[2 * dofs + i] = vdot_[joints + i];
+    report(state_->t);
+    return {};
+  }
+
+  /// What is stepped, over numbers with derivatives.
+  auto& subject() {
+    if constexpr (has_system) return system_;
+    else return mechanism_;
+  }
+
+  /// Outputs along the directions of the state, at its time; the mechanism is there.
+  void report(const Dual& t) {
+    if constexpr (has_system) system_.begin_step(t, 1.0);
+    subject().report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), columns_.data());
+  }
+
+  /// Coordinates, speeds and accelerations along directions; false where one is no number.
+  bool derive_motion(M& mechanism, Minimal& minimal, std::size_t number) {
+    mechanism_.begin_step(state_->t, 1.0);
+    find_coordinates(minimal);
+    find_speeds(minimal);
+    return find_accelerations(mechanism, number);
+  }
+
+  /// Coordinates whose loops stay closed.
+  void find_coordinates(Minimal& minimal) {
+    displacement<double>(charts(), minimal.choice().reference.data(), state_->q.data(), values_.data());
+    give_derivatives(dx_.data(), minimal, delta_);
+    retract<Dual>(charts(), reference_.data(), delta_.data(), q_.data());
+    if constexpr (m > 0) {
+      std::copy(state_->v.begin(), state_->v.end(), v_.begin());
+      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+      follow_loops(phi_, minimal, delta_);
+      retract<Dual>(charts(), reference_.data(), delta_.data(), q_.data());
+    }
+  }
+
+  /// Speeds that keep them closed.
+  void find_speeds(Minimal& minimal) {
+    for (std::size_t i = 0; i < M::sizes.states; ++i) v_[joints + i] = {state_->v[joints + i], dx_[2 * dofs + i]};
+    for (std::size_t i = 0; i < n; ++i) place_[i] = delta_[i].value;
+    chart_rates<double>(charts(), place_.data(), state_->v.data(), values_.data());
+    give_derivatives(dx_.data() + dofs, minimal, rate_);
+    chart_speeds<Dual>(charts(), delta_.data(), rate_.data(), v_.data());
+    if constexpr (m > 0) {
+      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+      follow_loops(phid_, minimal, rate_);
+      chart_speeds<Dual>(charts(), delta_.data(), rate_.data(), v_.data());
+    }
+  }
+
+  /// Accelerations and multipliers of the augmented update's fixed point; false where one is no number.
+  bool find_values(M& mechanism) {
+    std::copy(state_->lambda.begin(), state_->lambda.end(), force_.begin());
+    std::copy(state_->vdot.begin(), state_->vdot.end(), still_.begin());
+    factor_ = 1.0;
+    Progress progress(factor_);
+    for (int iteration = 0; iteration < (m == 0 ? 1 : 200) && !progress.is_over(); ++iteration) {
+      std::copy(still_.begin(), still_.end(), changed_.begin());
+      for (std::size_t i = 0; i < m; ++i) force_[i] += violation_[i];
+      mechanism.evaluate(state_->q.data(), state_->v.data(), force_.data(), still_.data(), violation_.data());
+      for (std::size_t i = 0; i < n; ++i) changed_[i] -= still_[i];
+      progress.add(size_of(changed_), size_of(still_));
+    }
+    for (std::size_t i = 0; i < n; ++i) vdot_[i] = still_[i];
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = force_[i], left_[i] = violation_[i];
+    return progress.is_finite();
+  }
+
+  /// Their derivatives; false where one is no number.  The update is affine in multipliers: behind one evaluation along all directions the plain
+  /// equations say what these change.
+  bool find_accelerations(M& mechanism, std::size_t number) {
+    if constexpr (ForceResidual::is_there)
+      if (!is_time_moving_ && solve_force_residual()) return true;
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = force_[i];
+    mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
+    for (std::size_t k = 0; k < number; ++k) {
+      Progress progress(factor_);
+      for (int iteration = 0; iteration < 200 && !progress.is_over(); ++iteration) {
+        double largest = 0.0, step = 0.0;
+        for (std::size_t i = 0; i < m; ++i) {
+          largest = std::max(largest, std::abs(force_[i]));
+          step = std::max(step, std::abs(correction_[i].derivative[k]));
+        }
+        if (step > 0.0) change_multipliers(mechanism, (largest > 0.0 ? largest : 1.0) / step, k);
+        double size = 0.0;
+        for (const Dual& x : vdot_) size = std::max(size, std::abs(x.derivative[k]));
+        progress.add(step > 0.0 ? size_of(changed_) : 0.0, size);
+      }
+      for (const Dual& x : vdot_)
+        if (!(x.derivative[k] - x.derivative[k] == 0.0)) return false;
+      if (!progress.is_finite()) return false;
+    }
+    return true;
+  }
+
+  /// The same by the force residual; false where that has a derivative that is no number, or masses are singular.
+  bool solve_force_residual() {
+    typename ForceResidual::Changes change;
+    for (std::size_t i = 0; i < m; ++i) room_of_forces_[i] = force_[i] + left_[i];
+    force_residual_.find(state_->t, state_->q, state_->v, still_, room_of_forces_, u_);
+    if (!force_residual_.solve(q_, v_, du_, dheld_, change)) return false;
+    for (std::size_t i = 0; i < n; ++i) vdot_[i] = {still_[i], change[i].derivative};
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {room_of_forces_[i], change[n + i].derivative};
+    return true;
+  }
+
+  /// Correct the multipliers' derivatives along a direction; `scale` makes the change as large as multipliers are.
+  void change_multipliers(M& mechanism, double scale, std::size_t k) {
+    for (std::size_t i = 0; i < m; ++i) {
+      lambda_[i].derivative[k] += correction_[i].derivative[k];
+      room_of_forces_[i] = force_[i] + scale * correction_[i].derivative[k];
+    }
+    mechanism.evaluate(state_->q.data(), state_->v.data(), room_of_forces_.data(), changed_.data(), violation_.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      changed_[i] = (changed_[i] - still_[i]) / scale;
+      vdot_[i].derivative[k] += changed_[i];
+    }
+    for (std::size_t i = 0; i < m; ++i) correction_[i].derivative[k] += (violation_[i] - left_[i]) / scale;
+  }
+
+  /// The way of an iteration: over where what is left to come is lost in rounding, or where changes have not become smaller three times.  The update
+  /// makes errors smaller by a factor, the same for all directions, and rounding of multipliers larger by one over that, as stiff as its penalty is.
+  /// Multipliers are off by the share of accelerations that has just changed, accelerations by that times the factor.
+  class Progress {
+   public:
+    explicit Progress(double& factor) : factor_(factor) {}
+
+    void add(double change, double size) {
+      const double share = change > 0.0 && size > 0.0 ? change / size : change;  // all may come to rest
+      if (before_ > 0.0 && share < before_) factor_ = factor_ < 1.0 ? std::max(factor_, share / before_) : share / before_;
+      is_over_ = share == 0.0 || share * factor_ <= std::numeric_limits<double>::epsilon() || !(share <= most);
+      stalled_ = share < least_ ? 0 : stalled_ + 1;
+      least_ = std::min(least_, share);
+      before_ = share;
+    }
+
+    bool is_over() const { return is_over_ || stalled_ == 3; }
+    bool is_finite() const { return before_ <= most; }
+
+   private:
+    static constexpr double most = std::numeric_limits<double>::max();
+
+    double& factor_;
+    bool is_over_ = false;
+    int stalled_ = 0;
+    double before_ = 0.0, least_ = std::numeric_limits<double>::infinity();
+  };
+
+  /// The largest number; not a number where one is none.
+  static double size_of(const Fixed<double, n>& numbers) {
+    double size = 0.0;
+    for (const double x : numbers)
+      if (size == size && !(std::abs(x) <= size)) size = std::abs(x);
+    return size;
+  }
+
+  /// Numbers with these derivatives of independent ones, and none of others.
+  void give_derivatives(const Dual* derivatives, Minimal& minimal, Fixed<Dual, n>& numbers) {
+    room_.fill(Dual());
+    minimal.take(derivatives, room_);
+    for (std::size_t i = 0; i < n; ++i) numbers[i] = {values_[i], room_[i]};
+  }
+
+  void take_derivatives(const Fixed<Dual, n>& numbers, Minimal& minimal, Dual* derivatives) {
+    for (std::size_t i = 0; i < n; ++i) room_[i] = numbers[i];
+    minimal.put(room_, derivatives);
+  }
+
+  /// Derivatives of dependent ones that close constraint violations.
+  void follow_loops(const Fixed<Dual, m>& violations, Minimal& minimal, Fixed<Dual, n>& numbers) {
+    Fixed<Along, m> left;
+    Fixed<Along, n> step, room;
+    for (std::size_t i = 0; i < m; ++i) left[i].derivative = violations[i].derivative;
+    minimal.solve(left.data(), step.data(), room.data());
+    for (std::size_t i = 0; i < n; ++i) numbers[i].derivative -= step[i].derivative;
+  }
+
+  const StateOf<typename Simulation::Subject>* state_ = nullptr;  ///< the present one, with its accelerations and multipliers
+  D mechanism_;
+  [[no_unique_address]] ForceResidual force_residual_;
+  bool is_time_moving_ = false;  ///< the present time changes along directions, which the force residual has no derivative for
+  [[no_unique_address]] std::conditional_t<has_system, S, None> system_;
+  Fixed<Dual, M::sizes.parameters> parameters_;
+  Fixed<Dual, M::sizes.cuts> penalties_;
+  Fixed<Road<Dual>, M::sizes.roads> roads_;
+  Fixed<Dual, states> dx_, dxdot_;
+  Fixed<double, given> u_;
+  Fixed<Dual, numbers_per_input * inputs> du_, shift_;
+  InputTrajectories<inputs>* trajectories_ = nullptr;
+  struct {
+    std::size_t first = 0, number = 0;
+  } along_;  ///< directions of trajectories
+  Fixed<Dual, M::sizes.held> dheld_;
+  Fixed<Dual, M::sizes.coordinates> reference_, q_;
+  Fixed<Dual, n> delta_, rate_, second_, v_, vdot_;
+  Fixed<Dual, m> phi_, phid_, lambda_, correction_;
+  Fixed<Dual, columns> columns_;
+  Fixed<double, n> values_, place_, still_, changed_;
+  Fixed<Dual, n> room_, step_;
+  double factor_ = 1.0;  ///< by which an update makes errors smaller
+  Fixed<double, m> violation_, left_, force_, room_of_forces_;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,608 @@
+// How accelerations change along directions, by the linearised force residual.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <iterator>
+#include <limits>
+#include <span>
+#include <type_traits>
+#include <utility>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/numbers/bordered.hpp"
+#include "cutjoint/core/numbers/dual.hpp"
+#include "cutjoint/core/inputs/inputs.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/constraints/stabilisation.hpp"
+#include "cutjoint/core/mechanism/transposed_charts.hpp"
+
+namespace cutjoint {
+
+/// No force residual: accelerations are found over numbers with derivatives.
+struct NoResidual {
+  static constexpr bool is_there = false;
+};
+
+/// The force residual and the second rates of loops, r(q, v, vdot, lambda, inputs, parameters) = 0, of a mechanism M, by generated code C of its
+/// derivatives, whose places are those of T: where each row begins, where its derivatives by accelerations and multipliers do, their columns, and where they are written,
+/// those of parts that stand side by side first.  Parameters are in it by values that follow from them alone, as many as are `loaded`.
+///
+/// At a state the derivatives are found once, over plain numbers, and a matrix is decomposed once; each direction takes products and a solution.  Loops
+/// yield to multipliers by a share of what their penalties let them, which further solutions take back: equations that depend on each other have the
+/// multipliers to which the augmented update leads.  Two states are kept, where a step begins and where it ends.
+template <class M, template <class> class C, class T>
+class ResidualJacobian {
+ public:
+  static constexpr bool is_there = true;
+  static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
+                               given = inputs + M::sizes.held, loaded = T::loaded;
+  using Places = T;
+  using Changes = std::array<Along, n + m>;
+  using Numbers = Fixed<double, n + m>;
+  static constexpr std::size_t first_speed = coordinates, first_input = first_speed + n, first_held = first_input + inputs,
+                               first_loaded = first_input + given, first_acceleration = first_loaded + loaded,
+                               first_multiplier = first_acceleration + n, width = first_multiplier + m;
+  static constexpr bool has_balls = coordinates > M::sizes.joint_speeds();
+  using OfDerivatives = Fixed<double, T::starts[n + m]>;  ///< as they are written
+
+  void drive_by([[maybe_unused]] const InputSource<double>& source) {
+    if constexpr (given > 0) plain_.drive_by(source);
+  }
+
+  /// Parameters of a simulation as they are, which do not change along directions.
+  template <class Simulation>
+  void load(Simulation& simulation) {
+    [[maybe_unused]] const auto& penalties = simulation.penalties();
+    load_mechanism(plain_, simulation.parameters().data(), simulation.roads(), simulation.stabilisation(), penalties);
+    for (At& x : at_) x.is_found = false;
+    changes_.fill({});
+    are_changing_ = false;
+    for (std::size_t cut = 0, i = 0; i < m; ++i) {
+      while (cut + 1 < M::sizes.cuts && static_cast<std::size_t>(M::cuts[cut + 1]) <= i) ++cut;
+      yields_[order[n + i]] = 1e-3 / penalties[cut];
+    }
+    std::fill_n(weights_.begin() + first_acceleration, n + m, 1.0);
+  }
+
+  /// How they change.
+  template <class Roads, class Penalties>
+  void load_changes([[maybe_unused]] const Dual* parameters, [[maybe_unused]] const Roads* roads, [[maybe_unused]] const StabilisationSettings& stabilisation,
+                    [[maybe_unused]] const Penalties& penalties) {
+    if constexpr (loaded > 0) {
+      const auto changes = [](const Dual& x) {
+        double size = 0.0;
+        for (std::size_t k = 0; k < directions; ++k) size += std::abs(x.derivative[k]);
+        return size > 0.0;
+      };
+      const bool were_changing = std::exchange(are_changing_, std::any_of(parameters, parameters + M::sizes.parameters, changes));
+      if (!are_changing_ && !were_changing) return;
+      Fixed<Dual, loaded> values;
+      load_mechanism(with_changes_, parameters, roads, stabilisation, penalties);
+      with_changes_.loaded_values(values.data());
+      for (std::size_t i = 0; i < loaded; ++i) changes_[i].derivative = values[i].derivative;
+    }
+  }
+
+  /// Go to a state, and find derivatives where they are not kept.
+  template <class Q, class V, class L, class Inputs>
+  void find(double t, const Q& q, const V& v, const V& vdot, const L& lambda, const Inputs& u) {
+    const auto is_same = [](const auto& a, const auto& b) { return std::equal(a.begin(), a.end(), b.begin()); };
+    const auto is_here = [&](const At& x) {
+      return x.is_found && x.t == t && is_same(q, x.q) && is_same(v, x.v) && is_same(vdot, x.vdot) && is_same(lambda, x.lambda) && is_same(u, x.u);
+    };
+    if (is_here(at_[now_])) return;
+    now_ = 1 - now_;
+    At& x = at_[now_];
+    if (is_here(x)) return;
+    x.is_found = true;
+    x.t = t;
+    std::copy(q.begin(), q.end(), x.q.begin());
+    std::copy(v.begin(), v.end(), x.v.begin());
+    std::copy(vdot.begin(), vdot.end(), x.vdot.begin());
+    std::copy(lambda.begin(), lambda.end(), x.lambda.begin());
+    std::copy(u.begin(), u.end(), x.u.begin());
+    find(x, x.derivative);
+    x.decomposed_for = none;
+  }
+
+  /// The derivatives at a state.
+  template <class State>
+  void find(const State& x, OfDerivatives& derivative) {
+    plain_.begin_step(x.t, 1.0);
+    plain_.residual_jacobian(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), derivative.data());
+  }
+
+  /// What the force residual loses by changes of all but accelerations and multipliers, row by row.
+  template <class Q, class V, class Inputs, class Held>
+  void lose(const OfDerivatives& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, Along* rows) {
+    Changes found;
+    lose_in_places(derivative, q, v, du, held, found);
+    for (std::size_t i = 0; i < n + m; ++i) rows[i] = found[order[i]];
+  }
+
+  /// The solution of matrices over accelerations and multipliers, one behind another, in whose place loops yield to these; what they give way by is taken back.
+  /// False where a number is none, or loops stay open.
+  template <class Matrix, class Unknowns>
+  bool solve(const Matrix& matrix, Unknowns& change) const {
+    std::array<Along, Matrix::size> found;
+    for (std::size_t i = 0; i < found.size(); ++i) found[places_of<Matrix>[i]] = change[i];
+    const bool is_found = solve_in_places(matrix, found);
+    for (std::size_t i = 0; i < found.size(); ++i) change[i] = found[places_of<Matrix>[i]];
+    return is_found;
+  }
+
+  /// How coordinates or speeds change least, as masses see it, so that constraint violations close; false where they stay open.
+  bool close_violations(const Fixed<Dual, m>& violations, Changes& change) {
+    At& x = at_[now_];
+    for (std::size_t i = 0; i < n; ++i) change[i] = {};
+    for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -violations[i].derivative;
+    return decompose_plain(x) && solve(x.matrix, change);
+  }
+
+  /// The same of transposed matrices, of numbers.
+  template <class Matrix, std::size_t size>
+  bool solve_transposed(const Matrix& matrix, Fixed<double, size>& x) const {
+    const auto solve = [&matrix](Fixed<double, size>& unknowns) {
+      std::array<double, size> found;
+      for (std::size_t i = 0; i < size; ++i) found[places_of<Matrix>[i]] = unknowns[i];
+      matrix.solve_transposed(found.data());
+      for (std::size_t i = 0; i < size; ++i) unknowns[i] = found[places_of<Matrix>[i]];
+    };
+    solve(x);
+    Fixed<double, size> more = x;
+    double before = std::numeric_limits<double>::infinity();
+    for (int iteration = 0; m > 0 && iteration < 16; ++iteration) {
+      double share[2]{}, whole[2]{};  // of what accelerations are multiplied by, and of what multipliers are
+      for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -yields(i % (n + m) - n);
+      solve(more);
+      for (std::size_t i = 0; i < size; ++i) {
+        x[i] += more[i];
+        const std::size_t of = i % (n + m) < n ? 0 : 1;
+        share[of] = std::max(share[of], std::abs(more[i])), whole[of] = std::max(whole[of], std::abs(x[i]));
+      }
+      const double left = std::max(share[0] / std::max(whole[0], 1e-300), share[1] / std::max(whole[1], 1e-300));
+      if (left <= 1e-15 || !(left < before)) break;
+      before = left;
+    }
+    return std::all_of(x.begin(), x.end(), [](double each) { return each - each == 0.0; });
+  }
+
+  /// Derivatives by constraint violations, which `close_violations` has closed, from those by what that moves.
+  bool violations_vjp(const Fixed<double, n>& by_move, Fixed<double, m>& by_violation) {
+    Numbers x;
+    std::copy(by_move.begin(), by_move.end(), x.begin());
+    At& at = at_[now_];
+    if (!decompose_plain(at) || !solve_transposed(at.matrix, x)) return false;
+    for (std::size_t i = 0; i < m; ++i) by_violation[i] = -x[n + i];
+    return true;
+  }
+
+  /// Derivatives by all but accelerations and multipliers of what `lose` takes from rows, added to `by`.
+  void vjp(const OfDerivatives& derivative, const double* by_rows, Fixed<double, first_acceleration>& by) const {
+    for (std::size_t i = 0; i < n + m; ++i)
+      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) by[T::columns[k]] -= derivative[T::derivatives[k]] * by_rows[i];
+  }
+
+  /// How loaded values change along directions.
+  const Fixed<Along, loaded>& changes() const { return changes_; }
+
+  double yields(std::size_t equation) const { return yields_[order[n + equation]]; }
+
+  // Columns of coordinates: the speed by whose integral one changes, of a quaternion the first of three, whether it is of one, of which ball, and its place there.
+  static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
+  static std::size_t unknown_of(std::size_t column) { return columns.unknown[column]; }
+  static bool turns(std::size_t column) { return columns.stride[column] > 0; }
+  static std::array<std::size_t, 2> ball_of(std::size_t column) { return {columns.ball[column], columns.place[column]}; }
+
+  /// How accelerations and multipliers change with all else; false where that is no number, or masses are singular.
+  template <class Q, class V, class Inputs, class Held>
+  bool solve(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
+    return decompose_plain(at_[now_]) && solve_end(q, v, du, held, change);
+  }
+
+  /// The same where they move the state, the end of a trapezoidal step that `decompose_end` has decomposed.
+  template <class Q, class V, class Inputs, class Held>
+  bool solve_end(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
+    At& x = at_[now_];
+    Changes found;
+    lose_in_places(x.derivative, q, v, du, held, found);
+    const bool is_found = solve_in_places(x.matrix, found);
+    for (std::size_t i = 0; i < n + m; ++i) change[i] = found[order[i]];
+    return is_found;
+  }
+
+  /// Decompose r_vdot + h/2 r_v + h^2/4 r_q of the end of a trapezoidal step, to which `delta` leads from coordinates; false where it is singular.
+  bool decompose_end(double h, std::span<const Chart> charts, [[maybe_unused]] const double* from, [[maybe_unused]] const double* delta) {
+    At& x = at_[now_];
+    if (x.decomposed_for == h) return true;
+    const double by_speed = h / 2, by_place = h * h / 4;
+    double* const weights = weights_.data();
+    [[maybe_unused]] BallDerivatives* turn = x.turns.data();
+    std::fill_n(weights + first_speed, n, by_speed);
+    for (const Chart& chart : charts) {
+      const auto place = static_cast<std::size_t>(chart.q), scalars = static_cast<std::size_t>(chart.scalars);
+      std::fill_n(weights + place, scalars, by_place);
+      if constexpr (has_balls) {
+        if (!chart.ball) continue;
+        const auto at = static_cast<std::size_t>(chart.v);
+        const auto& by = (*turn++ = turn_derivatives(from + place + scalars, delta + at + scalars)).by;
+        for (std::size_t c = 0; c < 4; ++c)
+          for (std::size_t k = 0; k < 3; ++k) weights[columns.share[place + scalars + c] + k * columns.stride[place + scalars + c]] = by_place * by[c][4 + k];
+      }
+    }
+    return decompose(x, h);
+  }
+
+  /// How the balls were turned in the step that `decompose_end` was called for last.
+  const BallDerivatives* turns() const { return at_[now_].turns.data(); }
+
+  /// Whether there is the matrix of the end of a step of this length, from which `correct` goes on.
+  bool knows(double h) const { return at_[now_].decomposed_for == h; }
+
+  /// Accelerations that are off by this from those to which they lead: the correction takes its place, and that of multipliers is `vjp`.
+  void correct(Fixed<double, n>& left, Fixed<double, m>& vjp) {
+    At& x = at_[now_];
+    double by[n + m], force[n + m];
+    for (std::size_t i = 0; i < n; ++i) by[slots[first_acceleration + i]] = left[i];
+    find_products<true>(x.derivative.data(), by, force);
+    x.matrix.solve(force);
+    for (std::size_t i = 0; i < n; ++i) left[i] = -force[order[i]];
+    for (std::size_t i = 0; i < m; ++i) vjp[i] = -force[order[n + i]];
+  }
+
+ private:
+  static constexpr double none = -1.0;
+  static constexpr std::size_t length = T::starts[n + m];
+
+  /// Of each column the unknown by whose change it changes, and where its share stands; of a quaternion the first of three of both.  The three shares of
+  /// one stand a stride apart, beside those of parts that stand side by side.
+  struct Columns {
+    std::array<std::uint32_t, width> unknown{}, share{}, stride{};
+    std::array<std::uint32_t, coordinates> ball{}, place{};
+
+    constexpr Columns() {
+      constexpr auto& places = Bordered<T>::places;
+      for (std::size_t i = 0; i < width; ++i) share[i] = static_cast<std::uint32_t>(i);
+      for (std::size_t i = 0; i < n; ++i) unknown[first_speed + i] = static_cast<std::uint32_t>(i);
+      for (std::size_t i = 0; i < n + m; ++i) unknown[first_acceleration + i] = static_cast<std::uint32_t>(i);
+      std::array<std::size_t, n + m> first{};
+      std::size_t next = width;
+      std::uint32_t balls_before = 0;
+      for (const Chart& chart : M::charts) {
+        for (int i = 0; i < chart.scalars; ++i) unknown[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint32_t>(chart.v + i);
+        if (!chart.ball) continue;
+        const auto speed = static_cast<std::size_t>(chart.v + chart.scalars);
+        const std::size_t side = T::beside[places.set[speed]], lane = (places.slot(speed) - places.first[places.set[speed]]) % side;
+        if (lane == 0) first[places.slot(speed)] = next, next += 12 * side;
+        for (std::size_t i = 0; i < 4; ++i) {
+          const std::size_t column = static_cast<std::size_t>(chart.q + chart.scalars) + i;
+          unknown[column] = static_cast<std::uint32_t>(speed);
+          share[column] = static_cast<std::uint32_t>(first[places.slot(speed) - lane] + 3 * side * i + lane);
+          stride[column] = static_cast<std::uint32_t>(side);
+          ball[column] = balls_before;
+          place[column] = static_cast<std::uint32_t>(i);
+        }
+        balls_before += chart.ball;
+      }
+    }
+  };
+  static constexpr Columns columns{};
+
+  /// Of each derivative as they are written its row and column.
+  struct Sources {
+    std::array<std::uint32_t, length> row{}, column{};
+
+    constexpr Sources() {
+      for (std::size_t i = 0; i < n + m; ++i)
+        for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k)
+          row[T::derivatives[k]] = static_cast<std::uint32_t>(i), column[T::derivatives[k]] = static_cast<std::uint32_t>(T::columns[k]);
+    }
+
+    /// Whether derivatives side by side belong to one row, and to one column.
+    constexpr bool share_row(std::size_t first, std::size_t side) const { return side > 1 && row[first] == row[first + side - 1]; }
+    constexpr bool share_column(std::size_t first, std::size_t side) const { return side > 1 && column[first] == column[first + side - 1]; }
+  };
+  static constexpr Sources sources{};
+
+  /// Visit the first of derivatives that stand so many side by side.
+  template <std::size_t side, class Use>
+  static constexpr void visit_groups(Use use) {
+    std::size_t first = 0;
+    for (std::size_t s = 0; s < std::size(T::groups); first += T::groups[s] * T::beside[s], ++s)
+      for (std::size_t k = first; T::beside[s] == side && k < first + T::groups[s] * side; k += side) use(k);
+    for (std::size_t k = first; side == 1 && k < length; ++k) use(k);
+  }
+
+  /// Where changes of columns stand, those of parts side by side, and of unknowns.
+  static constexpr auto slots = [] {
+    std::array<std::uint32_t, width> found{};
+    for (const auto& range : {std::pair{std::size_t{0}, first_acceleration}, std::pair{first_acceleration, width}}) {
+      const std::size_t begin = range.first, end = range.second;
+      std::array<bool, width> is_placed{};
+      std::size_t next = 0;
+      const auto place = [&](std::size_t column) {
+        if (!is_placed[column] && column >= begin && column < end) found[column] = static_cast<std::uint32_t>(next++), is_placed[column] = true;
+      };
+      const auto place_groups = [&]<std::size_t side>() {
+        visit_groups<side>([&](std::size_t k) {
+          for (std::size_t l = 0; l < side && !sources.share_column(k, side); ++l) place(sources.column[k + l]);
+        });
+      };
+      place_groups.template operator()<4>(), place_groups.template operator()<2>();
+      for (std::size_t column = begin; column < end; ++column) place(column);
+    }
+    return found;
+  }();
+  static constexpr auto order = [] {
+    std::array<std::uint32_t, n + m> found{};
+    for (std::size_t i = 0; i < n + m; ++i) found[i] = static_cast<std::uint32_t>(Bordered<T>::places.slot(i));
+    return found;
+  }();
+
+  struct Factor {
+    std::uint32_t derivative, place;
+  };
+
+  /// Factors of a row, or of rows side by side: first those of a column that is the same for all.
+  struct Line {
+    std::uint32_t place, first, shared, end;
+    bool is_shared, adds;
+  };
+
+  /// Products of derivatives side by side by accelerations, or by all but accelerations and multipliers.
+  template <bool by_accelerations, std::size_t side>
+  struct Products {
+    template <class Use>
+    static constexpr void visit(Use use) {
+      visit_groups<side>([&](std::size_t k) {
+        const std::size_t column = sources.column[k];
+        if (by_accelerations ? column >= first_acceleration && column < first_multiplier : column < first_acceleration) use(k);
+      });
+    }
+    static constexpr std::pair<std::size_t, std::size_t> sizes = [] {
+      std::size_t number = 0, rows = 0, last = n + m;
+      visit([&](std::size_t k) { ++number, rows += sources.row[k] != last, last = sources.row[k]; });
+      return std::pair{number, rows};
+    }();
+    std::array<Factor, sizes.first> factors{};
+    std::array<Line, sizes.second> lines{};
+
+    constexpr Products() {
+      std::uint32_t number = 0;
+      std::size_t rows = 0, last = n + m;
+      visit([&](std::size_t k) {
+        const std::size_t row = sources.row[k];
+        if (row != last) lines[rows++] = {order[row], number, number, number, sources.share_row(k, side), side < widest<by_accelerations>[row]};
+        last = row;
+        factors[number++] = {static_cast<std::uint32_t>(k), slots[sources.column[k]]};
+        lines[rows - 1].end = number;
+        if (sources.share_column(k, side)) lines[rows - 1].shared = number;
+      });
+    }
+  };
+
+  /// Of each row the most products that stand side by side; more than there are of one whose products are added to nought.
+  template <bool by_accelerations>
+  static constexpr auto widest = [] {
+    std::array<std::uint16_t, n + m> found{};
+    const auto take = [&]<std::size_t side>() {
+      Products<by_accelerations, side>::visit([&](std::size_t k) {
+        for (std::size_t l = 0; l < side; ++l) found[sources.row[k + l]] = sources.share_row(k, side) ? 8 : std::max<std::uint16_t>(found[sources.row[k + l]], side);
+      });
+    };
+    take.template operator()<1>(), take.template operator()<2>(), take.template operator()<4>();
+    for (std::uint16_t& most : found) most = most == 0 ? 8 : most;
+    return found;
+  }();
+
+  /// Products with changes by `slots`, less than nought, by `order`.
+  template <bool by_accelerations, class Number>
+  static void find_products(const double* derivatives, const Number* by, Number* found) {
+    for (std::size_t i = 0; i < n + m; ++i)
+      if (widest<by_accelerations>[i] == 8) found[order[i]] = Number{};
+    subtract_products<by_accelerations, 4>(derivatives, by, found);
+    subtract_products<by_accelerations, 2>(derivatives, by, found);
+    subtract_products<by_accelerations, 1>(derivatives, by, found);
+  }
+
+  template <bool by_accelerations, std::size_t side, class Number>
+  static void subtract_products(const double* derivatives, const Number* by, Number* found) {
+    if constexpr (has_side(side)) {
+      static constexpr Products<by_accelerations, side> products{};
+      for (const Line& line : products.lines) {
+        auto& place = reinterpret_cast<Sides<side, Number>&>(found[line.place]);
+        auto sum = line.adds && !line.is_shared ? place : Sides<side, Number>::of([](std::size_t) { return Number{}; });
+        const Factor* factor = products.factors.data() + line.first;
+        const auto derivative = [&]() -> const Beside<side>& { return reinterpret_cast<const Beside<side>&>(derivatives[factor->derivative]); };
+        for (; factor < products.factors.data() + line.shared; ++factor) sum.subtract(derivative(), by[factor->place]);
+        for (; factor < products.factors.data() + line.end; ++factor) sum.subtract(derivative(), reinterpret_cast<const Sides<side, Number>&>(by[factor->place]));
+        if (line.is_shared) found[line.place] += sum.sum();
+        else place = sum;
+      }
+    }
+  }
+
+  static constexpr bool has_side(std::size_t side) { return side == 1 || std::find(std::begin(T::beside), std::end(T::beside), side) != std::end(T::beside); }
+
+  /// Visit the derivatives that have a place in the matrix, so many side by side: the first of them, its share and its place, of a quaternion by each of three speeds.
+  /// Those whose shares are the same come first.
+  template <std::size_t side, class Use>
+  static constexpr void visit_entries(bool are_apart, Use use) {
+    constexpr auto& places = Bordered<T>::places;
+    visit_groups<side>([&](std::size_t k) {
+      const std::size_t column = sources.column[k], stride = columns.stride[column], unknown = columns.unknown[column];
+      if ((column >= first_input && column < first_acceleration) || (stride > 0 && side > 1 && !sources.share_column(k, side)) != are_apart) return;
+      for (std::size_t j = 0; j < (stride > 0 ? 3 : 1); ++j) use(k, columns.share[column] + j * stride, places.of(sources.row[k], unknown + j));
+    });
+  }
+
+  struct Entry {
+    std::uint32_t derivative, share, at;
+  };
+
+  /// All of them, those behind `same` with shares of their own.
+  template <std::size_t side>
+  struct Entries {
+    static constexpr std::size_t count(bool are_apart) {
+      std::size_t number = 0;
+      visit_entries<side>(are_apart, [&](std::size_t, std::size_t, std::size_t) { ++number; });
+      return number;
+    }
+    static constexpr std::size_t same = count(false), all = same + count(true);
+    std::array<Entry, all> list{};
+
+    constexpr Entries() {
+      std::size_t number = 0;
+      for (const bool are_apart : {false, true})
+        visit_entries<side>(are_apart, [&](std::size_t derivative, std::size_t share, std::size_t at) {
+          list[number++] = {static_cast<std::uint32_t>(derivative), static_cast<std::uint32_t>(share), static_cast<std::uint32_t>(at)};
+        });
+    }
+  };
+
+  /// A state, the derivatives there, and a matrix as L U: of the length of step, or 0, that it is decomposed for.
+  struct At {
+    bool is_found = false;
+    double t = 0.0, decomposed_for = none;
+    Fixed<double, coordinates> q;
+    Fixed<double, n> v, vdot;
+    Fixed<double, m> lambda;
+    Fixed<double, given> u;
+    OfDerivatives derivative;
+    Fixed<BallDerivatives, balls> turns;
+    Bordered<T> matrix;
+  };
+
+  /// Where the matrix has entries.
+  static constexpr auto pattern = [] {
+    typename Bordered<T>::Pattern found{};
+    const auto mark = [&]<std::size_t side>() {
+      for (const bool are_apart : {false, true})
+        visit_entries<side>(are_apart, [&](std::size_t, std::size_t, std::size_t at) { found[at] = true; });
+    };
+    mark.template operator()<1>(), mark.template operator()<2>(), mark.template operator()<4>();
+    for (std::size_t i = n; i < n + m; ++i) found[Bordered<T>::places.of(i, i)] = true;
+    return found;
+  }();
+
+  bool decompose_plain(At& x) {
+    if (x.decomposed_for == 0.0) return true;
+    std::fill_n(weights_.begin(), first_input, 0.0);
+    std::fill(weights_.begin() + width, weights_.end(), 0.0);
+    return decompose(x, 0.0);
+  }
+
+  bool decompose(At& x, double h) {
+    const auto fill = [&] {
+      x.matrix.clear();
+      gather<1>(x), gather<2>(x), gather<4>(x);
+      for (std::size_t i = 0; i < m; ++i) x.matrix.entries()[Bordered<T>::places.of(n + i, n + i)] -= yields_[order[n + i]];
+      return x.matrix.decompose(pattern);
+    };
+    const bool is_regular = fill() || fill();  // with other pivots where those of a matrix before have become small
+    x.decomposed_for = is_regular ? h : none;
+    return is_regular;
+  }
+
+  template <std::size_t side>
+  void gather(At& x) const {
+    if constexpr (has_side(side)) {
+      static constexpr Entries<side> entries{};
+      using Sides = Beside<side>;
+      const auto derivative = [&](const Entry& entry) -> const Sides& { return reinterpret_cast<const Sides&>(x.derivative[entry.derivative]); };
+      const auto place = [&](const Entry& entry) -> Sides& { return reinterpret_cast<Sides&>(x.matrix.entries()[entry.at]); };
+      for (std::size_t k = 0; k < entries.same; ++k) place(entries.list[k]) += derivative(entries.list[k]) * weights_[entries.list[k].share];
+      for (std::size_t k = entries.same; k < entries.all; ++k)
+        place(entries.list[k]) += derivative(entries.list[k]) * reinterpret_cast<const Sides&>(weights_[entries.list[k].share]);
+    }
+  }
+
+  /// By place in a matrix of unknowns one behind another: the place of each in that of one state.
+  template <class Matrix>
+  static constexpr auto places_of = [] {
+    std::array<std::uint32_t, Matrix::size> found{};
+    for (std::size_t i = 0; i < Matrix::size; ++i) found[i] = static_cast<std::uint32_t>(Matrix::places.slot(i));
+    return found;
+  }();
+  template <class Matrix>
+  static constexpr auto own_places = [] {
+    std::array<std::uint32_t, Matrix::size> found{};
+    for (std::size_t i = 0; i < Matrix::size; ++i) found[places_of<Matrix>[i]] = order[i % (n + m)];
+    return found;
+  }();
+
+  /// The solution in the order of places; false where a number is none, or loops stay open.
+  template <class Matrix, std::size_t size>
+  bool solve_in_places(const Matrix& matrix, std::array<Along, size>& found) const {
+    matrix.solve(found.data());
+    Tangents odd{};
+    for (const Along& along : found) odd += 0.0 * along.derivative;
+    double sum = 0.0;
+    for (std::size_t k = 0; k < directions; ++k) sum += odd[k];
+    return sum == 0.0 && close(matrix, found);
+  }
+
+  /// What the force residual loses by changes of all but accelerations and multipliers, in the order of places.
+  template <class Q, class V, class Inputs, class Held>
+  void lose_in_places(const OfDerivatives& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, Changes& found) {
+    const auto put = [this](std::size_t first, const auto& numbers) {
+      for (std::size_t j = 0; j < numbers.size(); ++j) by_[slots[first + j]].derivative = numbers[j].derivative;
+    };
+    put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held), put(first_loaded, changes_);
+    find_products<false>(derivative.data(), by_.data(), found.data());
+  }
+
+  /// The largest change along each direction of accelerations, or of multipliers.
+  template <class Matrix, std::size_t size>
+  static Tangents largest(const std::array<Along, size>& changes, bool of_multipliers) {
+    Tangents most{};
+    for (std::size_t i = 0; i < size; ++i)
+      if ((i % (n + m) >= n) == of_multipliers) {
+        const Tangents& derivative = changes[places_of<Matrix>[i]].derivative;
+        most = larger(larger(derivative, -derivative), most);
+      }
+    return most;
+  }
+
+  static double share_of(const Tangents& part, const Tangents& whole) {
+    double share = 0.0;
+    for (std::size_t k = 0; k < directions; ++k) share = std::max(share, part[k] > 0.0 ? part[k] / whole[k] : 0.0);
+    return share;
+  }
+
+  /// Take back what loops have yielded by, which each solution leaves less of by the share by which multipliers still change; false where that does not
+  /// come to an end.
+  template <class Matrix, std::size_t size>
+  bool close(const Matrix& matrix, std::array<Along, size>& change) const {
+    if constexpr (m > 0) {
+      std::array<Along, size> more;
+      const std::array<Along, size>* last = &change;
+      for (int iteration = 0; iteration < 8; ++iteration) {
+        const Tangents pulled = largest<Matrix>(*last, true);
+        for (std::size_t i = 0; i < size; ++i) more[i].derivative = (*last)[i].derivative * -yields_[own_places<Matrix>[i]];
+        matrix.solve(more.data());
+        for (std::size_t i = 0; i < size; ++i) change[i] += more[i];
+        if (share_of(largest<Matrix>(more, false), largest<Matrix>(change, false)) * std::min(1.0, share_of(largest<Matrix>(more, true), pulled)) <= 1e-13) return true;
+        last = &more;
+      }
+      return false;
+    }
+    return true;
+  }
+
+  C<double> plain_;
+  C<Dual> with_changes_;
+  At at_[2];
+  int now_ = 0;
+  Fixed<Along, loaded> changes_;  ///< of loaded values along directions
+  bool are_changing_ = false;
+  Fixed<Along, first_acceleration> by_;  ///< of all but accelerations and multipliers
+  Fixed<double, n + m> yields_;  ///< by how much loops do to multipliers in the matrix
+  Fixed<double, width + (has_balls ? 3 * coordinates : 0)> weights_;  ///< the shares of columns in the matrix, of quaternions by each of three speeds
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,555 @@
+// Derivatives of the end of a step by its beginning, by inputs and by parameters.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstring>
+#include <limits>
+#include <utility>
+
+#include "cutjoint/core/derivatives/substep_derivatives.hpp"
+
+namespace cutjoint {
+
+/// `Derivatives` of a `Simulation` whose steps go by the trapezoidal rule, by an explicit method or by Radau IIA, of an adaptive one with the lengths that it has chosen.
+///
+/// The step is made, and differentiated as it was, part by part.
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
+class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResidual> {
+ public:
+  using Base = PartDerivatives<Simulation, D, S, dofs, ForceResidual>;
+  using typename Base::M, typename Base::Minimal;
+  using Base::inputs, Base::states;
+
+  static constexpr std::size_t parameters = M::sizes.parameters;
+
+  /// Step the simulation.  Matrices by rows, of as many rows as there are states: by the states before the step, by a shift of each input during all of
+  /// it, by parameters; a null pointer where one is not wanted.  Where there is a fault the simulation stays.
+  Fault step(Simulation& simulation, Minimal& minimal, double* by_state, double* by_input, double* by_parameter) {
+    blocks_ = {{{by_state, states}, {by_input, inputs, 0}, {by_parameter, parameters, inputs}}};
+    for (const Block& block : blocks_)
+      if (block.matrix) std::fill_n(block.matrix, states * block.width, 0.0);
+    for (std::size_t i = 0; by_state && i < states; ++i) by_state[i * states + i] = 1.0;
+    is_loaded_ = false;
+    open(simulation, minimal, nullptr);
+    return take(simulation);
+  }
+
+  /// How many rows a matrix of directions has: states, values that controllers hold, and what goes on from step to step, the changes of coordinates and speeds, and by
+  /// how much those of accelerations and multipliers differ from what states give them; with loops room for a derivative.
+  static constexpr std::size_t rows = states + M::sizes.held + M::sizes.coordinates + 2 * M::sizes.speeds +
+                                      (Base::m == 0 ? 0 : std::max(M::sizes.equations, M::sizes.coordinates));
+
+  /// Directions of a run: how states change along each, behind them what controllers hold and what goes on, a matrix (rows, number) by rows, and what
+  /// changes beside them, the number of an input, that of a parameter behind those of inputs, or -1.
+  struct Directions {
+    double* matrix;
+    std::size_t number;
+    const int* by;
+  };
+
+  /// Outputs of a run by their numbers, with the change of each along directions, where it begins and behind each `every` steps.
+  struct Trajectory {
+    std::size_t number;
+    const int* outputs;
+    long every;
+    double *values, *derivatives;
+  };
+
+  /// Events of a run, of which a host wants so many, and the number that has been found: of each the indicator, the time (most) and how it changes along
+  /// directions (most, number), outputs behind it (most, reported) and how these change, the time being that of the event (most, reported, number).
+  struct Events {
+    int most = 0;
+    int* found = nullptr;
+    int* which = nullptr;
+    double *times = nullptr, *derivatives_of_times = nullptr, *values = nullptr, *derivatives = nullptr;
+  };
+
+  /// The next run that is followed along directions tells its events.
+  void record_events(const Events& events) { events_ = events; }
+
+  /// Step the simulation so many times; directions then are those of the end, and so is the choice of coordinates, which is made again where it has become poor.
+  Fault run(Simulation& simulation, Minimal& minimal, long steps, const Directions& along, Trajectory trajectory) {
+    blocks_ = {{{along.matrix, along.number, -1, along.by, M::sizes.held}, {}, {}}};
+    open(simulation, minimal, along.matrix + (states + M::sizes.held) * along.number);
+    if (this->trajectories_) this->trajectories_->change_along(InputTrajectories<inputs>::Along::changes);
+    trajectory_ = &trajectory;
+    if (events_.found) *events_.found = 0;
+    const Fault lacks = find_carried();
+    const Fault fault = lacks ? lacks : go_on(steps, trajectory), left = lacks ? lacks : find_states();
+    events_ = {};
+    return fault ? fault : left;
+  }
+
+ protected:
+  using Base::n, Base::joints, Base::is_explicit, Base::goes_on, Base::carries_derivative, Base::no_row, Base::loaded_, Base::is_derivative_known_, Base::coordinate_rates_;
+  using Base::indicators, Base::begun_, Base::cut_, Base::ended_, Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
+  using typename Base::Steps;
+
+  /// What takes down parts and samples in place of following them.
+  struct Recorder {
+    Fault (*part)(void* who, const StateOf<M>& from, const StateOf<M>& end, double h) = nullptr;
+    Fault (*sample)(void* who, std::size_t first, std::size_t number) = nullptr;
+    void* who = nullptr;
+  };
+
+  /// The rows of a matrix, or none, and what changes along its columns beside states: the numbers from one on, those of a list, or, -1, nothing.
+  struct Block {
+    double* matrix = nullptr;
+    std::size_t width = 0;
+    int first = -1;
+    const int* by = nullptr;
+    std::size_t held = 0;  ///< values of controllers that have rows behind those of states
+
+    int at(std::size_t column) const { return by ? by[column] : first < 0 ? -1 : first + static_cast<int>(column); }
+  };
+
+  void open(Simulation& simulation, Minimal& minimal, double* carried) {
+    simulation_ = &simulation;
+    minimal_ = &minimal;
+    carried_ = carried;
+    this->wants_derivative_ = carries_derivative && carried;
+    begins_at_event_ = false;
+    last_derivative_.fill(std::numeric_limits<double>::quiet_NaN());
+    this->trajectories_ = simulation.trajectories();
+    this->along_ = {};
+    simulation.complete_state();
+    load_all();
+    this->forget_part();
+  }
+
+  /// All that stays during the steps; parameters are loaded with the directions.
+  void load_all() {
+    this->load(*simulation_, *minimal_);
+    loaded_ = no_row;
+  }
+
+  Fault go_on(long steps, Trajectory& trajectory) {
+    Simulation& simulation = *simulation_;
+    if constexpr (M::sizes.held > 0) {
+      const auto& sampling = simulation.sampling();
+      for (std::size_t i = 0; i < sampling.size(); ++i)
+        if (sampling.is_of(i, simulation.state().t, 1e-9 * simulation.settings().dt))
+          if (const Fault fault = sample(sampling.first_of(i), sampling.held_by(i))) return fault;
+    }
+    if (const Fault fault = report(trajectory)) return fault;
+    is_loaded_ = false;
+    for (long i = 1; i <= steps; ++i) {
+      if (const Fault fault = take(simulation)) return fault;
+      if (i % trajectory.every == 0)
+        if (const Fault fault = report(trajectory)) return fault;
+    }
+    return {};
+  }
+
+  Fault take(Simulation& simulation) {
+    const auto before = simulation.memory();
+    const auto sample = blocks_[0].held > 0 ? &follow_sample : nullptr;
+    Fault fault;
+    if constexpr (Base::is_stepped) {
+      auto& stepper = simulation.steps().stepper();
+      last_ = simulation.state();
+      followed_ = this->refused_ = {};
+      count_indicators(stepper);
+      stepper.watch({&follow_length, this});
+      simulation.watch_parts({nullptr, sample, this});
+      fault = simulation.step();
+      stepper.watch({});
+      if (!fault || has_made_step(fault)) {
+        if (!followed_) followed_ = end_at_event();
+        if (followed_) fault = followed_;
+      }
+    } else {
+      parts_ = parts_taken(simulation.steps());
+      simulation.watch_parts({&follow_part, sample, this});
+      fault = simulation.step();
+    }
+    simulation.watch_parts({});
+    if (fault && !has_made_step(fault)) simulation.restore(before);
+    return fault;
+  }
+
+  std::size_t count_columns() const {
+    std::size_t columns = 0;
+    for (const Block& block : blocks_)
+      if (block.matrix) columns += block.width;
+    return columns;
+  }
+
+  /// Do something for all directions, several side by side, which begin with a number and are so many.
+  template <class Use>
+  Fault for_rows(Use use) {
+    const std::size_t columns = count_columns();
+    for (std::size_t first = 0; first < columns; first += directions)
+      if (const Fault fault = use(first, std::min(directions, columns - first))) return fault;
+    return {};
+  }
+
+  /// A row of outputs at the present state, and how they change along directions.
+  Fault report(Trajectory& trajectory) {
+    if (trajectory.number == 0) return {};
+    const std::size_t columns = count_columns();
+    const double* known = simulation_->report();
+    for (std::size_t i = 0; i < trajectory.number; ++i) *trajectory.values++ = known[trajectory.outputs[i]];
+    const auto& state = simulation_->complete_state();
+    const Fault fault = for_rows([&](std::size_t first, std::size_t number) -> Fault {
+      if (const Fault odd = enter_row(state, first, number)) return odd;
+      Base::report(state.t);
+      for (std::size_t i = 0; i < trajectory.number; ++i)
+        for (std::size_t k = 0; k < number; ++k)
+          trajectory.derivatives[i * columns + first + k] = this->columns_[static_cast<std::size_t>(trajectory.outputs[i])].derivative[k];
+      return {};
+    });
+    trajectory.derivatives += trajectory.number * columns;
+    return fault;
+  }
+
+  /// From changes of states to those of all that goes on from step to step.
+  Fault find_carried() {
+    const auto& state = simulation_->complete_state();
+    std::copy(state.vdot.begin(), state.vdot.end(), known_.begin());
+    double* const carried = carried_;
+    return for_rows([&](std::size_t first, std::size_t number) -> Fault {
+      carried_ = nullptr;
+      const Fault fault = enter_row(state, first, number);
+      carried_ = carried;
+      if (fault) return fault;
+      visit_carried(first, [&](Dual& x, const double* row, bool is_rest) {
+        for (std::size_t k = 0; k < number && is_rest; ++k) x.derivative[k] += row[k];
+      });
+      keep_row(first, number);
+      return {};
+    });
+  }
+
+  /// From these to changes of states, of coordinates that are chosen anew where they have become poor.
+  Fault find_states() {
+    const auto& state = simulation_->complete_state();
+    if (minimal_->is_ill_conditioned(simulation_->starter(), simulation_->state()))
+      if (const Fault fault = minimal_->choose(simulation_->starter(), simulation_->state())) return fault;
+    std::copy(minimal_->choice().reference.begin(), minimal_->choice().reference.end(), reference_.begin());
+    return for_rows([&](std::size_t first, std::size_t number) -> Fault {
+      if (const Fault fault = enter_row(state, first, number)) return fault;
+      end_row(first, number);
+      if (!this->enter(simulation_->mechanism(), state) || !this->find_accelerations(simulation_->mechanism(), number)) return this->not_finite();
+      visit_carried(first, [&](const Dual& x, double* row, bool is_rest) {
+        for (std::size_t k = 0; k < number && is_rest; ++k) row[k] = goes_on ? row[k] - x.derivative[k] : 0.0;
+      });
+      return {};
+    });
+  }
+
+  /// Visit numbers that go on from step to step, with their changes along directions from one on, and whether these are a rest that states do not tell.
+  template <class Visit>
+  void visit_carried(std::size_t first, Visit use) {
+    double* row = carried_ + first;
+    const auto all = [&](auto& numbers, bool is_rest) {
+      for (Dual& x : numbers) use(x, row, is_rest), row += blocks_[0].width;
+    };
+    all(q_, false), all(v_, false), all(vdot_, true);
+    if constexpr (carries_derivative) all(coordinate_rates_, true);
+    else all(lambda_, true);
+  }
+
+  void keep_row(std::size_t first, std::size_t number) {
+    visit_carried(first, [number](const Dual& x, double* row, bool) { copy_derivatives(reinterpret_cast<const double*>(&x.derivative), number, row); });
+  }
+
+  /// So many derivatives, mostly all.
+  [[gnu::always_inline]] static void copy_derivatives(const double* from, std::size_t number, double* to) {
+    if (number == directions) std::memcpy(to, from, sizeof(Tangents));
+    else std::copy_n(from, number, to);
+  }
+
+  /// How many steps an integrator has made that was asked for as many; of one that divides some, the parts beyond.
+  long parts_taken(const Steps& steps) const {
+    if constexpr (requires { steps.newton(); }) return parts_ + 1 + steps.newton().substeps();
+    else return parts_ + 1;
+  }
+
+  static Fault follow_part(void* who, const StateOf<M>& from, double h) {
+    StepDerivatives* const self = static_cast<StepDerivatives*>(who);
+    if (self->parts_taken(self->simulation_->steps()) != ++self->parts_) return {.cause = Cause::step_subdivided, .t = from.t};
+    return self->follow(from, self->simulation_->state(), h);
+  }
+
+  static Fault follow_sample(void* self, std::size_t first, std::size_t number) { return static_cast<StepDerivatives*>(self)->sample(first, number); }
+
+  /// A controller comes to hold the values of a sample, which change as the present state does.
+  Fault sample([[maybe_unused]] std::size_t at, [[maybe_unused]] std::size_t held) {
+    if constexpr (indicators > 0)
+      if (const Fault fault = end_at_event()) return fault;
+    if constexpr (Base::has_stages) known_.fill(std::numeric_limits<double>::quiet_NaN());
+    if (recorder_.sample) return recorder_.sample(recorder_.who, at, held);
+    if constexpr (M::sizes.held > 0) {
+      const auto& state = simulation_->complete_state();
+      Fixed<Dual, M::sizes.held> next;
+      bool changes = false;
+      const Fault fault = for_rows([&](std::size_t first, std::size_t number) -> Fault {
+        if (const Fault odd = enter_row(state, first, number)) return odd;
+        if constexpr (Base::has_system) this->system_.begin_step(state.t, 1.0);
+        this->subject().sample(q_.data(), v_.data(), vdot_.data(), lambda_.data(), next.data());
+        for (std::size_t i = at; i < at + held; ++i)
+          for (std::size_t k = 0; k < number; ++k) {
+            double& derivative = blocks_[0].matrix[(states + i) * blocks_[0].width + first + k];
+            changes = changes || derivative != next[i].derivative[k];
+            derivative = next[i].derivative[k];
+          }
+        return {};
+      });
+      if (changes) forget_carried();
+      return fault;
+    }
+    return {};
+  }
+
+  /// Accelerations are found anew.
+  void forget_carried() { known_.fill(std::numeric_limits<double>::quiet_NaN()), last_derivative_.fill(std::numeric_limits<double>::quiet_NaN()); }
+
+  /// Whether the part that begins at a state does so with accelerations that an input trajectory has made others.
+  bool begins_anew(const StateOf<M>& from) const { return this->trajectories_ && this->trajectories_->begins_anew(from.t); }
+
+  /// A method has made one of its steps, or the part of it before an event.
+  template <class Scheme>
+  static void follow_length(void* who, Scheme& scheme) {
+    StepDerivatives* const self = static_cast<StepDerivatives*>(who);
+    if (self->followed_) return;
+    StateOf<M> end = self->last_;
+    if constexpr (Base::has_stages) {
+      end = scheme.stages().present();
+      scheme.stages().read(self->points_);
+    } else {
+      std::copy_n(scheme.pose(), end.q.size(), end.q.begin());
+      std::copy_n(scheme.pose() + end.q.size(), n, end.v.begin());
+      end.t = scheme.time();
+    }
+    self->count_indicators(self->simulation_->steps().stepper());
+    double h = end.t - self->last_.t;
+    if constexpr (indicators > 0) {
+      const auto [begin, length] = scheme.last_step();
+      if (end.t != begin + length || self->cut_.left > 0) self->cut_.is_made = true, self->cut_.share = (end.t - begin) / length, h = length;
+    }
+    self->followed_ = self->follow(self->last_, end, h);
+    self->last_ = end;
+  }
+
+  /// The indicators that have left their formulas since they were counted last.
+  template <class Stepper>
+  void count_indicators(const Stepper& stepper) {
+    cut_ = {};
+    for (std::size_t i = 0; i < indicators; ++i) {
+      const long number = stepper.counts().by_indicator[i];
+      if (number != counted_[i]) cut_.which[cut_.left++] = i;
+      counted_[i] = number;
+    }
+  }
+
+  /// A part has ended at an event whose time changes along directions: nothing else may lie there.
+  Fault end_at_event() {
+    if (!std::exchange(begins_at_event_, false)) return {};
+    for (std::size_t k = 0; k < count_columns(); ++k)
+      if (time_row()[k] != 0.0) return cut_.fault(Cause::event_at_step_end, last_.t);
+    return {};
+  }
+
+  /// In place of accelerations, which are found anew behind an event, how its time changes.
+  double* time_row() { return carried_ + M::sizes.coordinates * blocks_[0].width + n * blocks_[0].width; }
+
+  /// A part of the step has been made from a state to another: what its beginning changes by becomes what its end does.
+  Fault follow(const StateOf<M>& from, const StateOf<M>& end, double h) {
+    if (cut_.left > 0 && !carried_ && !recorder_.part) return cut_.fault(Cause::step_subdivided, from.t);
+    if (begins_anew(from)) forget_carried();
+    const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, h) : follow_rows(from, end, h); };
+    const auto goes_on_to_event = [&] {
+      const Fault fault = go();
+      std::copy(end.vdot.begin(), end.vdot.end(), known_.begin());
+      if (cut_.is_made || is_short(h)) known_.fill(std::numeric_limits<double>::quiet_NaN());
+      begins_at_event_ = cut_.left > 0;
+      if (begins_at_event_ && events_.found) ++*events_.found;
+      return fault;
+    };
+    if constexpr (!carries_derivative) {
+      return goes_on_to_event();
+    } else {
+      const auto& formula = simulation_->steps().stepper().scheme().formula();
+      const auto &first = formula.first_derivative(), &last = formula.last_derivative();
+      is_derivative_known_ = (carried_ || recorder_.part) && std::equal(first.begin(), first.end(), last_derivative_.begin());
+      std::copy(first.begin(), first.end(), first_derivative_.begin());
+      const Fault fault = goes_on_to_event();
+      is_derivative_known_ = false;
+      if (cut_.is_made) last_derivative_.fill(std::numeric_limits<double>::quiet_NaN());
+      else std::copy(last.begin(), last.end(), last_derivative_.begin());
+      return fault;
+    }
+  }
+
+  /// What an event leaves: how its time changes, and outputs there for the host.
+  Fault keep_event(const StateOf<M>& end, std::size_t first, std::size_t number) {
+    for (std::size_t k = 0; k < number; ++k) time_row()[first + k] = ended_[k];
+    if (!events_.found || *events_.found >= events_.most) return {};
+    const auto at = static_cast<std::size_t>(*events_.found);
+    const std::size_t columns = count_columns();
+    events_.which[at] = static_cast<int>(cut_.which[0]);
+    events_.times[at] = end.t;
+    for (std::size_t k = 0; k < number; ++k) events_.derivatives_of_times[at * columns + first + k] = ended_[k];
+    for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = end.q[i];
+    for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
+    if (!this->enter(simulation_->mechanism(), end)) return this->not_finite();
+    mechanism_.begin_step(Dual(end.t, ended_), 1.0);
+    this->is_time_moving_ = true;
+    const bool is_found = this->find_accelerations(simulation_->mechanism(), number);
+    this->is_time_moving_ = false;
+    if (!is_found) return this->not_finite();
+    Base::report(Dual(end.t, ended_));
+    for (std::size_t i = 0; i < trajectory_->number; ++i) {
+      const Dual& x = this->columns_[static_cast<std::size_t>(trajectory_->outputs[i])];
+      events_.values[at * trajectory_->number + i] = x.value;
+      for (std::size_t k = 0; k < number; ++k) events_.derivatives[(at * trajectory_->number + i) * columns + first + k] = x.derivative[k];
+    }
+    return {};
+  }
+
+  Fault follow_rows(const StateOf<M>& from, const StateOf<M>& end, double h) {
+    if (!is_loaded_) load_all();
+    is_loaded_ = true;
+    if (count_columns() > 0 && !this->find_part(*simulation_, from, end, h)) return no_end(end);
+    const Fault fault = for_rows([&](std::size_t first, std::size_t number) { return follow_row(from, end, h, first, number); });
+    simulation_->mechanism().begin_step(end.t, 1.0);
+    return fault;
+  }
+
+  Fault follow_row(const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t first, std::size_t number) {
+    for (;;) {
+      if (const Fault fault = enter_row(from, first, number)) return fault;
+      if (this->go(*simulation_, from, end, h, number)) break;
+      if (this->refused_) return this->refused_;
+      if (!this->can_get_ready_anew(end)) return no_end(end);
+      this->forget_part();
+      if (!this->find_part(*simulation_, from, end, h)) return no_end(end);
+    }
+    if (!this->close_end(*simulation_, end)) return {.cause = Cause::pose_singular, .t = end.t};
+    if (this->speeds_jump(end)) return cut_.fault(Cause::speeds_jump, end.t);
+    if (carried_) keep_row(first, number);
+    else end_row(first, number);
+    if constexpr (indicators > 0)
+      if (cut_.left > 0) return keep_event(end, first, number);
+    return {};
+  }
+
+  /// Whether accelerations at the end of a part of this length are found anew by Newton's iteration.
+  bool is_short(double h) const { return Base::seeks_multipliers && h < simulation_->settings().dt / 100; }
+
+  static Fault no_end(const StateOf<M>& end) { return {.cause = Cause::accelerations_not_finite, .t = end.t}; }
+
+  /// Coordinates, speeds, accelerations and multipliers of a state along directions.
+  Fault enter_row(const StateOf<M>& state, std::size_t first, std::size_t number) {
+    M& mechanism = simulation_->mechanism();
+    mechanism.begin_step(state.t, 1.0);
+    begin_row(first, number);
+    begun_ = Tangents{};
+    for (std::size_t k = 0; k < number && begins_at_event_; ++k) begun_[k] = time_row()[first + k];
+    this->is_time_moving_ = begins_at_event_;
+    if (!carried_ || !is_known(state))
+      if (!this->enter(mechanism, state)) return this->not_finite();
+    if (!carried_) {
+      if (first == 0)
+        if (const Fault fault = minimal_->decompose(simulation_->starter(), state)) return fault;
+      return this->derive_motion(mechanism, *minimal_, number) ? Fault{} : this->not_finite();
+    }
+    return take_row(mechanism, state, first, number) ? Fault{} : this->not_finite();
+  }
+
+  /// Whether what goes on from step to step has the changes of a state's accelerations.
+  bool is_known(const StateOf<M>& state) const {
+    return carries_derivative ? is_derivative_known_ : goes_on && std::equal(known_.begin(), known_.end(), state.vdot.begin());
+  }
+
+  /// The same of what goes on from step to step; accelerations that have been found anew are functions of the rest.
+  bool take_row(M& mechanism, const StateOf<M>& state, std::size_t first, std::size_t number) {
+    this->state_ = &state;
+    this->take_inputs(mechanism);
+    mechanism_.begin_step(Dual(state.t, begun_), 1.0);
+    const auto take = [](const auto& values, auto& numbers) {
+      for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i].value = values[i];
+    };
+    take(state.q, q_), take(state.v, v_);
+    const bool is_carried = is_known(state);
+    if (is_carried && carries_derivative) {
+      std::copy_n(first_derivative_.begin(), coordinate_rates_.size(), coordinate_rates_.begin());
+      std::copy_n(first_derivative_.begin() + coordinate_rates_.size(), n, vdot_.begin());
+    } else if (is_carried) {
+      take(state.vdot, vdot_), take(state.lambda, lambda_);
+    }
+    visit_carried(first, [&](Dual& x, const double* row, bool is_rest) {
+      if (!is_carried && is_rest) return;
+      if (number < directions) x.derivative = Tangents{};
+      copy_derivatives(row, number, reinterpret_cast<double*>(&x.derivative));
+    });
+    return is_carried || this->find_accelerations(mechanism, number);
+  }
+
+  /// Visit columns of the matrices as if they stood side by side: the direction, the matrix, and the column in it.
+  template <class Visit>
+  void visit(std::size_t first, std::size_t number, Visit use) {
+    for (std::size_t k = 0; k < number; ++k) {
+      std::size_t column = first + k, which = 0;
+      while (!blocks_[which].matrix || column >= blocks_[which].width) {
+        if (blocks_[which].matrix) column -= blocks_[which].width;
+        ++which;
+      }
+      use(k, blocks_[which], column);
+    }
+  }
+
+  /// What changes along columns where a part begins.
+  void begin_row(std::size_t first, std::size_t number) {
+    dx_.fill(Dual());
+    du_.fill(Dual());
+    for (Dual& x : parameters_) x.derivative = Tangents{};
+    this->dheld_.fill(Dual());
+    std::size_t row = plain_row;
+    visit(first, number, [&](std::size_t k, const Block& block, std::size_t column) {
+      for (std::size_t i = 0; i < states; ++i) dx_[i].derivative[k] = block.matrix[i * block.width + column];
+      for (std::size_t i = 0; i < block.held; ++i) this->dheld_[i].derivative[k] = block.matrix[(states + i) * block.width + column];
+      const int by = block.at(column), parameter = by - static_cast<int>(inputs);
+      if (parameter >= 0) parameters_[static_cast<std::size_t>(parameter)].derivative[k] = 1.0, row = first;
+      else if (by >= 0) du_[numbers_per_input * static_cast<std::size_t>(by)].derivative[k] = 1.0;
+    });
+    if (row != loaded_) this->load_parameters(*simulation_);
+    loaded_ = row;
+    if (this->trajectories_) this->change_trajectories(first, number);
+  }
+
+  /// Independent coordinates and rates at the end.
+  void end_row(std::size_t first, std::size_t number) {
+    displacement<Dual>(charts(), reference_.data(), q_.data(), delta_.data());
+    chart_rates<Dual>(charts(), delta_.data(), v_.data(), rate_.data());
+    this->take_derivatives(delta_, *minimal_, dx_.data());
+    this->take_derivatives(rate_, *minimal_, dx_.data() + dofs);
+    std::copy(v_.begin() + joints, v_.end(), dx_.begin() + 2 * dofs);
+    visit(first, number, [this](std::size_t k, const Block& block, std::size_t column) {
+      for (std::size_t i = 0; i < states; ++i) block.matrix[i * block.width + column] = dx_[i].derivative[k];
+    });
+  }
+
+  static constexpr std::size_t plain_row = no_row - 1;  ///< is loaded where no parameter changes
+
+  Simulation* simulation_ = nullptr;
+  Minimal* minimal_ = nullptr;
+  Recorder recorder_;
+  std::array<Block, 3> blocks_{};
+  double* carried_ = nullptr;  ///< rows of a run's matrix that go on from step to step
+  Fixed<double, n> known_;     ///< the accelerations whose changes these have
+  Fixed<double, carries_derivative ? M::sizes.coordinates + n : 0> first_derivative_, last_derivative_;  ///< of an explicit part, and of the one before at its end
+  bool is_loaded_ = false;     ///< what stays during the steps, as the first one takes it
+  long parts_ = 0;  ///< as they are counted by the integrator
+  StateOf<M> last_{M::sizes.coordinates, n, Base::m};  ///< of an adaptive method, where its last step ended
+  Fault followed_;                                     ///< why one of its steps has no derivative
+  Fixed<long, indicators> counted_;                      ///< how often indicators have left their formulas
+  bool begins_at_event_ = false;                       ///< the next part does, whose time changes
+  Events events_;
+  const Trajectory* trajectory_ = nullptr;
+};
+
+}  // namespace cutjoint

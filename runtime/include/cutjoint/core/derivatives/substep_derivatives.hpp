@@ -1,0 +1,326 @@
+// Derivatives of the end of a part of a step, which is taken as a whole, along directions of its beginning.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "cutjoint/core/stepping/coefficients.hpp"
+#include "cutjoint/core/derivatives/event_derivatives.hpp"
+#include "cutjoint/core/radau/stage_derivatives.hpp"
+#include "cutjoint/core/stepping/interpolant.hpp"
+
+namespace cutjoint {
+
+/// What belongs to stages that are coupled: nothing where there are none.
+template <class M, class ForceResidual, bool>
+struct StagesOf {
+  struct type {};
+  struct Points {};
+};
+
+template <class M, class ForceResidual>
+struct StagesOf<M, ForceResidual, true> {
+  using type = radau::StageDerivatives<ForceResidual>;
+
+  struct Points : std::array<StateOf<M>, type::stages> {
+    Points() : Points(StateOf<M>(M::sizes.coordinates, M::sizes.speeds, M::sizes.equations)) {}
+    explicit Points(const StateOf<M>& state) : std::array<StateOf<M>, type::stages>{state, state, state} {}
+  };
+};
+
+/// `Derivatives` of a `Simulation` with the formulas of its integrator, over numbers with derivatives, from the closed loops of a part's beginning to those of its end.
+///
+/// What is found by iteration, the accelerations at the end of the trapezoidal rule, multipliers, and the way to closed loops, goes on until derivatives stay
+/// too, so that they are those of the solution.
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
+class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceResidual> {
+ public:
+  using Base = EventDerivatives<Simulation, D, S, dofs, ForceResidual>;
+  using typename Base::M;
+
+ protected:
+  using typename Base::Steps;
+  using Base::m, Base::n, Base::has_stages, Base::is_explicit, Base::seeks_multipliers, Base::indicators;
+  using Base::begun_, Base::charts, Base::cut_, Base::ended_, Base::from_, Base::is_stale_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
+
+  /// Whether a step begins with the accelerations that the one before has found, before loops are closed at its end.
+  static constexpr bool goes_on = !is_explicit && (!Base::has_system || m > 0 || has_stages);
+
+  /// Whether it begins with the derivative that the one before has found where its last stage stood, before loops were closed.
+  static constexpr bool carries_derivative = is_explicit && m > 0;
+
+  [[no_unique_address]] typename StagesOf<M, ForceResidual, has_stages>::type stages_;  ///< of a step, the stages of which stand at
+  [[no_unique_address]] typename StagesOf<M, ForceResidual, has_stages>::Points points_;
+
+  Fixed<Dual, M::sizes.coordinates> coordinate_rates_;  ///< rates of coordinates of that derivative
+  bool is_derivative_known_ = false;             ///< that derivative is there where a part begins, in `coordinate_rates_` and in accelerations
+  bool wants_derivative_ = false;                ///< it is to be there at the end
+
+  /// Get ready for a part from a state to another; false where its end has no derivative.
+  bool find_part(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    if constexpr (is_explicit) return true;
+    else if constexpr (has_stages) return find_stages(simulation.mechanism(), from, h);
+    else if constexpr (seeks_multipliers) return this->find_rule(simulation.mechanism(), from, end, h);
+    else return starts_by_force_residual() || (!is_stale_ && h == this->inverse_of_) || this->find_inverse(simulation, from, end, h);
+  }
+
+  /// From the beginning of the part to its end along directions; false where that has no derivative.
+  bool go(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+    M& mechanism = simulation.mechanism();
+    if constexpr (is_explicit) return go_by_derivatives(mechanism, from, end, h, number);
+    else if constexpr (has_stages) return go_by_stages(mechanism, from, end, h, number);
+    else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, from, end, h);
+    else {
+      if constexpr (Base::has_force_residual)
+        if (this->by_force_residual_) return !(this->has_no_derivative_ = !this->go_by_force_residual(mechanism, from, end, h));
+      return this->go_by_fixed_point(mechanism, from, end, h);
+    }
+  }
+
+  /// Parts that follow get ready anew, not as one before.
+  void forget_part() { is_stale_ = true; }
+  bool can_get_ready_anew(const StateOf<M>& end) const { return !is_explicit && !has_stages && !seeks_multipliers && this->inverse_at_ != end.t; }
+
+  /// The projection of the part's end; false where loops stay open.
+  bool close_end(Simulation& simulation, const StateOf<M>& end) {
+    if constexpr (has_stages) return close_by_force_residual(end);
+    else if constexpr (seeks_multipliers) return true;
+    else return !(is_explicit || simulation.settings().fixed_point.proximal) || close_loops();
+  }
+
+ private:
+  /// Begin a part by the force residual, where there is one and it has not just failed.
+  bool starts_by_force_residual() {
+    this->by_force_residual_ = Base::has_force_residual && !this->has_no_derivative_;
+    this->has_no_derivative_ = this->is_settled_ = false;
+    return this->by_force_residual_;
+  }
+
+  /// An explicit method, whose last stage begins the next step.
+  bool go_by_derivatives(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+    if constexpr (!is_explicit) return false;
+    else return go_by_table<typename Steps::Method>(mechanism, from, end, h, number);
+  }
+
+  template <class Table>
+  bool go_by_table(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+    constexpr std::size_t last = Table::stages - 1, all = indicators > 0 ? Table::all : Table::stages;
+    std::array<Fixed<Dual, M::sizes.coordinates>, all> place_derivatives;
+    std::array<Fixed<Dual, n>, all> speed_derivatives;
+    const Dual length(h, -begun_);
+    from_ = q_;
+    speeds_ = v_;
+    stage_ = from;
+    Dual now;
+    const auto lead = [&](std::size_t stage) {
+      q_ = from_;
+      v_ = speeds_;
+      std::array<typename Table::Row::value_type, all> weights;
+      std::copy_n(Table::weights[stage].begin(), all, weights.begin());
+      add_derivatives(length, weights, place_derivatives, q_);
+      add_derivatives(length, weights, speed_derivatives, v_);
+      const double node = Table::nodes[stage].template as<double>();
+      now = Dual(stage_.t = from.t + node * h, (1.0 - node) * begun_);
+      mechanism.begin_step(stage_.t, 1.0);
+    };
+    const auto derive = [&] {
+      for (std::size_t i = 0; i < q_.size(); ++i) stage_.q[i] = q_[i].value;
+      for (std::size_t i = 0; i < n; ++i) stage_.v[i] = v_[i].value;
+      if (!this->enter(mechanism, stage_)) return false;
+      mechanism_.begin_step(now, 1.0);
+      if (!this->find_accelerations(mechanism, number)) return false;
+      coordinate_rates<Dual>(charts(), q_.data(), v_.data(), coordinate_rates_.data());
+      return true;
+    };
+    const auto keep = [&](std::size_t stage) { place_derivatives[stage] = coordinate_rates_, speed_derivatives[stage] = vdot_; };
+    if (!is_derivative_known_) coordinate_rates<Dual>(charts(), q_.data(), v_.data(), coordinate_rates_.data());
+    for (std::size_t stage = 0; stage < last;) {
+      keep(stage);
+      lead(++stage);
+      if ((stage < last || wants_derivative_ || cut_.is_made) && !derive()) return false;
+    }
+    ended_ = Tangents{};
+    if constexpr (indicators > 0)
+      if (cut_.is_made) {
+        keep(last);
+        const auto places = q_;
+        const auto speeds = v_;
+        for (std::size_t stage = Table::stages; stage < all; ++stage) {
+          lead(stage);
+          if (!derive()) return false;
+          keep(stage);
+        }
+        q_ = places;
+        v_ = speeds;
+        this->template interpolate<Table>(length, from_, place_derivatives, q_, this->turning_);
+        this->template interpolate<Table>(length, speeds_, speed_derivatives, v_, this->bending_);
+        mechanism.begin_step(stage_.t = end.t, 1.0);
+        this->take_inputs(mechanism);
+        if (!this->meet_event(mechanism, end, number)) return false;
+      }
+    this->take_inputs(mechanism);
+    mechanism_.begin_step(Dual(stage_.t, ended_), 1.0);
+    normalise<Dual>(charts(), q_.data());
+    return true;
+  }
+
+  // Coupled stages
+
+  /// Derivatives of the residual of the equations of motion in the stages of a step; false where they do not determine these.
+  bool find_stages(M& mechanism, const StateOf<M>& from, double h) {
+    this->along_ = {};
+    return stages_.find(this->force_residual_, h, charts(), from.q.data(), points_, [&](std::size_t i) {
+      mechanism.begin_step(points_[i].t, 1.0);
+      this->take_inputs(mechanism);
+    });
+  }
+
+  /// The end of a step whose stages balance forces as they do in the run.
+  bool go_by_stages(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+    using Stages = radau::StageDerivatives<ForceResidual>;
+    constexpr std::size_t last = Stages::stages - 1;
+    const Dual length(h, -begun_);
+    typename Stages::DualPlaces places;
+    typename Stages::DualSpeeds speeds, derivatives, ways;
+    typename Stages::Changes change;
+    from_ = q_;
+    speeds_ = v_;
+    const auto bent = vdot_;
+    for (std::size_t i = 0; i <= last; ++i) std::copy(points_[i].vdot.begin(), points_[i].vdot.end(), derivatives[i].begin());
+    stages_.lead(length, charts(), from_, speeds_, derivatives, ways, places, speeds);
+    const bool moves = this->is_time_moving_;
+    for (std::size_t i = 0; i <= last; ++i) {
+      Along* const rows = change.data() + i * Stages::unknowns;
+      if (!moves) {
+        if (this->trajectories_) {
+          mechanism.begin_step(points_[i].t, 1.0);
+          this->take_inputs(mechanism);
+        }
+        this->force_residual_.lose(stages_.derivative(i), places[i], speeds[i], this->du_, this->dheld_, rows);
+        continue;
+      }
+      q_ = places[i];
+      v_ = speeds[i];
+      mechanism.begin_step(points_[i].t, 1.0);
+      if (!this->enter(mechanism, points_[i])) return false;
+      mechanism_.begin_step(Dual(points_[i].t, (from.t + h - points_[i].t) / h * begun_), 1.0);
+      if (!this->find_accelerations(mechanism, number)) return false;
+      stages_.gain(i, vdot_, this->lambda_, rows);
+    }
+    if (!this->force_residual_.solve(stages_.matrix(), change)) return false;
+    for (std::size_t i = 0; i <= last; ++i)
+      for (std::size_t l = 0; l < n; ++l) derivatives[i][l].derivative = change[i * Stages::unknowns + l].derivative;
+    stages_.lead(length, charts(), from_, speeds_, derivatives, ways, places, speeds);
+    q_ = places[last];
+    v_ = speeds[last];
+    vdot_ = derivatives[last];
+    for (std::size_t l = 0; l < m; ++l) this->lambda_[l] = {points_[last].lambda[l], change[last * Stages::unknowns + n + l].derivative};
+    ended_ = Tangents{};
+    be_at(mechanism, points_[last].t);
+    if constexpr (indicators > 0)
+      if (cut_.is_made) {
+        StateOf<D> begin(M::sizes.coordinates, n, m);
+        begin.q = from_, begin.v = speeds_, begin.vdot = bent;
+        return close_by_force_residual(points_[last]) && cut(mechanism, end, length, begin, ways[last], number);
+      }
+    return true;
+  }
+
+  /// Be at a time that changes along directions as a part's end does.
+  void be_at(M& mechanism, double t) {
+    mechanism.begin_step(t, 1.0);
+    this->take_inputs(mechanism);
+    mechanism_.begin_step(Dual(t, ended_), 1.0);
+  }
+
+  /// From the end of a step to where it is cut, by the interpolant that goes on from its beginning and has found a `shift`.
+  bool cut(M& mechanism, const StateOf<M>& end, const Dual& length, StateOf<D>& begin, Fixed<Dual, n>& shift, std::size_t number) {
+    StateOf<D> done(M::sizes.coordinates, n, m);
+    done.q = q_, done.v = v_, done.vdot = vdot_;
+    stepping::Interpolant<D> between(charts(), begin);
+    typename stepping::Interpolant<D>::Vector at;
+    between.join(length, begin, done, shift);
+    between.at(Dual(cut_.share, (cut_.share - 1.0) / length.value * begun_), at);
+    std::copy_n(at.begin(), q_.size(), q_.begin());
+    std::copy_n(at.begin() + q_.size(), n, v_.begin());
+    const auto still = [](auto&... numbers) {
+      const auto each = [](auto& some) {
+        for (Dual& x : some) x.derivative = Tangents{};
+      };
+      (each(numbers), ...);
+    };
+    still(begin.q, begin.v, begin.vdot, done.q, done.v, done.vdot, shift);
+    between.join(length.value, begin, done, shift);
+    Dual share(cut_.share);
+    share.derivative[0] = 1.0 / length.value;
+    between.at(share, at);
+    for (std::size_t i = 0; i < q_.size(); ++i) this->turning_[i] = at[i].derivative[0];
+    for (std::size_t i = 0; i < n; ++i) this->bending_[i] = at[q_.size() + i].derivative[0];
+    be_at(mechanism, end.t);
+    if (!this->meet_event(mechanism, end, number)) return false;
+    be_at(mechanism, end.t);
+    return true;
+  }
+
+  /// Derivatives of a state that stay on closed loops, as the force residual has these; what closes them as masses do comes near to what the run's tangents do by the
+  /// violations that steps leave.
+  bool close_by_force_residual(const StateOf<M>& state) {
+    if constexpr (m > 0) {
+      typename ForceResidual::Changes change;
+      this->force_residual_.find(state.t, state.q, state.v, state.vdot, state.lambda, this->u_);
+      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+      if (!this->force_residual_.close_violations(phi_, change)) return false;
+      from_ = q_;
+      for (std::size_t i = 0; i < n; ++i) step_[i] = {0.0, change[i].derivative};
+      retract<Dual>(charts(), from_.data(), step_.data(), q_.data());
+      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+      if (!this->force_residual_.close_violations(phid_, change)) return false;
+      for (std::size_t i = 0; i < n; ++i) v_[i].derivative += change[i].derivative;
+    }
+    return true;
+  }
+
+  /// The projection of a step's end; false where loops stay open.
+  bool close_loops() {
+    if constexpr (m > 0) {
+      const auto measure = [this] { mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data()); };
+      const bool closed = close(phi_, q_, measure, [this] { retract<Dual>(charts(), from_.data(), step_.data(), q_.data()); }, from_);
+      return closed && close(phid_, v_, measure, [this] { for (std::size_t i = 0; i < n; ++i) v_[i] = speeds_[i] + step_[i]; }, speeds_);
+    }
+    return true;
+  }
+
+  /// Whether numbers and their derivatives are so small, as those of a violation that numbers hardly change for are by the rounding of parameters.
+  template <class Numbers>
+  static bool is_at_most(const Numbers& numbers, double most) {
+    const Dual found = Base::largest(numbers);
+    for (std::size_t k = 0; k < directions; ++k)
+      if (!(found.derivative[k] <= most)) return false;
+    return found.value <= most;
+  }
+
+  /// Moves until a violation and its derivatives are rounding, or the next one leaves no more.
+  template <class Numbers, class Measure, class Move>
+  bool close(const Fixed<Dual, m>& violation, Numbers& numbers, Measure measure, Move move, Numbers& before) {
+    constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
+    double factor = 1.0, last = std::numeric_limits<double>::infinity();
+    for (int iteration = 0; iteration < 50; ++iteration) {
+      measure();
+      const double left = this->largest_share(violation, numbers);
+      if (!(left <= std::numeric_limits<double>::max())) return false;
+      if (iteration > 0) factor = left / last;
+      if (left <= rounding || (iteration > 0 && factor > 0.5 && (left <= 1e-9 || is_at_most(violation, rounding)))) return true;
+      before = numbers;
+      mechanism_.project(q_.data(), violation.data(), step_.data());
+      move();
+      if (left * std::min(1.0, factor) <= rounding && iteration > 0) return true;
+      last = left;
+    }
+    return false;
+  }
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,190 @@
+// What controllers hold between the samples that they take.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <span>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/mechanism/chart.hpp"
+#include "cutjoint/core/inputs/inputs.hpp"
+
+namespace cutjoint {
+
+/// When the controllers of a mechanism or system take samples.
+template <class M>
+auto samples_of(const M& subject) {
+  if constexpr (Sized<M>) {
+    return std::span<const SampleTimes>(M::samples);
+  } else {
+    std::vector<SampleTimes> times;
+    for (const auto& controller : subject.description().controllers) times.push_back(controller.times);
+    return times;
+  }
+}
+
+/// Whether a mechanism or system may have controllers, as far as its class knows.
+template <class M>
+constexpr bool may_sample = !Sized<M> || static_sizes<M>().controllers > 0;
+
+/// The values that controllers hold, and how many samples each has taken.  It is a source of inputs: behind those of another source it puts what is held.
+/// A value that is no number yet is the scene's, its start.
+template <class M>
+class Sampling {
+ public:
+  using Real = typename M::real_type;
+
+  struct Memory {
+    Array<M, static_sizes<M>().held> values;
+    Array<M, static_sizes<M>().controllers, long> numbers;
+  };
+
+  explicit Sampling(const M& subject)
+      : times_(samples_of(subject)), first_(numbers_per_input * sizes_of(subject).inputs), next_(held(times_)), memory_{next_, {}} {
+    if constexpr (!Sized<M>) memory_.numbers.resize(times_.size());
+    begin();
+  }
+
+  /// The source that gives what is held behind the inputs of another; this object must outlive its use.
+  InputSource<Real> source(const InputSource<Real>& others) {
+    others_ = others;
+    return times_.empty() ? others : InputSource<Real>{&fill, this, others.begin ? &begin_others : nullptr};
+  }
+
+  bool any() const { return !times_.empty(); }
+  std::size_t size() const { return times_.size(); }
+
+  /// No controller has taken a sample.
+  void begin() {
+    std::fill(memory_.values.begin(), memory_.values.end(), std::numeric_limits<Real>::quiet_NaN());
+    std::fill(memory_.numbers.begin(), memory_.numbers.end(), 0L);
+  }
+
+  /// The time of the next sample, infinity without controllers.
+  Real next() const {
+    Real next = std::numeric_limits<Real>::infinity();
+    for (std::size_t i = 0; i < times_.size(); ++i) next = std::min(next, time_of(i));
+    return next;
+  }
+
+  bool is_due(std::size_t i, Real t, Real rounding) const { return time_of(i) <= t + rounding; }
+
+  /// Somebody else has gone to a time: the next samples are those behind it.
+  void go_to(Real t, Real rounding) {
+    for (std::size_t i = 0; i < times_.size(); ++i) {
+      const double passed = (static_cast<double>(t + rounding) - times_[i].offset) / times_[i].every;
+      memory_.numbers[i] = passed < 0.0 ? 0 : static_cast<long>(std::floor(passed)) + 1;
+    }
+  }
+
+  /// Controllers hold these values, of the samples up to a time.
+  void go_on(Real t, Real rounding, const Array<M, static_sizes<M>().held>& values) {
+    memory_.values = values;
+    go_to(t, rounding);
+  }
+
+  /// Controllers hold these values for a while, until they are restored.
+  void hold(const Array<M, static_sizes<M>().held>& values) { memory_.values = values; }
+
+  /// Where a function puts the next values of all.
+  Real* next_values() { return next_.data(); }
+
+  /// A controller holds its next values; whether they are finite.  Unless they are, it holds what it held.  Some of them `change`, and of those some
+  /// are `felt`: motion follows from them.
+  bool take(std::size_t i, bool& changes, bool& felt) {
+    const std::size_t first = first_of(i), end = first + held_by(i);
+    for (std::size_t k = first; k < end; ++k)
+      if (!(next_[k] - next_[k] == Real(0))) return false;
+    for (std::size_t k = first; k < end; ++k) {
+      const bool changed = memory_.values[k] != next_[k];
+      changes = changes || changed;
+      felt = felt || (changed && times_[i].felt[k - first] != '0');
+      memory_.values[k] = next_[k];
+    }
+    ++memory_.numbers[i];
+    return true;
+  }
+
+  /// Whether its samples read accelerations or multipliers.
+  bool is_accelerated(std::size_t i) const { return times_[i].accelerated; }
+
+  /// Its values among those of all.
+  std::size_t first_of(std::size_t controller) const {
+    std::size_t first = 0;
+    for (std::size_t i = 0; i < controller; ++i) first += held_by(i);
+    return first;
+  }
+
+  std::size_t held_by(std::size_t controller) const { return static_cast<std::size_t>(times_[controller].held); }
+
+  /// Whether what a controller holds is of a sample at a time.
+  bool is_of(std::size_t controller, Real t, Real rounding) const {
+    const Real last = time_of(controller) - Real(times_[controller].every);
+    return memory_.numbers[controller] > 0 && last <= t + rounding && t <= last + rounding;
+  }
+
+  const Memory& memory() const { return memory_; }
+  void restore(const Memory& memory) { memory_ = memory; }
+
+ private:
+  Real time_of(std::size_t i) const { return Real(times_[i].offset + static_cast<double>(memory_.numbers[i]) * times_[i].every); }
+
+  template <class Times>
+  static std::size_t held(const Times& times) {
+    std::size_t number = 0;
+    for (const SampleTimes& each : times) number += static_cast<std::size_t>(each.held);
+    return number;
+  }
+
+  static void fill(void* host, Real t, Real* input) {
+    const Sampling& own = *static_cast<const Sampling*>(host);
+    if (own.others_.fill) own.others_.fill(own.others_.host, t, input);
+    const auto& values = own.memory_.values;
+    for (std::size_t i = 0; i < values.size(); ++i)
+      if (values[i] == values[i]) input[own.first_ + i] = values[i];
+  }
+
+  static StepBegin begin_others(void* host, Real t, Real until) {
+    const Sampling& own = *static_cast<const Sampling*>(host);
+    return own.others_.begin(own.others_.host, t, until);
+  }
+
+  decltype(samples_of(std::declval<const M&>())) times_;
+  std::size_t first_;
+  Array<M, static_sizes<M>().held> next_;
+  Memory memory_;
+  InputSource<Real> others_;
+};
+
+/// What holds nothing.
+template <class M>
+struct NoSampling {
+  struct Memory {};
+
+  explicit NoSampling(const M&) {}
+
+  InputSource<typename M::real_type> source(const InputSource<typename M::real_type>& others) const { return others; }
+  void begin() {}
+  Memory memory() const { return {}; }
+  void restore(const Memory&) {}
+  void go_to(typename M::real_type, typename M::real_type) {}
+};
+
+/// Room for speeds where a mechanism or system may have controllers.
+template <class M>
+struct NoRoom {
+  explicit NoRoom(std::size_t) {}
+};
+
+template <class M>
+using RoomForSamples = std::conditional_t<may_sample<M>, Speeds<M>, NoRoom<M>>;
+
+template <class M>
+using SamplingOf = std::conditional_t<may_sample<M>, Sampling<M>, NoSampling<M>>;
+
+}  // namespace cutjoint

@@ -1,0 +1,96 @@
+// The contract of a mechanism between generated code (or the generic twin) and the integrators.
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <span>
+#include <type_traits>
+#include <vector>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/mechanism/chart.hpp"
+#include "cutjoint/core/mechanism/contract.hpp"
+
+namespace cutjoint {
+
+/// A mechanism.  All arrays belong to the caller and have the lengths of its lists; nothing allocates.  It knows these lengths, `sizes`, or has a `description`.
+///
+/// - `load` computes what depends on parameters alone,
+/// - `begin_step` what depends on time and on inputs, which their source gives (inputs.hpp); `motion` is 1 in a run and 0 where a mechanism
+///   is held at rest, which stops guides and drives,
+/// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
+/// - `constraint_residual` the residual of the cut joints and its rate,
+/// - `report` the columns; generated code also has `energy`, the kinetic energy and the power of all forces, guides and drives,
+/// - `project` the step of the speeds' integrals (or of the speeds) that closes given violations of the residual (or its rate) and moves the
+///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -violation, up to a share of the violation that a finite penalty leaves; one that only starts runs may
+///   do without, with the closure `penalty`.
+///
+/// Where the rates of guides may jump the mechanism or system has `energy` too, and `events` for steps that go over events, unless its coordinates are
+/// natural.  Where forces were left out, `guard` is the smallest margin of each, which is negative where the force would act.  With controllers
+/// `sample` is what each would hold next (sampling.hpp).
+template <class M>
+concept Mechanism = requires(M& m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
+                             const Stabilisation<typename M::real_type>& s, const Road<typename M::real_type>* roads) {
+  typename M::real_type;
+  m.load(in, s, roads);
+  m.begin_step(t, t);
+  m.evaluate(in, in, in, out, out);
+  m.constraint_residual(in, in, out, out);
+  m.report(in, in, in, in, out);
+};
+
+/// The charts of a mechanism.
+template <class M>
+std::span<const Chart> charts_of(const M& mechanism) {
+  if constexpr (Sized<M>)
+    return M::charts;
+  else
+    return mechanism.description().charts;
+}
+
+/// Where the indicators of a mechanism or system are watched.
+template <class M>
+using IndicatorPlaces = std::conditional_t<Sized<M>, std::span<const IndicatorPlace>, std::vector<IndicatorPlace>>;
+
+/// A class that knows its indicators has them all watched; of others `watched` says whether they are.
+template <class M>
+IndicatorPlaces<M> indicators_of(const M& mechanism, [[maybe_unused]] bool watched = true) {
+  if constexpr (Sized<M>) {
+    return M::indicators;
+  } else {
+    std::vector<IndicatorPlace> places;
+    if (!watched) return places;
+    for (const auto& each : mechanism.description().indicators) places.push_back({each.road, each.across});
+    return places;
+  }
+}
+
+/// Whether the rates of guides may jump, as far as a class knows; one that knows its sizes says so by `guides_jump`.
+template <class M>
+constexpr bool can_jump = !Sized<M> || requires { M::guides_jump; };
+
+/// Whether they may jump.
+template <class M>
+bool may_jump([[maybe_unused]] const M& mechanism) {
+  if constexpr (Sized<M>) return can_jump<M>;
+  else return mechanism.description().guides_jump;
+}
+
+/// The usual sizes of the first-order states of a mechanism or system, none where all are 1.
+template <class M>
+std::span<const double> nominals_of(const M& subject) {
+  if constexpr (requires { M::nominals; }) return M::nominals;
+  else if constexpr (requires { subject.description(); }) return subject.description().nominals;
+  else return {};
+}
+
+/// The first equation of each cut joint.
+template <class M>
+std::span<const int> cuts_of(const M& mechanism) {
+  if constexpr (Sized<M>)
+    return M::cuts;
+  else
+    return mechanism.description().cuts;
+}
+
+}  // namespace cutjoint

@@ -1,0 +1,160 @@
+// Numbers with derivatives: what generated code makes of them are exact derivatives, to rounding.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <utility>
+
+#include "cutjoint/core/numbers/functions.hpp"
+
+namespace cutjoint {
+
+/// How many doubles a register has.
+#if defined(__AVX512F__)
+inline constexpr std::size_t register_length = 8;
+#elif defined(__AVX__)
+inline constexpr std::size_t register_length = 4;
+#else
+inline constexpr std::size_t register_length = 2;
+#endif
+
+/// A register of doubles; a struct that has some needs no other alignment than that of doubles.
+typedef double Part __attribute__((vector_size(register_length * sizeof(double)), aligned(alignof(double))));
+
+template <std::size_t count, class Parts = std::make_index_sequence<count / register_length>>
+struct Side;
+
+/// So many numbers side by side, by registers: GCC takes vectors that are longer than these through memory.
+template <std::size_t count, std::size_t... p>
+struct Side<count, std::index_sequence<p...>> {
+  Part part[sizeof...(p)];
+
+  double operator[](std::size_t k) const { return part[k / register_length][k % register_length]; }
+  double& operator[](std::size_t k) { return reinterpret_cast<double*>(part)[k]; }
+
+  /// Each part by its number.
+  template <class Each>
+  [[gnu::always_inline]] static Side of(Each each) {
+    return {{each(p)...}};
+  }
+
+  [[gnu::always_inline]] Side& operator+=(const Side& b) { return *this = *this + b; }
+  [[gnu::always_inline]] Side& operator-=(const Side& b) { return *this = *this - b; }
+  [[gnu::always_inline]] Side& operator*=(double b) { return *this = *this * b; }
+  [[gnu::always_inline]] Side& operator/=(double b) { return *this = *this / b; }
+
+#define CUTJOINT_OPERATION(operation)                                                                                                         \
+  [[gnu::always_inline]] friend Side operator operation(const Side& a, const Side& b) { return {{(a.part[p] operation b.part[p])...}}; } \
+  [[gnu::always_inline]] friend Side operator operation(const Side& a, double b) { return {{(a.part[p] operation b)...}}; }               \
+  [[gnu::always_inline]] friend Side operator operation(double a, const Side& b) { return {{(a operation b.part[p])...}}; }
+  CUTJOINT_OPERATION(+)
+  CUTJOINT_OPERATION(-)
+  CUTJOINT_OPERATION(*)
+  CUTJOINT_OPERATION(/)
+#undef CUTJOINT_OPERATION
+  [[gnu::always_inline]] friend Side operator-(const Side& a) { return {{(-a.part[p])...}}; }
+
+  /// The larger of both; the second where one is not a number.
+  [[gnu::always_inline]] friend Side larger(const Side& a, const Side& b) { return {{(a.part[p] > b.part[p] ? a.part[p] : b.part[p])...}}; }
+
+  /// What changes with these times how steeply it does: 0 with what does not change, also where it is infinitely steep.
+  template <class Steepness>
+  [[gnu::always_inline]] friend Side along(const Steepness& steepness, const Side& a) {
+    const Side product = steepness * a;
+    return {{(a.part[p] == 0.0 ? Part{} : product.part[p])...}};
+  }
+};
+
+/// Derivatives along several directions.
+inline constexpr std::size_t directions = 8;
+using Tangents = Side<directions>;
+
+// As calls, products and quotients take a third less time of a compiler and a tenth more of a processor.
+#ifdef CUTJOINT_SMALL_DERIVATIVES
+#define CUTJOINT_PRODUCT gnu::noinline
+#else
+#define CUTJOINT_PRODUCT gnu::always_inline
+#endif
+
+/// A value and its derivatives along directions, with the arithmetic and functions of generated code.  Comparisons are of values: where formulas
+/// change, derivatives are those of the formula that holds, of |x| at 0 those of x.  What does not change along a direction has a derivative of 0,
+/// also where a function is infinitely steep.
+struct Dual {
+  double value = 0.0;
+  Tangents derivative{};
+
+  constexpr Dual() = default;
+  constexpr Dual(double number) : value(number) {}
+  constexpr Dual(double number, const Tangents& derivatives) : value(number), derivative(derivatives) {}
+  /// The derivatives of another: clang takes a vector that is passed by itself for an aligned one.
+  constexpr Dual(double number, const Dual& other) : value(number), derivative(other.derivative) {}
+
+  [[gnu::always_inline]] Dual& operator+=(const Dual& b) { return *this = *this + b; }
+  [[gnu::always_inline]] Dual& operator-=(const Dual& b) { return *this = *this - b; }
+  [[gnu::always_inline]] Dual& operator*=(const Dual& b) { return *this = *this * b; }
+  [[gnu::always_inline]] Dual& operator/=(const Dual& b) { return *this = *this / b; }
+
+  [[gnu::always_inline]] friend Dual operator-(const Dual& a) { return {-a.value, -a.derivative}; }
+  [[gnu::always_inline]] friend Dual operator+(const Dual& a, const Dual& b) { return {a.value + b.value, a.derivative + b.derivative}; }
+  [[gnu::always_inline]] friend Dual operator-(const Dual& a, const Dual& b) { return {a.value - b.value, a.derivative - b.derivative}; }
+  [[CUTJOINT_PRODUCT]] friend Dual operator*(const Dual& a, const Dual& b) { return {a.value * b.value, a.derivative * b.value + a.value * b.derivative}; }
+  [[CUTJOINT_PRODUCT]] friend Dual operator/(const Dual& a, const Dual& b) {
+    const double quotient = a.value / b.value;
+    return {quotient, (a.derivative - quotient * b.derivative) / b.value};
+  }
+  friend bool operator<(const Dual& a, const Dual& b) { return a.value < b.value; }
+  friend bool operator<=(const Dual& a, const Dual& b) { return a.value <= b.value; }
+  friend bool operator>(const Dual& a, const Dual& b) { return a.value > b.value; }
+  friend bool operator>=(const Dual& a, const Dual& b) { return a.value >= b.value; }
+};
+
+#undef CUTJOINT_PRODUCT
+
+/// Derivatives without their value, which linear maps of numbers take to others.
+struct Along {
+  Tangents derivative;
+
+  [[gnu::always_inline]] Along& operator+=(const Along& b) { return derivative += b.derivative, *this; }
+  [[gnu::always_inline]] Along& operator-=(const Along& b) { return derivative -= b.derivative, *this; }
+  [[gnu::always_inline]] Along& operator*=(double b) { return derivative *= b, *this; }
+  [[gnu::always_inline]] Along& operator/=(double b) { return derivative /= b, *this; }
+
+  [[gnu::always_inline]] friend Along operator*(const Along& a, double b) { return {a.derivative * b}; }
+  [[gnu::always_inline]] friend Along operator*(double a, const Along& b) { return {a * b.derivative}; }
+};
+
+/// A function's value, and its derivatives by an argument, of which it has that `steepness`.
+inline Dual follow(double value, double steepness, const Dual& a) { return {value, along(steepness, a.derivative)}; }
+inline double value_of(const Dual& a) { return a.value; }
+
+/// Numbers with derivatives, alone or side by side.
+template <class A>
+concept Differentiated = requires(const A& a) { a.derivative, value_of(a); };
+
+#define CUTJOINT_FOLLOW(name, slope)                           \
+  template <Differentiated A>                                  \
+  A name(const A& a) {                                         \
+    const auto x = value_of(a), y = [&] {                      \
+      using std::name;                                         \
+      return name(x);                                          \
+    }();                                                       \
+    using std::cos, std::cosh, std::sin, std::sinh, std::sqrt; \
+    return follow(y, slope, a);                                \
+  }
+CUTJOINT_FUNCTIONS(CUTJOINT_FOLLOW)
+#undef CUTJOINT_FOLLOW
+template <Differentiated A>
+A atan2(const A& a, const A& b) {
+  using std::atan2;
+  const auto y = value_of(a), x = value_of(b), square = y * y + x * x;
+  return follow(atan2(y, x), x / square, a) + follow(0.0, -y / square, b);
+}
+template <Differentiated A>
+A pow(const A& a, const A& b) {
+  using std::log, std::pow;
+  const auto base = value_of(a), exponent = value_of(b), power = pow(base, exponent);
+  return follow(power, exponent * pow(base, exponent - 1.0), a) + follow(0.0, log(base) * power, b);
+}
+inline Dual abs(const Dual& a) { return {std::abs(a.value), a.value < 0.0 ? -a.derivative : a.derivative}; }
+
+}  // namespace cutjoint

@@ -1,0 +1,104 @@
+// Roads: height and slope over x, in pieces, one profile left of y = 0 and one right of it; on them a surface.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <span>
+
+#include "cutjoint/core/roads/surface.hpp"
+
+namespace cutjoint {
+
+enum class PieceKind {
+  line,    ///< z = a + b (x - begin)
+  arc,     ///< z = a + sqrt(b^2 - (x - c)^2): what the centre of a disc of radius b sees of an edge at x = c
+  cosine,  ///< z = a + b (1 - cos(c (x - begin)))
+};
+
+/// One piece of road from x = begin to the next piece's begin; lengths in m.
+template <class Real>
+struct Piece {
+  PieceKind kind;
+  Real begin, a, b, c;
+
+  Real height(Real x) const {
+    using std::cos, std::sqrt, std::max;
+    switch (kind) {
+      case PieceKind::arc: return a + sqrt(max(b * b - (x - c) * (x - c), Real(0)));
+      case PieceKind::cosine: return a + b * (Real(1) - cos(c * (x - begin)));
+      case PieceKind::line: break;
+    }
+    return a + b * (x - begin);
+  }
+
+  Real slope(Real x) const {
+    using std::sin, std::sqrt, std::max;
+    switch (kind) {
+      case PieceKind::arc: return -(x - c) / sqrt(max(b * b - (x - c) * (x - c), Real(1e-12)));
+      case PieceKind::cosine: return b * c * sin(c * (x - begin));
+      case PieceKind::line: break;
+    }
+    return b;
+  }
+
+  Real curvature(Real x) const {
+    using std::cos, std::sqrt, std::max;
+    switch (kind) {
+      case PieceKind::arc: {
+        const Real root = sqrt(max(b * b - (x - c) * (x - c), Real(1e-12)));
+        return -b * b / (root * root * root);
+      }
+      case PieceKind::cosine: return b * c * c * cos(c * (x - begin));
+      case PieceKind::line: break;
+    }
+    return Real(0);
+  }
+};
+
+/// One side of a road: its pieces in the order of x, of which the first also holds before its begin, and where all others begin; both belong to
+/// somebody else.
+template <class Real>
+struct Track {
+  std::span<const Piece<Real>> pieces;
+  std::span<const Real> breaks;
+
+  const Piece<Real>& at(Real x) const {
+    const auto after = std::upper_bound(breaks.begin(), breaks.end(), x);
+    return pieces[static_cast<std::size_t>(after - breaks.begin())];
+  }
+};
+
+/// A road as one wheel meets it.  A point follower sees height and slope; a rigid disc sees its envelope and no slope.
+template <class Real>
+class Road {
+ public:
+  constexpr Road() : Road({.pieces = flat, .breaks = {}}, {.pieces = flat, .breaks = {}}, false) {}
+  constexpr Road(const Track<Real>& left, const Track<Real>& right, bool disc, const Surface<Real>* surface = nullptr)
+      : left_(left), right_(right), disc_(disc), surface_(surface) {}
+
+  Real height(Real x, Real y) const { return track(y).at(x).height(x); }
+  Real slope(Real x, Real y) const { return disc_ ? Real(0) : track(y).at(x).slope(x); }
+
+  /// Where one piece ends and the next begins, on the side of y.
+  std::span<const Real> breaks(Real y) const { return track(y).breaks; }
+
+  /// The derivatives of height and slope by x.
+  Real height_dx(Real x, Real y) const { return track(y).at(x).slope(x); }
+  Real slope_dx(Real x, Real y) const { return disc_ ? Real(0) : track(y).at(x).curvature(x); }
+
+  /// The surface's height on the tracks, and the factor of friction, or their derivatives of these orders by x and y.
+  Real surface(Real x, Real y, int by_x, int by_y) const { return surface_ ? surface_->height(x, y, by_x, by_y) : Real(0); }
+  Real friction(Real x, Real y, int by_x, int by_y) const { return surface_ ? surface_->friction(x, y, by_x, by_y) : Real(by_x + by_y > 0 ? 0 : 1); }
+
+ private:
+  static constexpr Piece<Real> flat[1] = {{PieceKind::line, Real(0), Real(0), Real(0), Real(0)}};
+
+  const Track<Real>& track(Real y) const { return y > Real(0) ? left_ : right_; }
+
+  Track<Real> left_, right_;
+  bool disc_;
+  const Surface<Real>* surface_ = nullptr;  ///< of all wheels
+};
+
+}  // namespace cutjoint

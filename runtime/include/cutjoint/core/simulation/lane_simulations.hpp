@@ -1,0 +1,143 @@
+// Simulations of one model that take their steps together, each in a lane of its own.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <new>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/stepping/lane_steps.hpp"
+#include "cutjoint/core/mechanism/side_by_side.hpp"
+#include "cutjoint/core/simulation/simulation.hpp"
+
+namespace cutjoint {
+
+/// A mechanism inside an object, there before what steps it.
+template <Sized M>
+struct LaneMechanism {
+  M mechanism;
+};
+
+/// The inputs of a simulation in a lane, whose host gives no others from now on.
+template <class Followed>
+class LaneFollowed {
+ public:
+  void begin(const typename Followed::Inputs& given, const Followed& followed, double dt) {
+    given_ = given;
+    followed_ = followed;
+    dt_ = dt;
+  }
+
+  /// Where it is when a step begins, and once more if that step is tried again.
+  const Followed& followed() const { return followed_; }
+
+  /// A source that gives these.
+  InputSource<double> source() {
+    InputSource<double> source = followed_.used().source();
+    if (Followed::any && source.fill) source = {&fill, this, &go_on};
+    return source;
+  }
+
+ private:
+  static void fill(void* host, double t, double* input) { Followed::Inputs::fill(&static_cast<LaneFollowed*>(host)->followed_.used(), t, input); }
+
+  static StepBegin go_on(void* host, double t, double until) {
+    LaneFollowed& own = *static_cast<LaneFollowed*>(host);
+    const auto no_scene = [](std::size_t, double, double*) {};  // who follows the host already needs none
+    const bool jumps = own.followed_.go_on(own.given_, t, until, own.dt_, no_scene);
+    return {jumps, own.followed_.is_catching_up(), own.followed_.next_end() < until - 1e-9 * own.dt_};
+  }
+
+  typename Followed::Inputs given_;
+  Followed followed_;
+  double dt_ = 0.0;
+};
+
+/// Simulations by the trapezoidal rule, side by side in M, their mechanism with reals that are numbers of several.  They start one by one,
+/// as `Sim`, and are taken over.  Where a host may move guides, a simulation leaves its lane to the end of the call if its step fails or
+/// the trajectory of a guide has parts within it.  It goes on alone, as it does where a jump is too large for steps.  Then it is in its lane
+/// again, or has the fault of a simulation alone.
+template <class Sim, Sized M>
+class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
+ public:
+  using LaneSteps<M>::width;
+
+  LaneSimulations() : LaneSteps<M>(this->mechanism) {}
+
+  /// How many bytes some take in memory that begins anywhere, with so many for each simulation alone.
+  static constexpr std::size_t bytes(std::size_t each) { return alignof(LaneSimulations) + sizeof(LaneSimulations) + width * each; }
+
+  /// Some in such memory; `alone` is where that of the single ones begins.
+  static LaneSimulations* make(void* memory, char*& alone) {
+    const std::size_t past = reinterpret_cast<std::uintptr_t>(memory) % alignof(LaneSimulations);
+    char* place = static_cast<char*>(memory) + alignof(LaneSimulations) - past;
+    alone = place + sizeof(LaneSimulations);
+    return ::new (place) LaneSimulations();
+  }
+
+  /// Have a simulation search its start in the instances, before their steps.
+  void lend_to(Sim& sim) { sim.mechanism().lend(*this); }
+
+  void step() {
+    call([this] { LaneSteps<M>::step(); }, [](Sim& alone) { return alone.step(); });
+  }
+
+  void advance(double until) {
+    call([this, until] { LaneSteps<M>::advance(until); }, [until](Sim& alone) { return alone.advance(until); });
+  }
+
+  /// Go on from `settled` simulations with the same settings; where there is none its lane stands still.
+  void take_over(const std::array<Sim*, width>& sims) {
+    this->clear();
+    sims_ = sims;
+    const Sim* first = nullptr;
+    for (std::size_t k = 0; k < sims.size(); ++k) {
+      if (!sims[k]) continue;
+      const auto memory = sims[k]->memory();
+      inputs_[k].begin(memory.inputs, memory.followed, memory.settings.dt);
+      this->put(static_cast<int>(k), start_from(k, memory));
+      this->expect(static_cast<int>(k), memory.integrator.expected);
+      if (!first) first = sims[k];
+    }
+    if (first) this->begin(first->memory().settings, first->watches_violations() ? first->violation_limits() : nullptr);
+  }
+
+ private:
+  using Memory = typename Sim::Memory;
+
+  LaneStart<decltype(Memory::state)> start_from(std::size_t k, const Memory& memory) {
+    return {.state = memory.state, .parameters = memory.parameters.data(), .penalties = memory.penalties.data(), .roads = sims_[k]->roads(),
+            .inputs = inputs_[k].source(), .origin = memory.origin, .number = memory.number, .unmeasured = memory.unmeasured};
+  }
+
+  /// A call of all together; those that stop go on alone.
+  template <class Together, class Alone>
+  void call(Together together, Alone alone) {
+    const auto going = this->going();
+    together();
+    if constexpr (Sim::Followed::any)
+      for (int k = 0; k < width; ++k)
+        if (going[k] && !this->goes(k) && !has_made_step(this->fault(k))) go_alone(k, alone);
+  }
+
+  template <class Alone>
+  void go_alone(int k, Alone go_on) {
+    const auto place = static_cast<std::size_t>(k);
+    Sim& alone = *sims_[place];
+    Memory memory = alone.memory();
+    this->leave(k, memory);
+    memory.followed = inputs_[place].followed();
+    alone.restore(memory);
+    const Fault fault = go_on(alone);
+    memory = alone.memory();
+    inputs_[place].begin(memory.inputs, memory.followed, memory.settings.dt);
+    this->go_on_from(k, start_from(place, memory), fault);
+    this->expect(k, memory.integrator.expected);
+  }
+
+  std::array<Sim*, width> sims_{};
+  std::array<LaneFollowed<typename Sim::Followed>, width> inputs_;
+};
+
+}  // namespace cutjoint

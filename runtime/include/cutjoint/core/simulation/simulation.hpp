@@ -1,0 +1,974 @@
+// One simulation of a model: it throws nothing and prints nothing, and where its classes know their sizes all its memory is inside.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <type_traits>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/stepping/step_statistics.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/constraints/constraint_violation.hpp"
+#include "cutjoint/core/inputs/host_inputs.hpp"
+#include "cutjoint/core/start/initialisation.hpp"
+#include "cutjoint/core/inputs/input_trajectories.hpp"
+#include "cutjoint/core/inputs/inputs.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/roads/road.hpp"
+#include "cutjoint/core/inputs/sampling.hpp"
+#include "cutjoint/core/simulation/simulation_settings.hpp"
+#include "cutjoint/core/constraints/stabilisation.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
+
+namespace cutjoint {
+
+/// The finder of a simulation's start; systems have none.
+template <class M>
+struct StartOf {
+  struct type {};
+};
+
+template <Mechanism M>
+struct StartOf<M> {
+  using type = Initialisation<M>;
+};
+
+/// A method with an integrator such as fixed_point_steps.hpp.  The mechanism finds where motions start; it is also what the integrator steps, its
+/// `Subject`, unless that is a system in coordinates of its own or with a tangent.
+///
+/// Settings, parameters, and coordinates and speeds to start with, which are the mechanism's, are those of the scene until others are given.  `start`
+/// finds a consistent state from them; `step` and `advance` go on from there.
+///
+/// An integrator has
+///
+/// - `fixed_point_step` and `stabilise`, the settings and penalties that the mechanism is loaded with,
+/// - `begin`, which takes over a state as it is, `start`, which takes over one of a simulation that somebody else starts, `restart_after_input_jump`, which does where inputs have jumped, perhaps `restart_after_sample`, where a controller has changed what it holds, and `step`, which goes on from one; it
+///   `finds_events`, or is `adaptive`: its steps are as long as errors allow,
+/// - `accelerate`, which finds accelerations and multipliers of a state and takes it over, `complete`, a state that has them, and `close`, which closes
+///   the loops of a state and moves the masses least,
+/// - `memory` and `restore`, what it remembers from step to step,
+/// - for a run, `evaluations` and `iterations`, `watch_impacts` and, where it `knows_residuals`, those of the loops.
+///
+/// Inputs whose places are `guiding` move guides.
+///
+/// Where a controller is due a step ends, and the next one begins with what the controller then holds.  So what is so at the instant of a sample is what follows
+/// from the new values.  Controllers of the same instant take their samples in their order.
+///
+/// A mechanism or system that does not know its sizes belongs to somebody else, who also gives the simulation its inputs and watches its guards and violations.  It begins at
+/// a start that was found elsewhere.
+template <class M, class Integrator, int... guiding>
+class Simulation {
+ public:
+  using Real = typename M::real_type;
+  using Mechanism = M;
+  using Subject = typename Integrator::Subject;
+  using Steps = Integrator;
+  using Settings = typename SettingsOf<Integrator>::type;
+  using Followed = FollowedInputs<Real, static_sizes<M>().inputs, guiding...>;
+  using Trajectories = InputTrajectories<static_sizes<M>().inputs>;
+
+  /// `violation_limits` are those of the equations, m or rad, beyond which a loop counts as torn.
+  Simulation(const Settings& settings, const Real* parameters, const Road<Real>* roads, const double* violation_limits)
+    requires Sized<M>
+      : settings_(settings), roads_(roads), violation_limits_(violation_limits), start_(design_state(mechanism_)), state_(design_state(subject())), sampling_(subject()), columns_(sizes.columns) {
+    for (std::size_t i = 0; i < sizes.parameters; ++i) parameters_[i] = parameters[i];
+    drive_by(followed_.used());
+  }
+
+  Simulation(M& mechanism, const Settings& settings, const Real* parameters, const Road<Real>* roads)
+    requires(!Sized<M>)
+      : mechanism_(mechanism), settings_(settings), roads_(roads), violation_limits_(nullptr), parameters_(parameters, parameters + sizes_of(mechanism).parameters),
+        start_(design_state(mechanism)), state_(start_), sampling_(mechanism), columns_(sizes_of(mechanism).columns) {}
+
+  /// Take inputs from a source.
+  void drive_by(const InputSource<Real>& source)
+    requires(!Sized<M>)
+  {
+    mechanism_.drive_by(sampling_.source(source));
+  }
+
+  /// Take inputs from trajectories over time, guides included, until none is given; the present state has the accelerations of what they give.
+  Fault set_input_trajectories(Trajectories* trajectories)
+    requires Sized<M>
+  {
+    heed_changes();
+    trajectories_ = trajectories;
+    if (trajectories) trajectories->begin(static_cast<double>(state_.t), settings_.dt);
+    drive_by(followed_.used());
+    return accelerate();
+  }
+
+  Trajectories* trajectories() const { return trajectories_; }
+
+  /// What looks on where a controller has taken its sample.
+  struct SampleWatch {
+    void (*call)(void* who) = nullptr;
+    void* who = nullptr;
+  };
+
+  void watch_samples(const SampleWatch& watch) { sample_watch_ = watch; }
+
+  /// What looks on where a step, or the part of one between samples, has come from a state to the present one, and before a controller holds so many values
+  /// of a sample.
+  struct PartWatch {
+    Fault (*call)(void* who, const StateOf<Subject>& from, Real h) = nullptr;
+    Fault (*sample)(void* who, std::size_t first, std::size_t number) = nullptr;
+    void* who = nullptr;
+  };
+
+  void watch_parts(const PartWatch& watch) { part_watch_ = watch; }
+
+  Simulation(const Simulation&) = delete;
+  Simulation& operator=(const Simulation&) = delete;
+
+  Settings& settings() { return settings_; }
+
+  /// Set the largest error of a step, from the next one on.
+  void set_tolerance(double relative, double absolute) {
+    settings_.tolerance = relative;
+    settings_.absolute_tolerance = absolute;
+    counted_ = 0.0;  // as for steps of another length
+  }
+
+  auto& parameters() { return parameters_; }
+  const auto& parameters() const { return parameters_; }
+
+  /// Inputs, from the next step on; what is reported until then is of those before.
+  auto& inputs() { return inputs_; }
+
+  /// The value of an input at the present time, as the next step begins with it.
+  Real get_input(std::size_t i) {
+    const InputValues now = read_inputs(inputs_);
+    mechanism_.begin_step(state_.t, Real(1));
+    return now[numbers_per_input * i];
+  }
+
+  /// Coordinates and speeds to start with, and which of them are given.
+  StateOf<M>& start_state() { return start_; }
+  Coordinates<M, unsigned char>& given_coordinates() { return given_coordinates_; }
+  SpeedFlags<M>& given_speeds() { return given_speeds_; }
+
+  /// Nothing is given to start with.
+  void forget_start() {
+    start_ = design_state(mechanism_);
+    given_coordinates_.fill(0);
+    given_speeds_.fill(0);
+  }
+
+  /// First-order states are where the start has them, and where a pose at rest has them if that is asked for.
+  void leave_states() { std::fill(given_speeds_.begin() + start_sizes.joint_speeds(), given_speeds_.end(), 0); }
+
+  /// Find a consistent state.
+  Fault start() {
+    is_started_ = false;
+    unmeasured_ = 1;
+    inputs_.begin(state_.t);
+    followed_.begin(inputs_);
+    sampling_.begin();
+    StateOf<M> begun = start_;
+    if (settings_.equilibrium)
+      for (std::size_t i = start_sizes.joint_speeds(); i < start_sizes.speeds; ++i)
+        if (given_speeds_[i]) begun.v[i] = Real(0);  // first-order states that are given count once the pose is found
+    Initialisation<M>& how = initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
+    if (const Fault fault = how.place(begun, given_coordinates_)) return at_start(fault);
+    for (std::size_t i = 0; i < start_sizes.speeds; ++i)  // a pose at rest has no speeds, and its own first-order states but for given ones
+      if (i < start_sizes.joint_speeds() || given_speeds_[i]) begun.v[i] = start_.v[i];
+    if (const Fault fault = how.move(begun, given_speeds_)) return at_start(fault);
+    penalties_ = how.penalties();
+    take_over(begun);
+    count_from_here();
+    load();
+    if constexpr (has_system)
+      if (const Fault fault = steps_->accelerate(state_, how.starter())) return fault;
+    is_started_ = true;
+    return sample();
+  }
+
+  /// Begin at a start in the coordinates of the mechanism that found it, with the penalties of its cut joints; `motion` is 0 of a mechanism at rest.  Where
+  /// controllers have `held` values at the start's time, the motion goes on from so many whole steps.
+  Fault begin(const StateOf<M>& start, const Cuts<M>& penalties, Real motion, const std::optional<std::vector<Real>>& held = std::nullopt)
+    requires(!Sized<M>)
+  {
+    penalties_ = penalties;
+    take_over(start, motion);
+    count_from_here();
+    if (held) {
+      number_ = std::lround(static_cast<double>(state_.t / Real(settings_.dt)));
+      origin_ = Real(0);
+    }
+    load_subject();
+    subject().begin_step(state_.t, motion);
+    steps_.emplace(subject(), settings_, roads_);
+    is_reported_ = false;
+    is_started_ = true;
+    sampling_.begin();
+    if (held) sampling_.go_on(state_.t, rounding(), *held);
+    if (const Fault fault = steps_->start(state_, motion)) return fault;
+    return motion > Real(0) ? sample() : Fault{};
+  }
+
+  bool is_started() const { return is_started_; }
+
+  /// The integrator of the simulation, once it has begun.
+  Integrator& steps() { return *steps_; }
+  const Integrator& steps() const { return *steps_; }
+
+  /// Heed what has changed since the last step, as the next one does.
+  void settle() {
+    heed_settings();
+    follow(next_whole());
+  }
+
+  /// A step of the settings' length; the state stays where it fails.
+  Fault step() {
+    heed_settings();
+    return call(next_whole(), [this] { return whole_step(); });
+  }
+
+  /// Steps to a time, the last one shorter where they do not end there.
+  Fault advance(double until) {
+    heed_settings();
+    return call(Real(until), [this, until] { return steps_to(Real(until)); });
+  }
+
+  /// Advance to a time, or to where a force changes its formula, if that is earlier: `event` is then its indicator, else -1.
+  Fault advance_to_event(double until, int& event)
+    requires Integrator::finds_events
+  {
+    event = -1;
+    heed_settings();
+    return call(Real(until), [this, until, &event] { return steps_to_event(Real(until), event); });
+  }
+
+  /// Where the next of its steps ends unless an event or the time advanced to is before; nowhere where steps are as long as errors allow.
+  Real next_time()
+    requires Integrator::finds_events
+  {
+    heed_settings();
+    return Integrator::adaptive ? std::numeric_limits<Real>::infinity() : next_whole();
+  }
+
+  /// Whether a force that was left out would act in the present state.
+  Fault watch() {
+    if constexpr (sizes.guards > 0) {
+      Fixed<Real, sizes.guards> margins;
+      subject().guard(state_.q.data(), state_.v.data(), margins.data());
+      for (std::size_t i = 0; i < sizes.guards; ++i)
+        if (!(margins[i] >= Real(0)))
+          return {.cause = Cause::guard_violated, .list = FaultList::guards, .index = static_cast<int>(i), .t = static_cast<double>(state_.t),
+                  .step = number_ + 1, .value = static_cast<double>(-margins[i])};
+    }
+    return {};
+  }
+
+  /// Whether a step may leave a loop torn, so that violations are measured.
+  bool watches_violations() const {
+    if constexpr (requires { Integrator::leaves_violations(settings_); } && sizes.equations > 0) return Integrator::leaves_violations(settings_);
+    else return false;
+  }
+
+  const double* violation_limits() const { return violation_limits_; }
+
+  /// How far loops stand open in the present state.
+  ConstraintViolation violation() {
+    subject().begin_step(state_.t, Real(1));
+    return find_violation();
+  }
+
+  /// What the last step did, of adaptive integrators the last call.
+  StepStatistics statistics() {
+    StepStatistics statistics = last_;
+    subject().begin_step(state_.t, Real(1));
+    measure_loops(statistics);
+    measure_pivots(statistics);
+    return statistics;
+  }
+
+  /// Limits of that, from the next step on; they are the host's, and no part of what is remembered.
+  Limits& limits() { return limits_; }
+  /// What controllers hold; no number is what they hold before their first samples.
+  const auto& held_values() const
+    requires may_sample<Subject>
+  {
+    return sampling_.memory().values;
+  }
+
+  /// What controllers hold, and how many samples each has taken.
+  const auto& sampling() const
+    requires may_sample<Subject>
+  {
+    return sampling_;
+  }
+
+  /// Let controllers hold these values, until a memory is restored.
+  template <class Values>
+  void hold(const Values& values)
+    requires may_sample<Subject>
+  {
+    sampling_.hold(values);
+  }
+
+  /// When the next controller is due, s; infinity where there is none.
+  double next_sample() const
+    requires may_sample<Subject>
+  {
+    return static_cast<double>(sampling_.next());
+  }
+
+  /// Let controllers that are due take their samples, of a host that goes to times itself.
+  Fault take_samples() {
+    heed_changes();
+    return sample();
+  }
+
+  /// The host goes to another time: the next samples of controllers are those behind it.
+  void skip_samples(Real t) { sampling_.go_to(t, rounding()); }
+
+  /// Go on from a time, coordinates and speeds as they are, with the accelerations that belong to them; guides are where the host has them.
+  Fault go_to(Real t, const Real* q, const Real* v) {
+    jump_to(t);
+    unmeasured_ = 1;
+    for (std::size_t i = 0; i < sizes.coordinates; ++i) state_.q[i] = q[i];
+    for (std::size_t i = 0; i < sizes.speeds; ++i) state_.v[i] = v[i];
+    state_.t = t;
+    count_from_here();
+    return accelerate();
+  }
+
+  /// Move the coordinates by displacements, one for each speed, then close the loops by moving the masses least; speeds stay as near as closed loops
+  /// let them, and accelerations follow.
+  Fault displace(const Real* delta) {
+    heed_changes();
+    const StateOf<Subject> from = state_;
+    cutjoint::displace(charts_of(subject()), from.q, delta, state_.q);
+    const Fault fault = steps_->close(state_);
+    if (!fault) return accelerate();
+    state_ = from;
+    is_reported_ = false;
+    return fault;
+  }
+
+  /// Put the Jacobian of the equations by the speeds into `columns`, column by column.
+  void jacobian(Real* columns) {
+    heed_changes();
+    subject().begin_step(state_.t, Real(1));
+    if constexpr (has_system) {
+      Speeds<Subject> unit;
+      for (std::size_t i = 0; i < sizes.speeds; ++i, columns += sizes.equations) {
+        unit[i] = Real(1);
+        system_.apply_jacobian(state_.q.data(), unit.data(), columns);
+        unit[i] = Real(0);
+      }
+    } else {
+      std::copy_n(initialisation_->starter().jacobian(state_), sizes.equations * sizes.speeds, columns);
+    }
+  }
+
+  /// The mechanism, its roads and its starter at the present time.
+  M& mechanism() { return mechanism_; }
+  const Road<Real>* roads() const { return roads_; }
+  auto& starter() {
+    heed_changes();
+    mechanism_.begin_step(state_.t, Real(1));
+    return initialisation_->starter();
+  }
+
+  /// Go to the state at a time that `find` finds from the present one.
+  template <class Find>
+  Fault seek(Real t, Find find) {
+    const auto before = followed_;
+    StateOf<Subject> found = state_;
+    heed_changes();
+    jump_to(t);
+    mechanism_.begin_step(found.t = t, Real(1));
+    if (const Fault fault = find(initialisation_->starter(), found)) {
+      followed_ = before;
+      mechanism_.begin_step(state_.t, Real(1));
+      return fault;
+    }
+    return go_to(t, found.q.data(), found.v.data());
+  }
+
+  /// How cut joints are held, and their penalties, as `load_mechanism` takes them.
+  StabilisationSettings stabilisation() { return Integrator::stabilise(settings_, penalties_); }
+  const Cuts<M>& penalties() const { return penalties_; }
+
+  /// The columns at the present state.
+  const Real* report() {
+    heed_parameters();
+    if (!is_reported_) {
+      const StateOf<Subject>& x = steps_->complete(state_);
+      subject().report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), columns_.data());
+    }
+    is_reported_ = true;
+    return columns_.data();
+  }
+
+  /// Where bodies and markers are in the present state, and how they move, as the generated function has it; before a start in the coordinates and
+  /// speeds from which one is sought.
+  void pose(Real* numbers) {
+    const auto tell = [&](const auto& state) {
+      mechanism_.begin_step(state.t, Real(1));
+      mechanism_.poses(state.q.data(), state.v.data(), numbers);
+    };
+    if (is_started_) {
+      heed_parameters();
+      tell(state_);
+    } else {
+      initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
+      tell(start_);
+    }
+  }
+
+  /// The present state; with its accelerations and multipliers only if it is complete.
+  const StateOf<Subject>& state() const { return state_; }
+  const StateOf<Subject>& complete_state() {
+    heed_parameters();
+    return steps_->complete(state_);
+  }
+
+  /// The state with the accelerations of the present inputs, where `complete_state` has those of the last step.
+  const StateOf<Subject>& present_state() {
+    heed_changes();
+    return steps_->complete(state_);
+  }
+
+  /// Everything that the next steps follow from.
+  struct Memory {
+    Settings settings;
+    Array<M, static_sizes<M>().parameters> parameters;
+    HostInputs<Real, static_sizes<M>().inputs> inputs;
+    Followed followed;
+    StateOf<Subject> state;
+    Cuts<M> penalties;
+    [[no_unique_address]] typename SamplingOf<Subject>::Memory sampling;
+    [[no_unique_address]] typename Integrator::Memory integrator;
+    Real origin;
+    long number;
+    double counted;
+    long unmeasured;
+  };
+
+  Memory memory() const {
+    return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .followed = followed_, .state = state_, .penalties = penalties_,
+            .sampling = sampling_.memory(), .integrator = steps_->memory(), .origin = origin_, .number = number_, .counted = counted_, .unmeasured = unmeasured_};
+  }
+
+  /// Go on from what another moment, or another simulation, remembers.
+  void restore(const Memory& memory) {
+    settings_ = memory.settings;
+    parameters_ = memory.parameters;
+    inputs_ = memory.inputs;
+    followed_ = memory.followed;
+    state_ = memory.state;
+    penalties_ = memory.penalties;
+    sampling_.restore(memory.sampling);
+    origin_ = memory.origin;
+    number_ = memory.number;
+    counted_ = memory.counted;
+    unmeasured_ = memory.unmeasured;
+    initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
+    load();
+    steps_->restore(state_, memory.integrator);
+    is_started_ = true;
+  }
+
+ private:
+  using InputValues = Fixed<Real, numbers_per_input * static_sizes<M>().inputs>;
+
+  static constexpr Sizes sizes = static_sizes<Subject>(), start_sizes = static_sizes<M>();
+  static constexpr bool has_system = !std::is_same_v<M, Subject>;
+  static constexpr bool is_system = !cutjoint::Mechanism<Subject>;
+  static constexpr bool has_trajectories = Sized<M> && std::is_same_v<Real, double> && start_sizes.inputs > 0;
+
+  struct None {};
+
+  Subject& subject() {
+    if constexpr (has_system)
+      return system_;
+    else
+      return mechanism_;
+  }
+
+  /// The state begins where the mechanism has started.
+  void take_over(const StateOf<M>& begun, Real motion = Real(1)) {
+    if constexpr (is_system) {
+      subject().load(parameters_.data(), roads_);
+      subject().begin_step(begun.t, motion);
+      subject().initial_coordinates(begun.q.data(), begun.v.data(), state_.q.data(), state_.v.data());
+      state_.t = begun.t;
+    } else {
+      state_ = begun;
+    }
+  }
+
+  static Fault at_start(Fault fault) {
+    fault.at_start = true;
+    return fault;
+  }
+
+  auto how_to_start() const {
+    return typename Initialisation<M>::Settings{
+        .stabilisation = settings_.stabilisation, .equilibrium = settings_.equilibrium, .fixed_point_step = Integrator::fixed_point_step(settings_)};
+  }
+
+  /// Times of steps are those of whole steps since now.
+  void count_from_here() {
+    origin_ = state_.t;
+    number_ = 0;
+    counted_ = settings_.dt;
+  }
+
+  /// Steps have another length from now on, from which a given penalty and the frequency may follow, or another tolerance.
+  void heed_settings() {
+    if (settings_.dt == counted_) return;
+    count_from_here();
+    if (settings_.stabilisation.penalty && settings_.stabilisation.closure == Closure::penalty)
+      std::fill(penalties_.begin(), penalties_.end(), Real(*settings_.stabilisation.penalty));
+    load();
+  }
+
+  /// Load the mechanism and get ready for steps; the state stays.
+  void load() {
+    load_subject();
+    subject().begin_step(state_.t, Real(1));
+    steps_.emplace(subject(), settings_, roads_);
+    steps_->begin(state_);
+    is_reported_ = false;
+    last_ = {};
+  }
+
+  void load_subject() {
+    loaded_ = parameters_;
+    const StabilisationSettings stabilisation = Integrator::stabilise(settings_, penalties_);
+    load_mechanism(mechanism_, parameters_.data(), roads_, stabilisation, penalties_);
+    if constexpr (has_system) system_.load(parameters_.data(), roads_);
+  }
+
+  static void fill_by_trajectories(void* self, Real t, Real* input) {
+    Simulation& own = *static_cast<Simulation*>(self);
+    HostInputs<Real, static_sizes<M>().inputs>::fill(own.host_, t, input);
+    own.trajectories_->fill(t, input);
+  }
+
+  void drive_by(HostInputs<Real, static_sizes<M>().inputs>& inputs) {
+    if constexpr (Sized<M> && (sizes.inputs > 0 || may_sample<Subject>)) {
+      InputSource<Real> given{};
+      if constexpr (sizes.inputs > 0) given = {&HostInputs<Real, sizes.inputs>::fill, &inputs};
+      if constexpr (has_trajectories)
+        if (trajectories_) host_ = &inputs, given = {&fill_by_trajectories, this};
+      const InputSource<Real> source = sampling_.source(given);
+      mechanism_.drive_by(source);
+      if constexpr (has_system) system_.drive_by(source);
+    }
+  }
+
+  /// Parameters that have changed count from now on.
+  void heed_parameters() {
+    if (!std::equal(parameters_.begin(), parameters_.end(), loaded_.begin())) begin_again([this] { load(); });
+  }
+
+  /// Begin steps anew at a state to which other steps led: what they expect of accelerations stays.
+  template <class Begin>
+  void begin_again(Begin begin) {
+    if constexpr (requires { steps_->expected(); }) {
+      const auto expected = steps_->expected();
+      begin();
+      steps_->expected() = expected;
+    } else {
+      begin();
+    }
+  }
+
+  /// So do inputs, but those that move guides: calls follow these.  Earlier reports are of the inputs of the last step.
+  void heed_changes() {
+    if (take_changes()) steps_->restart_after_input_jump(state_);
+  }
+
+  /// Whether inputs that move no guide have another value, rate or acceleration now; steps begin with the accelerations that these give.
+  bool take_changes() {
+    heed_parameters();
+    if (followed_.others_stay(inputs_)) return false;
+    const InputValues before = read_inputs(followed_.used());
+    followed_.take_others(inputs_);
+    return !(read_inputs(followed_.used()) == before);
+  }
+
+  /// A call from the present time to another begins: guides follow the host.
+  void follow(Real until) {
+    const bool others_jump = take_changes();
+    const auto scene = [this](std::size_t i, Real t, Real* numbers) { read_scene(i, t, numbers); };
+    if (followed_.go_on(inputs_, state_.t, until, Real(settings_.dt), scene) || others_jump) steps_->restart_after_input_jump(state_);
+  }
+
+  /// The host goes to a time itself: guides are where it has them.
+  void jump_to(Real t) {
+    if (t != state_.t || !followed_.hears_nothing(inputs_)) followed_.begin(inputs_);
+  }
+
+  /// Inputs at the present time, as a host gives them; afterwards they are those of the steps.
+  InputValues read_inputs(HostInputs<Real, static_sizes<M>().inputs>& inputs) {
+    InputValues values;
+    if constexpr (sizes.inputs > 0) {
+      drive_by(inputs);
+      mechanism_.begin_step(state_.t, Real(1));
+      std::copy_n(mechanism_.last_inputs(), values.size(), values.begin());
+      drive_by(followed_.used());
+    }
+    return values;
+  }
+
+  /// Value, rate and acceleration that the scene gives an input at a time.
+  void read_scene([[maybe_unused]] std::size_t i, [[maybe_unused]] Real t, [[maybe_unused]] Real* numbers) {
+    if constexpr (Followed::any) {
+      mechanism_.drive_by({});
+      mechanism_.begin_step(t, Real(1));
+      std::copy_n(mechanism_.last_inputs() + numbers_per_input * i, numbers_per_input, numbers);
+      drive_by(followed_.used());
+    }
+  }
+
+  /// Accelerations that belong to the state.
+  Fault accelerate() {
+    heed_changes();
+    is_reported_ = false;
+    return steps_->accelerate(state_, initialisation_->starter());
+  }
+
+  /// No step of the integrator is as short.
+  Real rounding() const { return Real(1e-9) * Real(settings_.dt); }
+
+  /// The end of the next step of the settings' length.
+  Real next_whole() const { return origin_ + Real(number_ + 1) * Real(settings_.dt); }
+
+  /// A call that goes on to a time.  One that gets nowhere leaves what guides follow as it was.
+  template <class Go>
+  Fault call(Real until, Go go_on) {
+    if constexpr (!Followed::any) {
+      heed_changes();
+      return go_on();
+    } else {
+      const auto before = followed_;
+      const StateOf<Subject> from = state_;
+      if (until - state_.t > rounding() && followed_.is_due(inputs_, state_.t, rounding())) follow(until);
+      else heed_changes();
+      Fault fault = go_on();
+      if (fault && !has_made_step(fault)) fault = followed_.is_catching_up() ? jump(go_on) : fault;
+      if (fault && !has_made_step(fault)) fault = blame_torn_loop(fault);
+      if (fault && state_.t == from.t) go_back(from, before);
+      return fault;
+    }
+  }
+
+  /// Make a jump that is too large for steps: the loops are closed where the host has the guide.
+  template <class Go>
+  Fault jump(Go go_on) {
+    const auto before = followed_;
+    const StateOf<Subject> from = state_;
+    followed_.begin(inputs_);
+    Fault fault = steps_->close(state_);
+    if (!fault) {
+      steps_->restart_after_input_jump(state_);
+      fault = go_on();
+    }
+    if (fault && state_.t == from.t) go_back(from, before);
+    return fault;
+  }
+
+  /// The fault of a step, or that of a loop which cannot close where guides go within a few steps.
+  Fault blame_torn_loop(const Fault& fault) {
+    constexpr int ahead[] = {0, 1, 4};
+    const auto before = followed_;
+    const StateOf<Subject> from = state_;
+    Fault blamed = fault;
+    for (const int steps : ahead) {
+      followed_.look_ahead(state_.t, Real(steps * settings_.dt));
+      const Fault open = steps_->close(state_);
+      go_back(from, before);
+      if (open.cause != Cause::loops_not_closed) continue;
+      blamed = {.cause = Cause::loops_violated, .list = open.list, .index = open.index, .t = fault.t, .step = fault.step, .value = open.value,
+                .size = violation_limits_[open.index]};
+      break;
+    }
+    return blamed;
+  }
+
+  /// Be at a state and on trajectories as before a step that failed.
+  void go_back(const StateOf<Subject>& state, const Followed& followed) {
+    state_ = state;
+    followed_ = followed;
+    subject().begin_step(state_.t, Real(1));
+    begin_again([this] { steps_->begin(state_); });
+  }
+
+  Fault whole_step() {
+    const Real whole = next_whole();
+    const Fault fault = integrate(Real(settings_.dt), whole);
+    if (state_.t == whole) ++number_;  // also where the step is made, and what it has led to is a fault
+    return fault;
+  }
+
+  Fault steps_to(Real until) {
+    while (until - state_.t > rounding()) {
+      const Real left = until - state_.t;
+      if (!Integrator::adaptive && left + rounding() >= Real(settings_.dt)) {
+        if (const Fault fault = whole_step()) return fault;
+        continue;
+      }
+      const Fault fault = integrate(left, until);
+      if (state_.t == until) count_from_here();
+      if (fault) return fault;
+    }
+    return {};
+  }
+
+  Fault steps_to_event(Real until, int& event) {
+    const long events = steps_->events();
+    while (until - state_.t > rounding() && event < 0) {
+      const Real whole = next_whole(), end = Integrator::adaptive ? until : std::min(whole, until), next = go_over_until(end);
+      is_reported_ = false;
+      const StepStatistics before = counted();
+      if (const Fault fault = steps_->step_to_event(state_, settings_, next, number_ + 1)) return fault;
+      const Fault fault = end_step(before);
+      if (steps_->events() > events) event = static_cast<int>(steps_->last_event());
+      if (state_.t == whole) ++number_;
+      else count_from_here();
+      if (fault) return fault;
+    }
+    return {};
+  }
+
+  /// Guides go over to the next parts of their trajectories, of which none ends before the time that is returned, nor is a controller due; at most `until`.
+  Real go_over_until(Real until) {
+    Real next = until;
+    if constexpr (Followed::any) {
+      if (followed_.go_over(state_.t, rounding())) steps_->restart_after_input_jump(state_);
+      next = std::min(next, followed_.next_end());
+    }
+    if constexpr (may_sample<Subject>) next = std::min(next, sampling_.next());
+    if constexpr (has_trajectories)
+      if (trajectories_) next = std::min(next, begin_substep_of_trajectories());
+    next = next < until - rounding() ? next : until;
+    if constexpr (has_trajectories)
+      if (trajectories_) trajectories_->end_part(next);
+    return next;
+  }
+
+  /// Courses go on to the next part of a step, which begins with the accelerations of what they give where they may jump; when they may next.
+  Real begin_substep_of_trajectories() {
+    if (trajectories_->begin_part(state_.t)) restart_exactly();
+    return trajectories_->next_jump();
+  }
+
+  /// The present state has its accelerations, and multipliers that belong to these.
+  void restart_exactly() {
+    if constexpr (sizes.equations == 0 || Integrator::finds_events) steps_->restart_after_input_jump(state_);
+    else steps_->accelerate(state_, initialisation_->starter());
+  }
+
+  /// Controllers that are due take their samples.
+  Fault sample() {
+    if constexpr (may_sample<Subject>) {
+      if (is_system && sampling_.next() <= state_.t + rounding()) restart_at_sample();  // accelerations of a step only come near to those that outputs need
+      bool changes = false, felt = false;  // since accelerations were found
+      Fault fault;
+      for (std::size_t i = 0; i < sampling_.size() && !fault; ++i) {
+        if (!sampling_.is_due(i, state_.t, rounding())) continue;
+        if (felt && sampling_.is_accelerated(i)) {
+          go_on_from_sample();
+          changes = felt = false;
+        }
+        fault = sample(i, changes, felt);
+      }
+      if (felt) go_on_from_sample();
+      else if (changes) subject().begin_step(state_.t, Real(1));
+      return fault;
+    }
+    return {};
+  }
+
+  /// What controllers have come to hold counts from now on.
+  void go_on_from_sample() {
+    restart_at_sample();
+    if (sample_watch_.call) sample_watch_.call(sample_watch_.who);
+  }
+
+  /// The present state has the accelerations that forces give it.
+  void restart_at_sample() {
+    is_reported_ = false;
+    if constexpr (requires { steps_->restart_after_sample(state_); }) steps_->restart_after_sample(state_);
+    else steps_->restart_after_input_jump(state_);
+  }
+
+  /// The accelerations that a sample reads are those of the values before.
+  Fault sample(std::size_t controller, bool& changes, bool& felt) {
+    is_reported_ = false;
+    const StateOf<Subject>& x = steps_->complete(state_);
+    subject().begin_step(state_.t, Real(1));
+    subject().sample(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), sampling_.next_values());
+    if (part_watch_.sample)
+      if (const Fault fault = part_watch_.sample(part_watch_.who, sampling_.first_of(controller), sampling_.held_by(controller))) return fault;
+    if (!sampling_.take(controller, changes, felt))
+      return {.cause = Cause::sample_not_finite, .list = FaultList::controllers, .index = static_cast<int>(controller), .t = static_cast<double>(state_.t),
+              .step = number_ + 1};
+    return {};
+  }
+
+  void find_residuals(Equations<Subject>& residual, Equations<Subject>& rate) {
+    if constexpr (is_system) {
+      Equations<Subject> curvature;
+      subject().constraint_residual(state_.q.data(), state_.v.data(), state_.vdot.data(), residual.data(), rate.data(), curvature.data());
+    } else if constexpr (sizes.equations > 0) {
+      mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual.data(), rate.data());
+    }
+  }
+
+  /// The violation where the mechanism or system is at the present time.
+  ConstraintViolation find_violation() {
+    Equations<Subject> residual, rate;
+    find_residuals(residual, rate);
+    return largest_violation(sizes.equations, violation_limits_, [&](std::size_t i) { return residual[i]; });
+  }
+
+  /// A step to a time, in parts where the trajectory of a guide has parts or controllers are due.
+  Fault integrate(Real h, Real until) {
+    is_reported_ = false;
+    Real next = go_over_until(until);
+    if (!(next < until)) return integrate_part(h, until);
+    const StateOf<Subject> from = state_;
+    const auto before = followed_;
+    const auto held = sampling_.memory();
+    Fault exceeded;
+    for (;; next = go_over_until(until)) {
+      const Fault fault = integrate_part(next - state_.t, next);
+      if (fault && fault.cause != Cause::limit_exceeded) {
+        sampling_.restore(held);
+        go_back(from, before);
+        return fault;
+      }
+      if (fault && !exceeded) exceeded = fault;
+      if (!(next < until)) return exceeded;
+    }
+  }
+
+  Fault integrate_part(Real h, Real until) {
+    const StepStatistics before = counted();
+    if (const Fault fault = part_watch_.call ? take_watched_part(h, until) : take_part(h, until)) return fault;
+    state_.t = until;
+    if (const Fault fault = watch_violations()) return fault;
+    return end_step(before);
+  }
+
+  [[gnu::noinline]] Fault take_watched_part(Real h, Real until) {
+    const StateOf<Subject> from = state_;
+    if (const Fault fault = take_part(h, until)) return fault;
+    state_.t = until;
+    return part_watch_.call(part_watch_.who, from, h);
+  }
+
+  /// What a step has led to, and the samples of controllers at its end.
+  Fault end_step(const StepStatistics& before) {
+    const Fault fault = look_back(before);
+    const Fault sampled = sample();
+    return fault ? fault : sampled;
+  }
+
+  /// Iterations and evaluations up to now.
+  StepStatistics counted() const { return {.iterations = steps_->iterations(), .evaluations = steps_->evaluations()}; }
+
+  /// What a step has led to: a force that was left out and would act, or more than a limit.
+  Fault look_back(const StepStatistics& before) {
+    last_ = counted();
+    last_.iterations -= before.iterations;
+    last_.evaluations -= before.evaluations;
+    if constexpr (requires { steps_->change(); }) last_.change = steps_->change();
+    if (const Fault fault = watch()) return fault;
+    if (!limits_.any()) return {};
+    StepStatistics statistics = last_;
+    if (limits_.of_loops()) measure_loops(statistics);
+    if (limits_.of_pivots()) measure_pivots(statistics);
+    return limits_.watch(statistics, static_cast<double>(state_.t), number_ + 1);
+  }
+
+  void measure_pivots(StepStatistics& statistics) const {
+    if constexpr (requires { steps_->smallest_pivot(); }) statistics.pivot = steps_->smallest_pivot();
+  }
+
+  /// Gaps and rates where the mechanism or system is at the present time.
+  void measure_loops(StepStatistics& statistics) {
+    Equations<Subject> residual, rate;
+    find_residuals(residual, rate);
+    const ConstraintViolation violation = largest_violation(sizes.equations, violation_limits_, [&](std::size_t i) { return residual[i]; });
+    statistics.violation = violation.size;
+    statistics.equation = violation.equation;
+    for (const Real& x : rate) statistics.violation_rate = std::max(statistics.violation_rate, std::abs(static_cast<double>(x)));
+  }
+
+  /// The state stays where it fails.
+  Fault take_part(Real h, Real until) {
+    if constexpr (may_sample<Subject> && Integrator::finds_events)
+      if (sampling_.any() && settings_.foresees) steps_->stepper().limit_before_end(sampling_.next());
+    if constexpr (Followed::any)
+      if (watches_violations() && followed_.is_catching_up()) {
+        const StateOf<Subject> from = state_;
+        Fault fault = steps_->step(state_, settings_, h, until, number_ + 1);
+        if (!fault) fault = close_behind_jump(until);
+        if (fault) state_ = from;
+        return fault;
+      }
+    return steps_->step(state_, settings_, h, until, number_ + 1);
+  }
+
+  /// Close loops that a step has left open behind a guide that jumps; the next one begins with accelerations of its own.
+  Fault close_behind_jump(Real t) {
+    state_.t = t;
+    Equations<Subject> residual, rate;
+    if constexpr (!is_system) mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual.data(), rate.data());
+    const auto violation = [&](const Equations<Subject>& open, Real per) { return largest_violation(sizes.equations, violation_limits_, [&](std::size_t i) { return per * open[i]; }); };
+    if (violation(residual, Real(1)).is_closed() && violation(rate, Real(closing_time(settings_))).is_closed()) return {};
+    return steps_->close(state_);
+  }
+
+  /// Whether a loop is torn at the end of a step.
+  Fault watch_violations() {
+    if (!watches_violations() || --unmeasured_ > 0) return {};
+    const ConstraintViolation violation = find_violation();
+    unmeasured_ = violation.next_measurement();
+    return violation.is_torn() ? violation.fault(static_cast<double>(state_.t), number_ + 1) : Fault{};
+  }
+
+  std::conditional_t<Sized<M>, M, M&> mechanism_;
+  [[no_unique_address]] std::conditional_t<has_system, Subject, None> system_;
+  Settings settings_;
+  const Road<Real>* roads_;
+  const double* violation_limits_;
+  Array<M, static_sizes<M>().parameters> parameters_, loaded_;
+  HostInputs<Real, static_sizes<M>().inputs> inputs_;
+  Followed followed_;
+  StateOf<M> start_;
+  StateOf<Subject> state_;
+  Coordinates<M, unsigned char> given_coordinates_;
+  SpeedFlags<M> given_speeds_;
+  Cuts<M> penalties_;
+  [[no_unique_address]] SamplingOf<Subject> sampling_;
+  [[no_unique_address]] std::conditional_t<may_sample<Subject>, SampleWatch, None> sample_watch_;
+  PartWatch part_watch_;
+  Trajectories* trajectories_ = nullptr;
+  HostInputs<Real, static_sizes<M>().inputs>* host_ = nullptr;  ///< beside trajectories
+  Array<Subject, sizes.columns> columns_;
+  std::optional<typename StartOf<M>::type> initialisation_;
+  std::optional<Integrator> steps_;
+  StepStatistics last_;    ///< of what is counted alone
+  Limits limits_;
+  Real origin_{0};
+  long number_ = 0;       ///< of steps since then
+  double counted_ = 0.0;  ///< their length
+  long unmeasured_ = 1;   ///< how many steps there are until violations are measured
+  bool is_started_ = false, is_reported_ = false;
+};
+
+}  // namespace cutjoint

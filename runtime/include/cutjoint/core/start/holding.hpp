@@ -1,0 +1,200 @@
+// Forces that hold given coordinates of a mechanism at rest.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/numbers/dense.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
+
+namespace cutjoint {
+
+/// A mechanism that knows its kinetic energy.
+template <class M>
+concept Weighable = requires(M& m, const typename M::real_type* in, typename M::real_type* out) { m.energy(in, in, in, in, out); };
+
+/// Forces along held coordinates of a mechanism at rest, by which these do not accelerate, in a pose.
+///
+/// They change accelerations that keep the loops closed, a, to those of least constraint (Gauss 1829): (a' - a)^T M (a' - a) is least of all that
+/// keep the loops closed and have a'_i = 0 for each held i.  With the columns of N, which are M-orthonormal and keep the loops closed, a' = a + N y
+/// for the shortest y with (N y)_i = -a_i.  M is known by the kinetic energy T(v) = 1/2 v^T M v.
+template <Mechanism M>
+class Holding {
+ public:
+  using Real = typename M::real_type;
+
+  explicit Holding(M& mechanism)
+      : mechanism_(mechanism), n_(known(sizes_of(mechanism).speeds)), joint_speeds_(sizes_of(mechanism).joint_speeds()),
+        m_(known(sizes_of(mechanism).equations)), N_(n_ * n_), right_(n_ * (n_ + m_)), b_(n_ + m_), x_(n_ + m_), room_(n_ + m_), left_(n_ + m_),
+        beside_(n_ + m_), order_(n_ + m_), shift_(n_), sum_(n_), still_(n_), zero_(m_),
+        jacobian_(m_ * n_), residual_(m_), rate_(m_), at_rest_(m_) {}
+
+  /// Bring accelerations of a state to those with held coordinates; `begin_step` has been called for its time.  One may be in the `same_pose` as the
+  /// state of the last call.
+  template <class Flags>
+  void hold(const StateOf<M>& state, const Flags& held, Real* a, bool same_pose) {
+    if (!same_pose) find_directions(state);
+    find_change(held, a);
+    for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] ? Real(0) : a[i] + shift_[i];
+  }
+
+  /// Bring accelerations and multipliers of a state to those with held coordinates, where M (a' - a) = -Phi_v^T dlambda + `forces` along these.
+  template <class Flags>
+  void carry(StateOf<M>& state, const Flags& held, Real* forces) {
+    find_directions(state);
+    find_change(held, state.vdot.data());
+    find_momenta(state);
+    std::size_t columns = 0;
+    for (; columns < m_; ++columns)
+      for (std::size_t i = 0; i < n_; ++i) right_[columns * n_ + i] = -jacobian_[i * m_ + columns];
+    for (std::size_t k = 0; k < n_; ++k) {
+      if (!held[k]) continue;
+      std::fill_n(right_.data() + columns * n_, n_, Real(0));
+      right_[columns++ * n_ + k] = Real(1);
+    }
+    solve({right_.data(), n_, columns});
+    for (std::size_t i = 0; i < m_; ++i) state.lambda[i] += x_[i];
+    for (std::size_t i = 0, column = m_; i < n_; ++i) forces[i] = held[i] ? x_[column++] : Real(0);
+    for (std::size_t i = 0; i < n_; ++i) state.vdot[i] = held[i] ? Real(0) : state.vdot[i] + shift_[i];
+  }
+
+ private:
+  /// A mechanism without kinetic energy needs no memory.
+  static constexpr std::size_t known(std::size_t length) { return Weighable<M> ? length : 0; }
+  static constexpr std::size_t n = known(static_sizes<M>().speeds), m = known(static_sizes<M>().equations);
+
+  /// Directions count as dependent below this share of what they would be alone, and rows of held coordinates below it of the largest.
+  static constexpr Real least() { return Real(1e-7); }
+
+  Real energy_of(const StateOf<M>& state, const Real* v) {
+    Real energy[2]{};
+    if constexpr (Weighable<M>) mechanism_.energy(state.q.data(), v, still_.data(), zero_.data(), energy);
+    return energy[0];
+  }
+
+  /// x_ with A x least apart from b_, both overwritten.
+  void solve(dense::Matrix<Real> A) {
+    std::fill(x_.begin(), x_.end(), Real(0));
+    if (A.rows == 0 || A.columns == 0) return;
+    dense::LeastSquares<Real> squares(A, order_.data(), left_.data(), beside_.data());
+    squares.decompose(least());
+    squares.solve(b_.data(), x_.data(), room_.data());
+  }
+
+  /// N: what independent speeds do while the loops stay closed, each without what those before it do.
+  void find_directions(const StateOf<M>& state) {
+    ways_ = 0;
+    find_jacobian(state);
+    std::copy(jacobian_.begin(), jacobian_.end(), right_.begin());
+    dense::LeastSquares<Real> squares({right_.data(), m_, n_}, order_.data(), left_.data(), beside_.data());
+    std::size_t rank = 0;
+    if (m_ > 0 && n_ > 0) squares.decompose(least()), rank = squares.rank();
+    for (std::size_t place = 0; place < n_; ++place) {
+      if (place < rank) continue;
+      const std::size_t own = m_ > 0 ? squares.column_at(place) : place;
+      if (own >= joint_speeds_) continue;  // first-order states move no mass
+      std::copy_n(jacobian_.data() + own * m_, m_, b_.begin());
+      std::fill(x_.begin(), x_.end(), Real(0));
+      if (m_ > 0) squares.solve(b_.data(), x_.data(), room_.data());
+      Real* column = N_.data() + ways_ * n_;
+      for (std::size_t i = 0; i < n_; ++i) column[i] = (i == own ? Real(1) : Real(0)) - x_[i];
+      if (add_way(state, column)) ++ways_;
+    }
+  }
+
+  /// The Jacobian of the loops by the speeds, (equations, speeds), column by column.
+  void find_jacobian(const StateOf<M>& state) {
+    if (m_ == 0) return;
+    mechanism_.constraint_residual(state.q.data(), still_.data(), residual_.data(), at_rest_.data());
+    std::fill(sum_.begin(), sum_.end(), Real(0));
+    for (std::size_t j = 0; j < n_; ++j) {
+      sum_[j] = Real(1);
+      mechanism_.constraint_residual(state.q.data(), sum_.data(), residual_.data(), rate_.data());
+      sum_[j] = Real(0);
+      for (std::size_t i = 0; i < m_; ++i) jacobian_[j * m_ + i] = rate_[i] - at_rest_[i];
+    }
+  }
+
+  /// Whether a direction moves mass that those before it do not; it is orthogonal to them then, with T = 1/2.  It is freed of them a second time
+  /// where the first has left less than half of its energy, and with it fewer digits.
+  bool add_way(const StateOf<M>& state, Real* column) {
+    if (!scale(state, column, Real(0))) return false;
+    for (bool again = true; again;) {
+      Real energy(0.5);
+      for (std::size_t k = 0; k < ways_; ++k) {
+        const Real* other = N_.data() + k * n_;
+        for (std::size_t i = 0; i < n_; ++i) sum_[i] = column[i] + other[i];
+        const Real share = energy_of(state, sum_.data()) - Real(0.5) - energy;
+        for (std::size_t i = 0; i < n_; ++i) column[i] -= share * other[i];
+        energy -= share * share / 2;
+      }
+      again = energy < Real(0.25);
+      if (!scale(state, column, least() * least())) return false;
+    }
+    return true;
+  }
+
+  /// Whether a direction has more than some energy; it has T = 1/2 then.
+  bool scale(const StateOf<M>& state, Real* column, Real more_than) {
+    using std::sqrt;
+    const Real energy = energy_of(state, column);
+    if (!(energy > more_than)) return false;
+    for (std::size_t i = 0; i < n_; ++i) column[i] /= sqrt(2 * energy);
+    return true;
+  }
+
+  /// shift_ = N y, by which accelerations change.
+  template <class Flags>
+  void find_change(const Flags& held, const Real* a) {
+    using std::sqrt;
+    const auto size_of_row = [this](std::size_t i) {
+      Real square(0);
+      for (std::size_t k = 0; k < ways_; ++k) square += N_[k * n_ + i] * N_[k * n_ + i];
+      return sqrt(square);
+    };
+    Real largest(0);
+    for (std::size_t i = 0; i < n_; ++i) largest = std::max(largest, size_of_row(i));
+    const auto is_free = [&](std::size_t i) { return held[i] && size_of_row(i) > least() * least() * largest; };
+    std::size_t rows = 0, row = 0;
+    for (std::size_t i = 0; i < n_; ++i) rows += is_free(i);
+    for (std::size_t i = 0; i < n_; ++i) {
+      if (!is_free(i)) continue;
+      const Real size = size_of_row(i);
+      b_[row] = -a[i] / size;
+      for (std::size_t k = 0; k < ways_; ++k) right_[k * rows + row] = N_[k * n_ + i] / size;
+      ++row;
+    }
+    solve({right_.data(), rows, ways_});
+    std::fill(shift_.begin(), shift_.end(), Real(0));
+    for (std::size_t k = 0; k < ways_; ++k)
+      for (std::size_t i = 0; i < n_; ++i) shift_[i] += x_[k] * N_[k * n_ + i];
+  }
+
+  /// b_ = M shift_.
+  void find_momenta(const StateOf<M>& state) {
+    const Real energy = energy_of(state, shift_.data());
+    for (std::size_t i = 0; i < n_; ++i) {
+      std::fill(sum_.begin(), sum_.end(), Real(0));
+      sum_[i] = Real(1);
+      const Real own = energy_of(state, sum_.data());
+      for (std::size_t k = 0; k < n_; ++k) sum_[k] += shift_[k];
+      b_[i] = energy_of(state, sum_.data()) - own - energy;
+    }
+  }
+
+  M& mechanism_;
+  std::size_t n_, joint_speeds_, m_, ways_ = 0;
+  Array<M, n * n> N_;
+  Array<M, n * (n + m)> right_;
+  Array<M, n + m> b_, x_, room_, left_, beside_;
+  Array<M, n + m, std::size_t> order_;
+  Array<M, n> shift_, sum_, still_;
+  Array<M, m> zero_;
+  Array<M, m * n> jacobian_;
+  Array<M, m> residual_, rate_, at_rest_;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,159 @@
+// From given coordinates and speeds to a state from which steps can go on.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <limits>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/mechanism/effective_mass.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/constraints/stabilisation.hpp"
+#include "cutjoint/core/start/start.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
+
+namespace cutjoint {
+
+/// How a coordinate of a start is given: not at all, to stay, or as the place from which the start is sought.
+enum GivenCoordinate : unsigned char { not_given = 0, given_to_stay = 1, given_as_guess = 2 };
+
+/// Loads a mechanism and finds a consistent state.  With `equilibrium` the pose is one at rest; `fixed_point_step` is the length of the steps
+/// whose fixed point the penalties must suit, 0 where there is none.
+template <Mechanism M>
+class Initialisation {
+ public:
+  using Real = typename M::real_type;
+
+  struct Settings {
+    StabilisationSettings stabilisation;
+    bool equilibrium = false;
+    Real fixed_point_step{0};
+  };
+
+  /// `parameters` and `roads` are read whenever the mechanism is loaded.
+  Initialisation(M& mechanism, const Settings& settings, const Real* parameters, const Road<Real>* roads)
+      : mechanism_(mechanism), settings_(settings), parameters_(parameters), roads_(roads), starter_(mechanism, projects()), masses_(mechanism),
+        placed_(sizes_of(mechanism).speeds), holding_(placed_.size()), penalties_(sizes_of(mechanism).cuts) {
+    load_unweighed();
+  }
+
+  Initialisation(const Initialisation&) = delete;
+  Initialisation& operator=(const Initialisation&) = delete;
+
+  /// A mechanism at rest, which no guide moves, from the state's coordinates, of which those `given` to stay do so.
+  Fault rest(StateOf<M>& state, const Coordinates<M, unsigned char>& given) {
+    if (const Fault fault = place(state, given)) return fault;
+    starter_.hold(state, placed_, holding_);
+    return {};
+  }
+
+  /// The forces along given coordinates in a pose at rest that `rest` or `place` has found, which are released when it moves; nought of others.
+  const Speeds<M>& holding() const { return holding_; }
+  void find_holding(StateOf<M> state) {
+    if (starter_.carries()) starter_.hold(state, placed_, holding_);
+  }
+
+  /// A mechanism in motion, with speeds that keep its loops closed, of which those `given` stay.
+  Fault move(StateOf<M>& state, const SpeedFlags<M>& given) {
+    if (const Fault fault = starter_.make_consistent(state, given, Real(1))) return fault;
+    starter_.accelerate(state, Real(1));
+    return starter_.require_finite(state);
+  }
+
+  /// Closed loops, and the pose at rest if that is asked for.
+  Fault place(StateOf<M>& state, const Coordinates<M, unsigned char>& given) {
+    turn_reversed(state, given);
+    find_placed(given);
+    if (const Fault fault = starter_.assemble(state, placed_, Real(0))) return fault;
+    if (finds_penalties() && !penalties_.empty()) weigh(state);
+    if (settings_.equilibrium)
+      if (const Fault fault = starter_.equilibrate(state, placed_)) return fault;
+    return starter_.assemble(state, placed_, Real(0));
+  }
+
+  /// Marks independent speeds that neither `given` ones nor loops determine.
+  void find_undetermined(const StateOf<M>& state, const SpeedFlags<M>& given, SpeedFlags<M>& undetermined) {
+    starter_.find_undetermined(state, given, undetermined);
+  }
+
+  Starter<M>& starter() { return starter_; }
+
+  /// Penalties of the cut joints, known when a start has been found; the closure `penalty` has one for all.
+  const Cuts<M>& penalties() const { return penalties_; }
+
+  /// Load the mechanism as it is before a pose is known.
+  void load_unweighed() {
+    const Real first = finds_penalties() ? Real(1) : Real(*settings_.stabilisation.penalty);
+    std::fill(penalties_.begin(), penalties_.end(), first);
+    load();
+  }
+
+ private:
+  bool projects() const { return is_projected(settings_.stabilisation.closure); }
+
+  /// Whether penalties are found; a projected closure does so up to a given one.
+  bool finds_penalties() const { return projects() || !settings_.stabilisation.penalty; }
+
+  void load() { load_mechanism(mechanism_, parameters_, roads_, settings_.stabilisation, penalties_); }
+
+  /// Penalties from the effective masses in this pose, the given one their upper bound.
+  ///
+  /// Masses with the other cut joints open are measured by light penalties, then those with the others held by penalties of 1e4 times these, and
+  /// again by as many times what was found while that is too light for some direction.
+  void weigh(const StateOf<M>& state) {
+    const Real unbound = std::numeric_limits<Real>::infinity();
+    const Real most = settings_.stabilisation.penalty ? Real(*settings_.stabilisation.penalty) : unbound;
+    masses_.measure(state, penalties_, projects());
+    load(state, masses_.open(), Real(1e-3), unbound);
+    masses_.measure(state, penalties_, projects());
+    const Cuts<M> open = masses_.open();
+    Cuts<M> held = open;
+    for (int round = 0; round == 0 || (round < 4 && masses_.lacks()); ++round) {
+      load(state, held, Real(1e4), unbound);
+      masses_.measure(state, penalties_, projects());
+      held = masses_.held(state);
+    }
+    load(state, penalties_of_cuts(held, open, settings_.fixed_point_step), Real(1), most);
+  }
+
+  /// Load the mechanism with penalties of so many times the masses, `most` at most.
+  void load(const StateOf<M>& state, const Cuts<M>& masses, Real times, Real most) {
+    for (std::size_t i = 0; i < masses.size(); ++i) penalties_[i] = std::min(times * masses[i], most);
+    if (!projects()) std::fill(penalties_.begin(), penalties_.end(), common_penalty(penalties_));
+    load();
+    mechanism_.begin_step(state.t, Real(0));
+  }
+
+  /// Turn the given attitudes, of followers beside their bases, into those of outer bodies beside inner ones.
+  void turn_reversed(StateOf<M>& state, const Coordinates<M, unsigned char>& given) const {
+    for (const Chart& chart : charts_of(mechanism_)) {
+      const auto first = static_cast<std::size_t>(chart.q + chart.scalars);
+      if (!(chart.ball && chart.reversed && given[first])) continue;
+      for (std::size_t i = first + 1; i < first + 4; ++i) state.q[i] = -state.q[i];
+    }
+  }
+
+  /// Which speeds belong to coordinates that stay: three to a ball's attitude, one to each of the others.
+  void find_placed(const Coordinates<M, unsigned char>& given) {
+    for (const Chart& chart : charts_of(mechanism_)) {
+      const auto q = static_cast<std::size_t>(chart.q), v = static_cast<std::size_t>(chart.v);
+      const auto scalars = static_cast<std::size_t>(chart.scalars);
+      for (std::size_t i = 0; i < scalars; ++i) placed_[v + i] = given[q + i] == given_to_stay;
+      if (!chart.ball) continue;
+      for (std::size_t i = 0; i < 3; ++i) placed_[v + scalars + i] = given[q + scalars] == given_to_stay;
+    }
+  }
+
+  M& mechanism_;
+  Settings settings_;
+  const Real* parameters_;
+  const Road<Real>* roads_;
+  Starter<M> starter_;
+  EffectiveMasses<M> masses_;
+  SpeedFlags<M> placed_;
+  Speeds<M> holding_;
+  Cuts<M> penalties_;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,423 @@
+// A consistent start: closed loops, speeds that keep them closed, accelerations with their multipliers, static equilibrium.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <span>
+#include <utility>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/numbers/dense.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/start/holding.hpp"
+#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/numbers/selection.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
+
+namespace cutjoint {
+
+/// Which elements of a list are given by the user.
+template <class M>
+using SpeedFlags = Speeds<M, unsigned char>;
+
+/// Accelerations and multipliers of a state: the augmented update, repeated until the accelerations stay or only rounding is left to
+/// change, 200 times at most.  Of several instances side by side each goes as if it were alone.  `next` and `correction` are scratch.
+template <Mechanism M>
+void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, Speeds<M>& next, Equations<M>& correction) {
+  using Real = typename M::real_type;
+  using Instances = Selection<Real>;
+  using std::abs;
+  mechanism.begin_step(state.t, motion);
+  typename Instances::Mask open = Instances::all_if(true);
+  Real last(0);
+  for (int iteration = 0; iteration < 200 && Instances::any(open); ++iteration) {
+    mechanism.evaluate(state.q.data(), state.v.data(), state.lambda.data(), next.data(), correction.data());
+    for (std::size_t i = 0; i < correction.size(); ++i) Instances::take(open, state.lambda[i] + correction[i], state.lambda[i]);
+    Real change(0), size(1);
+    for (std::size_t i = 0; i < next.size(); ++i) {
+      change = larger(change, abs(next[i] - state.vdot[i]));
+      size = larger(size, abs(next[i]));
+    }
+    Instances::take_all(open, next, state.vdot);
+    if (iteration > 1) open = Instances::without(open, change <= where(change < last, Real(1e-12), Real(1e-6)) * size);
+    last = change;
+  }
+}
+
+/// Finds starts of a mechanism; a speed that is `held` (given by the user) is not changed, nor is its coordinate.  All memory is taken in the
+/// constructor, but for the neighbouring states of a mechanism that finds the accelerations of several side by side (`states_at_once`).
+template <Mechanism M>
+class Starter {
+ public:
+  using Real = typename M::real_type;
+
+  /// Accelerations of a mechanism of the proximal closure do not draw open loops together: `proximal` lets an equilibrium do so.
+  explicit Starter(M& mechanism, bool proximal = false)
+      : mechanism_(mechanism), sizes_(sizes_of(mechanism)), n_(sizes_.speeds), m_(sizes_.equations), drawn_(proximal ? m_ : 0),
+        matrix_((n_ + m_) * n_), phi_(m_), phid_(m_), still_(m_), right_(n_ + m_), a_(n_ + m_), next_(n_ + m_), step_(n_),
+        travel_(n_), room_(n_), left_(n_), beside_(n_), order_(n_), correction_(m_), other_accelerations_(n_), from_(sizes_.coordinates), probe_(design_state(mechanism)), other_(probe_),
+        holding_(mechanism) {}
+
+  /// Close the loops by the shortest way from the given coordinates (Gauss-Newton with least-norm steps).  A fault names the equation that
+  /// stays open.
+  Fault assemble(StateOf<M>& state, const SpeedFlags<M>& held, Real motion) {
+    mechanism_.begin_step(state.t, motion);
+    find_residual(state);
+    for (int iteration = 0; iteration < 50 && largest(phi_) > closed(); ++iteration) {
+      find_jacobian(state, held);
+      least_norm(m_, phi_.data());
+      move(state, step_.data(), -std::min(Real(1), Real(0.5) / std::max(largest(step_), Real(1e-30))));
+      find_residual(state);
+    }
+    if (!(largest(phi_) <= Real(1e-9))) return open_loop(Cause::no_assembly, state, phi_);
+    return {};
+  }
+
+  /// Change the speeds that are not held, least in the mean square, so that the loops stay closed.
+  Fault make_consistent(StateOf<M>& state, const SpeedFlags<M>& held, Real motion) {
+    mechanism_.begin_step(state.t, motion);
+    find_jacobian(state, held);
+    find_residual(state);
+    const Real violation = largest(phid_);
+    least_norm(m_, phid_.data());
+    for (std::size_t i = 0; i < n_; ++i) state.v[i] -= step_[i];
+    find_residual(state);
+    if (!(largest(phid_) <= Real(1e-9) * (Real(1) + violation))) return open_loop(Cause::speeds_inconsistent, state, phid_);
+    return {};
+  }
+
+  /// Marks independent speeds that neither the user nor the loops determine; as many as degrees of freedom are left.
+  void find_undetermined(const StateOf<M>& state, const SpeedFlags<M>& held, SpeedFlags<M>& undetermined) {
+    for (std::size_t i = 0; i < n_; ++i) undetermined[i] = !held[i] && i < sizes_.joint_speeds();
+    if (n_ == 0 || m_ == 0) return;
+    find_jacobian(state, held);
+    const auto squares = decomposed(m_);
+    for (std::size_t i = 0; i < squares.rank(); ++i) undetermined[squares.column_at(i)] = false;
+  }
+
+  /// A fault when an acceleration is not a finite number.
+  Fault require_finite(const StateOf<M>& state) const {
+    for (std::size_t i = 0; i < n_; ++i)
+      if (!std::isfinite(static_cast<double>(state.vdot[i])))
+        return {.cause = Cause::infinite_acceleration, .list = FaultList::speeds, .index = static_cast<int>(i),
+                .t = static_cast<double>(state.t), .value = static_cast<double>(state.vdot[i])};
+    return {};
+  }
+
+  /// Accelerations and multipliers of the state.
+  void accelerate(StateOf<M>& state, Real motion) { cutjoint::accelerate(mechanism_, state, motion, other_accelerations_, correction_); }
+
+  /// The pose near the given one in which nothing accelerates at rest: Newton's method on vdot(q) = 0 with differences and least-norm
+  /// steps, since directions without stiffness (a car's x, y and yaw) are free.  A held coordinate stays, by a force along it where it takes one.
+  /// A fault names what still accelerates.
+  Fault equilibrate(StateOf<M>& state, const SpeedFlags<M>& held) {
+    const StateOf<M> begun = state;
+    carries_ = false;
+    Fault fault = seek_rest_near(state, held);
+    if (!fault && !is_loaded(state, held)) return {};
+    const bool holds = std::any_of(held.begin(), held.end(), [](unsigned char given) { return given; });
+    if constexpr (!Weighable<M>)
+      if (holds) return fault ? fault : not_at_rest(state.vdot.data(), n_);
+    if (holds) {
+      carries_ = true;
+      state = begun;
+      fault = seek_rest_near(state, held);
+      if (!fault) return {};
+    }
+    state = begun;
+    if (sink(state, held)) fault = seek_rest_near(state, held);
+    if (fault) {
+      state = begun;
+      patient_ = true;
+      fault = seek_rest_near(state, held);
+      patient_ = false;
+    }
+    for (reach_ /= 100; fault && reach_ > Real(1e-10); reach_ /= 100) {
+      state = begun;
+      if (sink(state, held)) fault = seek_rest_near(state, held);
+    }
+    reach_ = Real(1e-5);
+    if (!fault && !is_loaded(state, held)) carries_ = false;
+    return fault;
+  }
+
+  /// Accelerations and multipliers of a state that `equilibrate` has found, and the `forces` along held coordinates, of which some carry the weight.
+  void hold(StateOf<M>& state, const SpeedFlags<M>& held, Speeds<M>& forces) {
+    accelerate(state, Real(0));
+    if (carries_) holding_.carry(state, held, forces.data());
+  }
+  bool carries() const { return carries_; }
+
+  /// The Jacobian of the residual by the speeds, (equations, speeds), column by column; `begin_step` has been called for the state's time.
+  const Real* jacobian(const StateOf<M>& state) {
+    find_jacobian(state, SpeedFlags<M>(n_));
+    return matrix_.data();
+  }
+
+ private:
+  static constexpr std::size_t n = static_sizes<M>().speeds, m = static_sizes<M>().equations;
+
+  static constexpr Real closed() { return Real(1e-14); }
+
+  /// Accelerations (m/s^2, rad/s^2) up to which nothing moves: what coordinates of 1 leave by rounding, where contacts are as stiff as that.
+  Real resting() const { return std::max(Real(1e-6), rounding_); }
+
+  static Real size_of(const Real* x, std::size_t length) { return largest(std::span<const Real>(x, length)); }
+
+  static std::size_t index_of_largest(const Real* x, std::size_t length) {
+    using std::abs;
+    std::size_t worst = 0;
+    for (std::size_t i = 1; i < length; ++i)
+      if (abs(x[i]) > abs(x[worst]) || x[i] != x[i]) worst = i;
+    return worst;
+  }
+
+  void find_residual(const StateOf<M>& state) { mechanism_.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data()); }
+
+  /// The Jacobian of the residual by the speeds, (equations, speeds), held columns zero; exact, since the rate is linear in the speeds.  phi_ is
+  /// the residual then.
+  void find_jacobian(const StateOf<M>& state, const SpeedFlags<M>& held) {
+    if (m_ == 0) return;
+    std::fill(step_.begin(), step_.end(), Real(0));
+    mechanism_.constraint_residual(state.q.data(), step_.data(), phi_.data(), still_.data());
+    for (std::size_t j = 0; j < n_; ++j) {
+      step_[j] = Real(1);
+      mechanism_.constraint_residual(state.q.data(), step_.data(), phi_.data(), phid_.data());
+      step_[j] = Real(0);
+      for (std::size_t i = 0; i < m_; ++i) matrix_[j * m_ + i] = held[j] ? Real(0) : phid_[i] - still_[i];
+    }
+  }
+
+  dense::LeastSquares<Real> decomposed(std::size_t rows, Real least = Real(1e-7)) {
+    dense::LeastSquares<Real> squares({matrix_.data(), rows, n_}, order_.data(), left_.data(), beside_.data());
+    squares.decompose(least);
+    return squares;
+  }
+
+  /// step_ with the matrix of so many rows times it least apart from b, which is overwritten, as the matrix is.
+  void least_norm(std::size_t rows, Real* b, Real least = Real(1e-7)) {
+    std::fill(step_.begin(), step_.end(), Real(0));
+    if (rows > 0 && n_ > 0) decomposed(rows, least).solve(b, step_.data(), room_.data());
+  }
+
+  /// y = A x of the derivative of the accelerations at rest.
+  void multiply(const Real* A, const Real* x, Real* y) const {
+    const std::size_t rows = n_ + drawn_;
+    std::fill(y, y + rows, Real(0));
+    for (std::size_t j = 0; j < n_; ++j)
+      for (std::size_t i = 0; i < rows; ++i) y[i] += A[j * rows + i] * x[j];
+  }
+
+  void move(StateOf<M>& state, const Real* step, Real factor) {
+    for (std::size_t i = 0; i < n_; ++i) room_[i] = factor * step[i];
+    for (std::size_t i = sizes_.joint_speeds(); i < n_; ++i) state.v[i] += room_[i];
+    from_ = state.q;
+    retract<Real>(charts_of(mechanism_), from_.data(), room_.data(), state.q.data());
+  }
+
+  /// The accelerations at rest of what is not held; below them what would draw open loops together at 10 1/s.  The state may be in the `same_pose` as
+  /// the last one that was read.
+  void read_rest(const StateOf<M>& state, const SpeedFlags<M>& held, Real* a, bool same_pose = false) {
+    for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] && !carries_ ? Real(0) : state.vdot[i];
+    if (carries_) holding_.hold(state, held, a, same_pose);
+    if (drawn_ > 0) find_residual(state);
+    for (std::size_t i = 0; i < drawn_; ++i) a[n_ + i] = Real(100) * phi_[i];
+  }
+
+  /// The derivative of the accelerations at rest by q, by central differences, held columns zero.
+  void find_stiffness(const StateOf<M>& state, const SpeedFlags<M>& held) {
+    const std::size_t rows = n_ + drawn_;
+    const Real h = reach_;
+    const auto put = [&](std::size_t j, const StateOf<M>& forward, const StateOf<M>& backward) {
+      Real* column = matrix_.data() + j * rows;
+      read_rest(backward, held, next_.data(), j > sizes_.joint_speeds());
+      read_rest(forward, held, column, j >= sizes_.joint_speeds());  // beside each other in first-order states alone
+      for (std::size_t i = 0; i < rows; ++i) column[i] = held[j] ? Real(0) : (column[i] - next_[i]) / (2 * h);
+    };
+    std::fill(step_.begin(), step_.end(), Real(0));
+    if constexpr (requires { M::states_at_once; }) {
+      constexpr std::size_t columns = M::states_at_once / 2;
+      for (std::size_t first = 0; first < n_; first += columns) {
+        auto probes = copies<M::states_at_once>(state);
+        const std::size_t number = std::min(columns, n_ - first);
+        for (std::size_t k = 0; k < number; ++k) {
+          step_[first + k] = Real(1);
+          move(probes[2 * k], step_.data(), h);
+          move(probes[2 * k + 1], step_.data(), -h);
+          step_[first + k] = Real(0);
+        }
+        mechanism_.accelerate(probes, Real(0));
+        for (std::size_t k = 0; k < number; ++k) put(first + k, probes[2 * k], probes[2 * k + 1]);
+      }
+    } else {
+      for (std::size_t j = 0; j < n_; ++j) {
+        probe_ = other_ = state;
+        step_[j] = Real(1);
+        move(probe_, step_.data(), h);
+        move(other_, step_.data(), -h);
+        step_[j] = Real(0);
+        accelerate(probe_, Real(0));
+        accelerate(other_, Real(0));
+        put(j, probe_, other_);
+      }
+    }
+    rounding_ = 4 * std::numeric_limits<Real>::epsilon() * size_of(matrix_.data(), rows * n_);
+  }
+
+  template <std::size_t number>
+  static std::array<StateOf<M>, number> copies(const StateOf<M>& state) {
+    return [&]<std::size_t... i>(std::index_sequence<i...>) { return std::array<StateOf<M>, number>{((void)i, state)...}; }(std::make_index_sequence<number>());
+  }
+
+  Real square_of(const Real* x) const {
+    Real sum(0);
+    for (std::size_t i = 0; i < n_ + drawn_; ++i) sum += x[i] * x[i];
+    return sum;
+  }
+
+  /// Newton's steps with halving while they lower the accelerations, the largest of which is returned; adds what it moves to `travel_`.
+  Real seek_rest(StateOf<M>& state, const SpeedFlags<M>& held) {
+    const std::size_t rows = n_ + drawn_;
+    accelerate(state, Real(0));
+    read_rest(state, held, a_.data());
+    Real mark = square_of(a_.data());
+    for (int iteration = 0; iteration < 60 && size_of(a_.data(), rows) > Real(1e-9); ++iteration) {
+      if (!patient_ && iteration > 0 && iteration % 20 == 0) {
+        if (square_of(a_.data()) > mark / 2) break;
+        mark = square_of(a_.data());
+      }
+      find_stiffness(state, held);
+      std::copy(a_.begin(), a_.end(), right_.begin());
+      least_norm(rows, right_.data());
+      const StateOf<M>& start = other_ = state;
+      Real fraction = std::min(Real(1), Real(0.1) / std::max(largest(step_), Real(1e-30)));
+      for (int halving = 0; halving < 12; ++halving, fraction /= 2) {
+        state = start;
+        move(state, step_.data(), -fraction);
+        accelerate(state, Real(0));
+        read_rest(state, held, next_.data());
+        if (square_of(next_.data()) < square_of(a_.data())) break;
+      }
+      if (!(square_of(next_.data()) < square_of(a_.data()))) {
+        state = start;
+        break;
+      }
+      for (std::size_t i = 0; i < n_; ++i) travel_[i] -= fraction * step_[i];
+      std::copy(next_.begin(), next_.end(), a_.begin());
+    }
+    return size_of(a_.data(), rows);
+  }
+
+  /// The way to rest through thick oil, q' = vdot(q), on which the potential falls, by implicit Euler steps that grow as accelerations fall
+  /// (Kelley, Keyes 1998), 100 at most; false where loops cannot close.  Newton's steps alone end where wheels leave the ground or a direction
+  /// without stiffness turns accelerations that are far from rest.
+  bool sink(StateOf<M>& state, const SpeedFlags<M>& held) {
+    const std::size_t rows = n_ + drawn_;
+    std::fill_n(state.v.begin(), sizes_.joint_speeds(), Real(0));
+    accelerate(state, Real(0));
+    read_rest(state, held, a_.data());
+    Real size = size_of(a_.data(), rows), length = Real(0.01) / std::max(size, resting());
+    for (int iteration = 0; iteration < 100 && size > resting() && length < Real(1000); ++iteration) {
+      find_stiffness(state, held);
+      for (std::size_t i = 0; i < n_; ++i)
+        if (!held[i]) matrix_[i * rows + i] -= 1 / length;
+      std::copy(a_.begin(), a_.end(), right_.begin());
+      least_norm(rows, right_.data(), Real(1e-14));  // of full rank, however stiff a contact is beside what swings freely
+      find_fall(state, held);
+      if (assemble(state, held, Real(0))) return false;
+      accelerate(state, Real(0));
+      read_rest(state, held, a_.data());
+      const Real before = std::exchange(size, size_of(a_.data(), rows));
+      length *= std::clamp(2 * before / size, Real(0.25), Real(4));
+    }
+    return true;
+  }
+
+  /// Move against `step_`, 0.1 at most; where a contact on the way drives back harder than the step was driven, only to where the drive along it has
+  /// fallen to a tenth, found between both ends by secants and bisection.
+  void find_fall(StateOf<M>& state, const SpeedFlags<M>& held) {
+    using std::abs;
+    Real fraction = std::min(Real(1), Real(0.1) / std::max(largest(step_), Real(1e-30))), low(0), high = fraction;
+    const StateOf<M> start = state;
+    const Real begun = driven_by(a_.data());
+    Real at_low = begun, at_high(0);
+    for (int iteration = 0; iteration < 60; ++iteration) {
+      state = start;
+      move(state, step_.data(), -fraction);
+      accelerate(state, Real(0));
+      read_rest(state, held, next_.data());
+      const Real drive = driven_by(next_.data());
+      if (iteration == 0 && !(drive < 0 && square_of(next_.data()) > square_of(a_.data()))) return;
+      if (abs(drive) <= begun / 10) return;
+      (drive > 0 ? low : high) = fraction;
+      (drive > 0 ? at_low : at_high) = drive;
+      fraction = iteration % 3 == 0 ? (low + high) / 2 : (low * at_high - high * at_low) / (at_high - at_low);
+    }
+  }
+
+  Real driven_by(const Real* a) const {
+    Real sum(0);
+    for (std::size_t i = 0; i < n_; ++i) sum -= a[i] * step_[i];
+    return sum;
+  }
+
+  /// The search for a pose at rest; what its steps have moved along directions without stiffness is taken back.
+  Fault seek_rest_near(StateOf<M>& state, const SpeedFlags<M>& held) {
+    std::fill_n(state.v.begin(), sizes_.joint_speeds(), Real(0));
+    std::fill(travel_.begin(), travel_.end(), Real(0));
+    if (!(seek_rest(state, held) <= Real(1))) return not_at_rest(a_.data(), n_ + drawn_);
+    // Differences tell the free directions to some digits only, so the steps have drifted along them.
+    find_stiffness(state, held);
+    multiply(matrix_.data(), travel_.data(), right_.data());
+    least_norm(n_ + drawn_, right_.data());
+    for (std::size_t i = 0; i < n_; ++i) step_[i] = travel_[i] - step_[i];
+    move(state, step_.data(), Real(-1));
+    return seek_rest(state, held) <= resting() ? Fault{} : not_at_rest(a_.data(), n_ + drawn_);
+  }
+
+  /// Whether what is held accelerates where nothing holds it.
+  bool is_loaded(const StateOf<M>& state, const SpeedFlags<M>& held) const {
+    using std::abs;
+    for (std::size_t i = 0; i < n_; ++i)
+      if (held[i] && !(abs(state.vdot[i]) <= resting())) return true;
+    return false;
+  }
+
+  Fault not_at_rest(const Real* a, std::size_t length) const {
+    const std::size_t worst = index_of_largest(a, length);
+    const bool open = worst >= n_;
+    return {.cause = Cause::no_equilibrium, .list = open ? FaultList::equations : FaultList::speeds,
+            .index = static_cast<int>(open ? worst - n_ : worst), .t = 0, .value = static_cast<double>(size_of(a, length))};
+  }
+
+  Fault open_loop(Cause cause, const StateOf<M>& state, const Equations<M>& violation) const {
+    const std::size_t worst = index_of_largest(violation.data(), m_);
+    return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst), .t = static_cast<double>(state.t),
+            .value = static_cast<double>(largest(violation))};
+  }
+
+  M& mechanism_;
+  Sizes sizes_;
+  std::size_t n_, m_, drawn_;
+  Array<M, (n + m) * n> matrix_;
+  Equations<M> phi_, phid_, still_;
+  Array<M, n + m> right_, a_, next_;
+  Speeds<M> step_, travel_, room_, left_, beside_;
+  Speeds<M, std::size_t> order_;
+  Equations<M> correction_;
+  Speeds<M> other_accelerations_;
+  Coordinates<M> from_;
+  StateOf<M> probe_, other_;
+  Holding<M> holding_;
+  bool carries_ = false;
+  Real rounding_{0};  ///< of accelerations, by their derivatives
+  Real reach_{1e-5};      ///< of differences: shorter than a stiff contact gives way
+  bool patient_ = false;  ///< whether a search for rest goes on where its residual does not fall
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,147 @@
+// Steps of equal length over instants at which guides' rates jump.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <type_traits>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/constraints/impacts.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
+
+namespace cutjoint {
+
+/// Finds the jumps within a step before it is taken, and lets it begin as if the motion after them had come from there.
+///
+/// From the start of the step the motion goes along its parabola to the jump, is struck, and goes back along the parabola of the accelerations
+/// after it: a step from there has an error of the order of the rule's.
+///
+/// When guides change their formulas, indicators say.
+template <class S>
+class CrossedImpacts {
+  using Indicators = Array<S, static_sizes<S>().indicators>;
+
+ public:
+  using Real = typename S::real_type;
+
+  CrossedImpacts(S& subject, double end)
+      : subject_(subject), impacts_(subject, end), before_(design_state(subject)), shift_(sizes_of(subject).speeds), pose_(sizes_of(subject).coordinates),
+        from_(indicators()), now_(from_) {}
+
+  /// Meet what lies within a step of h from a state; `accelerate` finds accelerations and multipliers of a state, and `watch` is as of Impacts.
+  /// Returns whether something did.
+  template <class Accelerate, class Watch>
+  bool meet(StateOf<S>& state, Real h, Accelerate accelerate, Watch watch) {
+    if (!impacts_.possible()) return false;
+    using std::abs;
+    const Real begin = state.t, end = begin + h;
+    bool met = false;
+    const Real after = abs(searched_ - begin) <= impacts_.width(end) ? searched_ : begin;  // rounding leaves nothing out between steps, nor has it twice
+    searched_ = end;
+    for (Jump jump = find(state, after, end); jump.is_found; jump = find(state, jump.after, end)) {
+      move(state, jump.before - begin);
+      state.t = jump.before;
+      accelerate(state);
+      watch.reach(state);
+      const Real work = impacts_.strike(state, jump.after);
+      accelerate(state);
+      watch.leave(state, work, jump.which);
+      move(state, begin - jump.before);
+      state.t = begin;
+      met = true;
+    }
+    return met;
+  }
+
+  /// A step of h of a state from what lies within it on: `step` is told whether something does.  The state stays where it fails.
+  template <class Accelerate, class Step>
+  Fault over(StateOf<S>& state, Real h, Accelerate accelerate, const ImpactWatch<S>& watch, Step step) {
+    if (!impacts_.possible()) return step(false);
+    before_ = state;
+    const bool met = meet(state, h, accelerate, watch);
+    const Fault fault = step(met);
+    if (fault) state = before_;
+    return fault;
+  }
+
+  /// Up to when jumps have been sought: what the next steps follow from.
+  using Memory = Real;
+
+  Memory memory() const { return searched_; }
+  void restore(Memory searched) { searched_ = searched; }
+
+ private:
+  /// Between two times, by an indicator.
+  struct Jump {
+    Real before{0}, after{0};
+    std::size_t which = 0;
+    bool is_found = false;
+  };
+
+  std::size_t indicators() const {
+    if constexpr (Sized<S>) return S::sizes.indicators;
+    else return subject_.description().indicators.size();
+  }
+
+  /// Along the parabola of a state's accelerations, by a time h.
+  void move(StateOf<S>& state, Real h) {
+    for (std::size_t i = 0; i < shift_.size(); ++i) {
+      shift_[i] = h * state.v[i] + h * h / 2 * state.vdot[i];
+      state.v[i] += h * state.vdot[i];
+    }
+    pose_ = state.q;
+    displace(charts_of(subject_), pose_, shift_.data(), state.q);
+  }
+
+  /// The first jump at which an indicator changes its sign though the state does not change.
+  Jump find(const StateOf<S>& state, Real from, Real to) {
+    if (from_.empty()) return {};
+    while (from < to) {
+      look(state, from, from_);
+      if (changed(state, to) == now_.size()) return {};
+      Real low = from, high = to;
+      while (high - low > impacts_.width(to)) {
+        const Real middle = low + (high - low) / 2;
+        (changed(state, middle) < now_.size() ? high : low) = middle;
+      }
+      const std::size_t which = changed(state, high);
+      low -= impacts_.width(to);  // where a condition holds at its end too, a guide has changed there already
+      if (impacts_.jumps(state.q, low, high)) return {low, high, which, true};
+      from = high;
+    }
+    return {};
+  }
+
+  /// Values of the indicators at a time; generic mechanisms and systems have none.
+  void look(const StateOf<S>& state, Real t, Indicators& values) {
+    if constexpr (requires { subject_.events(state.q.data(), state.v.data(), values.data()); }) {
+      subject_.begin_step(t, Real(1));
+      subject_.events(state.q.data(), state.v.data(), values.data());
+    }
+  }
+
+  /// The first indicator whose sign is another than at the last `from`; as many as there are if there is none.
+  std::size_t changed(const StateOf<S>& state, Real t) {
+    look(state, t, now_);
+    std::size_t i = 0;
+    while (i < now_.size() && (now_[i] > Real(0)) == (from_[i] > Real(0))) ++i;
+    return i;
+  }
+
+  S& subject_;
+  Impacts<S> impacts_;
+  StateOf<S> before_;
+  Speeds<S> shift_;
+  Coordinates<S> pose_;
+  Indicators from_, now_;
+  Real searched_{-std::numeric_limits<Real>::infinity()};
+};
+
+/// Impacts of classes whose guides can jump.
+template <class S>
+using CrossedIf = std::conditional_t<can_jump<S>, CrossedImpacts<S>, NoImpacts>;
+
+}  // namespace cutjoint

@@ -1,0 +1,120 @@
+// Steps of a simulation by the trapezoidal rule.
+#pragma once
+
+#include <type_traits>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/stepping/crossed_impacts.hpp"
+#include "cutjoint/core/stepping/extrapolation.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/constraints/impacts.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/mechanism/relative.hpp"
+#include "cutjoint/core/roads/road.hpp"
+#include "cutjoint/core/inputs/sampling.hpp"
+#include "cutjoint/core/simulation/simulation_settings.hpp"
+#include "cutjoint/core/start/start.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
+#include "cutjoint/core/stepping/trapezoidal.hpp"
+
+namespace cutjoint {
+
+/// The integrator of a simulation (simulation.hpp) by the fixed point of the trapezoidal rule.  Steps go over events.
+template <class M>
+class FixedPointSteps {
+ public:
+  using Real = typename M::real_type;
+
+  using Subject = M;
+
+  static constexpr bool adaptive = false;
+  static constexpr bool finds_events = false, knows_residuals = false;
+
+  /// Whether steps may leave loops open without a fault.
+  static bool leaves_violations(const SimulationSettings& settings) { return !settings.fixed_point.proximal || settings.fixed_point.fixed_cost; }
+
+  /// The length of steps with a fixed point, which penalties follow.
+  static Real fixed_point_step(const SimulationSettings& settings) { return Real(settings.dt); }
+
+  FixedPointSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>*)
+      : mechanism_(mechanism), steps_(mechanism, Real(settings.dt), settings.fixed_point), correction_(sizes_of(mechanism).equations),
+        next_(sizes_of(mechanism).speeds),
+        relative_(mechanism, Real(1e-12)), impacts_(mechanism, settings.end) {}
+
+  static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
+
+  /// Take over a state.
+  void begin(const StateOf<M>&) { steps_.expected().forget(true); }
+
+  Fault start(StateOf<M>&, Real) { return {}; }
+
+  /// Forces have jumped: the next step begins with the accelerations that they give, by the multipliers before, which an evaluation corrects.
+  void restart_after_input_jump(StateOf<M>& state) {
+    mechanism_.begin_step(state.t, Real(1));
+    mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), state.vdot.data(), correction_.data());
+  }
+
+  /// A controller has changed forces: the next step begins with accelerations and multipliers that these give.
+  void restart_after_sample(StateOf<M>& state) {
+    if (correction_.empty()) return restart_after_input_jump(state);
+    cutjoint::accelerate(mechanism_, state, Real(1), next_, correction_);
+  }
+
+  /// Accelerations and multipliers of a state as it is.
+  Fault accelerate(StateOf<M>& state, Starter<M>& starter) {
+    starter.accelerate(state, Real(1));
+    return starter.require_finite(state);
+  }
+
+  /// Close the loops of a state by moving the masses least.
+  Fault close(StateOf<M>& state) { return steps_.projection().close(state); }
+
+  /// From the state to that at the end of a step of length h; the state stays where it fails.
+  Fault step(StateOf<M>& state, const SimulationSettings& settings, Real h, Real, long number) {
+    steps_.set_step(h);
+    steps_.set_fixed_point(settings.fixed_point);
+    if constexpr (can_jump<M>)
+      return impacts_.over(state, h, [this](StateOf<M>& at) { relative_.find_accelerations(at); }, watch_, [&](bool) { return steps_.step(state, number); });
+    else return steps_.step(state, number);
+  }
+
+  /// The state with its accelerations and multipliers.
+  const StateOf<M>& complete(const StateOf<M>& state) const { return state; }
+
+  /// Tell a watch of impacts.
+  void watch_impacts(const ImpactWatch<M>& watch) { watch_ = watch; }
+
+  long iterations() const { return steps_.evaluations(); }
+  long evaluations() const {
+    if constexpr (can_jump<M>) return steps_.evaluations() + relative_.evaluations();
+    else return steps_.evaluations();
+  }
+
+  /// What the last iteration still changed the accelerations by, as a share of 1 + the largest of them.
+  double change() const { return steps_.change(); }
+
+  /// What the next step expects by the last ones.
+  Extrapolation<M>& expected() { return steps_.expected(); }
+
+  struct Memory {
+    Extrapolation<M> expected;
+    [[no_unique_address]] typename CrossedIf<M>::Memory impacts;
+  };
+
+  Memory memory() const { return {steps_.expected(), impacts_.memory()}; }
+  void restore(const StateOf<M>&, const Memory& memory) {
+    steps_.expected() = memory.expected;
+    impacts_.restore(memory.impacts);
+  }
+
+ private:
+  M& mechanism_;
+  Trapezoidal<M> steps_;
+  Equations<M> correction_;
+  [[no_unique_address]] RoomForSamples<M> next_;
+  [[no_unique_address]] std::conditional_t<can_jump<M>, Relative<M>, NoImpacts> relative_;
+  [[no_unique_address]] CrossedIf<M> impacts_;
+  [[no_unique_address]] ImpactWatch<M> watch_;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,354 @@
+// Steps of several instances of a mechanism side by side, each in a lane of its own.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/constraints/constraint_violation.hpp"
+#include "cutjoint/core/inputs/inputs.hpp"
+#include "cutjoint/core/numbers/instances.hpp"
+#include "cutjoint/core/inputs/lane_inputs.hpp"
+#include "cutjoint/core/roads/lane_road.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/simulation/simulation_settings.hpp"
+#include "cutjoint/core/constraints/stabilisation.hpp"
+#include "cutjoint/core/start/start.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
+#include "cutjoint/core/stepping/trapezoidal.hpp"
+
+namespace cutjoint {
+
+/// Values become those of lane k of as many numbers.
+template <class Values, class Numbers>
+void put_lane(int k, const Values& values, Numbers& numbers) {
+  for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i].v[k] = values[i];
+}
+
+/// A state becomes that of lane k.
+template <class Single, class Several, int N, class Arrays>
+void put_lane(int k, const State<Single, Several>& state, State<Lanes<Single, N>, Arrays>& states) {
+  states.t.v[k] = state.t;
+  put_lane(k, state.q, states.q), put_lane(k, state.v, states.v);
+  put_lane(k, state.vdot, states.vdot), put_lane(k, state.lambda, states.lambda);
+}
+
+/// The numbers of lane k.
+template <class Numbers, class Values>
+void take_lane(int k, const Numbers& numbers, Values& values) {
+  for (std::size_t i = 0; i < numbers.size(); ++i) values[i] = numbers[i][k];
+}
+
+/// The state of lane k.
+template <class Single, class Several, int N, class Arrays>
+void take_lane(int k, const State<Lanes<Single, N>, Arrays>& states, State<Single, Several>& state) {
+  state.t = states.t[k];
+  take_lane(k, states.q, state.q), take_lane(k, states.v, state.v);
+  take_lane(k, states.vdot, state.vdot), take_lane(k, states.lambda, state.lambda);
+}
+
+/// What an instance goes on from: a consistent state, and what its mechanism is loaded with and driven by.  Steps are counted from `origin`, s, of which
+/// `number` are made.  The sources of roads and inputs outlive the steps.
+template <class StateOfOne>
+struct LaneStart {
+  const StateOfOne& state;
+  const double* parameters;
+  const double* penalties;
+  const Road<double>* roads;
+  InputSource<double> inputs{};
+  double origin = 0.0;
+  long number = 0;
+  long unmeasured = 1;  ///< how many steps there are until violations are measured
+};
+
+/// Steps by the trapezoidal rule of instances side by side.
+///
+/// They go as one alone would, up to rounding.  What the other lanes have changes no bit of one, nor does the lane that it is in.  One that fails
+/// stops at its last state, and the others go on.  Between runs the instances may find accelerations of several states of one mechanism.
+template <Mechanism M>
+class LaneSteps {
+ public:
+  using Real = typename M::real_type;
+  using Instances = Selection<Real>;
+  using Mask = typename Instances::Mask;
+  static constexpr int width = Instances::number;
+
+  explicit LaneSteps(M& mechanism)
+      : mechanism_(mechanism), roads_(sizes_of(mechanism).roads), parameters_(sizes_of(mechanism).parameters), penalties_(sizes_of(mechanism).cuts),
+        state_(design_state(mechanism)), from_(state_), sources_(mechanism), steps_(mechanism, Real(1), FixedPoint{}), columns_(sizes_of(mechanism).columns),
+        margins_(sizes_of(mechanism).guards), vdot_(sizes_of(mechanism).speeds), correction_(sizes_of(mechanism).equations),
+        rate_(correction_.size()) {}
+
+  LaneSteps(const LaneSteps&) = delete;
+  LaneSteps& operator=(const LaneSteps&) = delete;
+
+  /// Accelerations and multipliers of states of one mechanism, which is loaded and driven like that; no lane goes.
+  template <class StateOfOne>
+  void accelerate(std::array<StateOfOne, width>& states, double motion, const double* parameters, const Stabilisation<double>& s,
+                  const Road<double>* roads, const InputSource<double>& source) {
+    for (int k = 0; k < width; ++k) {
+      put_lane(k, at(states, k), state_);
+      put_data(k, parameters, s.penalties, roads, source);
+    }
+    mechanism_.load(parameters_.data(), {.penalty = Real(s.penalty), .damping_ratio = Real(s.damping_ratio), .frequency = Real(s.frequency),
+                                         .penalties = s.penalties ? penalties_.data() : nullptr}, roads_.data());
+    drive();
+    cutjoint::accelerate(mechanism_, state_, Real(motion), vdot_, correction_);
+    for (int k = 0; k < width; ++k) take_lane(k, state_, at(states, k));
+  }
+
+  /// All lanes stand still.
+  void clear() { going_ = Instances::all_if(false); }
+
+  /// An instance goes in a lane; the first one stands in for those that do not.
+  template <class StateOfOne>
+  void put(int k, const LaneStart<StateOfOne>& start) {
+    const bool is_first = !any_goes();
+    for (int lane = is_first ? 0 : k; lane < (is_first ? width : k + 1); ++lane) fill(lane, start);
+    going_[k] = -1;
+  }
+
+  /// Get ready for steps of those that were put, which have the same settings; with `violation_limits` they stop where a loop is torn.
+  void begin(const SimulationSettings& settings, const double* violation_limits = nullptr) {
+    settings_ = settings;
+    violation_limits_ = violation_limits;
+    load_mechanism(mechanism_, parameters_.data(), roads_.data(), settings_.stabilisation, penalties_);
+    drive();
+    mechanism_.begin_step(state_.t, Real(1));
+    steps_.set_fixed_point(settings_.fixed_point);
+    steps_.count_anew();
+  }
+
+  bool any_goes() const { return Instances::any(going_); }
+  bool goes(int k) const { return Instances::has(going_, k); }
+  Mask going() const { return going_; }
+
+  /// Why the one in a lane stopped.
+  const Fault& fault(int k) const { return at(faults_, k); }
+
+  /// Its state and its time, s.
+  const StateOf<M>& states() const { return state_; }
+  double time(int k) const { return state_.t[k]; }
+
+  /// How often it was evaluated since the beginning until its iterations had converged.
+  long evaluations(int k) const { return static_cast<long>(steps_.evaluations()[k]); }
+
+  /// A step of the settings' length.
+  void step() {
+    integrate(Real(settings_.dt), origin_ + (number_ + Real(1)) * Real(settings_.dt));
+    number_ = where(going_, number_ + Real(1), number_);
+  }
+
+  /// Steps of all, which have the same time, to another, the last one shorter where they do not end there.
+  void advance(double until) {
+    const double rounding = 1e-9 * settings_.dt;
+    while (any_goes()) {
+      const double left = until - present();
+      if (!(left > rounding)) return;
+      if (left + rounding >= settings_.dt) {
+        step();
+        continue;
+      }
+      integrate(Real(left), Real(until));
+      origin_ = where(going_, state_.t, origin_);
+      number_ = where(going_, Real(0), number_);
+    }
+  }
+
+  /// Stop those in which a force that was left out would act at the end of a step.
+  void watch([[maybe_unused]] Real number) {
+    if constexpr (!Sized<M> || sizes.guards > 0) {
+      if (margins_.empty()) return;
+      mechanism_.guard(state_.q.data(), state_.v.data(), margins_.data());
+      for (std::size_t i = 0; i < margins_.size(); ++i)
+        for (int k = 0; k < width; ++k)
+          if (goes(k) && !(margins_[i][k] >= 0.0))
+            stop(k, {.cause = Cause::guard_violated, .list = FaultList::guards, .index = static_cast<int>(i), .t = state_.t[k],
+                     .step = static_cast<long>(number[k]), .value = -margins_[i][k]});
+    }
+  }
+
+  /// The smallest margin of each guard at the end of the last step.
+  const auto& margins() const { return margins_; }
+
+  /// Find the columns of all at the present states; of those that stopped in the last step, at their last ones.
+  const auto& report() {
+    mechanism_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), columns_.data());
+    return columns_;
+  }
+
+  /// Those of one.
+  void columns(int k, double* columns) const { take_lane(k, columns_, columns); }
+
+ protected:
+  /// What the instance in a lane that stopped would go on from, but for the memory of its sources.
+  template <class Memory>
+  void leave(int k, Memory& memory) const {
+    take_lane(k, state_, memory.state);
+    steps_.expected().take_lane(k, memory.integrator.expected);
+    memory.origin = origin_[k];
+    memory.number = static_cast<long>(number_[k]);
+    memory.unmeasured = at(unmeasured_, k);
+  }
+
+  /// The instance in a lane goes on from accelerations that have been.
+  template <class Expected>
+  void expect(int k, const Expected& expected) {
+    steps_.expected().put_lane(k, expected);
+  }
+
+  /// The instance in a lane goes on from elsewhere; with a fault it stops there.
+  template <class StateOfOne>
+  void go_on_from(int k, const LaneStart<StateOfOne>& start, const Fault& fault) {
+    fill(k, start);
+    going_[k] = -1;
+    if (fault) stop(k, fault);
+    evaluated_.v[k] = start.state.t;
+    mechanism_.begin_step(evaluated_, Real(1));
+  }
+
+ private:
+  static constexpr Sizes sizes = static_sizes<M>();
+
+  template <class Items>
+  static auto& at(Items& items, int k) {
+    return items[static_cast<std::size_t>(k)];
+  }
+
+  template <class StateOfOne>
+  void fill(int k, const LaneStart<StateOfOne>& start) {
+    put_lane(k, start.state, state_);
+    Mask which = Instances::all_if(false);
+    which[k] = -1;
+    steps_.expected().forget(which);
+    put_data(k, start.parameters, start.penalties, start.roads, start.inputs);
+    origin_.v[k] = start.origin;
+    number_.v[k] = static_cast<double>(start.number);
+    at(unmeasured_, k) = start.unmeasured;
+  }
+
+  void put_data(int k, const double* parameters, const double* penalties, const Road<double>* roads, const InputSource<double>& source) {
+    put_lane(k, parameters, parameters_);
+    if (penalties) put_lane(k, penalties, penalties_);
+    for (std::size_t i = 0; i < roads_.size(); ++i) roads_[i].put(k, roads[i]);
+    at(inputs_, k) = source;
+  }
+
+  /// The mechanism takes inputs from the source of each lane.
+  void drive() {
+    if constexpr (!Sized<M> || sizes.inputs > 0) sources_.drive(mechanism_, [this](int k) { return at(inputs_, k); });
+  }
+
+  /// The time of those that go.
+  double present() const {
+    for (int k = 0; k < width; ++k)
+      if (goes(k)) return state_.t[k];
+    return 0.0;
+  }
+
+  /// Tell sources of a step.  Instances whose inputs have parts within it stop before.  Where inputs jump, the step begins with their
+  /// accelerations, as in FixedPointSteps.  Returns the instances whose loops may be left open.
+  Mask begin_inputs(Real until) {
+    Mask jump = Instances::all_if(false), opens = jump;
+    for (int k = 0; k < width; ++k) {
+      const InputSource<double>& source = at(inputs_, k);
+      if (!goes(k) || !source.begin) continue;
+      const StepBegin begin = source.begin(source.host, state_.t[k], until[k]);
+      if (begin.jumps) jump[k] = -1;
+      if (begin.opens) opens[k] = -1;
+      if (begin.parts) stop(k, {});
+    }
+    if (!Instances::any(jump)) return opens;
+    mechanism_.begin_step(state_.t, Real(1));
+    mechanism_.evaluate(state_.q.data(), state_.v.data(), state_.lambda.data(), vdot_.data(), correction_.data());
+    Instances::take_all(jump, vdot_, state_.vdot);
+    return opens;
+  }
+
+  /// Close loops that a step has left open behind guides that jump, as a simulation alone does; returns those that stay open.
+  Mask close_behind_jumps(Mask opens) {
+    mechanism_.constraint_residual(state_.q.data(), state_.v.data(), correction_.data(), rate_.data());
+    for (int k = 0; k < width; ++k) {
+      if (!Instances::has(opens, k)) continue;
+      const auto is_closed = [&](const Equations<M>& open, double per) {
+        return largest_violation(open.size(), violation_limits_, [&](std::size_t i) { return per * open[i][k]; }).is_closed();
+      };
+      if (is_closed(correction_, 1.0) && is_closed(rate_, closing_time(settings_))) opens[k] = 0;
+    }
+    return Instances::any(opens) ? steps_.projection().close(state_, opens) : opens;
+  }
+
+  void integrate(Real h, Real until) {
+    Mask opens = Instances::all_if(false);
+    if constexpr (!Sized<M> || sizes.inputs > 0) opens = begin_inputs(until);
+    opens = Instances::both(opens, going_);
+    if (!any_goes()) return;
+    const Real begun = state_.t;
+    if (violation_limits_ && Instances::any(opens)) from_ = state_;
+    steps_.set_step(h);
+    Mask failed = steps_.step_of(state_, going_);
+    for (int k = 0; k < width; ++k)
+      if (Instances::has(failed, k)) stop(k, steps_.fault(k, static_cast<long>(number_[k]) + 1));
+    opens = Instances::without(opens, failed);
+    if (violation_limits_ && Instances::any(opens)) {
+      opens = close_behind_jumps(opens);
+      for (int k = 0; k < width; ++k)
+        if (Instances::has(opens, k)) stop(k, steps_.projection().fault(k, static_cast<long>(number_[k]) + 1));
+      keep_before(opens);
+      failed = Instances::either(failed, opens);
+    }
+    evaluated_ = where(failed, begun, begun + h);
+    if (Instances::any(failed)) mechanism_.begin_step(evaluated_, Real(1));
+    state_.t = where(going_, until, state_.t);
+    if (violation_limits_) watch_violations();
+    watch(number_ + Real(1));
+  }
+
+  /// Some are as they were before the step.
+  void keep_before(Mask which) {
+    Instances::take_all(which, from_.q, state_.q), Instances::take_all(which, from_.v, state_.v);
+    Instances::take_all(which, from_.vdot, state_.vdot), Instances::take_all(which, from_.lambda, state_.lambda);
+  }
+
+  /// Stop those of which a loop is torn, as a simulation alone does.
+  void watch_violations() {
+    bool due = false;
+    for (int k = 0; k < width; ++k) due |= goes(k) && --at(unmeasured_, k) <= 0;
+    if (!due) return;
+    mechanism_.constraint_residual(state_.q.data(), state_.v.data(), correction_.data(), rate_.data());
+    for (int k = 0; k < width; ++k) {
+      if (!goes(k) || at(unmeasured_, k) > 0) continue;
+      const ConstraintViolation violation = largest_violation(sizes_of(mechanism_).equations, violation_limits_, [&](std::size_t i) { return correction_[i][k]; });
+      at(unmeasured_, k) = violation.next_measurement();
+      if (violation.is_torn()) stop(k, violation.fault(state_.t[k], static_cast<long>(number_[k]) + 1));
+    }
+  }
+
+  void stop(int k, const Fault& fault) {
+    going_[k] = 0;
+    at(faults_, k) = fault;
+  }
+
+  M& mechanism_;
+  SimulationSettings settings_{};
+  Array<M, sizes.roads, Road<Real>> roads_;
+  Array<M, sizes.parameters> parameters_;
+  Cuts<M> penalties_;
+  StateOf<M> state_, from_;
+  Real evaluated_{0};           ///< the times at which the mechanism is
+  Real origin_{0}, number_{0};  ///< of whole steps since the origin
+  std::array<InputSource<double>, width> inputs_;
+  LaneInputs<M> sources_;
+  Trapezoidal<M> steps_;
+  Array<M, sizes.columns> columns_;
+  Array<M, sizes.guards> margins_;
+  Speeds<M> vdot_;
+  Equations<M> correction_, rate_;
+  const double* violation_limits_ = nullptr;
+  std::array<long, width> unmeasured_{};
+  Mask going_{};
+  std::array<Fault, width> faults_{};
+};
+
+}  // namespace cutjoint

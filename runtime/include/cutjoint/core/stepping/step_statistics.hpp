@@ -1,0 +1,65 @@
+// What a step did, and limits of it.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "cutjoint/core/simulation/fault.hpp"
+
+namespace cutjoint {
+
+/// What the last step did: the violation (m or rad) of the `equation` that stands open by the largest share of its limit; the largest rate (m/s or rad/s) at
+/// which one opens; what the last iteration still changed the accelerations by, as a share of 1 + the largest of them; the smallest pivot of the
+/// factors, as a share of the largest entry of its column, infinity where there are none; iterations and evaluations.
+struct StepStatistics {
+  double violation = 0.0, violation_rate = 0.0, change = 0.0, pivot = std::numeric_limits<double>::infinity();
+  long iterations = 0, evaluations = 0;
+  int equation = -1;
+};
+
+/// The numbers that have limits: those of `StepStatistics`, in that order.
+enum class Limit : int { violation = 0, violation_rate = 1, change = 2, pivot = 3, iterations = 4, evaluations = 5 };
+
+inline constexpr const char* limit_names[] = {"violation", "violation_rate", "change", "pivot", "iterations", "evaluations"};
+
+/// Limits that a host sets: of pivots the least, of all others the most.
+class Limits {
+ public:
+  static constexpr int number = 6;
+
+  Limits() {
+    values_.fill(std::numeric_limits<double>::infinity());
+    values_[pivot_] = 0.0;
+  }
+
+  /// Whether there are any, and some of what has to be measured.
+  bool any() const { return any_; }
+  bool of_loops() const { return std::isfinite(values_[0]) || std::isfinite(values_[1]); }
+  bool of_pivots() const { return values_[pivot_] > 0.0; }
+
+  void set(int which, double value) {
+    values_[static_cast<std::size_t>(which)] = value;
+    any_ = of_pivots();
+    for (std::size_t i = 0; i < number; ++i) any_ = any_ || (i != pivot_ && std::isfinite(values_[i]));
+  }
+
+  /// Which limit a step exceeds, and by what; nothing where none.
+  Fault watch(const StepStatistics& statistics, double t, long step) const {
+    const double numbers[] = {statistics.violation, statistics.violation_rate, statistics.change, statistics.pivot, static_cast<double>(statistics.iterations), static_cast<double>(statistics.evaluations)};
+    for (std::size_t i = 0; i < number; ++i)
+      if (i == pivot_ ? !(numbers[i] >= values_[i]) : !(numbers[i] <= values_[i]))
+        return {.cause = Cause::limit_exceeded, .list = FaultList::limits, .index = static_cast<int>(i), .t = t, .step = step, .value = numbers[i], .size = values_[i],
+                .equation = i == 0 ? statistics.equation : -1};
+    return {};
+  }
+
+ private:
+  static constexpr std::size_t pivot_ = static_cast<std::size_t>(Limit::pivot);
+
+  std::array<double, number> values_;
+  bool any_ = false;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,215 @@
+// The trapezoidal rule with fixed-point iteration on the accelerations (Cuadrado et al. 2000, eqs. 43-44).
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <span>
+
+#include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/stepping/extrapolation.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/numbers/mixing.hpp"
+#include "cutjoint/core/constraints/projection.hpp"
+#include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/numbers/selection.hpp"
+#include "cutjoint/core/mechanism/state.hpp"
+
+namespace cutjoint {
+
+/// How the fixed point is sought: from the accelerations that those at the ends of the last steps lead to, by mixed iterations.
+///
+/// It counts as reached when the accelerations change by at most `tolerance` times (1 + the largest of them); rates of states count as shares of
+/// their `nominals`.  The multipliers are
+/// corrected in the first `multiplier_updates` iterations of a step and stay the same then: the penalty carries what is left.  Near a singular
+/// pose the multipliers of the vanishing direction have no limit, and correcting them further would never end.
+///
+/// With the proximal closure positions and speeds are projected at the end of a step.  A step of fixed cost has `iterations` of them, no
+/// less and no more, whatever they leave.
+struct FixedPoint {
+  double tolerance;
+  int iterations;
+  int multiplier_updates;
+  bool proximal = false;
+  bool fixed_cost = false;
+
+  bool operator==(const FixedPoint&) const = default;
+};
+
+/// A fixed point that is not reached: what the accelerations still change by, how large they are, and the speed whose one changes most.
+inline Fault not_reached(int iterations, double change, double size, double t, long number, std::size_t speed) {
+  return {.cause = std::isfinite(change) ? Cause::not_converged : Cause::diverged, .list = FaultList::speeds, .index = static_cast<int>(speed),
+          .t = t, .step = number, .value = change, .size = size, .iterations = iterations};
+}
+
+/// Integrates a mechanism with steps of a given length.  Its reals may be numbers of several instances side by side: each
+/// goes as if it were alone, and its accelerations stay when they have converged while those of others still change.
+template <Mechanism M>
+class Trapezoidal {
+ public:
+  using Real = typename M::real_type;
+  using Instances = Selection<Real>;
+  using Mask = typename Instances::Mask;
+
+  Trapezoidal(M& mechanism, Real dt, FixedPoint fixed_point)
+      : mechanism_(mechanism), dt_(dt), fixed_point_(fixed_point), v_hat_(sizes_of(mechanism).speeds), z_hat_(v_hat_.size()),
+        delta_(v_hat_.size()), vdot_(v_hat_.size()), difference_(v_hat_.size()), correction_(sizes_of(mechanism).equations),
+        before_(design_state(mechanism)), expected_(v_hat_.size()), mixing_(v_hat_.size()), projection_(mechanism) {}
+
+  /// One step of a mechanism alone; `state` is that at its end.  There is a fault when the iteration diverges to infinity or does not end, or loops
+  /// stay open; `state` is then the last one that converged, and the mechanism is at its time.
+  [[gnu::noinline]] Fault step(StateOf<M>& state, long number) {
+    if (!step_of(state, true)) return {};
+    mechanism_.begin_step(state.t, Real(1));
+    return fault(0, number);
+  }
+
+  /// One step of the instances in `going`; a state is then that at its end, of all others it stays.  Returns those that fail; the mechanism is at the
+  /// end of the step.
+  Mask step_of(StateOf<M>& state, Mask going) {
+    const Mask failed = advance(state, going);
+    return fixed_point_.proximal ? Instances::either(failed, project(state, Instances::without(going, failed))) : failed;
+  }
+
+  /// Why the last step of an instance failed.
+  Fault fault(int instance, long number) const {
+    Fault fault = faults_[static_cast<std::size_t>(instance)];
+    fault.step = number;
+    return fault;
+  }
+
+  Projection<M>& projection() { return projection_; }
+
+  /// Memory of the next steps: accelerations at the ends of the last ones.
+  Extrapolation<M>& expected() { return expected_; }
+  const Extrapolation<M>& expected() const { return expected_; }
+
+  /// Go on with steps of another length.
+  void set_step(Real dt) { dt_ = dt; }
+
+  /// Seek the fixed point another way.
+  void set_fixed_point(const FixedPoint& fixed_point) { fixed_point_ = fixed_point; }
+
+  /// How often each instance was evaluated until it had converged.
+  const typename Instances::Count& evaluations() const { return evaluations_; }
+
+  /// What the last iteration changed the accelerations of a mechanism alone by, as a share of 1 + the largest of them.
+  double change() const { return static_cast<double>(change_ / size_); }
+
+  /// Count evaluations from nought.
+  void count_anew() { evaluations_ = typename Instances::Count{}; }
+
+ private:
+  /// Advance without the projection of the proximal closure.
+  ///
+  ///     v = dt/2 vdot + v_hat           v_hat = v_n + dt/2 vdot_n
+  ///     z = dt^2/4 vdot + z_hat         z_hat = dt v_n + dt^2/4 vdot_n,  z counted from q_n
+  Mask advance(StateOf<M>& state, Mask going) {
+    before_ = state;
+    const Real dt = dt_, half = dt_ / 2, quarter = dt_ * dt_ / 4;
+    for (std::size_t i = 0; i < v_hat_.size(); ++i) {
+      v_hat_[i] = state.v[i] + half * state.vdot[i];
+      z_hat_[i] = dt * state.v[i] + quarter * state.vdot[i];
+    }
+    const Real t = state.t + dt_;
+    mechanism_.begin_step(t, Real(1));
+    const std::span<const double> nominals = nominals_of(mechanism_);
+    expected_.expect(state.vdot, dt, nominals);
+    mixing_.begin();
+    // the first accelerations follow from the last step's multipliers: they are no sign of how those with present ones follow their tries, and no end
+    const int first_sure = correction_.empty() ? 1 : 2;
+    Mask open = going, failed{};
+    for (int iteration = 1; Instances::any(open); ++iteration) {
+      follow(state);
+      mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), vdot_.data(), correction_.data());
+      Instances::count(open, evaluations_);
+      if (iteration <= fixed_point_.multiplier_updates)
+        for (std::size_t i = 0; i < correction_.size(); ++i) Instances::take(open, state.lambda[i] + correction_[i], state.lambda[i]);
+      const bool last = iteration >= fixed_point_.iterations;
+      const Mask close = Instances::both(compare(state), Instances::all_if(iteration >= first_sure || last)),
+                 late = Instances::all_if(last && !fixed_point_.fixed_cost);
+      const Mask lost = Instances::both(open, Instances::either(Instances::without(late, close), Instances::without(open, Instances::finite(change_))));
+      if (Instances::any(lost)) note(lost, t, iteration);
+      failed = Instances::either(failed, lost);
+      const Mask done = Instances::either(failed, fixed_point_.fixed_cost ? Instances::all_if(last) : close), next = Instances::without(open, done);
+      if (iteration >= first_sure && Instances::any(next)) mixing_.mix(difference_, change_, nominals, next, vdot_);
+      Instances::take_all(open, vdot_, state.vdot);
+      open = next;
+    }
+    expected_.keep(state.vdot, Instances::without(going, failed));
+    follow(state);
+    state.t = t;
+    restore(state, Instances::without(Instances::all_if(true), Instances::without(going, failed)));
+    return failed;
+  }
+
+  /// Coordinates and speeds that belong to the state's accelerations.
+  void follow(StateOf<M>& state) {
+    const Real half = dt_ / 2, quarter = dt_ * dt_ / 4;
+    for (std::size_t i = 0; i < v_hat_.size(); ++i) {
+      state.v[i] = half * state.vdot[i] + v_hat_[i];
+      delta_[i] = quarter * state.vdot[i] + z_hat_[i];
+    }
+    retract<Real>(charts_of(mechanism_), before_.q.data(), delta_.data(), state.q.data());
+  }
+
+  /// Positions and speeds that keep the loops closed; returns the instances that fail, which go back to the state before the step.
+  Mask project(StateOf<M>& state, Mask going) {
+    Mask failed = Instances::all_if(false);
+    if (fixed_point_.fixed_cost) projection_.approach(state);
+    else failed = projection_.close(state, going);
+    for (int k = 0; k < Instances::number; ++k)
+      if (Instances::has(failed, k)) faults_[static_cast<std::size_t>(k)] = projection_.fault(k, 0);
+    restore(state, Instances::without(Instances::all_if(true), Instances::without(going, failed)));
+    return failed;
+  }
+
+  /// Which new accelerations are close to those of the state.
+  Mask compare(const StateOf<M>& state) {
+    for (std::size_t i = 0; i < vdot_.size(); ++i) difference_[i] = vdot_[i] - state.vdot[i];
+    const std::span<const double> nominals = nominals_of(mechanism_);
+    change_ = largest(difference_, nominals);
+    size_ = Real(1) + largest(vdot_, nominals);
+    return change_ <= Real(fixed_point_.tolerance) * size_;
+  }
+
+  /// Keep what is to say of instances that fail.
+  void note(Mask lost, Real t, int iteration) {
+    for (int k = 0; k < Instances::number; ++k) {
+      if (!Instances::has(lost, k)) continue;
+      std::size_t worst = 0;
+      double most = -1;
+      for (std::size_t i = 0; i < difference_.size(); ++i)
+        if (const double change = std::abs(Instances::of(difference_[i], k)); change > most || change != change) most = change, worst = i;
+      faults_[static_cast<std::size_t>(k)] =
+          not_reached(iteration, Instances::of(change_, k), Instances::of(size_, k), Instances::of(t, k), 0, worst);
+    }
+  }
+
+  /// Instances go back to the state before the step.
+  void restore(StateOf<M>& state, Mask which) const {
+    if (!Instances::any(which)) return;
+    const auto back = [&](auto& values, const auto& before) {
+      for (std::size_t i = 0; i < values.size(); ++i) Instances::take(which, before[i], values[i]);
+    };
+    Instances::take(which, before_.t, state.t);
+    back(state.q, before_.q), back(state.v, before_.v), back(state.vdot, before_.vdot), back(state.lambda, before_.lambda);
+  }
+
+  M& mechanism_;
+  Real dt_;
+  FixedPoint fixed_point_;
+  Speeds<M> v_hat_, z_hat_, delta_, vdot_, difference_;
+  Equations<M> correction_;
+  StateOf<M> before_;
+  Extrapolation<M> expected_;
+  Mixing<M> mixing_;
+  Projection<M> projection_;
+  Real change_{0}, size_{1};
+  typename Instances::Count evaluations_{};
+  std::array<Fault, Instances::number> faults_{};
+};
+
+}  // namespace cutjoint
