@@ -21,7 +21,7 @@ import cutjoint
 from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.methods import DEFAULT_METHOD
-from cutjoint.model.tunable import with_inputs
+from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.topology.reading import read_model
 from cutjoint.view.live import Poses
 from tests.conftest import MODELS, ROOT, needs_cpp

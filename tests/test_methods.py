@@ -30,7 +30,7 @@ from cutjoint.methods import (
     Implementation,
     Integrator,
 )
-from cutjoint.model.document import json_schema
+from cutjoint.model.document.model_file import json_schema
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Scene
 from cutjoint.package.errors import RunError

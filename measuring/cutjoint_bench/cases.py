@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from cutjoint.model.link_masses import with_link_masses
+from cutjoint.model.elements.link_masses import with_link_masses
 from cutjoint.model.records import Model, Output
 from cutjoint.package.errors import RunError
 from cutjoint.reduce.trials import exact

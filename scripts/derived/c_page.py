@@ -8,7 +8,7 @@ from pathlib import Path
 from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.statuses import STATUSES
-from cutjoint.model.functions import leave_to_host
+from cutjoint.model.expressions.functions import leave_to_host
 from cutjoint.topology.reading import read_model
 
 MODEL = Path(__file__).with_name("every_part.yaml")

@@ -14,7 +14,7 @@ import sympy
 from cutjoint.analysis.closing import explore
 from cutjoint.compile.options import CompileOptions
 from cutjoint.model.errors import ModelError
-from cutjoint.model.expressions import quantity_symbol
+from cutjoint.model.expressions.parse import quantity_symbol
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Aim, Model
 from cutjoint.package.errors import RunError

@@ -18,7 +18,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_model, compile_scene, generate
 from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.model.errors import ModelError
-from cutjoint.model.functions import leave_to_host, supply
+from cutjoint.model.expressions.functions import leave_to_host, supply
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError

@@ -15,7 +15,7 @@ from cutjoint.cli import main
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.emit.source import code_file
-from cutjoint.model.functions import supply
+from cutjoint.model.expressions.functions import supply
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.package.errors import CutjointError

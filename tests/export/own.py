@@ -13,7 +13,7 @@ import pytest
 import sympy
 
 from cutjoint.methods import PLAIN_CLOSURE, Implementation
-from cutjoint.model.link_masses import with_link_masses
+from cutjoint.model.elements.link_masses import with_link_masses
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Scene
 from cutjoint.package.errors import RunError

@@ -12,8 +12,8 @@ from click.testing import CliRunner, Result
 
 from cutjoint.cli import main
 from cutjoint.export.laws import Numbers, expression
+from cutjoint.model.elements.link_masses import with_link_masses
 from cutjoint.model.errors import ModelError
-from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Output
 from cutjoint.run.scenes import find_scene
@@ -51,7 +51,7 @@ def test_mujoco_is_reported_to_differ_in_closed_loops(tmp_path: Path) -> None:
 SEEDED = """
 import hashlib
 from cutjoint_bench.export.peers import PEERS
-from cutjoint.model.link_masses import with_link_masses
+from cutjoint.model.elements.link_masses import with_link_masses
 from tests.export.own import case_of
 case = case_of("iltis", "simul3")
 model = with_link_masses(case.model, {"*.leaf_link": 2, "*.tie_rod": 1, "rack": 0.5})

@@ -9,8 +9,8 @@ import pytest
 import sympy
 
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.expressions import read_term, variable
-from cutjoint.model.operations import Term
+from cutjoint.model.expressions.operations import Term
+from cutjoint.model.expressions.parse import read_term, variable
 from cutjoint.model.read import read_model_text
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.differentiate import Differentiator

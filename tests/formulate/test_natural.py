@@ -21,7 +21,7 @@ from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_
 from cutjoint.formulate.natural.nodes import NodeKind
 from cutjoint.formulate.records import NAMES
 from cutjoint.model.errors import ModelError
-from cutjoint.model.quantities import quantities
+from cutjoint.model.expressions.quantities import quantities
 from cutjoint.model.read import read_model
 from cutjoint.model.records import JointForce, JointKind, Model, Output, Scene, Tyre
 from cutjoint.run.scenes import find_scene

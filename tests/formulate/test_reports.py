@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutjoint.model.quantities import quantities
+from cutjoint.model.expressions.quantities import quantities
 from cutjoint.model.records import COORDINATES, GROUND, SPEEDS, JointKind, Model, Output, Reaction
 from cutjoint.topology.build import build_topology
 from tests.mechanisms import random_models

@@ -13,7 +13,7 @@ from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.records import SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.model.expressions import quantity_symbol, sample_symbol
+from cutjoint.model.expressions.parse import quantity_symbol, sample_symbol
 from cutjoint.model.records import Controller, HeldValue, Model, Output, Reaction, Signal
 from cutjoint.topology.build import build_topology
 from tests.formulate.test_natural import without_rod_forces

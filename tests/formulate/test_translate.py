@@ -11,8 +11,8 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.expressions import read_term, variable
-from cutjoint.model.operations import Term
+from cutjoint.model.expressions.operations import Term
+from cutjoint.model.expressions.parse import read_term, variable
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.lower import Lowering

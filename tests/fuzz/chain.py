@@ -10,8 +10,8 @@ import numpy as np
 import sympy
 
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.expressions import read_term, variable
-from cutjoint.model.operations import ExpressionError, Term
+from cutjoint.model.expressions.operations import ExpressionError, Term
+from cutjoint.model.expressions.parse import read_term, variable
 from cutjoint.model.records import Scalar
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars

@@ -16,11 +16,11 @@ from tempfile import TemporaryDirectory
 from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.compile import pipeline
 from cutjoint.model.errors import ModelError
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expressions import variable
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.parse import variable
+from cutjoint.model.expressions.units import measure
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model
-from cutjoint.model.units import measure
 from cutjoint.program.blocks import ConstantError
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.spanning_tree import TopologyError

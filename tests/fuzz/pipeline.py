@@ -13,7 +13,7 @@ from cutjoint.compile import pipeline
 from cutjoint.emit.source import Source
 from cutjoint.formulate.records import Equations
 from cutjoint.model.errors import ModelError
-from cutjoint.model.functions import signatures_of
+from cutjoint.model.expressions.functions import signatures_of
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError

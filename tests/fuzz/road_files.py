@@ -9,7 +9,7 @@ import re
 import numpy as np
 
 from cutjoint.model.errors import ModelError
-from cutjoint.model.opencrg import OpenCrg
+from cutjoint.model.files.opencrg import OpenCrg
 
 _HEADER = """$CT
 a road

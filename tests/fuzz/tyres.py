@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from zlib import crc32
 
 from cutjoint.model.errors import ModelError
-from cutjoint.model.property_file import read_properties
+from cutjoint.model.files.property_file import read_properties
 from cutjoint.model.read import read_model_text
 
 DATA = Path(__file__).parents[1] / "data" / "tyres"

@@ -17,8 +17,8 @@ import sympy
 from cutjoint.compile.derivation import derive
 from cutjoint.elements.interaction import Frame, Point
 from cutjoint.elements.joint import Direction
-from cutjoint.model.elements import Elements
-from cutjoint.model.mirror import coordinate_signs, mirror_along, mirror_elements
+from cutjoint.model.elements.build import Elements
+from cutjoint.model.elements.mirror import coordinate_signs, mirror_along, mirror_elements
 from cutjoint.model.records import (
     AxialForce,
     Body,

@@ -15,7 +15,7 @@ import sympy
 
 from cutjoint.elements.joint import Fault
 from cutjoint.elements.joints import JOINTS
-from cutjoint.model.geometry import GLOBAL_AXES, turned_axes
+from cutjoint.model.elements.geometry import GLOBAL_AXES, turned_axes
 from cutjoint.model.records import (
     COORDINATES,
     GROUND,

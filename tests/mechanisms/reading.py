@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import sympy
 
-from cutjoint.model.expressions import quantity_symbol
-from cutjoint.model.quantities import quantities
+from cutjoint.model.expressions.parse import quantity_symbol
+from cutjoint.model.expressions.quantities import quantities
 from cutjoint.model.records import VALUE, Body, FirstOrderState, Force, Joint, LawForce, Model, Scalar, Signal
 
 #: A body and its angles near the design position, a joint's speed: what natural coordinates have too.

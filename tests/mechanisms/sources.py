@@ -27,7 +27,7 @@ from cutjoint.compile.pipeline import generate
 from cutjoint.emit.simulator import emit_batch
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.methods import METHODS, PRECISIONS
-from cutjoint.model.quantities import quantities
+from cutjoint.model.expressions.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Numerics, Output, Scene
 from cutjoint.reduce.sequence import STEPS

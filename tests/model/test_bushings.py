@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expressions import variable
-from cutjoint.model.quantities import quantities
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.parse import variable
+from cutjoint.model.expressions.quantities import quantities
 from cutjoint.model.records import Bushing
 
 from .pendulum import check, read

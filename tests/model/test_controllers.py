@@ -7,8 +7,8 @@ from functools import partial
 import pytest
 import sympy
 
-from cutjoint.model.expressions import quantity_symbol, sample_symbol
-from cutjoint.model.quantities import readings_of
+from cutjoint.model.expressions.parse import quantity_symbol, sample_symbol
+from cutjoint.model.expressions.quantities import readings_of
 from cutjoint.model.read import read_model_text
 
 from .pendulum import problems_with, read_with

@@ -10,14 +10,14 @@ import pytest
 
 from cutjoint.elements.force import Force
 from cutjoint.elements.forces import FORCES
-from cutjoint.model.document import json_schema
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expressions import variable
+from cutjoint.model.document.model_file import json_schema
+from cutjoint.model.document.values import MAX_COEFFICIENTS, MAX_GRID, MAX_TABLE
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.operations import FUNCTIONS
+from cutjoint.model.expressions.parse import variable
+from cutjoint.model.expressions.quantities import JOINT_QUANTITIES, QUANTITIES
 from cutjoint.model.names import VARIABLES
-from cutjoint.model.operations import FUNCTIONS
-from cutjoint.model.quantities import JOINT_QUANTITIES, QUANTITIES
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.model.values import MAX_COEFFICIENTS, MAX_GRID, MAX_TABLE
 from tests.conftest import ROOT
 
 from .pendulum import read, varied

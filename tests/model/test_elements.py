@@ -10,9 +10,9 @@ import pytest
 import sympy
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.model import quantities
-from cutjoint.model.document import json_schema
-from cutjoint.model.evaluate import evaluate
+from cutjoint.model.document.model_file import json_schema
+from cutjoint.model.expressions import quantities
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.records import (
     COORDINATES,
     SPEEDS,

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import sympy
 
-from cutjoint.model.evaluate import evaluate, evaluate_runs
-from cutjoint.model.expressions import read_term, variable
-from cutjoint.model.operations import MAX_EXACT, ExpressionError, Term
-from cutjoint.model.units import LENGTH, MASS, SPEED
+from cutjoint.model.expressions.evaluate import evaluate, evaluate_runs
+from cutjoint.model.expressions.operations import MAX_EXACT, ExpressionError, Term
+from cutjoint.model.expressions.parse import read_term, variable
+from cutjoint.model.expressions.units import LENGTH, MASS, SPEED
 
 X, Y = variable("x"), variable("y")
 NAMES = {

@@ -11,7 +11,7 @@ import pytest
 
 from cutjoint.compile.pipeline import generate
 from cutjoint.model.errors import ModelError
-from cutjoint.model.files import MAX_FILES, library
+from cutjoint.model.files.referenced import MAX_FILES, library
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model
 from cutjoint.package.locations import without_mark

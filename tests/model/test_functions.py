@@ -11,8 +11,8 @@ from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.pipeline import generate
 from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.model.errors import ModelError
-from cutjoint.model.expressions import variable
-from cutjoint.model.functions import SuppliedCall, require_code, supply
+from cutjoint.model.expressions.functions import SuppliedCall, require_code, supply
+from cutjoint.model.expressions.parse import variable
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.package.errors import CutjointError

@@ -8,7 +8,7 @@ from cutjoint.analysis.mobility import GuideError
 from cutjoint.compile.pipeline import generate
 from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.model.errors import ModelError
-from cutjoint.model.expressions import POSITION
+from cutjoint.model.expressions.parse import POSITION
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.report.explain.document import explain

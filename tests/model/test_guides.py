@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expressions import variable
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.parse import variable
 from cutjoint.model.read import read_model_text
 
 from .pendulum import PENDULUM, check, problems, read

@@ -6,8 +6,8 @@ import pytest
 import sympy
 
 from cutjoint.model.errors import ModelError
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expressions import variable
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.parse import variable
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import AxialForce, Body, BodyLoad, Joint, JointFriction, JointKind, Model, PointSpring, Tyre
 

@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expressions import variable
-from cutjoint.model.quantities import quantities
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.parse import variable
+from cutjoint.model.expressions.quantities import quantities
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import JointForce
 

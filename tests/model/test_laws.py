@@ -10,9 +10,9 @@ import pytest
 import sympy
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, RegularGridInterpolator
 
-from cutjoint.model.curves import monotone_cubic
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expressions import variable
+from cutjoint.model.expressions.curves import monotone_cubic
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.parse import variable
 
 from .pendulum import read
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import sympy
 
-from cutjoint.model.expressions import variable
+from cutjoint.model.expressions.parse import variable
 from cutjoint.model.records import BodyLoad
 
 from .pendulum import check, read

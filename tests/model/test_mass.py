@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expressions import parameter_symbol
-from cutjoint.model.mass import can_exist
+from cutjoint.model.elements.mass import can_exist
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.parse import parameter_symbol
 from cutjoint.model.records import Body
 
 from .pendulum import check, problem, read

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import sympy
 
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expressions import variable
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.parse import variable
 from cutjoint.model.read import read_model
 from cutjoint.model.records import (
     AxialForce,

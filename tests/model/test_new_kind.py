@@ -65,7 +65,7 @@ def problems(**how):
     return []
 
 from cutjoint.compile.pipeline import generate
-from cutjoint.model.quantities import unit_of
+from cutjoint.model.expressions.quantities import unit_of
 from cutjoint.package.extensions import EXPORTERS
 from cutjoint.report.explain.joints import coordinate_symbol
 

@@ -8,8 +8,8 @@ import pytest
 
 from cutjoint.analysis.redundancy import find_indeterminate
 from cutjoint.model.errors import ModelError
-from cutjoint.model.expressions import quantity_symbol
-from cutjoint.model.quantities import readings_of, unit_of
+from cutjoint.model.expressions.parse import quantity_symbol
+from cutjoint.model.expressions.quantities import readings_of, unit_of
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Span
 from cutjoint.sweeps.code import Reader

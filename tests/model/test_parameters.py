@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from cutjoint.formulate.inputs import tunable_parameters
-from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError

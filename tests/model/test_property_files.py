@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cutjoint.model.errors import ModelError
-from cutjoint.model.property_file import read_properties
+from cutjoint.model.files.property_file import read_properties
 from cutjoint.model.read import read_model_text
 from cutjoint.package.locations import library_folder
 from tests.fuzz.tyres import DATA, MODEL

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from cutjoint.model.shape import element_of
+from cutjoint.model.document.checks import element_of
 
 from .pendulum import PENDULUM, check, problems
 

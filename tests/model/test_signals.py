@@ -6,8 +6,8 @@ from functools import partial
 
 import pytest
 
-from cutjoint.model.expressions import quantity_symbol
-from cutjoint.model.quantities import readings_of
+from cutjoint.model.expressions.parse import quantity_symbol
+from cutjoint.model.expressions.quantities import readings_of
 from cutjoint.model.read import read_model_text
 
 from .pendulum import check, problems_with, read_with, varied

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from cutjoint.model.document.source import MAX_BYTES, parse_yaml
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
-from cutjoint.model.source import MAX_BYTES, parse_yaml
 
 
 def refusal(text: str) -> str:

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.compile.options import CompileOptions
 from cutjoint.model.errors import ModelError
-from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Binding, Model
 from cutjoint.run.simulation import simulate

@@ -7,8 +7,8 @@ from typing import Any
 import pint
 import pytest
 
-from cutjoint.model import units
-from cutjoint.model.units import UnitError, measure
+from cutjoint.model.expressions import units
+from cutjoint.model.expressions.units import UnitError, measure
 
 REGISTRY: Any = pint.UnitRegistry()
 NAMES = (

@@ -8,7 +8,7 @@ import runpy
 import numpy as np
 import pytest
 
-from cutjoint.model.property_file import read_properties
+from cutjoint.model.files.property_file import read_properties
 from cutjoint.model.read import read_model_text
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.studies.instructions import rolling_text

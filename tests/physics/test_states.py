@@ -20,7 +20,7 @@ from cutjoint.compile.pipeline import compile_scene as compile_code
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
-from cutjoint.model.expressions import variable
+from cutjoint.model.expressions.parse import variable
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import VALUE, FirstOrderState, Model, Output
 from cutjoint.reduce.sequence import STEPS

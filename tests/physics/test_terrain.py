@@ -14,8 +14,8 @@ from cutjoint.elements.forces.on_road import TERRAIN
 from cutjoint.elements.forces.tyre import Tyre
 from cutjoint.export.fmu.variables import make_interface
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.model.expressions.tunable import with_terrain
 from cutjoint.model.read import read_model_text
-from cutjoint.model.tunable import with_terrain
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp

@@ -14,7 +14,7 @@ import pytest
 import sympy
 import yaml
 
-from cutjoint.model.property_file import read_properties
+from cutjoint.model.files.property_file import read_properties
 from cutjoint.model.read import read_model_text
 from cutjoint.package.locations import library_folder
 from cutjoint.run.results import Trajectory

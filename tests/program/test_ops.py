@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from cutjoint.model.operations import FUNCTIONS as OF_MODELS
+from cutjoint.model.expressions.operations import FUNCTIONS as OF_MODELS
 from cutjoint.ops import CONDITIONS, OPERATIONS, SMOOTH, Operation, fact
 from cutjoint.program.blocks import FUNCTIONS, BindingTime, Builder
 from cutjoint.view.sliders import print_function

@@ -8,8 +8,8 @@ import pytest
 import sympy
 
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.expressions import parameter_symbol, read_term, variable
-from cutjoint.model.operations import Term
+from cutjoint.model.expressions.operations import Term
+from cutjoint.model.expressions.parse import parameter_symbol, read_term, variable
 from cutjoint.model.records import Scalar
 from cutjoint.program.blocks import Builder
 from cutjoint.program.interpret import interpret_blocks

@@ -21,7 +21,7 @@ from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import Implementation
 from cutjoint.model.errors import ModelError
-from cutjoint.model.quantities import quantities
+from cutjoint.model.expressions.quantities import quantities
 from cutjoint.model.read import read_model
 from cutjoint.model.records import COORDINATES, GROUND, JointForce, JointKind, Model, Output, Reaction, Scene
 from cutjoint.package.locations import runtime_folder

@@ -18,7 +18,7 @@ from cutjoint.elements.joints import JOINTS
 from cutjoint.formulate.inputs import LAW_TIME, tunable_parameters
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.model.quantities import quantities
+from cutjoint.model.expressions.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.interpret import interpret_blocks

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import cutjoint
 from cutjoint.compile.c_export import linearised_methods
-from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
 from cutjoint.stepping.load import load_scene

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 import cutjoint
 from cutjoint.cli import main
+from cutjoint.model.expressions.tunable import WRENCH_UNITS, with_external_wrenches
 from cutjoint.model.read import read_model_text
-from cutjoint.model.tunable import WRENCH_UNITS, with_external_wrenches
 from cutjoint.stepping.load import load_scene
 from tests.conftest import ROOT, needs_cpp
 

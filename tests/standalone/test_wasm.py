@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cutjoint.compile.c_export import Standalone
-from cutjoint.model.functions import leave_to_host
+from cutjoint.model.expressions.functions import leave_to_host
 from cutjoint.model.read import read_model_text
 from cutjoint.package.errors import MissingToolsError, RunError
 from cutjoint.toolchain import wasm

@@ -11,7 +11,7 @@ import pytest
 from cutjoint.elements.joint import rate_name
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.model.quantities import quantities
+from cutjoint.model.expressions.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import GROUND, Model, Output
 from cutjoint.topology.build import build_topology

@@ -61,7 +61,7 @@ import json
 import numpy as np
 from cutjoint.topology.reading import read_model_text
 from cutjoint.view.forces import Arrows
-from cutjoint.model.quantities import bodies_of
+from cutjoint.model.expressions.quantities import bodies_of
 from cutjoint.view.drawing import draw
 from cutjoint.view.sliders import make_sliders
 from cutjoint.view.views import _placed, show_start

@@ -11,7 +11,7 @@ from cutjoint.analysis.closing import Array, close_loops, design_coordinates, ev
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import join_and
-from cutjoint.model.expressions import quantity_symbol
+from cutjoint.model.expressions.parse import quantity_symbol
 from cutjoint.model.records import VALUE, Model, Output, Scene, Signal
 from cutjoint.package.errors import RunError
 from cutjoint.program.interpret import interpret_blocks

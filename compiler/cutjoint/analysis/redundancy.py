@@ -18,8 +18,8 @@ from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import HELD, INPUTS
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.model.friction import refuse_friction
-from cutjoint.model.quantities import quantities, read_by
+from cutjoint.model.elements.friction import refuse_friction
+from cutjoint.model.expressions.quantities import quantities, read_by
 from cutjoint.model.records import Model, Output, Reaction, Scene
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology

@@ -12,9 +12,9 @@ from cutjoint.commands import options, table
 from cutjoint.compile.c_export import for_hosts, frozen_words, make_standalone
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import tunable_parameters
-from cutjoint.model.functions import leave_to_host
+from cutjoint.model.expressions.functions import leave_to_host
+from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model
-from cutjoint.model.tunable import with_inputs
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_files

@@ -14,9 +14,9 @@ from cutjoint.export.fmu.description import KINDS
 from cutjoint.export.mjcf import write_mjcf
 from cutjoint.export.robots import write_urdf
 from cutjoint.methods import DEFAULT_METHOD
-from cutjoint.model.link_masses import with_link_masses
+from cutjoint.model.elements.link_masses import with_link_masses
+from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model, Output
-from cutjoint.model.tunable import with_inputs
 from cutjoint.package.errors import RunError
 from cutjoint.package.extensions import EXPORTERS
 from cutjoint.run.outputs import require_apart

@@ -166,7 +166,7 @@ def read_masses(links: tuple[str, ...]) -> dict[str, float]:
     """
     masses = read_parameters(links, "--link-mass")
     for name, mass in masses.items():
-        from cutjoint.model.units import fault_of_dimension
+        from cutjoint.model.expressions.units import fault_of_dimension
 
         if fault := fault_of_dimension(mass, "kg"):
             from cutjoint.package.errors import RunError
@@ -179,8 +179,8 @@ def _read_value(text: str) -> float:
     """A number as it is typed, or what a model file has without names; ValueError where it is none."""
     if not text or is_number(text):
         return read_number(text)
-    from cutjoint.model.expressions import read_term
-    from cutjoint.model.units import Quantity
+    from cutjoint.model.expressions.parse import read_term
+    from cutjoint.model.expressions.units import Quantity
 
     term = read_term(text, {})
     assert term.number is not None  # an expression without names is a number

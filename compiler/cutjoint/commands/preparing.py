@@ -29,7 +29,7 @@ from cutjoint.methods import (
     join_or,
     names_of,
 )
-from cutjoint.model.files import SHIPPED
+from cutjoint.model.files.referenced import SHIPPED
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.extensions import IMPLEMENTATIONS

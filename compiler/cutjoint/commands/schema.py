@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import table
-from cutjoint.model.document import json_schema
+from cutjoint.model.document.model_file import json_schema
 from cutjoint.run.result_files import write_whole
 from cutjoint.sweeps.document import study_schema
 

@@ -73,7 +73,7 @@ class Setting(click.FloatRange):
         return number
 
     def _in_si(self, text: str, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        from cutjoint.model.units import ANGLE, LENGTH, TIME, UnitError, described, read_measure
+        from cutjoint.model.expressions.units import ANGLE, LENGTH, TIME, UnitError, described, read_measure
 
         try:
             written = read_measure(text)

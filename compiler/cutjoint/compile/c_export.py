@@ -43,7 +43,7 @@ from cutjoint.methods import (
     join_or,
     names_of,
 )
-from cutjoint.model.functions import functions_of_host
+from cutjoint.model.expressions.functions import functions_of_host
 from cutjoint.model.records import Binding, Model, Scalar, Scene
 from cutjoint.package.errors import MissingPartialsError, RunError
 from cutjoint.package.locations import licence_of_musl, path_of, templates_folder

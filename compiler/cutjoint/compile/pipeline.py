@@ -20,9 +20,9 @@ from cutjoint.compile.interpreted import compile_interpreted, interpreted_by
 from cutjoint.compile.options import DEFAULT, CompileOptions
 from cutjoint.emit.source import Generated
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, PRECISIONS, Implementation
-from cutjoint.model.functions import require_code
+from cutjoint.model.expressions.functions import require_code
+from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.model.tunable import with_inputs
 from cutjoint.package.errors import EquationsError, MissingPartialsError
 from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.scenes import ModelLike, load_model, method_of, with_default_closure

@@ -89,7 +89,7 @@ class PreparedRun:
 def _has_other_unit(value: float, unit: str) -> bool:
     if type(value) is float:
         return False
-    from cutjoint.model.units import fault_of_dimension  # of values that were written with a unit alone: it reads units by pint
+    from cutjoint.model.expressions.units import fault_of_dimension  # of values that were written with a unit alone: it reads units by pint
 
     return bool(fault_of_dimension(value, unit))
 

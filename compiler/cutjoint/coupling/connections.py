@@ -17,9 +17,9 @@ from urllib.parse import unquote
 from cutjoint.coupling.controller import ControllerFmu, Port
 from cutjoint.formulate.inputs import guided_by, input_parameters
 from cutjoint.model.errors import nearest
-from cutjoint.model.quantities import unit_of
+from cutjoint.model.expressions.quantities import unit_of
+from cutjoint.model.expressions.units import measure
 from cutjoint.model.records import Model, Scene
-from cutjoint.model.units import measure
 from cutjoint.package.errors import RunError
 from cutjoint.toolchain.temporary import temporary_folder
 

@@ -28,7 +28,7 @@ from cutjoint.formulate.recursive.quantities import posed_elements
 from cutjoint.formulate.states import describe_controllers
 from cutjoint.formulate.transposed import Derived, Linearised
 from cutjoint.methods import START
-from cutjoint.model.functions import signatures_of
+from cutjoint.model.expressions.functions import signatures_of
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.sparse.pattern import Pattern

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 
-from cutjoint.model.functions import PREFIX
+from cutjoint.model.expressions.functions import PREFIX
 from cutjoint.ops import CONDITIONS, OPERATIONS, fact
 from cutjoint.package.errors import MissingPartialsError
 from cutjoint.program.blocks import SUPPLIED, SURFACE, SuppliedCall, surface_lookup

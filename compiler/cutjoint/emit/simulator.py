@@ -11,7 +11,7 @@ from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import LeftOut, RecursiveEquations, SystemEquations
 from cutjoint.formulate.states import describe_controllers
-from cutjoint.model.functions import SUPPLIED_FILE
+from cutjoint.model.expressions.functions import SUPPLIED_FILE
 from cutjoint.model.records import Assembly, Guard, Parameter
 from cutjoint.program.records import Program
 

@@ -6,7 +6,7 @@ from cutjoint.emit.classes import SimulationCode, System, is_weighed
 from cutjoint.formulate.records import Equations
 from cutjoint.formulate.transposed import Derived, Linearised
 from cutjoint.methods import Steps
-from cutjoint.model.functions import functions_of_host
+from cutjoint.model.expressions.functions import functions_of_host
 from cutjoint.program.records import Program
 
 #: Doubles of a number with derivatives along eight directions (`dual.hpp`).

@@ -14,7 +14,7 @@ import jinja2
 
 from cutjoint.emit.view import on_one_line
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
-from cutjoint.model.functions import PREFIX, SUPPLIED_FILE, require_code, signatures_of, templates_of
+from cutjoint.model.expressions.functions import PREFIX, SUPPLIED_FILE, require_code, signatures_of, templates_of
 from cutjoint.model.records import Model, SuppliedFunction
 from cutjoint.package.locations import origin_of, runtime_folder, templates_folder, without_mark
 from cutjoint.program.records import Program

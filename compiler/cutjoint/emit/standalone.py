@@ -42,7 +42,7 @@ from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEqua
 from cutjoint.formulate.recursive.quantities import digest_of_poses
 from cutjoint.formulate.transposed import Linearised
 from cutjoint.methods import CLOSURES, METHODS, STEPS, Formulation, Steps
-from cutjoint.model.functions import SUPPLIED_FILE, functions_of_host
+from cutjoint.model.expressions.functions import SUPPLIED_FILE, functions_of_host
 from cutjoint.model.ranges import count_steps
 from cutjoint.model.records import Scene
 from cutjoint.package.locations import licence

@@ -16,10 +16,10 @@ from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.formulate.inputs import input_functions, input_parameters
 from cutjoint.methods import PLAIN_CLOSURE, Loops
+from cutjoint.model.elements.friction import bristle_name
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.friction import bristle_name
-from cutjoint.model.quantities import reading_elements
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.quantities import reading_elements
 from cutjoint.model.records import (
     COORDINATES,
     BallSpring,

@@ -14,8 +14,8 @@ import sympy
 from numpy.typing import NDArray
 
 from cutjoint.export.robots import WORLD, Tree, problem_of, text_of, variables_of
-from cutjoint.model.choices import Case, Choice
 from cutjoint.model.errors import Problem
+from cutjoint.model.expressions.choices import Case, Choice
 from cutjoint.model.records import GROUND, Body, Force, Gear, Joint, Model, Scene
 
 _TREE = {"fixed": "", "revolute": "hinge", "prismatic": "slide", "free": "free", "spherical": "ball"}

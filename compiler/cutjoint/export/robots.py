@@ -15,9 +15,9 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.records import GROUND, BallSpring, Binding, Body, Force, Gear, Joint, JointFriction, Model, Span
 
 _TREE = {"fixed": "fixed", "revolute": "continuous", "prismatic": "prismatic", "free": "floating", "spherical": "spherical"}

@@ -15,7 +15,7 @@ from sympy.core.relational import Relational
 from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import DomainPlace, Function, IndicatorPlace
-from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.records import Model, Scalar, Scene
 from cutjoint.program.blocks import Builder
 from cutjoint.program.indicators import Domain, EventIndicator

@@ -21,7 +21,7 @@ from cutjoint.formulate.layout import Chart, Slot
 from cutjoint.formulate.records import Function
 from cutjoint.formulate.translate import Translator
 from cutjoint.methods import CLOSURES
-from cutjoint.model.expressions import POSITION
+from cutjoint.model.expressions.parse import POSITION
 from cutjoint.model.records import Binding, Gear, HeldValue, Joint, Model, Output, Parameter, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.indicators import Domain, EventIndicator, find_domains, find_indicators

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Iterator
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.dependencies import signals_below
-from cutjoint.model.expressions import quantities_read, quantity_symbol
-from cutjoint.model.quantities import readings_of
+from cutjoint.model.expressions.dependencies import signals_below
+from cutjoint.model.expressions.parse import quantities_read, quantity_symbol
+from cutjoint.model.expressions.quantities import readings_of
 from cutjoint.model.records import Force, Model, Output, Scalar, Scene
 from cutjoint.program.blocks import Block, Builder
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import sympy
 
-from cutjoint.model.functions import SuppliedCall
-from cutjoint.model.operations import Exponential
+from cutjoint.model.expressions.functions import SuppliedCall
+from cutjoint.model.expressions.operations import Exponential
 from cutjoint.model.records import Scalar
 from cutjoint.ops import OPERATIONS, SMOOTH
 from cutjoint.program.blocks import Block, Builder, is_identity

@@ -11,9 +11,9 @@ import numpy as np
 
 from cutjoint.importing.robot import Drive, Joint, Link, Loop, Pose, Robot, unlike
 from cutjoint.importing.xml import Node
+from cutjoint.model.document.source import parse_yaml, read_text
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import Span
-from cutjoint.model.source import parse_yaml, read_text
 
 _KEYS = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
 _CARDAN = re.compile(r"UJOINT_([XYZ])([XYZ])")

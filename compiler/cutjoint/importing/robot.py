@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.importing.xml import Node
-from cutjoint.model.mass import TOLERANCE
+from cutjoint.model.elements.mass import TOLERANCE
 from cutjoint.model.text import is_number
 
 Array: TypeAlias = NDArray[np.float64]

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
 
+from cutjoint.model.document.source import read_text
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import Span
-from cutjoint.model.source import read_text
 from cutjoint.model.text import is_number, printable
 
 _DEPTH = 60

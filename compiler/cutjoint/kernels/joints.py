@@ -27,8 +27,8 @@ from cutjoint.elements.joint import (
     rate_name,
 )
 from cutjoint.elements.joints import JOINTS
+from cutjoint.model.elements.geometry import GLOBAL_AXES, least_component
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.geometry import GLOBAL_AXES, least_component
 from cutjoint.model.records import Joint, Scalar, Vector
 
 if TYPE_CHECKING:

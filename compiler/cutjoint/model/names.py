@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from keyword import kwlist
 
-from cutjoint.model.operations import FUNCTIONS
+from cutjoint.model.expressions.operations import FUNCTIONS
 
 MAX_NAME_LENGTH = 64
 

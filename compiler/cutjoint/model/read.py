@@ -10,18 +10,18 @@ from collections.abc import Sequence
 from os.path import isfile
 from pathlib import Path
 
-from cutjoint.model.dependencies import check_levels
+from cutjoint.model.document.checks import check_shape
+from cutjoint.model.document.renamed import MODEL, in_new_words
+from cutjoint.model.document.source import parse_yaml, read_text
+from cutjoint.model.elements.expand import expand
 from cutjoint.model.errors import Problems
-from cutjoint.model.expand import expand
-from cutjoint.model.files import with_files
+from cutjoint.model.expressions.dependencies import check_levels
+from cutjoint.model.expressions.scope import Element
+from cutjoint.model.expressions.tunable import TunableNumbers
+from cutjoint.model.expressions.units import ACCELERATION
+from cutjoint.model.files.referenced import with_files
 from cutjoint.model.records import Model, Span
-from cutjoint.model.renamed import MODEL, in_new_words
-from cutjoint.model.scenes import read_scenes
-from cutjoint.model.scope import Element
-from cutjoint.model.shape import check_shape
-from cutjoint.model.source import parse_yaml, read_text
-from cutjoint.model.tunable import TunableNumbers
-from cutjoint.model.units import ACCELERATION
+from cutjoint.model.scenes.build import read_scenes
 from cutjoint.model.validate import (
     check_elements,
     check_names,

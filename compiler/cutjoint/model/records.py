@@ -596,7 +596,7 @@ class Numerics:
 
     def of_method(self, method: str) -> Numerics:
         """The settings of one method, at its step; NaN where an expression has no value there."""
-        from cutjoint.model.evaluate import evaluate
+        from cutjoint.model.expressions.evaluate import evaluate
 
         given = self.methods.get(method, {})
         dt = given.get("dt", self.dt)

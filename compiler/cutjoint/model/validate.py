@@ -8,21 +8,21 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from cutjoint.elements.forces import FORCES
-from cutjoint.model import document
+from cutjoint.model.document import model_file
+from cutjoint.model.document.checks import KINDS
+from cutjoint.model.document.source import Path, Source
+from cutjoint.model.elements.expand import Expansion, absent_properties
+from cutjoint.model.elements.forces import JOINT_FORCES
+from cutjoint.model.elements.friction import bristle_name
+from cutjoint.model.elements.instances import find_submodels, find_uses
+from cutjoint.model.elements.mass import mass_problems
 from cutjoint.model.errors import Problems, nearest
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expand import Expansion, absent_properties
-from cutjoint.model.expressions import symbols_of
-from cutjoint.model.forces import JOINT_FORCES
-from cutjoint.model.friction import bristle_name
-from cutjoint.model.instances import find_submodels, find_uses
-from cutjoint.model.mass import mass_problems
-from cutjoint.model.operations import Term
-from cutjoint.model.property_file import STANDARD
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.operations import Term
+from cutjoint.model.expressions.parse import symbols_of
+from cutjoint.model.expressions.scope import FAILED, Element, Scope
+from cutjoint.model.files.property_file import STANDARD
 from cutjoint.model.records import GROUND, Body, Force, Joint, Scene, Span
-from cutjoint.model.scope import FAILED, Element, Scope
-from cutjoint.model.shape import KINDS
-from cutjoint.model.source import Path, Source
 
 #: A name in a text.
 _NAME = re.compile(r"[A-Za-z]\w*")
@@ -37,12 +37,12 @@ _SECTIONS = ("bodies", "joints", "gears", "forces", "reactions", "markers", "sta
 _NO_EXPRESSIONS = ("connectors", "parameters", "outputs", "accepts", "choices", "warns")
 
 
-def check_names(source: Source, problems: Problems, model: document.Document) -> None:
+def check_names(source: Source, problems: Problems, model: model_file.Document) -> None:
     """Note names that stand for two elements, in the model or in one submodel."""
     _check_unique(problems, _named(source, model, ()))
     for level in find_submodels(model):
         submodel, path = level.part, level.path
-        assert isinstance(submodel, document.Submodel)
+        assert isinstance(submodel, model_file.Submodel)
         connectors = [
             (connector, "connector", source.value_span((*path, "connectors", index)))
             for index, connector in enumerate(submodel.connectors)
@@ -56,11 +56,11 @@ def check_names(source: Source, problems: Problems, model: document.Document) ->
         _check_unique(problems, [*arguments, *defaults])
 
 
-def check_submodels(source: Source, problems: Problems, model: document.Document) -> None:
+def check_submodels(source: Source, problems: Problems, model: model_file.Document) -> None:
     """Note parameters of submodels that no expression of theirs uses, and choices and warnings about none."""
     for level in find_submodels(model):
         submodel, path = level.part, level.path
-        assert isinstance(submodel, document.Submodel)
+        assert isinstance(submodel, model_file.Submodel)
         sections = {key: part for key, part in source.part(path).items() if key not in _NO_EXPRESSIONS}
         used = frozenset().union(*map(symbols_of, _texts(sections)))
         places = {name: source.value_span((*path, "parameters", index)) for index, name in enumerate(submodel.parameters)}
@@ -76,7 +76,7 @@ def check_submodels(source: Source, problems: Problems, model: document.Document
                 problems.add(span, f"submodel '{path[-1]}'", f"{section}: unknown parameter '{name}'", nearest(name, places, "parameters"))
 
 
-def unused_parameters(source: Source, model: document.Document) -> Iterator[str]:
+def unused_parameters(source: Source, model: model_file.Document) -> Iterator[str]:
     """A sentence for each parameter of the model that no expression of the file reads."""
     left = set(model.parameters)
     outputs = source.data.get("outputs")
@@ -98,7 +98,7 @@ def silent_outputs(source: Source, scenes: Mapping[str, Scene], forces: Sequence
             yield f"{span}: scene '{scene.name}' has 0 for {', '.join(zeros)}, since the force is switched off; give it a law of 0 instead"
 
 
-def unused_properties(source: Source, model: document.Document) -> Iterator[str]:
+def unused_properties(source: Source, model: model_file.Document) -> Iterator[str]:
     """A sentence for the properties of each instance that its submodel does not read, but for those that change no force."""
     told: set[Path] = set()
     for use in find_uses(model):
@@ -117,7 +117,7 @@ def unused_properties(source: Source, model: document.Document) -> Iterator[str]
             yield f"{file}: lacks coefficients, which have the format's defaults in '{use.instance.use}': {said}"
 
 
-def choices_made(model: document.Document, scopes: Mapping[str, Scope]) -> dict[str, str]:
+def choices_made(model: model_file.Document, scopes: Mapping[str, Scope]) -> dict[str, str]:
     """The values of what submodels call choices, and of the keys of properties that they are made for, by names of instances."""
     made: dict[str, list[str]] = {}
     for use in find_uses(model):
@@ -129,7 +129,7 @@ def choices_made(model: document.Document, scopes: Mapping[str, Scope]) -> dict[
     return {", ".join(names): text for text, names in made.items()}
 
 
-def warnings_of(model: document.Document, scopes: Mapping[str, Scope]) -> Iterator[str]:
+def warnings_of(model: model_file.Document, scopes: Mapping[str, Scope]) -> Iterator[str]:
     """A sentence for each parameter that is not zero where its submodel warns of that, with numbers in its braces, unless these are 0."""
     found: dict[str, None] = {}
     for use in find_uses(model):
@@ -171,7 +171,7 @@ def _texts(data: Any) -> Iterator[str]:
             yield from _texts(part)
 
 
-def _named(source: Source, part: document.Elements, path: Path) -> list[tuple[str, str, Span]]:
+def _named(source: Source, part: model_file.Elements, path: Path) -> list[tuple[str, str, Span]]:
     """Name, kind and place of all elements of a scope, the forces that joints bring included."""
     places = [
         (f"{name}_{suffix}", "force", source.key_span((*path, "joints", name, field)))

@@ -12,7 +12,7 @@ import sympy
 
 from cutjoint.formulate.forces import is_active, variable
 from cutjoint.model.errors import ModelError
-from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import Body, Guard, Model, Output, Scene, Tyre
 from cutjoint.package.errors import RunError

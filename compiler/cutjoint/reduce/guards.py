@@ -14,7 +14,7 @@ from typing import Protocol, TypeAlias, TypeVar
 import sympy
 
 from cutjoint.formulate.forces import is_active
-from cutjoint.model.operations import choice
+from cutjoint.model.expressions.operations import choice
 from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import Force, Guard, Model, Scalar, Scene
 from cutjoint.reduce.sampling import run_scene

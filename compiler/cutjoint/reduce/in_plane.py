@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from cutjoint.elements.joint import ATTITUDE
-from cutjoint.model.mirror import ANGLES, reflected_law
-from cutjoint.model.quantities import JOINT_QUANTITIES, reaction_component, reported_element
+from cutjoint.model.elements.mirror import ANGLES, reflected_law
+from cutjoint.model.expressions.quantities import JOINT_QUANTITIES, reaction_component, reported_element
 from cutjoint.model.records import Force, Joint, JointForce, Model, Output, Reaction, Scalar, Scene
 from cutjoint.reduce.plane import AsymmetryError, InPlane, Plane, is_nought
 

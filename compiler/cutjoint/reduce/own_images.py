@@ -9,8 +9,8 @@ import sympy
 
 from cutjoint.elements.joint import Direction, JointElement
 from cutjoint.formulate.quantities import needs_place
-from cutjoint.model.elements import Elements
-from cutjoint.model.mirror import coordinate_signs, mirror_elements, reflected_law
+from cutjoint.model.elements.build import Elements
+from cutjoint.model.elements.mirror import coordinate_signs, mirror_elements, reflected_law
 from cutjoint.model.records import Binding, Body, Force, Joint, Model, Scene, Vector
 from cutjoint.reduce.plane import AsymmetryError, Plane, is_same, put_in
 

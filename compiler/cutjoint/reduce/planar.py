@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import sympy
 
-from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import COORDINATES, GROUND, Binding, Joint, JointKind, Model, Scene, Vector
 from cutjoint.reduce.in_plane import PlaneModel

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 
 import sympy
 
-from cutjoint.model.geometry import GLOBAL_AXES, cross, least_component
-from cutjoint.model.mirror import Mirror, mirror_along
+from cutjoint.model.elements.geometry import GLOBAL_AXES, cross, least_component
+from cutjoint.model.elements.mirror import Mirror, mirror_along
 from cutjoint.model.outcome import Note
 from cutjoint.model.records import COORDINATES, GROUND, Joint, JointKind, Scalar, Span, Vector
 

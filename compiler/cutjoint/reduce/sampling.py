@@ -13,8 +13,8 @@ from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import DEFAULT_METHOD, METHODS
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.quantities import POSE
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.quantities import POSE
 from cutjoint.model.records import GROUND, Model, Output, Scene, Vector
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate

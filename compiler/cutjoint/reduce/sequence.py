@@ -13,8 +13,8 @@ from cutjoint.formulate.inputs import input_functions
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
+from cutjoint.model.expressions.quantities import reading_elements
 from cutjoint.model.outcome import Note, Outcome, Pass
-from cutjoint.model.quantities import reading_elements
 from cutjoint.model.records import Binding, Controller, Model, Scalar, Scene
 from cutjoint.package.errors import EquationsError, RunError
 from cutjoint.program.records import Program

@@ -8,8 +8,8 @@ from typing import Any
 import sympy
 
 from cutjoint.formulate.inputs import input_functions
+from cutjoint.model.expressions.quantities import elements_of
 from cutjoint.model.outcome import Note, Outcome, hand_over
-from cutjoint.model.quantities import elements_of
 from cutjoint.model.records import GROUND, Body, Joint, Marker, Model, Output, Scene
 
 _MOTION = ("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az")

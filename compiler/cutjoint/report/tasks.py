@@ -15,7 +15,7 @@ from rich.table import Table
 
 from cutjoint.analysis.modes import Mode, Modes, Participant
 from cutjoint.methods import join_and
-from cutjoint.model.quantities import POSE
+from cutjoint.model.expressions.quantities import POSE
 from cutjoint.model.records import Scene
 from cutjoint.reduce.choose import Candidate, Choice
 from cutjoint.reduce.measure import Cost

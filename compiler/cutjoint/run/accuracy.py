@@ -10,8 +10,8 @@ from math import copysign, inf
 import numpy as np
 
 from cutjoint.methods import INTEGRATORS
+from cutjoint.model.expressions.units import PLACES
 from cutjoint.model.ranges import count_steps
-from cutjoint.model.units import PLACES
 from cutjoint.package.locations import AnyPath, path_of
 from cutjoint.run.fallbacks import follow_up
 from cutjoint.run.record import RunFile, Settings

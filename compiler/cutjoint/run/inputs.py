@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 import sympy
 
 from cutjoint.formulate.inputs import input_parameters
+from cutjoint.model.expressions.units import fault_of_dimension
 from cutjoint.model.ranges import fault_of
 from cutjoint.model.records import Model, Parameter, Scene
-from cutjoint.model.units import fault_of_dimension
 from cutjoint.package.errors import RunError
 
 #: A constant, or a table: times ``t`` (s) and as many of ``value``, ``interpolation`` "cubic" (the default) or "linear", and of a cubic one

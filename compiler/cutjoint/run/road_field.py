@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.model.opencrg import cross_sections
+from cutjoint.model.files.opencrg import cross_sections
 from cutjoint.model.records import CurvedGrid, HeightTable, Patch, Road, RoughSurface
 
 #: The spectral density of heights at 0.1 cycles a metre, m^3: the geometric means of ISO 8608.

@@ -14,13 +14,13 @@ import sympy
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.formulate.inputs import input_parameters, tunable_parameters
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, Implementation, join_or
+from cutjoint.model.elements.mass import mass_problems
 from cutjoint.model.errors import nearest
-from cutjoint.model.evaluate import evaluate
-from cutjoint.model.mass import mass_problems
-from cutjoint.model.quantities import JOINT_QUANTITIES
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_state
 from cutjoint.model.records import Binding, Body, Controller, Model, Scalar, Scene
-from cutjoint.model.starts import fault_of_quaternion, normalised
+from cutjoint.model.scenes.starts import fault_of_quaternion, normalised
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import InputLike, input_entries, require_unit
 from cutjoint.run.inputs import given_inputs as given_inputs

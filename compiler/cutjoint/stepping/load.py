@@ -10,9 +10,9 @@ from typing import Any
 from cutjoint.compile.c_export import Standalone, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.methods import DEFAULT_METHOD, STEPS
-from cutjoint.model.functions import functions_of_host, leave_to_host
+from cutjoint.model.expressions.functions import functions_of_host, leave_to_host
+from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model, Scene
-from cutjoint.model.tunable import with_inputs
 from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import changing, following, parameter_values
 from cutjoint.run.scenes import ModelLike, load_model, with_default_closure

@@ -17,12 +17,12 @@ from cutjoint.emit.source import environment
 from cutjoint.export.laws import expression
 from cutjoint.formulate.inputs import input_parameters
 from cutjoint.formulate.records import Column
-from cutjoint.model.expressions import Names, quantity_symbol, read_term, variable
-from cutjoint.model.operations import ExpressionError, Term
-from cutjoint.model.quantities import QuantityError, elements_of, find_quantity, quantities
+from cutjoint.model.expressions.operations import ExpressionError, Term
+from cutjoint.model.expressions.parse import Names, quantity_symbol, read_term, variable
+from cutjoint.model.expressions.quantities import QuantityError, elements_of, find_quantity, quantities
+from cutjoint.model.expressions.units import TIME, Dimension, measure
 from cutjoint.model.records import VALUE, Binding, Model, Output, Scalar, Scene, Span
-from cutjoint.model.starts import UNIT_BOUND
-from cutjoint.model.units import TIME, Dimension, measure
+from cutjoint.model.scenes.starts import UNIT_BOUND
 from cutjoint.package.errors import RunError
 from cutjoint.program.records import Program
 from cutjoint.run.run_file import changing, require_same_start, sources_of_parts

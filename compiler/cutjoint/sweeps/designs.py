@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cutjoint.model.evaluate import evaluate_runs
-from cutjoint.model.mass import can_exist
+from cutjoint.model.elements.mass import can_exist
+from cutjoint.model.expressions.evaluate import evaluate_runs
 from cutjoint.model.records import Binding
 from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import MASSES, following, parameter_values

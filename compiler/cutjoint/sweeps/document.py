@@ -7,8 +7,8 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field, StrictInt, StrictStr, Tag, model_validator
 
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS
-from cutjoint.model.document import json_schema
-from cutjoint.model.values import MAX_PIECES, Name, Number, OneOf, Part, Unit, discriminated_by, shape_error
+from cutjoint.model.document.model_file import json_schema
+from cutjoint.model.document.values import MAX_PIECES, Name, Number, OneOf, Part, Unit, discriminated_by, shape_error
 
 #: Runs that a study has at most.
 MOST_RUNS = 10**8

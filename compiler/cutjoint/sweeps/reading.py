@@ -12,19 +12,19 @@ from pathlib import Path
 import numpy as np
 import sympy
 
+from cutjoint.model.document.checks import check_part
+from cutjoint.model.document.renamed import STUDY, in_new_words
+from cutjoint.model.document.source import Path as Keys
+from cutjoint.model.document.source import Source, parse_yaml, read_text
+from cutjoint.model.elements.outputs import read_unit
 from cutjoint.model.errors import ModelError, Problems, nearest
-from cutjoint.model.functions import supply
-from cutjoint.model.operations import ExpressionError
-from cutjoint.model.outputs import read_unit
+from cutjoint.model.expressions.functions import supply
+from cutjoint.model.expressions.operations import ExpressionError
+from cutjoint.model.expressions.scope import Directory, Element, Scope
+from cutjoint.model.expressions.units import NONE, TIME, described
 from cutjoint.model.ranges import SOLVER_TOLERANCE, fault_of_setting
 from cutjoint.model.records import Model, Scene
-from cutjoint.model.renamed import STUDY, in_new_words
-from cutjoint.model.scenes import SETTINGS
-from cutjoint.model.scope import Directory, Element, Scope
-from cutjoint.model.shape import check_part
-from cutjoint.model.source import Path as Keys
-from cutjoint.model.source import Source, parse_yaml, read_text
-from cutjoint.model.units import NONE, TIME, described
+from cutjoint.model.scenes.build import SETTINGS
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.scenes import find_scene, in_scene
 from cutjoint.run.settings import Options, with_options

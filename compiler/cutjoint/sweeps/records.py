@@ -11,8 +11,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cutjoint.model.expressions.units import Dimension
 from cutjoint.model.records import Model, Output, Scalar, Scene, Span
-from cutjoint.model.units import Dimension
 
 Array: TypeAlias = NDArray[np.float64]
 Counts: TypeAlias = NDArray[np.int64]

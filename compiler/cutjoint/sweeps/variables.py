@@ -15,15 +15,15 @@ from typing import TypeAlias
 import numpy as np
 
 from cutjoint.formulate.inputs import input_parameters, tunable_parameters
+from cutjoint.model.document.source import Path as Keys
 from cutjoint.model.errors import nearest
-from cutjoint.model.quantities import JOINT_QUANTITIES
+from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
+from cutjoint.model.expressions.scope import Element
+from cutjoint.model.expressions.units import measure
 from cutjoint.model.ranges import fault_of
 from cutjoint.model.records import COORDINATES, Binding, Model, Parameter, Scene, Span
-from cutjoint.model.scope import Element
-from cutjoint.model.source import Path as Keys
-from cutjoint.model.starts import read_states
+from cutjoint.model.scenes.starts import read_states
 from cutjoint.model.text import read_number
-from cutjoint.model.units import measure
 from cutjoint.sweeps import designs
 from cutjoint.sweeps.designs import Extent
 from cutjoint.sweeps.document import MOST_RUNS, Between, Csv, Document, Listed, SobolIndices, Values

@@ -21,7 +21,7 @@ from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import Loops
-from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.records import Joint, Model, Output, Reaction, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.results import Array, Columns, Trajectory

@@ -20,7 +20,7 @@ from cutjoint.compile.pipeline import compile_scene
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.methods import LINEARISED, PLAIN_CLOSURE, Loops
-from cutjoint.model.quantities import POSE, Element, quantities, unit_of
+from cutjoint.model.expressions.quantities import POSE, Element, quantities, unit_of
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.model.expressions import quantities_read
+from cutjoint.model.expressions.parse import quantities_read
 from cutjoint.model.records import GROUND, Force, Gear, Joint, Model, Scalar
 from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.records import SubtreeClass, TreeJoint

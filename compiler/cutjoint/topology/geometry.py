@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cutjoint.kernels import closures
 from cutjoint.kernels.closures import derive_closure
 from cutjoint.kernels.joints import QUATERNION, derive_joint, inner_point
-from cutjoint.model.evaluate import evaluate as value_of
+from cutjoint.model.expressions.evaluate import evaluate as value_of
 from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.topology.records import TreeJoint, degrees
 from cutjoint.topology.spanning_tree import loops_of

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from itertools import takewhile
 
 from cutjoint.elements.joint import ABOUT_AXIS, rate_name
-from cutjoint.model.expressions import POSITION
-from cutjoint.model.quantities import readings_of
+from cutjoint.model.expressions.parse import POSITION
+from cutjoint.model.expressions.quantities import readings_of
 from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.topology.records import TreeJoint
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from cutjoint.importing.document import import_file, is_foreign, name_of
 from cutjoint.model import read
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.functions import supply
+from cutjoint.model.expressions.functions import supply
 from cutjoint.model.records import Model
 from cutjoint.package.locations import AnyPath
 from cutjoint.topology.search import span

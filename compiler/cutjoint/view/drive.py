@@ -20,7 +20,7 @@ from cutjoint.export.laws import Numbers
 from cutjoint.formulate.inputs import input_parameters, tunable_parameters
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.errors import nearest
-from cutjoint.model.quantities import bodies_of
+from cutjoint.model.expressions.quantities import bodies_of
 from cutjoint.model.records import Binding, Force, HeightTable, Model, Output, Parameter, RoughSurface, Scene
 from cutjoint.model.text import escaped
 from cutjoint.package.errors import RunError

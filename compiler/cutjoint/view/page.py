@@ -16,7 +16,7 @@ import jinja2
 import numpy as np
 
 from cutjoint.compile.c_export import module_script
-from cutjoint.model.quantities import bodies_of
+from cutjoint.model.expressions.quantities import bodies_of
 from cutjoint.model.records import Joint, Model, Plot, Vector
 from cutjoint.package.locations import licence_of_musl, templates_folder
 from cutjoint.run.results import Trajectory

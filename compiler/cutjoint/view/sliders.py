@@ -19,7 +19,7 @@ from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.kinematics import derive_poses
-from cutjoint.model.quantities import JOINT_QUANTITIES
+from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
 from cutjoint.model.records import GROUND, Force, Model, Scene, Vector
 from cutjoint.ops import OPERATIONS, fact
 from cutjoint.program.blocks import Block

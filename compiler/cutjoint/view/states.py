@@ -15,7 +15,7 @@ from cutjoint.analysis.inertia import find_momentary_motions
 from cutjoint.analysis.modes import Complex, Mode, Modes, Participant
 from cutjoint.analysis.redundancy import find_redundancy
 from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.model.quantities import bodies_of
+from cutjoint.model.expressions.quantities import bodies_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.report.tasks import mode_figures, participants

@@ -13,7 +13,7 @@ from cutjoint.export.laws import Numbers, find_start
 from cutjoint.formulate.natural.poses import derive_spans
 from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.methods import METHODS, Formulation
-from cutjoint.model.quantities import bodies_of
+from cutjoint.model.expressions.quantities import bodies_of
 from cutjoint.model.records import COORDINATES, GROUND, Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath

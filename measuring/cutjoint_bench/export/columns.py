@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from cutjoint.export.laws import Numbers
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.quantities import unit_of
+from cutjoint.model.expressions.quantities import unit_of
 from cutjoint.model.records import Body, Marker, Model, Output
 from cutjoint_bench.export.records import Column, Mechanism
 

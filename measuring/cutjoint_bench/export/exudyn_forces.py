@@ -15,7 +15,7 @@ from cutjoint.elements.joint import AXIAL_FRAME
 from cutjoint.export.laws import Array, Numbers, Triple
 from cutjoint.formulate.forces import variable
 from cutjoint.formulate.inputs import TIME
-from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.records import COORDINATES, GROUND, Force, JointKind, Scalar, Scene, Vector
 from cutjoint.run.roads import road_pieces
 from cutjoint_bench.export.chains import frame

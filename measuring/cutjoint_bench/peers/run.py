@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from cutjoint.model.quantities import QUANTITIES
+from cutjoint.model.expressions.quantities import QUANTITIES
 from cutjoint.model.records import Body
 from cutjoint.run.results import FailureReport, Trajectory, read_table
 from cutjoint.run.simulator import SimulatorError

@@ -33,7 +33,7 @@ from cutjoint.formulate.inputs import make_charts, tunable_parameters
 from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.quantities import needs_place
 from cutjoint.kernels.closures import derive_closure
-from cutjoint.model.quantities import reaction_component, reported_element, unit_of
+from cutjoint.model.expressions.quantities import reaction_component, reported_element, unit_of
 from cutjoint.model.records import COORDINATES, SPEEDS, Body, Force, Gear, Joint, Marker, Model, Output, Reaction, Scalar, Scene
 from cutjoint.topology.records import Topology, TreeJoint
 from cutjoint_bench.twin.cut_coordinates import describe_cut_coordinate

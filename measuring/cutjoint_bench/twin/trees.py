@@ -23,7 +23,7 @@ from cutjoint.formulate.inputs import (
     make_translator,
 )
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.expressions import variable
+from cutjoint.model.expressions.parse import variable
 from cutjoint.model.records import BodyLoad, Force, Model, Scalar, Scene, Tyre
 from cutjoint.program.blocks import BindingTime, Block, Builder
 

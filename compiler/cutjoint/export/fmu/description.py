@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from cutjoint.export.fmu.variables import Interface, Variable
-from cutjoint.model.units import measure
+from cutjoint.model.expressions.units import measure
 from cutjoint.package.locations import __version__
 
 _ANGLE = "rad"

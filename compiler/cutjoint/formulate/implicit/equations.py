@@ -79,8 +79,8 @@ from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_ene
 from cutjoint.formulate.recursive.quantities import Forces
 from cutjoint.formulate.states import placed_states, sample_function, sample_slots, state_residuals, state_tangent, still_states
 from cutjoint.methods import DEFAULT_CLOSURE
-from cutjoint.model.dependencies import seeing_forces
-from cutjoint.model.quantities import unit_of
+from cutjoint.model.expressions.dependencies import seeing_forces
+from cutjoint.model.expressions.quantities import unit_of
 from cutjoint.model.records import GROUND, Assembly, Output
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.program.indicators import find_domains, find_indicators

@@ -59,7 +59,7 @@ from cutjoint.formulate.states import (
     still_states,
 )
 from cutjoint.methods import METHODS
-from cutjoint.model.quantities import readings_of, unit_of
+from cutjoint.model.expressions.quantities import readings_of, unit_of
 from cutjoint.model.records import Model, Output, Scalar
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.differentiate import Differentiator

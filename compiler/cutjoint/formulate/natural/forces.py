@@ -20,9 +20,9 @@ from cutjoint.formulate.natural.nodes import Form, difference
 from cutjoint.formulate.natural.quantities import let_laws_read
 from cutjoint.formulate.quantities import measured_forces
 from cutjoint.kernels.joints import slide_axis
-from cutjoint.model.dependencies import forces_in_order, seeing_forces
-from cutjoint.model.friction import refuse_method
-from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.elements.friction import refuse_method
+from cutjoint.model.elements.geometry import GLOBAL_AXES
+from cutjoint.model.expressions.dependencies import forces_in_order, seeing_forces
 from cutjoint.model.records import GROUND, Body, Force, Joint, LawForce, Model, Output, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block
 from cutjoint.program.differentiate import Differentiator

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Uses
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.quantities import reaction_component
+from cutjoint.model.expressions.quantities import reaction_component
 from cutjoint.model.records import Force, Joint, Model, Reaction, Scalar
 
 

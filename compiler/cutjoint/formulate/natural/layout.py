@@ -22,7 +22,7 @@ from cutjoint.formulate.natural.needs import Collector, Need, Needs, asked_angle
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName, Use, is_nought
 from cutjoint.formulate.quantities import needs_place
 from cutjoint.kernels.joints import direction_of
-from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, Joint, Model, Output, Reaction, Scalar, Scene, Vector
 from cutjoint.topology.records import Topology
 

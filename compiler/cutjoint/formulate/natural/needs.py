@@ -13,9 +13,9 @@ from cutjoint.elements.joint import Condition, Direction, Products, SameAttitude
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.nodes import NodeKind, NodeName
 from cutjoint.kernels.joints import direction_of
+from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.quantities import readings_of
+from cutjoint.model.expressions.quantities import readings_of
 from cutjoint.model.records import GROUND, Body, Force, Joint, Marker, Model, Output, Reaction, Scalar, Scene, Vector
 
 #: A second moment of mass below this share of the largest is a shape without extent in that direction.

@@ -13,7 +13,7 @@ from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.nodes import Use, is_nought
 from cutjoint.formulate.natural.quantities import NaturalQuantities
 from cutjoint.formulate.quantities import reading, reported_symbol
-from cutjoint.model.quantities import reaction_component
+from cutjoint.model.expressions.quantities import reaction_component
 from cutjoint.model.records import Joint, Model, Output, Reaction, RodForce, Scalar
 from cutjoint.program.blocks import Block
 

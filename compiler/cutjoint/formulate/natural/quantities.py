@@ -11,7 +11,7 @@ from cutjoint.formulate.natural.nodes import Form, difference
 from cutjoint.formulate.quantities import named_quantity, reading
 from cutjoint.formulate.recursive.kinematics import ATTITUDE, attitude
 from cutjoint.kernels.joints import slide_axis
-from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.records import Joint, Model, Output, Vector
 from cutjoint.program.blocks import BindingTime, Block
 

@@ -30,7 +30,7 @@ from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
 from cutjoint.formulate.states import sample_function, sample_slots, state_rates, still_states
 from cutjoint.methods import CLOSURES, PLAIN_CLOSURE
-from cutjoint.model.quantities import unit_of
+from cutjoint.model.expressions.quantities import unit_of
 from cutjoint.model.records import GROUND, Output, Scene
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.indicators import find_domains, find_indicators

@@ -21,7 +21,7 @@ from cutjoint.formulate.recursive.kinematics import Kinematics, Rotor, halves
 from cutjoint.formulate.recursive.quantities import ContactFrame, Forces, let_laws_read
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
 from cutjoint.kernels.joints import slide_axis
-from cutjoint.model.dependencies import forces_in_order
+from cutjoint.model.expressions.dependencies import forces_in_order
 from cutjoint.model.records import COORDINATES, GROUND, Body, Force, Joint, LawForce, Model, Output, Scalar, Scene, Vector, Wheel
 from cutjoint.program.blocks import Block
 

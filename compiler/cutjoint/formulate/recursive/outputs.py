@@ -21,7 +21,7 @@ from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves
 from cutjoint.formulate.recursive.loops import LoopClosure, constraint_wrenches
 from cutjoint.formulate.recursive.quantities import Quantities
-from cutjoint.model.quantities import reaction_component
+from cutjoint.model.expressions.quantities import reaction_component
 from cutjoint.model.records import GROUND, Joint, Output, Reaction, RodForce
 from cutjoint.program.blocks import BindingTime, Block
 

@@ -14,8 +14,8 @@ from sympy.printing.latex import LatexPrinter
 from sympy.printing.str import StrPrinter
 
 from cutjoint.formulate.inputs import input_parameters, input_symbols
-from cutjoint.model.expressions import quantity_symbol
-from cutjoint.model.quantities import readings_of
+from cutjoint.model.expressions.parse import quantity_symbol
+from cutjoint.model.expressions.quantities import readings_of
 from cutjoint.model.records import Model, Scalar, Vector
 
 #: Digits of a number in the text.

@@ -8,7 +8,7 @@ import sympy
 
 from cutjoint.formulate.forces import variable
 from cutjoint.formulate.inputs import TIME
-from cutjoint.model.operations import choice
+from cutjoint.model.expressions.operations import choice
 from cutjoint.model.records import Model, Scalar
 from cutjoint.report.explain.latex import parameter_symbols, sum_lines
 

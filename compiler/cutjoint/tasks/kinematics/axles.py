@@ -11,7 +11,7 @@ import numpy as np
 from cutjoint.analysis.closing import Array
 from cutjoint.elements.forces.on_road import OnRoad
 from cutjoint.elements.terms import JointKind
-from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.records import GROUND, AxialForce, Binding, BodyLoad, Bushing, Force, Joint, Model, PointSpring, Scalar, Span, Vector
 from cutjoint.package.errors import RunError
 

@@ -20,7 +20,7 @@ from cutjoint.elements.interaction import Interaction, Point
 from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.formulate.forces import variable
 from cutjoint.formulate.natural.nodes import Uses
-from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, BodyLoad, Force, JointForce, LawForce, Output, Tyre, Vector
 from cutjoint_bench.twin.mechanism import placed_forces
 from cutjoint_bench.twin.natural.forms import FormTable

@@ -11,8 +11,8 @@ import sympy
 from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, require_force, share, slide_forces
 from cutjoint.formulate.natural.nodes import Node, Use, Uses
 from cutjoint.formulate.recursive.kinematics import ATTITUDE
-from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.quantities import reaction_component, reported_element, unit_of
+from cutjoint.model.elements.geometry import GLOBAL_AXES
+from cutjoint.model.expressions.quantities import reaction_component, reported_element, unit_of
 from cutjoint.model.records import Body, Gear, Joint, Marker, Output, Reaction, Scalar, Vector
 from cutjoint_bench.twin.mechanism import force_source
 from cutjoint_bench.twin.natural.forces import ForceElement

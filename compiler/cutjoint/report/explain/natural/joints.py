@@ -8,7 +8,7 @@ from cutjoint.formulate.natural.joint_rows import joint_rows
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Node, NodeKind
 from cutjoint.kernels.joints import direction_of
-from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.records import Joint, Vector
 from cutjoint.report.explain.blocks import print_residuals
 from cutjoint.report.explain.forces import explain_gears

@@ -1,0 +1,325 @@
+"""Checks a document's shape with pydantic, and words what is wrong for the user.
+
+Elements of the wrong shape are left out, and references to them are not judged, so that the problems of the others come in the same go.
+"""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin
+
+from pydantic import BaseModel, Tag, ValidationError
+from pydantic_core import ErrorDetails
+
+from cutjoint.model.document.model_file import Document
+from cutjoint.model.document.source import Path, Source, field_name
+from cutjoint.model.document.values import SpringDamper
+from cutjoint.model.elements.forces import JOINT_FORCES
+from cutjoint.model.elements.instances import find_uses
+from cutjoint.model.errors import Problems, nearest, worded
+
+_P = TypeVar("_P", bound=BaseModel)
+
+#: From the path to a place to the element that it leads into, in words, and how many keys lead to that.
+Names: TypeAlias = Callable[[Path], tuple[str, int]]
+
+#: The stand-in for a field of the model that it cannot do without.
+_STAND_INS: Mapping[str, Any] = {"cutjoint": 1, "gravity": (0, 0, 0), "name": "model"}
+
+#: The kind of element that each section holds.
+KINDS = {
+    "parameters": "parameter",
+    "functions": "function",
+    "points": "point",
+    "bodies": "body",
+    "joints": "joint",
+    "gears": "gear",
+    "forces": "force",
+    "reactions": "reaction",
+    "markers": "marker",
+    "states": "state",
+    "signals": "signal",
+    "controllers": "controller",
+    "submodels": "submodel",
+    "instances": "instance",
+    "scenes": "scene",
+}
+
+
+@dataclass(frozen=True)
+class Shaped:
+    """A document of the right shape, the full names of the elements that were left out to make it so, and which may be parameters."""
+
+    document: Document
+    removed: frozenset[str] = frozenset()
+    lost_parameters: frozenset[str] = frozenset()
+
+
+def check_shape(source: Source, problems: Problems, lost: set[Path]) -> Shaped | None:
+    """The document of a source without ``lost`` elements, noting every field that is unknown, missing or of the wrong shape.
+
+    None when too much is wrong to go on.
+    """
+    if () in lost:
+        return None
+    left = replace(source, data=_pruned(source.data, (), lost))
+    document, found = _validate(left, problems, Document, element_of)
+    return _without_broken(source, found, lost) if document is None or lost else Shaped(document)
+
+
+def check_part(source: Source, problems: Problems, part: type[_P], element_of: Names) -> _P | None:
+    """A document of another kind, with the same words for what is wrong; None where more than unknown fields is.  ``element_of`` is as
+    below."""
+    document, found = _validate(source, problems, part, element_of)
+    if document is None and all(flaw.kind == "extra_forbidden" for flaw in found):
+        with suppress(ValidationError):  # it lacks what it may have under another name
+            return part.model_validate(_pruned(source.data, (), {flaw.path for flaw in found}))
+    return document
+
+
+def _validate(source: Source, problems: Problems, part: type[_P], element_of: Names) -> tuple[_P | None, list[_Flaw]]:
+    """The document, or None and its flaws, which are noted."""
+    try:
+        return part.model_validate(source.data), []
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+    found = [_Flaw(detail, _data_path(source.data, detail), part, element_of) for detail in details]
+    for flaw in found:
+        if not (flaw.kind == "too_short" and any(other.is_inside(flaw) for other in found)):
+            _report(source, problems, flaw)
+    return None, found
+
+
+@dataclass(frozen=True)
+class _Flaw:
+    """One of pydantic's errors, with the keys to its place in the data of a document, and how that names its elements."""
+
+    detail: ErrorDetails
+    path: Path
+    document: type[BaseModel]
+    element_of: Names
+
+    @property
+    def kind(self) -> str:
+        return self.detail["type"]
+
+    def is_inside(self, other: _Flaw) -> bool:
+        """Return whether this flaw explains the other: items that fail make their list look too short."""
+        return len(self.path) > len(other.path) and self.path[: len(other.path)] == other.path
+
+
+def _data_path(data: Any, detail: ErrorDetails) -> Path:
+    """The keys to a place in the data: pydantic's location without the tags of unions.
+
+    A missing key stays as the last item.
+    """
+    path: list[str | int] = []
+    for step in detail["loc"]:
+        inner = dict(enumerate(data)) if isinstance(data, tuple) else data
+        if isinstance(inner, dict) and step in inner:
+            path.append(step)
+            data = inner[step]
+    if detail["type"] == "missing":
+        path.append(detail["loc"][-1])
+    return tuple(path)
+
+
+def _report(source: Source, problems: Problems, flaw: _Flaw) -> None:
+    label, start = flaw.element_of(flaw.path)
+    message, hint = _words(flaw)
+    if flaw.kind in ("missing", "extra_forbidden"):
+        inner, place = flaw.path[start:-1], flaw.path if flaw.kind == "extra_forbidden" else flaw.path[:-1]
+        problems.add(source.key_span(place), label, worded(field_name(inner), message), hint)
+    elif flaw.kind == "union_tag_invalid":
+        problems.add(source.value_span((*flaw.path, "kind")), label, message, hint)
+    else:
+        at_name = len(flaw.path) <= start or flaw.detail["loc"][-1] == "[key]"
+        place_of = source.key_span if at_name else source.value_span
+        problems.add(place_of(flaw.path), label, worded(field_name(flaw.path[start:]), message), hint)
+
+
+def element_of(path: Path) -> tuple[str, int]:
+    """The element that a path leads into, in words, and how many keys lead to it."""
+    if path[:1] == ("submodels",) and len(path) >= 4 and path[2] in KINDS and isinstance(path[3], str):
+        if path[2] == "submodels" and len(path) >= 6 and path[4] in KINDS and isinstance(path[5], str):
+            label, count = element_of(path[2:])
+            return label, count + 2
+        return f"{KINDS[str(path[2])]} '{path[3]}' of submodel '{path[1]}'", 4
+    if len(path) >= 2 and path[0] in KINDS:
+        return f"{KINDS[str(path[0])]} '{path[1]}'", 2
+    return "model", 0
+
+
+def _words(flaw: _Flaw) -> tuple[str, str]:
+    """The message of a flaw, and a hint."""
+    detail, path = flaw.detail, flaw.path
+    context = detail.get("ctx", {})
+    match flaw.kind:
+        case "shape":
+            return detail["msg"], str(context.get("hint", ""))
+        case "missing":
+            return f"the field '{path[-1]}' is missing", _MISSING.get((path[-3:-2], path[-1]), "")
+        case "extra_forbidden":
+            return _unknown_field(flaw)
+        case "union_tag_not_found":
+            return "the field 'kind' is missing", ""
+        case "union_tag_invalid":
+            return _unknown_kind(flaw.element_of(path)[0].split()[0], str(context["tag"]), context["expected_tags"])
+        case "literal_error":
+            return f"must be {context['expected']}, not {str(detail['input'])[:40]!r}", ""
+        case "too_short":
+            least = context["min_length"]
+            return f"needs at least {least} item{'s' * (least > 1)}, got {context['actual_length']}", ""
+        case "too_long":
+            return f"needs at most {context['max_length']} items, got {context['actual_length']}", ""
+    hint = "write table: {t: [0, 1], value: [0, 2]}, with the law's variable in place of t" if "table" in path[-2:] else ""
+    return _EXPECTATIONS.get(flaw.kind, detail["msg"]), hint
+
+
+#: Cures of fields that are missing, by the section and the field.
+_MISSING: Mapping[tuple[Path, str | int], str] = {
+    (("reactions",), "axes_of"): "write the body along whose axes the components are, such as axes_of: ground",
+    (("states",), "start"): "write its value where a run begins, such as start: 0 rad",
+    (("states",), "rate"): "write an expression for its rate of change, such as rate: speed - 2*level",
+    (("controllers",), "every"): "write the time between two samples, such as every: 1 ms",
+    (("law",), "at"): "write the place where the stop is met, such as at: 0.25",
+    (("law",), "side"): "write on which side of it the stop acts: side: above, as of a rope, or side: below, as of a bumper",
+    (("memory",), "start"): "write its value before the first sample, such as start: 0",
+    (("memory",), "next"): "write an expression for its value from a sample on, such as next: sum + error",
+}
+
+_EXPECTATIONS = {
+    "dict_type": "needs a mapping",
+    "model_type": "needs a mapping",
+    "model_attributes_type": "needs a mapping",
+    "tuple_type": "needs a list",
+    "string_type": "needs text",
+    "bool_type": "needs true or false",
+    "int_type": "needs a whole number",
+}
+
+
+def _unknown_kind(what: str, kind: str, expected: str) -> tuple[str, str]:
+    kinds = sorted(expected.replace("'", "").split(", "))
+    guess = nearest(kind, kinds, "kinds")
+    every = f"kinds: {', '.join(kinds)}"
+    return f"unknown {what} kind '{kind}'", guess if guess == every else f"{guess} {every}"
+
+
+def _unknown_field(flaw: _Flaw) -> tuple[str, str]:
+    name, fields = str(flaw.path[-1]), _fields_at(flaw.document, flaw.detail["loc"][:-1])
+    belongs = f"it belongs to the law: write law: {{{name}: ...}}" if "law" in fields and name in SpringDamper.model_fields else ""
+    return f"unknown field '{name}'", belongs or nearest(name, fields, "fields")
+
+
+def _fields_at(document: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
+    """The fields that a document may have at a location of pydantic's."""
+    part: Any = document
+    for step in location:
+        part = _descend(part, step)
+    part = get_args(part)[0] if get_origin(part) is Annotated else part
+    if get_origin(part) in (Union, types.UnionType):  # an optional part
+        part = next((member for member in get_args(part) if _is_model(member)), None)
+    return [field.alias or name for name, field in part.model_fields.items()] if _is_model(part) else []
+
+
+def _is_model(part: Any) -> bool:
+    return isinstance(part, type) and issubclass(part, BaseModel)
+
+
+def _descend(part: Any, step: str | int) -> Any:
+    """The type one step further in, None when there is none."""
+    if get_origin(part) is Annotated:
+        part = get_args(part)[0]
+    if get_origin(part) in (Union, types.UnionType):
+        members = get_args(part)
+        chosen = [member for member in members if _chosen_by(member, step)]
+        inner = (_descend(member, step) for member in members)
+        return chosen[0] if chosen else next((found for found in inner if found is not None), None)
+    if _is_model(part):
+        fields = {field.alias or name: field.annotation for name, field in part.model_fields.items()}
+        return fields.get(str(step))
+    return {dict: get_args(part)[-1:], tuple: get_args(part)[:1]}.get(get_origin(part) or part, (None,))[0]
+
+
+def _chosen_by(member: Any, step: str | int) -> bool:
+    """Return whether ``step`` is the tag of a union's member."""
+    if get_origin(member) is Annotated:
+        return any(isinstance(mark, Tag) and mark.tag == step for mark in get_args(member))
+    kind = member.model_fields.get("kind") if _is_model(member) else None
+    return kind is not None and get_origin(kind.annotation) is Literal and step in get_args(kind.annotation)
+
+
+def _without_broken(source: Source, found: list[_Flaw], drop: set[Path]) -> Shaped | None:
+    """The document without parts of the wrong shape and parts to ``drop``; None when more than elements is wrong."""
+    while True:
+        new = {place for flaw in found for place in _left_out(flaw)} - drop
+        if () in new or (found and not new):
+            return None
+        drop = drop | new
+        data = _pruned(source.data, (), drop)
+        data |= {name: value for name, value in _STAND_INS.items() if name not in data}
+        try:
+            document = Document.model_validate(data)
+        except ValidationError as error:  # what lacks something without the parts that were left out
+            found = [_Flaw(detail, _data_path(data, detail), Document, element_of) for detail in error.errors(include_url=False)]
+            continue
+        names = frozenset(_full_names(source, document, drop))
+        parameters = {str(path[1]) for path in drop if len(path) == 2 and path[0] == "parameters"}
+        return Shaped(document, names, frozenset({*parameters, *_in_unknown_sections(source, drop)}))
+
+
+def _left_out(flaw: _Flaw) -> Iterator[Path]:
+    """The paths to leave out of the document for a flaw; none if that would be too much."""
+    path, start = flaw.path, element_of(flaw.path)[1]
+    if flaw.kind == "extra_forbidden":
+        yield path
+    elif path[:1] == ("scenes",) and len(path) > 2 and path[2] != "end":
+        yield path[:3]
+        if path[2] == "numerics":  # steps and rows have to go together
+            yield (*path[:2], "output_step")
+    elif (depth := _depth(path)) and path[depth : depth + 1] == ("outputs",):
+        yield path[: depth + 1]
+    elif start:
+        yield path[:start]
+    else:
+        other_version = path[:1] == ("cutjoint",) and flaw.kind != "missing"
+        yield path[:1] if path[:1] and path[0] in ("outputs", "scenes", *_STAND_INS) and not other_version else ()
+
+
+def _depth(path: Path) -> int:
+    """The number of keys that lead to the submodel around a place, 0 in the model."""
+    depth = 0
+    while path[depth : depth + 1] == ("submodels",) and len(path) > depth + 1:
+        depth += 2
+    return depth
+
+
+def _pruned(data: Any, path: Path, drop: set[Path]) -> Any:
+    if isinstance(data, dict):
+        return {key: _pruned(value, (*path, key), drop) for key, value in data.items() if (*path, key) not in drop}
+    if isinstance(data, tuple):
+        return tuple(_pruned(value, (*path, index), drop) for index, value in enumerate(data))
+    return data
+
+
+def _full_names(source: Source, document: Document, drop: set[Path]) -> Iterator[str]:
+    """The names by which others refer to elements that were left out."""
+    yield from _in_unknown_sections(source, drop)
+    uses = [use for use in find_uses(document) if use.submodel is not None]
+    for path in (path for path in drop if path[0] != "scenes"):
+        if len(path) - _depth(path[:-2]) != 2:
+            continue
+        users = [""] if len(path) == 2 else [f"{use.name}." for use in uses if use.at == path[:-2]]
+        endings = ["", *(f"_{suffix}" for suffix in JOINT_FORCES.values())] if path[-2] == "joints" else [""]
+        yield from (f"{user}{path[-1]}{ending}" for user in users for ending in endings)
+
+
+def _in_unknown_sections(source: Source, drop: set[Path]) -> Iterator[str]:
+    """The names in sections whose own names are wrong."""
+    for (section,) in (path for path in drop if len(path) == 1):
+        part = source.data.get(section)
+        yield from map(str, part if section not in Document.model_fields and isinstance(part, dict) else ())

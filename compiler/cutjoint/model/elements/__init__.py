@@ -1,0 +1,1 @@
+"""From the document's parts to records of bodies, joints, forces and instances."""

@@ -1,0 +1,161 @@
+"""Friction of joints: its law by N of load, and the state of its bristle.
+
+With v the speed of the surfaces, s the bristle's share of the deflection at which it slides, and u = s/g::
+
+    force by load = -radius mu_s g (u + (1 - u^2)/2 tanh(v/damping_speed))
+    g = (mu_k + (mu_s - mu_k) exp(-(v/stribeck_speed)^2))/mu_s
+    s' = v/presliding (1 - a)/(1 + 2/(1 - BREAKAWAY) a u v settling/presliding)
+         - u beyond/(1 + u^2 beyond)/(SLOWER settling)
+    a = 2 w^2/(1 + w^2) (1 + tanh(u v/(REVERSAL damping_speed)))/2,     w = (u^2 - BREAKAWAY)/(1 - BREAKAWAY) above BREAKAWAY, else 0
+    beyond = u^2 - 1 above 1, else 0, rounded by ROUNDING
+
+It slides at a = 1, u = 1.  Where u^2 is below BREAKAWAY, and where it moves back, a is 0: the bristle is a spring there, and nothing
+creeps (as in Dupont, Hayward, Armstrong, Altpeter, IEEE Transactions on Automatic Control 47 (2002) 787-792).  The force is never above
+mu_s g times the load, and under a load that stays it takes energy beyond what the bristle stores.  A sliding bristle follows its speed by
+1/settling at most.  Beyond its limit it gives way, so that nothing rests there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+import sympy
+
+from cutjoint.elements.force import Bristle
+from cutjoint.elements.forces.joint_friction import JointFriction
+from cutjoint.elements.joint import rate_name
+from cutjoint.model.errors import ModelError, Problem
+from cutjoint.model.expressions.operations import choice
+from cutjoint.model.expressions.parse import quantity_symbol, variable
+from cutjoint.model.expressions.scope import FAILED, Element
+from cutjoint.model.expressions.units import FORCE, LENGTH, NONE, SPEED, TIME, Dimension
+from cutjoint.model.names import name_problem
+from cutjoint.model.records import VALUE, FirstOrderState, Model, Scalar
+
+#: The square of the share of the limit up to which the bristle is a spring.
+BREAKAWAY = 0.5
+#: The speed within which the bristle's way of sliding turns round, as a share of the damping's.
+REVERSAL = 1e-3
+
+#: The share of the limit within which the bristle begins to give way beyond it, and how much slower than it settles: steps that settle
+#: shall not feel it.
+ROUNDING, SLOWER = 1e-9, 100
+
+#: Lengths, speeds and times that must be greater than zero where they are given.
+_POSITIVE = {
+    "static": NONE, "stribeck_speed": SPEED, "radius": LENGTH, "arm": LENGTH, "thrust_radius": LENGTH, "presliding": LENGTH,
+    "damping_speed": SPEED, "settling": TIME,
+}  # fmt: skip
+
+
+def read_friction(element: Element, part: Any, unit: str) -> tuple[Scalar, Bristle]:
+    """The friction by N of load over ``rate``, and its bristle.
+
+    Problems with all numbers of the force are noted.
+    """
+    for name, dimension in {"coefficient": NONE, "preload": FORCE}.items():
+        if _value(element, part, name, dimension) < 0:
+            element.fail(f"{name} must not be negative", "", (name,))
+    sizes = {name: dimension for name, dimension in _POSITIVE.items() if getattr(part, name) is not None}
+    for name, dimension in sizes.items():
+        if _value(element, part, name, dimension) <= 0:
+            element.fail(f"{name} must be greater than zero", "", (name,))
+    _check_fields(element, part, unit)
+    if problem := name_problem(bristle_name(str(element.path[-1]))):
+        element.fail(f"its bristle: {problem[0]}", "rename the force", at_key=True)
+    given = {name: element.scalar(getattr(part, name), dimension, (name,)) for name, dimension in sizes.items()}
+    sliding = element.scalar(part.coefficient, NONE, ("coefficient",))
+    symbol = quantity_symbol(bristle_name(element.name), VALUE)
+    bristle = Bristle(symbol=symbol, rate=_rate(symbol, sliding, given), limit=_limit(sliding, given))
+    return _law(symbol, sliding, given), bristle
+
+
+def _value(element: Element, part: Any, name: str, dimension: Dimension) -> float:
+    found = element.scalar(getattr(part, name), dimension, (name,))
+    return 1.0 if found is FAILED else element.value(found)
+
+
+def _check_fields(element: Element, part: Any, unit: str) -> None:
+    """Note fields that are missing or that the coordinate does not take."""
+    if unit == "rad" and part.radius is None:
+        element.fail("friction on an angle needs the radius of its bearing", "write radius: 10 mm")
+    for name in ("radius", "thrust_radius") if unit == "m" else ():
+        if getattr(part, name) is not None:
+            element.fail(f"{name} belongs to friction on an angle", "remove it", (name,))
+    for name in ("arm", "thrust_radius") if not part.carried else ():
+        if getattr(part, name) is not None:
+            element.fail(f"{name} belongs to friction by what a joint carries", "remove it, or carried: false", (name,))
+    if part.static is not None and part.stribeck_speed is None:
+        element.fail("static needs the speed at which friction has come down from it", "write stribeck_speed: 0.01 m/s", ("static",))
+    if part.static is None and part.stribeck_speed is not None:
+        element.fail("stribeck_speed leads from a static coefficient to that of sliding", "give static too", ("stribeck_speed",))
+
+
+def _surface(given: dict[str, Scalar]) -> tuple[Scalar, Scalar]:
+    """The radius, 1 of a slide, and the speed of the surfaces."""
+    radius = given.get("radius", sympy.Integer(1))
+    return radius, radius * variable("rate")
+
+
+def _stribeck(v: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
+    """g."""
+    if "static" not in given or "stribeck_speed" not in given:
+        return sympy.Integer(1)
+    static = given["static"]
+    return (sliding + (static - sliding) * sympy.exp(-((v / given["stribeck_speed"]) ** 2))) / static
+
+
+def _law(s: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
+    radius, v = _surface(given)
+    g = _stribeck(v, sliding, given)
+    u = s / g
+    return -radius * given.get("static", sliding) * g * (u + (1 - u**2) * sympy.tanh(v / given["damping_speed"]) / 2)
+
+
+def _limit(sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
+    """The largest force by N of load."""
+    static, radius = given.get("static", sliding), given.get("radius", sympy.Integer(1))
+    return radius * (sliding if static == sliding else choice((static, static > sliding), (sliding, sympy.true)))
+
+
+def _rate(s: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
+    """s' over ``rate``."""
+    _, v = _surface(given)
+    u = s / _stribeck(v, sliding, given)
+    free, above = v / given["presliding"], (u**2 - BREAKAWAY) / (1 - BREAKAWAY)
+    w2 = choice((sympy.Integer(0), above < 0), (above**2, sympy.true))
+    a = w2 / (1 + w2) * (1 + sympy.tanh(u * v / (REVERSAL * given["damping_speed"])))
+    over = u**2 - 1
+    beyond = (over + sympy.sqrt(over**2 + ROUNDING**2)) / 2
+    giving = u * beyond / (1 + u**2 * beyond) / (SLOWER * given["settling"])
+    return free * (1 - a) / (1 + 2 / (1 - BREAKAWAY) * a * u * free * given["settling"]) - giving
+
+
+def bristle_name(force: str) -> str:
+    """The name of the state of a force's bristle."""
+    return f"{force}_bristle"
+
+
+def bristle_of(force: JointFriction) -> FirstOrderState:
+    """The state of a force's bristle, which begins undeflected."""
+    speed = quantity_symbol(force.joint, rate_name(force.coordinate))
+    return FirstOrderState(
+        name=bristle_name(force.name), symbol=force.bristle.symbol, rate=force.bristle.rate.xreplace({variable("rate"): speed}),
+        initial=sympy.Integer(0), unit="", span=force.span,
+    )  # fmt: skip
+
+
+def refuse_friction(model: Model, names: Collection[str], message: str, hint: str) -> ModelError:
+    """The error that some of a model's forces by load cannot be had."""
+    return ModelError(
+        [Problem(span=f.span, element=f"force '{f.name}'", message=message, hint=hint) for f in model.forces if f.name in names]
+    )
+
+
+def refuse_method(model: Model, names: Collection[str]) -> ModelError:
+    """The error that natural coordinates do not have friction by load."""
+    return refuse_friction(
+        model, names, "equations of this kind do not have friction by what a joint carries",
+        "use --method recursive or recursive-newton, or switch the force off in the scene: switches: {name: off}",
+    )  # fmt: skip

@@ -1,0 +1,88 @@
+"""Massless links made slender rods, for comparison with simulators in which every body needs mass."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from itertools import combinations
+
+import sympy
+
+from cutjoint.model.errors import ModelError, Problem, nearest
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.records import Body, Joint, Model, Scalar, Vector
+
+#: A rod's moment of inertia about its own axis, as a share of that across it: that of a round bar 77 times as long as thick.
+AXIAL = 1e-3
+
+
+def with_link_masses(model: Model, masses: Mapping[str, float]) -> Model:
+    """The model with slender rods in place of massless bodies; ``masses`` are in kg by names, in which ``*`` stands for any text.
+
+    A rod of length L lies between the two joints' points of the body that are farthest apart; its moments of inertia are m L^2/12 across
+    and :data:`AXIAL` times that about its axis.  Of several names that match, the last counts.
+
+    Raises:
+        ModelError: a name matches no massless body, a mass is not positive, or a body has joints at one point only.
+    """
+    links = [body for body in model.bodies if body.is_massless]
+    problems = [p for pattern, mass in masses.items() for p in _problems(model, links, pattern, mass)]
+    chosen = {body.name: mass for pattern, mass in masses.items() for body in links if fnmatchcase(body.name, pattern)}
+    spans = {name: _span(model, name) for name in chosen}
+    problems += [_no_rod(body) for body in links if body.name in chosen and spans[body.name] is None]
+    if problems:
+        raise ModelError(problems)
+    bodies = (_rod(body, chosen[body.name], spans[body.name]) if body.name in chosen else body for body in model.bodies)
+    return replace(model, bodies=tuple(bodies))
+
+
+def _problems(model: Model, links: Sequence[Body], pattern: str, mass: float) -> list[Problem]:
+    element = f"link mass '{pattern}'"
+    problems = []
+    if not any(fnmatchcase(body.name, pattern) for body in links):
+        hint = nearest(pattern, [body.name for body in links]) or "it has none"
+        problems.append(Problem(span=model.span, element=element, message="no massless body of the model has this name", hint=hint))
+    if not (mass > 0 and math.isfinite(mass)):
+        message = f"mass needs a positive number of kg, got {mass:g}"
+        problems.append(Problem(span=model.span, element=element, message=message))
+    return problems
+
+
+def _no_rod(body: Body) -> Problem:
+    message = "its joints are at one point, so it cannot become a rod"
+    return Problem(span=body.span, element=f"body '{body.name}'", message=message, hint="give it mass and inertia in the model file")
+
+
+def _span(model: Model, body: str) -> tuple[Vector, Vector] | None:
+    """The two joints' points of a body that are farthest apart in the design position, None if they are one."""
+    values = {p.symbol: p.value for p in model.parameters}
+
+    def length(ends: tuple[Vector, Vector]) -> float:
+        return math.dist(*([evaluate(sympy.sympify(e), values) for e in end] for end in ends))
+
+    pairs = list(combinations([p for joint in model.joints for p in _points(joint, body)], 2))
+    farthest = max(pairs, key=length, default=None)
+    return farthest if farthest is not None and length(farthest) > 0 else None
+
+
+def _points(joint: Joint, body: str) -> list[Vector]:
+    """The points of a joint on a body."""
+    return [joint.at] * (joint.base == body) + [joint.to or joint.at] * (joint.follower == body)
+
+
+def _rod(body: Body, mass: float, ends: tuple[Vector, Vector] | None) -> Body:
+    """J = m/12 (L^2 1 - (1 - AXIAL) d d^T), d the way of length L between the ends."""
+    assert ends is not None
+    start, end = ends
+    d = [b - a for a, b in zip(start, end, strict=True)]
+    squared = sum((x * x for x in d), sympy.Integer(0))
+    share = sympy.Float(mass) / 12
+
+    def element(i: int, j: int) -> Scalar:
+        return share * ((squared if i == j else 0) - (1 - AXIAL) * d[i] * d[j])
+
+    xx, yy, zz, xy, xz, yz = (element(i, j) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
+    centre = tuple((a + b) / 2 for a, b in zip(start, end, strict=True))
+    return replace(body, mass=sympy.Float(mass), centre_of_mass=centre, inertia=(xx, yy, zz, xy, xz, yz))

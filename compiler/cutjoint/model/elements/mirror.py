@@ -1,0 +1,213 @@
+"""Mirror images of elements, for instances with ``mirror``.
+
+Points, translation axes and forces mirror as vectors; axes of rotation and torques mirror as pseudo-vectors,
+so that a positive angle of the image is the image of a positive angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from cutjoint.elements.joint import DESIGN_FRAME, Direction, Slide
+from cutjoint.model.elements.build import Elements
+from cutjoint.model.elements.geometry import least_component
+from cutjoint.model.expressions.parse import POSITION, variable
+from cutjoint.model.expressions.quantities import Element as Quantified
+from cutjoint.model.expressions.scope import FAILED
+from cutjoint.model.records import Body, Force, Gear, Joint, Marker, Reaction, Scalar, Vector, Visual
+
+#: The angles of a body by the axis that each turns about.
+ANGLES: Mapping[str, str] = {"x": "roll", "y": "pitch", "z": "yaw"}
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """Reflection along one global axis: ``signs`` of the three components."""
+
+    signs: tuple[int, int, int]
+
+    def vector(self, v: Vector) -> Vector:
+        """The image of a point or a translation."""
+        return (self.signs[0] * v[0], self.signs[1] * v[1], self.signs[2] * v[2])
+
+    def rotation(self, v: Vector) -> Vector:
+        """The image of an axis of rotation or a torque."""
+        a, b, c = self.vector(v)
+        return (-a, -b, -c)
+
+    def frame(self, axes: tuple[Vector, Vector, Vector]) -> tuple[Vector, Vector, Vector]:
+        """The image of a frame, right-handed: its axis along which the mirror reflects counts the other way."""
+        x, y, z = (self._times(sign, self.vector(axis)) for sign, axis in zip(self.signs, axes, strict=True))
+        return x, y, z
+
+    @staticmethod
+    def _times(sign: int, v: Vector) -> Vector:
+        return (sign * v[0], sign * v[1], sign * v[2])
+
+    def law(self, expression: Scalar) -> Scalar:
+        """An expression over x y z vx vy vz and wx wy wz, as the image sees it; angular velocities turn over as rotations do."""
+        axis = "xyz"[self.signs.index(-1)]
+        turned = (axis, f"v{axis}", *(f"w{other}" for other in "xyz" if other != axis))
+        return self.opposite(expression, turned)
+
+    def opposite(self, expression: Scalar, names: Sequence[str]) -> Scalar:
+        """An expression whose variables of some names count the other way."""
+        return expression.xreplace({variable(name): -variable(name) for name in names})
+
+    def reflected(self, law: Scalar, sign: int) -> Scalar:
+        """The law in the mirror, see `reflected_law`."""
+        return reflected_law(law, sign)
+
+
+@dataclass(frozen=True)
+class Image:
+    """The signs of quantities in the image of reflection along ``axis``, of ``joints`` by name: what the original would have there."""
+
+    axis: str
+    joints: Mapping[str, Joint]
+
+    def sign(self, element: Quantified, quantity: str) -> int:
+        """1 where a quantity of an element of the image is that of the original, -1 where it is its opposite."""
+        match element:
+            case Joint():
+                return self._of_joint(element, quantity)
+            case Force():
+                joint = self.joints.get(element.joint_of)
+                return element.image_sign(quantity, self.of_component, self._of_joint(joint, element.coordinate_of) if joint else 1)
+            case Body() | Marker() | Reaction(direction=None):
+                return self.of_component(quantity)
+            case Reaction():
+                return -1 if quantity == "moment" else 1
+            case Gear():
+                joint = self.joints.get(element.first.joint)
+                return self._of_joint(joint, element.first.name) if joint else 1
+        return 1
+
+    def _of_joint(self, joint: Joint, quantity: str) -> int:
+        if quantity in ("wx", "wy", "wz"):
+            return self.of_component(quantity)
+        return coordinate_signs(mirror_along(self.axis), joint).get(quantity.removesuffix("_rate"), 1)
+
+    def of_component(self, quantity: str) -> int:
+        """The sign of a component of a vector (x, vy, az, Fx), of an angle (roll) or of a turn (wx, Mz)."""
+        turns = {**{angle: axis for axis, angle in ANGLES.items()}, **{f"{name}{axis}": axis for name in "wM" for axis in "xyz"}}
+        if quantity in turns:
+            return 1 if turns[quantity] == self.axis else -1
+        return -1 if quantity[-1] == self.axis else 1
+
+
+def mirror_along(axis: str) -> Mirror:
+    """The reflection along "x", "y" or "z"."""
+    x, y, z = (-1 if name == axis else 1 for name in "xyz")
+    return Mirror((x, y, z))
+
+
+def mirror_elements(elements: Elements, axis: str) -> Elements:
+    """The image of all elements under reflection along "x", "y" or "z"."""
+    mirror = mirror_along(axis)
+    signs = {joint.name: coordinate_signs(mirror, joint) for joint in elements.joints}
+    return Elements(
+        tuple(_body(mirror, body) for body in elements.bodies),
+        tuple(_joint(mirror, joint, signs[joint.name]) for joint in elements.joints),
+        tuple(force.mirrored(mirror, signs) for force in elements.forces),
+        tuple(_reaction(mirror, reaction) for reaction in elements.reactions),
+        tuple(_marker(mirror, marker) for marker in elements.markers),
+        tuple(_gear(gear, signs) for gear in elements.gears),
+        elements.states, elements.signals, elements.controllers,
+    )  # fmt: skip
+
+
+def _body(mirror: Mirror, body: Body) -> Body:
+    x, y, z = mirror.signs
+    xx, yy, zz, xy, xz, yz = body.inertia
+    inertia = (xx, yy, zz, x * y * xy, x * z * xz, y * z * yz)
+    shapes = tuple(
+        replace(s, points=tuple(map(mirror.vector, s.points)), axes=tuple(map(mirror.vector, s.axes))) for s in body.shapes
+    )  # fmt: skip
+    return replace(
+        body, centre_of_mass=mirror.vector(body.centre_of_mass), inertia=inertia, shapes=shapes,
+        visuals=tuple(_visual(mirror, visual) for visual in body.visuals),
+    )  # fmt: skip
+
+
+def _visual(mirror: Mirror, visual: Visual) -> Visual:
+    x, y, z = map(mirror.vector, visual.axes)
+    return replace(visual, at=mirror.vector(visual.at), axes=(x, y, z))
+
+
+def coordinate_signs(mirror: Mirror, joint: Joint) -> Mapping[str, int]:
+    """For each coordinate of a joint whether it counts the same way in the image.
+
+    A displacement along a direction is a vector, a turn about it a pseudo-vector.
+    """
+    return {
+        m.coordinate: _image_sign(mirror, joint, m.direction) * (1 if isinstance(m, Slide) else -1) for m in joint.element.scalar_motions
+    }
+
+
+def _image_sign(mirror: Mirror, joint: Joint, direction: Direction) -> int:
+    """1 where a direction of the joint's image is the image of the direction as a vector, -1 where it is the opposite.
+
+    Directions across another one are its vector products with a global axis, and with the first of them.
+    """
+    match direction:
+        case Direction.X | Direction.Y | Direction.Z:
+            return mirror.signs[DESIGN_FRAME.index(direction)]
+        case Direction.ACROSS_1:
+            main = Direction.AXIS if joint.to is None else Direction.ROD
+            return -_image_sign(mirror, joint, main) * _tangent_sign(mirror, joint)
+        case Direction.ACROSS_2:
+            return _tangent_sign(mirror, joint)
+        case Direction.ROD:
+            return 1
+    return -1 if joint.element.axis_mirrors_as_rotation else 1
+
+
+def _tangent_sign(mirror: Mirror, joint: Joint) -> int:
+    """The sign of the global axis from which the tangents across a direction are made; an open direction has none to derive."""
+    x, y, z = joint.axes[0] if joint.to is None else (b - a for a, b in zip(joint.at, joint.to, strict=True))
+    if any(component.free_symbols or component.has(FAILED) for component in (x, y, z)):
+        return 1
+    return mirror.signs[least_component((x, y, z))]
+
+
+def _guides(joint: Joint, signs: Mapping[str, int]) -> tuple[Scalar, ...] | None:
+    if joint.guide is None:
+        return None
+    return tuple(sign * guide for sign, guide in zip(signs.values(), joint.guide, strict=False))
+
+
+def _joint(mirror: Mirror, joint: Joint, signs: Mapping[str, int]) -> Joint:
+    image = mirror.rotation if joint.element.axis_mirrors_as_rotation else mirror.vector
+    return replace(
+        joint,
+        at=mirror.vector(joint.at),
+        axes=tuple(image(axis) for axis in joint.axes),
+        to=None if joint.to is None else mirror.vector(joint.to),
+        pitch=None if joint.pitch is None else -joint.pitch,
+        guide=_guides(joint, signs),
+    )
+
+
+def _gear(gear: Gear, signs: Mapping[str, Mapping[str, int]]) -> Gear:
+    first, second, *others = (signs.get(c.joint, {}).get(c.name, 1) for c in gear.coordinates)
+    if gear.law is not None:
+        return replace(gear, law=first * gear.law.xreplace({POSITION: second * POSITION}))
+    reflected = ((c, first * sign * ratio) for sign, (c, ratio) in zip(others, gear.others, strict=True))
+    return replace(gear, ratio=first * second * gear.ratio, others=tuple(reflected))
+
+
+def reflected_law(law: Scalar, sign: int) -> Scalar:
+    """A law over ``position`` and ``rate``, which with its force count the other way where ``sign`` is -1."""
+    if sign > 0:
+        return law
+    return -law.xreplace({variable(name): -variable(name) for name in ("position", "rate")})
+
+
+def _reaction(mirror: Mirror, reaction: Reaction) -> Reaction:
+    return reaction if reaction.direction is None else replace(reaction, direction=mirror.vector(reaction.direction))
+
+
+def _marker(mirror: Mirror, marker: Marker) -> Marker:
+    return replace(marker, point=mirror.vector(marker.point))

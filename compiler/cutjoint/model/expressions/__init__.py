@@ -1,0 +1,1 @@
+"""Expressions of a model file: names, units, laws and parameters, as SymPy and as numbers."""

@@ -1,0 +1,306 @@
+"""The meaning of names while elements are read, in the model or in one instance of a submodel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, MutableMapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import sympy
+
+from cutjoint.model.document import element_parts as joint_parts
+from cutjoint.model.document.source import Path, Source, field_name
+from cutjoint.model.errors import Problems, nearest, worded
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.functions import SuppliedCall
+from cutjoint.model.expressions.operations import ExpressionError, Term
+from cutjoint.model.expressions.parse import READERS, Names, read_term, variable
+from cutjoint.model.expressions.tunable import TunableNumbers, number_name
+from cutjoint.model.expressions.units import ACCELERATION, INERTIA, LENGTH, MASS, Dimension, described
+from cutjoint.model.names import VARIABLES
+from cutjoint.model.records import GROUND, Scalar, Span, SuppliedFunction, Vector
+
+#: Stands for a value that could not be read; its problem is noted, and checks pass it by.
+FAILED = sympy.nan
+FAILED_TERM = Term(FAILED)
+#: The largest masses, lengths, inertias and accelerations in SI: products and squares of these stay far below the largest float.
+LARGEST = 1e50
+_BOUNDED = frozenset((MASS, LENGTH, INERTIA, ACCELERATION))
+#: Stands for a body that does not exist; its problem is noted.
+UNKNOWN = ""
+
+
+@dataclass(frozen=True)
+class Directory:
+    """All bodies and joints of the model by full name, known before any of them is read.
+
+    ``broken`` names elements and instances that could not be read; what is asked of them is not reported
+    again.  ``signals`` are the states and signals of the model itself, and ``points`` its points, which submodels do not see.
+    """
+
+    bodies: frozenset[str]
+    joints: Mapping[str, joint_parts.Joint]
+    broken: frozenset[str]
+    signals: frozenset[str] = frozenset()
+    points: frozenset[str] = frozenset()
+
+    def misses(self, name: str) -> bool:
+        """Return whether ``name`` is, or belongs to, an element that could not be read."""
+        return name in self.broken or name.split(".")[0] in self.broken
+
+
+@dataclass(frozen=True)
+class Scope:
+    """The surroundings in which elements are read: the model itself (empty ``prefix``) or one instance of a submodel.
+
+    ``path`` leads to the elements in the document.  ``names`` are the symbols of expressions, ``moving``
+    the parameters' symbols that may change with time.  ``values`` are the parameters' values by symbol, ``settled`` those
+    that never change.  ``connectors`` maps local body names to full ones, ``given`` has the points that the instance gives.
+    ``tunables`` makes parameters of numbers.
+
+    Expressions may have these names:
+
+    * of masses, points, starts and all other numbers the parameters that do not move, `constants`;
+    * of guides, and of a scene's inputs but for inputs, ``t`` and all parameters, `timed`;
+    * of laws of forces, of rates of states, of signals and of controllers these, the law's variables, and the quantities of elements,
+      `reading`: by "element.quantity", as outputs have them; the value of a state or a signal by its name alone.  ``own`` are those of the
+      scope; ``read`` is what finds a quantity.
+
+    ``sensed`` are the symbols of quantities that an instance gives to its submodel's parameters, ``mirrors`` the axes of its mirror and of
+    those around it.  ``functions`` are those that the model's user supplies, for what reads quantities.  ``sampled`` is whether what reads
+    quantities may also have accelerations and reactions, since it acts only afterwards.
+    """
+
+    source: Source
+    problems: Problems
+    directory: Directory
+    names: Mapping[str, Term]
+    values: MutableMapping[Scalar, float]
+    moving: frozenset[Scalar] = frozenset()
+    settled: Mapping[Scalar, Scalar] = field(default_factory=dict)
+    path: Path = ()
+    prefix: str = ""
+    connectors: Mapping[str, str] = field(default_factory=dict)
+    points: Mapping[str, Vector] = field(default_factory=dict)
+    given: Mapping[str, Vector] = field(default_factory=dict)
+    tunables: TunableNumbers = field(default_factory=TunableNumbers)
+    own: frozenset[str] = frozenset()
+    read: Callable[[Scope, str], Term] | None = None
+    sensed: frozenset[Scalar] = frozenset()
+    sampled: bool = False
+    mirrors: tuple[str, ...] = ()
+    functions: Mapping[str, SuppliedFunction] = field(default_factory=dict)
+
+    def full(self, name: str) -> str:
+        """The full name of an element of this scope."""
+        return self.connectors.get(name, self.prefix + name)
+
+    def broken(self, section: str) -> list[str]:
+        """The names of a section's elements that could not be read, of all where it has another name: they may be meant."""
+        part: Any = self.source.data
+        for key in (*self.path, section):
+            part = part.get(key) if isinstance(part, dict) else None
+        names = [self.prefix + str(name) for name in part] if isinstance(part, dict) else sorted(self.directory.broken)
+        return [name.removeprefix(self.prefix) for name in names if name in self.directory.broken and name.startswith(self.prefix)]
+
+    def constants(self) -> dict[str, Term]:
+        """The parameters that do not change with time."""
+        return {name: term for name, term in self.names.items() if not self.moves(term)}
+
+    def moves(self, term: Term) -> bool:
+        """Return whether a term changes with time: it follows from inputs or quantities."""
+        symbols = term.value.free_symbols
+        return not (self.moving.isdisjoint(symbols) and self.sensed.isdisjoint(symbols))
+
+    def timed(self) -> dict[str, Term]:
+        """The time and the parameters, without those that follow from quantities."""
+        known = {name: term for name, term in self.names.items() if self.sensed.isdisjoint(term.value.free_symbols)}
+        return {**known, "t": Term(variable("t"))}
+
+    def reading(self, *variables: str) -> Mapping[str, Term]:
+        """The variables, whose dimension fits everywhere, all parameters, and the quantities of elements; no name that would be two."""
+        terms = {**self.names, **{name: Term(variable(name)) for name in variables}}
+        terms = {name: term for name, term in terms.items() if name not in variables or name not in self.names}
+        return terms if self.read is None else Names(terms, self.own, partial(self.read, self), self.functions)
+
+
+@dataclass(frozen=True)
+class Element:
+    """One element while it is read: turns its fields into expressions and notes what is wrong with them.
+
+    Fields are given with the keys that lead to them inside the element.
+    """
+
+    scope: Scope
+    label: str
+    name: str
+    path: Path
+
+    @property
+    def span(self) -> Span:
+        """The place of the element's name."""
+        return self.scope.source.key_span(self.path)
+
+    def fail(self, message: str, hint: str = "", keys: Path = (), *, at_key: bool = False) -> None:
+        """Note a problem of the field at ``keys``: of its value, or of its name when ``at_key``."""
+        source, path = self.scope.source, (*self.path, *keys)
+        place = source.key_span(path) if at_key or not keys else source.value_span(path)
+        self.scope.problems.add(place, self.label, message, hint)
+
+    def term(self, value: int | float | str, keys: Path, names: Mapping[str, Term]) -> Term:
+        """A number or expression over ``names``; a failed term when it is wrong."""
+        try:
+            return read_term(value, names)
+        except ExpressionError as error:
+            message, hint = self._explained(error, names)
+            if keys[:1] == ("with",) and message == "unknown symbol 't'":
+                hint = "give the name of an input (binding: input), whose law over t a scene has"
+            if keys[:1] == ("law",) and message.startswith("the input "):
+                hint += ", or write the law as an expression over its variables, in which inputs may stand"
+            self.fail(worded(field_name(keys), message), hint, keys)
+            return FAILED_TERM
+
+    def _explained(self, error: ExpressionError, names: Mapping[str, Term]) -> tuple[str, str]:
+        """Message and hint; a parameter that is known elsewhere is named as such."""
+        for name in self.scope.own:
+            if error.message == f"unknown symbol '{name}'":
+                return f"the quantity '{name}' cannot stand here", READERS
+        for name in self.scope.functions:
+            if error.message == f"unknown function '{name}'":
+                return f"the function '{name}' cannot be called here", READERS.replace("have", "call")
+        for name in self.scope.names.keys() - names.keys():
+            if error.message == f"unknown symbol '{name}'" and isinstance(names, Names) and name in VARIABLES:
+                return f"'{name}' is a variable of this law and a parameter", f"call the parameter by another name, such as '{name}_0'"
+            if error.message == f"unknown symbol '{name}'":
+                takes_parameters = names or not self.scope.constants()
+                if takes_parameters and self.scope.moves(self.scope.names[name]):
+                    remedy = "" if not self.scope.prefix else ", or give the submodel a value that does not change with time"
+                    return f"the input '{name}' cannot stand here, it may change with time", f"use binding: param{remedy}"
+                return f"the parameter '{name}' cannot stand here", "write a number"
+        for name in self.scope.directory.signals if self.scope.prefix else ():
+            if error.message == f"unknown symbol '{name}'":
+                return f"'{name}' is the model's, and a submodel does not see it", f"give it as a parameter: parameters: [..., {name}]"
+        return error.message, error.hint
+
+    def scalar(
+        self,
+        value: int | float | str,
+        expected: Dimension | None,
+        keys: Path,
+        names: Mapping[str, Term] | None = None,
+        *,
+        in_triple: bool = False,
+    ) -> Scalar:
+        """A number or expression of dimension ``expected`` (None for any).
+
+        ``names`` are the symbols it may use, by default all parameters that do not change with time; then a number may be tunable.
+        ``in_triple`` is whether the last key is that of a component.
+        """
+        term = self.term(value, keys, self.scope.constants() if names is None else names)
+        if expected is not None and term.dimension not in (None, expected):
+            self.fail(
+                worded(field_name(keys), f"needs {described(expected)}, got {described(term.dimension)}"),
+                "",
+                keys,
+            )
+        if self._is_closed(term.value) and not math.isfinite(self.value(term.value)):
+            self.fail(worded(field_name(keys), "has no finite value"), "", keys)
+            return FAILED
+        if expected in _BOUNDED and abs(self.value(term.value)) > LARGEST:
+            self.fail(worded(field_name(keys), f"is larger than {LARGEST:g} in SI units"), "mind its unit", keys)
+            return FAILED
+        return term.value if names is not None else self.tunable(term, expected, keys, in_triple=in_triple).value
+
+    def tunable(
+        self, term: Term, expected: Dimension | None, keys: Path, *, in_triple: bool = False, is_argument: bool = False
+    ) -> Term:  # fmt: skip
+        """The parameter that a number of the file is tunable as, else the term itself; an argument of an instance has its name alone."""
+        path = (*self.path, *keys)
+        if path not in self.scope.source.values:  # nothing stands there
+            return term
+        name = number_name(self.name, keys[1:] if is_argument else keys, in_triple=in_triple)
+        span, is_default = self.scope.source.value_span(path), is_argument and keys[0] == "defaults"
+        return self.scope.tunables.tunable(name, term, expected, span, self.scope.values, is_default=is_default)
+
+    def _is_closed(self, expression: Scalar) -> bool:
+        """Return whether an expression has a value once the parameters have theirs."""
+        return not expression.has(FAILED, SuppliedCall) and expression.free_symbols <= self.scope.values.keys()
+
+    def settle(self, vector: Vector) -> Vector:
+        """A vector with the numbers of all parameters that never change."""
+        x, y, z = (component.xreplace(self.scope.settled) for component in vector)
+        return (x, y, z)
+
+    def number(self, value: int | float | str, expected: Dimension | None, keys: Path) -> float:
+        """A number that depends on no parameter; NaN when it is wrong."""
+        expression = self.scalar(value, expected, keys, {})
+        return self.value(expression)
+
+    def positive(self, value: float, keys: Path) -> float:
+        """A number that is noted as wrong unless it is above zero; NaN has been noted before."""
+        if not (math.isnan(value) or value > 0):
+            self.fail(f"{keys[-1]} must be greater than zero", "", keys)
+        return value
+
+    def value(self, expression: Scalar) -> float:
+        """The value of an expression at the parameters' values."""
+        return evaluate(expression, self.scope.values)
+
+    def triple(
+        self,
+        values: tuple[int | float | str, ...],
+        expected: Dimension | None,
+        keys: Path,
+        names: Mapping[str, Term] | None = None,
+    ) -> Vector:
+        """Three components of dimension ``expected``."""
+        a, b, c = (self.scalar(value, expected, (*keys, index), names, in_triple=True) for index, value in enumerate(values))
+        return (a, b, c)
+
+    def body(self, name: str, keys: Path) -> str:
+        """The full name of a body, :data:`UNKNOWN` when there is none."""
+        full = name if name == GROUND else self.scope.full(name)
+        directory = self.scope.directory
+        if full in directory.bodies or full == GROUND or self.scope.connectors.get(name) == UNKNOWN:
+            return full
+        if self.scope.prefix and name in directory.bodies:
+            remedy = "name a connector of the submodel, and connect it in each instance"
+            self.fail(f"the body '{name}' is outside the submodel", remedy, keys)
+        elif not directory.misses(full):
+            self.fail(f"unknown body '{name}'", nearest(name, self._known_bodies(), "bodies here"), keys)
+        return UNKNOWN
+
+    def two_bodies(self, names: tuple[str, ...]) -> tuple[str, str]:
+        """The full names of the two bodies under ``bodies``."""
+        base, follower = (self.body(name, ("bodies", index)) for index, name in enumerate(names))
+        if base == follower != UNKNOWN:
+            self.fail(f"joins the body '{base}' to itself", "name two bodies", ("bodies",))
+        return base, follower
+
+    def _known_bodies(self) -> list[str]:
+        prefix = self.scope.prefix
+        bodies = [name.removeprefix(prefix) for name in self.scope.directory.bodies if name.startswith(prefix)]
+        return [GROUND, *self.scope.connectors, *bodies, *self.scope.broken("bodies")]
+
+    def joint(self, name: str, keys: Path) -> tuple[str, joint_parts.Joint | None]:
+        """The full name of a joint, and what the document says of it."""
+        full = self.scope.prefix + name
+        directory = self.scope.directory
+        if full not in directory.joints and not directory.misses(full):
+            prefix = self.scope.prefix
+            joints = [known.removeprefix(prefix) for known in directory.joints if known.startswith(prefix)]
+            self.fail(f"unknown joint '{name}'", nearest(name, [*joints, *self.scope.broken("joints")], "joints here"), keys)
+        return full, directory.joints.get(full)
+
+
+def element(scope: Scope, kind: str, section: str, name: str) -> Element:
+    """The element ``name`` of a section of the document, such as "bodies"."""
+    full = scope.prefix + name
+    return Element(scope, f"{kind} '{full}'", full, (*scope.path, section, name))
+
+
+def with_points(scope: Scope, points: Mapping[str, Vector]) -> Scope:
+    """Copy the scope with other named ``points``."""
+    return replace(scope, points=points)

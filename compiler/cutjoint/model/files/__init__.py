@@ -1,0 +1,1 @@
+"""Files that a model file names: tables, roads, properties of tyres, submodels."""

@@ -1,0 +1,1 @@
+"""Scenes: starts, roads, locked and driven joints."""

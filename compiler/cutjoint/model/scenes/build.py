@@ -1,0 +1,278 @@
+"""Scenes: what is done with the model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from math import inf, isfinite, isnan
+from typing import Any
+
+from cutjoint.methods import AUTO, PLAIN_CLOSURE, START
+from cutjoint.model.document import model_file
+from cutjoint.model.document.source import Path
+from cutjoint.model.elements.expand import Expansion
+from cutjoint.model.elements.outputs import OutputReader
+from cutjoint.model.errors import nearest
+from cutjoint.model.expressions.choices import Extent, measure
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.laws import LawKind, read_law
+from cutjoint.model.expressions.operations import ExpressionError, Term, check_extent
+from cutjoint.model.expressions.parse import variable
+from cutjoint.model.expressions.quantities import Element as Quantified
+from cutjoint.model.expressions.scope import FAILED, Element, element
+from cutjoint.model.expressions.units import NONE, TIME, Dimension
+from cutjoint.model.ranges import RANGES, SOLVER_TOLERANCE, StepsError, count_steps
+from cutjoint.model.records import (
+    STEP,
+    Binding,
+    Joint,
+    Numerics,
+    Output,
+    Plot,
+    Scalar,
+    Scene,
+    Signal,
+)
+from cutjoint.model.scenes.joints import held_where_it_starts, read_drives, read_locks, with_guides
+from cutjoint.model.scenes.roads import read_road
+from cutjoint.model.scenes.starts import read_aims, read_near, read_starts, read_states
+from cutjoint.model.validate import check_guides, joints_are_known
+
+#: The settings of files whose records have another name.
+SETTINGS = {SOLVER_TOLERANCE: "tolerance"}
+
+#: The variables that penalty and frequency may have.
+_STEP = variable("dt")
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """The elements and quantities that scenes refer to."""
+
+    expansion: Expansion
+    known: Mapping[str, Quantified]
+    joints: Mapping[str, Joint]
+    reader: OutputReader
+    outputs: tuple[Output, ...]
+
+
+def read_scenes(model: model_file.Document, expansion: Expansion) -> tuple[dict[str, Scene], tuple[Signal, ...]]:
+    """Read all scenes, with the outputs of the model and its instances as default; and the expressions of outputs."""
+    elements = expansion.elements
+    known = elements.by_name()
+    joints = {joint.name: joint for joint in elements.joints}
+    reader = OutputReader(expansion, known)
+    stage = _Stage(expansion, known, joints, reader, reader.default(model))
+    scenes = {name: _read_scene(element(expansion.scope, "scene", "scenes", name), s, stage) for name, s in model.scenes.items()}
+    return scenes, tuple(reader.signals.values())
+
+
+def _read_scene(where: Element, scene: model_file.Scene, stage: _Stage) -> Scene:
+    numerics = _numerics(where, scene.numerics)
+    guides = dict(read_drives(where, scene, stage.joints))
+    locked = list(read_locks(where, scene, stage.joints))
+    stage = replace(stage, joints=with_guides(stage.joints, {**guides, **{joint.name: None for joint in locked}}))
+    positions = read_states(where, scene.positions, "positions", stage.joints)
+    rates = read_states(where, scene.rates, "rates", stage.joints)
+    guides |= {joint.name: held_where_it_starts(joint, positions) for joint in locked}
+    stage = replace(stage, joints=with_guides(stage.joints, guides))
+    if guides and joints_are_known(stage.expansion):
+        check_guides(stage.joints.values(), lambda joint, message, hint: where.fail(f"joint '{joint.name}': {message}", hint))
+    end = _positive(where, where.number(scene.end, TIME, ("end",)), ("end",))
+    step, outputs = numerics.step if numerics.dt else min(numerics.step, end), stage.outputs
+    if scene.output_step is not None:
+        step = _positive(where, where.number(scene.output_step, TIME, ("output_step",)), ("output_step",))
+    _require_steps(where, scene, end, step, numerics)
+    if scene.outputs is not None:
+        outputs = stage.reader.outputs(where, scene.outputs, (*where.path, "outputs"), "")
+    return Scene(
+        name=where.name,
+        end=end,
+        output_step=step,
+        pose=scene.pose,
+        positions={key: value for key, value in positions.items() if guides.get(key.rpartition(".")[0]) is None},
+        rates=rates,
+        starts=read_starts(where, scene, stage.expansion.elements.states),
+        inputs=_inputs(where, scene.inputs, stage),
+        switches=_switches(where, scene.switches, stage),
+        road=read_road(where, scene.road),
+        numerics=numerics,
+        outputs=outputs,
+        span=where.span,
+        method=scene.method or "",
+        accuracy=_above_zero(where, scene.accuracy, "accuracy"),
+        budget=_above_zero(where, scene.budget, "budget"),
+        on_violation=scene.on_violation,
+        entries={
+            f"{section}.{key}": where.scope.source.key_span((*where.path, section, key))
+            for section in ("positions", "rates") for key in getattr(scene, section)
+        },
+        guides=guides,
+        plots=tuple(_plot(where, name, plot, outputs) for name, plot in scene.plots.items()),
+        near=read_near(where, scene, positions),
+        assemble=read_aims(replace(where, scope=stage.expansion.reporting[""]), scene, stage.known, stage.reader.signals),
+    )  # fmt: skip
+
+
+def _plot(where: Element, name: str, plot: model_file.Plot, outputs: tuple[Output, ...]) -> Plot:
+    """A picture, whose columns are outputs of the scene."""
+    columns = ("t", *(output.column for output in outputs))
+    places: list[tuple[str, Path]] = [(plot.x, ("x",)), *((column, ("y", index)) for index, column in enumerate(plot.y))]
+    for column, keys in places:
+        if column not in columns and not where.scope.directory.misses(column.rpartition(".")[0]):
+            hint = nearest(column, columns, "columns") or "add it to the outputs"
+            where.fail(f"plots.{name}: the scene has no output '{column}'", f"add it to outputs; {hint}", ("plots", name, *keys))
+    return Plot(name=name, x=plot.x, y=plot.y)
+
+
+def _above_zero(where: Element, value: int | float | str | None, key: str) -> float | None:
+    """A number of whatever unit, when it is given."""
+    return None if value is None else _positive(where, where.number(value, None, (key,)), (key,))
+
+
+def _positive(where: Element, value: float, keys: Path) -> float:
+    """A number that is noted as wrong unless it is above zero and, of a setting, in its range; NaN has been noted before."""
+    most = RANGES.get(keys[-1], {}).get("most", inf) if isinstance(keys[-1], str) else inf
+    _at_most(where, where.positive(value, keys), most, keys)
+    return value
+
+
+def _at_most(where: Element, value: float, most: float, keys: Path) -> None:
+    if not (isnan(value) or value <= most):
+        where.fail(f"{keys[-1]} must be at most {most if isinstance(most, int) else format(most, 'g')}", "", keys)
+
+
+def _require_steps(where: Element, scene: model_file.Scene, end: float, output_step: float, numerics: Numerics) -> None:
+    """Note steps that no run of the scene has; each of the numbers is right for itself."""
+    of_methods = {name: settings["dt"] for name, settings in numerics.methods.items() if "dt" in settings}
+    given = {"scene": numerics.dt or min(output_step, end), **of_methods}
+    if not all(value > 0 for value in (end, output_step, *given.values())):
+        return
+    if scene.output_step is not None and not output_step <= end * (1 + 1e-9):
+        message = f"output_step: {output_step:g} s is longer than the run, which ends at {end:g} s"
+        where.fail(message, "write a smaller output_step or a later end", ("output_step",))
+    for name, dt in given.items():
+        try:
+            count_steps(dt, end, output_step)
+        except StepsError as error:
+            message, _, hint = str(error).partition("; ")
+            place: Path = ("numerics", "dt") if name == "scene" else ("numerics", "methods", name, "dt")
+            where.fail(message, hint, ("end",) if message.startswith("end") or "dt" not in scene.numerics.model_fields_set else place)
+            return
+
+
+def _numerics(where: Element, part: model_file.Numerics) -> Numerics:
+    """The settings; those of the cut joints may follow ``dt``."""
+    laws = {
+        key: where.scalar(getattr(part, key), of, ("numerics", key), {_STEP.name: Term(_STEP)})
+        for key, of in (("penalty", NONE), ("frequency", NONE / TIME)) if getattr(part, key) not in (None, AUTO)
+    }  # fmt: skip
+    shares = ("damping_ratio", SOLVER_TOLERANCE, "absolute_tolerance", "spectral_radius", "loop_tolerance")
+    units = {"dt": TIME, **dict.fromkeys(shares, NONE)}
+    numbers = _settings(where, part, units, ("numerics",))
+    methods: dict[str, dict[str, Any]] = {
+        name: _settings(where, settings, {"dt": TIME, "penalty": NONE, SOLVER_TOLERANCE: NONE}, ("numerics", "methods", name))
+        for name, settings in part.methods.items()
+    }
+    step = numbers.get("dt", STEP)
+    steps = {step, *(settings["dt"] for settings in methods.values() if "dt" in settings)}
+    for key, law in laws.items():
+        for dt in sorted(steps):
+            _require_value(where, key, law, dt)
+        numbers[key] = evaluate(law, {_STEP: step})
+    by_step = {key: law for key, law in laws.items() if _STEP in getattr(law, "free_symbols", ())}
+    holds_by_penalty = (
+        part.penalty not in (None, AUTO) or part.model_fields_set & {"damping_ratio", "frequency"} or "penalty" in methods.get(START, {})
+    )
+    return Numerics(
+        **numbers, methods=methods, integrator=part.integrator, events=part.events, by_step=by_step,
+        closure=part.closure or (PLAIN_CLOSURE if holds_by_penalty else None), loops=part.loops,
+    )  # fmt: skip
+
+
+def _settings(
+    where: Element, part: model_file.Numerics | model_file.MethodNumerics, dimensions: Mapping[str, Dimension], keys: Path
+) -> dict[str, Any]:
+    """The settings that are given, each in its range."""
+    settings: dict[str, Any] = {
+        key: where.number(getattr(part, key), of, (*keys, key)) for key, of in dimensions.items() if getattr(part, key, None) is not None
+    }
+    counts = ("iterations", "multiplier_updates", "loop_terms")
+    settings |= {key: getattr(part, key) for key in counts if getattr(part, key, None) is not None}
+    for key, value in settings.items():
+        _in_range(where, key, value, (*keys, key))
+    return {SETTINGS.get(key, key): value for key, value in settings.items()}
+
+
+def _require_value(where: Element, key: str, law: Scalar, dt: float) -> None:
+    """Note an expression of ``dt`` whose value is none, or out of its range."""
+    value = evaluate(law, {_STEP: dt})
+    if isfinite(value):
+        _in_range(where, key, value, ("numerics", key))
+    elif isfinite(dt) and not law.has(FAILED):
+        where.fail(f"{key} has no finite value at dt = {dt:g} s", "write another expression", ("numerics", key))
+
+
+#: Settings with two bounds, and what they do near them.
+_BETWEEN = {
+    "spectral_radius": "1 damps nothing, 0 all that is fast beside a step",
+    "loop_tolerance": "loop embeddings err by as many m and rad at most",
+    "loop_terms": "more terms make the range of loop embeddings longer, and each evaluation dearer",
+}
+
+
+def _in_range(where: Element, key: str, value: float, keys: Path) -> None:
+    if key in ("dt", "penalty", SOLVER_TOLERANCE, "absolute_tolerance", "iterations"):
+        _positive(where, value, keys)
+    elif key in _BETWEEN:
+        least, most = RANGES[key]["least"], RANGES[key]["most"]
+        if not (isnan(value) or least <= value <= most):
+            where.fail(f"{key} must be between {least:g} and {most:g}", _BETWEEN[key], keys)
+    elif not (isnan(value) or value >= 0):
+        where.fail(f"{key} must not be negative", "", keys)
+    else:
+        _at_most(where, value, RANGES[key].get("most", inf), keys)
+
+
+def _inputs(where: Element, laws: Mapping[str, Any], stage: _Stage) -> dict[str, Scalar]:
+    """The functions of time that the scene gives to inputs."""
+    scope = where.scope
+    inputs = {p.name: p for p in stage.expansion.parameters if p.binding is Binding.INPUT}
+    for name in (name for name in laws if name not in inputs and not scope.directory.misses(name)):
+        hint = nearest(name, inputs, "inputs") or "give a parameter binding: input"
+        where.fail(f"unknown input '{name}'", hint, ("inputs", name), at_key=True)
+    names = {**scope.constants(), "t": Term(variable("t"))}
+    functions = {name: _input(where, name, laws[name], names) for name in inputs if name in laws}
+    _check_guides(where, {inputs[name].symbol: measure(function) for name, function in functions.items()}, stage)
+    return functions
+
+
+def _check_guides(where: Element, extents: Mapping[Scalar, Extent], stage: _Stage) -> None:
+    """Guides are differentiated twice with the scene's functions of time put in for their inputs."""
+    guides = ((joint, guide) for joint in stage.joints.values() for guide in joint.guide or ())
+    for joint, guide in guides:
+        if guide.free_symbols & extents.keys():
+            try:
+                check_extent(guide, extents)
+            except ExpressionError as error:
+                where.fail(f"the guide of the joint '{joint.name}' with these inputs: {error.message}", error.hint, ("inputs",))
+
+
+def _input(where: Element, name: str, law: Any, names: Mapping[str, Term]) -> Scalar:
+    kind = LawKind({"t": TIME}, where.scope.names[name].dimension)
+    return read_law(where, law, kind, ("inputs", name), names)
+
+
+def _switches(where: Element, switches: Mapping[str, bool], stage: _Stage) -> dict[str, bool]:
+    """Forces turned on or off, by full name; of two keys that match a force the later one counts."""
+    names = [force.name for force in stage.expansion.elements.forces]
+    found: dict[str, bool] = {}
+    for key, active in switches.items():
+        pattern = key.replace("[", "[[]").replace("?", "[?]")
+        matches = [name for name in names if fnmatchcase(name, pattern)]
+        if not matches and not any(fnmatchcase(name, pattern) for name in where.scope.directory.broken):
+            hint = nearest(key, [*names, *where.scope.broken("forces")], "forces") or "the model has no forces"
+            where.fail(f"switches: no force is called '{key}'", hint, ("switches", key), at_key=True)
+        found.update(dict.fromkeys(matches, active))
+    return found
