@@ -17,21 +17,11 @@ from cutjoint.cli import main
 from cutjoint.commands.export import command
 from cutjoint.compile import prepared
 from cutjoint.compile.prepared import Request
-from cutjoint.methods import Implementation
+from cutjoint.export.exporters import Export, Exporter
+from cutjoint.methods import IMPLEMENTATIONS, INTEGRATORS, PRECISIONS, SOLVERS, Implementation
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package import extensions
-from cutjoint.package.extensions import (
-    COMMANDS,
-    EXPORTERS,
-    IMPLEMENTATIONS,
-    INTEGRATORS,
-    PRECISIONS,
-    SOLVERS,
-    Door,
-    Export,
-    Exporter,
-    MissingPackageError,
-)
+from cutjoint.package.extensions import COMMANDS, EXPORTERS, Door, MissingPackageError
 from cutjoint.toolchain.drivers import Kind
 from cutjoint_bench import driver
 from cutjoint_bench.twin import backend
@@ -39,7 +29,7 @@ from tests.conftest import MODELS, needs_cpp
 
 FOUR_BAR = MODELS / "four_bar.yaml"
 
-DOORS = (COMMANDS, EXPORTERS, IMPLEMENTATIONS, SOLVERS, INTEGRATORS, PRECISIONS)
+DOORS = (COMMANDS, EXPORTERS, IMPLEMENTATIONS, SOLVERS.added, INTEGRATORS.added, PRECISIONS.added)
 KNOWN = [(door, name) for door in DOORS for name in door.packages]
 
 

@@ -21,6 +21,7 @@ from cutjoint.methods import (
     DEFAULT_METHOD,
     DEFAULT_PRECISION,
     DEFAULT_SOLVER,
+    IMPLEMENTATIONS,
     INTEGRATORS,
     METHODS,
     PRECISIONS,
@@ -34,7 +35,6 @@ from cutjoint.model.document.model_file import json_schema
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Scene
 from cutjoint.package.errors import RunError
-from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Options
 from tests.conftest import ROOT

@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from cutjoint.package import extensions
-from cutjoint.package.extensions import Door, DriverExtension, Named
+from cutjoint.package.extensions import BENCH, Door, DriverExtension, Named
 
 #: The method of a scene that lets `auto` choose model, method and step.
 AUTO = "auto"
@@ -301,7 +300,7 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
         name="generalised-alpha", methods=("recursive-newton",), order="2", about="bounded work in a step; damps by `spectral_radius`",
         steps={"recursive-newton": _NEWTON}, events=Events.CROSSED, uses_solver=True, settings=("spectral_radius",),
     ),
-    added=extensions.INTEGRATORS,
+    added=Door(group="cutjoint.integrators", what="an integrator", packages={"reference": BENCH}),
 )  # fmt: skip
 
 #: The steps of the core by the names of methods and integrators.
@@ -322,12 +321,19 @@ CLOSURES: Mapping[str, Closure] = _catalogue(
     Closure(name="solved", penalty_of_each_cut=True, refinements=2, fixed_cost=True),
 )
 
+#: Of the names of `Implementation`: records of `run/implementations.py`.
+IMPLEMENTATIONS: Door[Any] = Door(group="cutjoint.implementations", what="an implementation", packages={"generic": BENCH})
+
 #: The emitted factorisation, and libraries.
 SOLVERS: Catalogue[Solver] = Catalogue(
-    Solver(name="emitted"), Solver(name="eigen-ldlt", symmetric=True), Solver(name="eigen-lu"), added=extensions.SOLVERS
-)
+    Solver(name="emitted"), Solver(name="eigen-ldlt", symmetric=True), Solver(name="eigen-lu"),
+    added=Door(group="cutjoint.solvers", what="a linear solver", packages=dict.fromkeys(("cholmod", "klu", "umfpack"), BENCH)),
+)  # fmt: skip
 
-PRECISIONS: Catalogue[Precision] = Catalogue(Precision(name="double", type="double", packed=True), added=extensions.PRECISIONS)
+PRECISIONS: Catalogue[Precision] = Catalogue(
+    Precision(name="double", type="double", packed=True),
+    added=Door(group="cutjoint.precisions", what="a number type", packages=dict.fromkeys(("single", "extended", "quad"), BENCH)),
+)
 
 DEFAULT_METHOD = "recursive"
 #: The integrator of equal steps.

@@ -11,7 +11,6 @@ from cutjoint.model.records import Joint, JointKind, Span
 from cutjoint.report.explain.joints import _matrices
 from cutjoint.report.explain.latex import latex, number, variants
 from cutjoint.report.explain.laws import differentiate, expand_polynomials
-from cutjoint.topology.records import TreeJoint
 
 LENGTH, RATE = sympy.Symbol("length", real=True), sympy.Symbol("rate", real=True)
 
@@ -63,14 +62,13 @@ def test_polynomials_are_written_out_but_for_shifted_ones() -> None:
     assert expand_polynomials(shifted) == shifted
 
 
-def joint(kind: JointKind, is_reversed: bool) -> TreeJoint:
+def joint(kind: JointKind) -> Joint:
     x, y = (sympy.Float(0.6), sympy.Float(0.8), sympy.Float(0)), (sympy.Float(-0.8), sympy.Float(0.6), sympy.Float(0))
     at, to = (sympy.Integer(i) for i in (1, 2, 3)), (sympy.Float(f) for f in (2.0, 2.5, 4.0))
-    record = Joint(
+    return Joint(
         name="j", kind=kind, base="a", follower="b", at=tuple(at), axes=(x, y), to=tuple(to), pitch=sympy.Float(0.01), cut=None, guide=None,
         span=Span(file="m.yaml", line=1, column=1),
     )  # fmt: skip
-    return TreeJoint(joint=record, parent="a", child="b", reversed=is_reversed)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +76,7 @@ def joint(kind: JointKind, is_reversed: bool) -> TreeJoint:
     [(JointKind.DISTANCE, False), (JointKind.POINT_ON_LINE, True), (JointKind.FREE, False), (JointKind.PLANAR, True)],
 )
 def test_what_stands_behind_a_ball_makes_the_kernel_again(kind: JointKind, is_reversed: bool) -> None:
-    kernel = derive_joint(joint(kind, is_reversed))
+    kernel = derive_joint(joint(kind), is_reversed)
     rng = np.random.default_rng(5)
     e = rng.standard_normal(4)
     point = dict(zip((*kernel.q, *kernel.u), map(float, rng.uniform(-1, 1, 20)), strict=False))

@@ -20,6 +20,7 @@ from cutjoint.methods import (
     AUTO,
     DEFAULT_METHOD,
     DEFAULT_PRECISION,
+    IMPLEMENTATIONS,
     METHODS,
     SOLVERS,
     Implementation,
@@ -32,10 +33,10 @@ from cutjoint.methods import (
 from cutjoint.model.files.referenced import SHIPPED
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.program.records import Program
 from cutjoint.report.tables import topology_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run
+from cutjoint.run.implementations import Backend
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
 from cutjoint.run.scenes import find_case, with_closure, with_default_closure, with_loops
@@ -170,7 +171,7 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
 
 
 def _compile_generic(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
-    backend = IMPLEMENTATIONS.load(request.implementation)
+    backend: Backend = IMPLEMENTATIONS.load(request.implementation)
     if request.precision != DEFAULT_PRECISION:
         raise RunError(f"--precision {request.precision}: the generic twin runs in {DEFAULT_PRECISION}; use --implementation generated")
     return backend.compile(model, scene, method)

@@ -21,10 +21,9 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Any
 
-from cutjoint.methods import DEFAULT_PRECISION, Implementation, find_additions
+from cutjoint.methods import DEFAULT_PRECISION, IMPLEMENTATIONS, Implementation, find_additions
 from cutjoint.model.records import Plot
 from cutjoint.package.errors import CutjointError, ToolchainError
-from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.package.locations import binaries_folder, code_folders
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.settings import Options

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import sympy
 
@@ -30,9 +30,6 @@ from cutjoint.elements.joints import JOINTS
 from cutjoint.model.elements.geometry import GLOBAL_AXES, least_component
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import Joint, Scalar, Vector
-
-if TYPE_CHECKING:
-    from cutjoint.topology.records import TreeJoint
 
 Matrix: TypeAlias = Any
 
@@ -58,7 +55,7 @@ class JointKernel:
     columns: Matrix
 
 
-def derive_joint(tree_joint: TreeJoint) -> JointKernel:
+def derive_joint(joint: Joint, is_reversed: bool) -> JointKernel:
     """The kernel of a tree joint.
 
     A reversed joint moves its base: its motions are undone in the opposite order, so that a coordinate keeps its sign and meaning.
@@ -66,8 +63,7 @@ def derive_joint(tree_joint: TreeJoint) -> JointKernel:
     Raises:
         ModelError: tangents are needed across a direction that depends on a tunable parameter.
     """
-    joint = tree_joint.joint
-    general, known = _derive_kind(joint.kind, tree_joint.reversed), _given(tree_joint)
+    general, known = _derive_kind(joint.kind, is_reversed), _given(joint, is_reversed)
     return replace(
         general, rotation=general.rotation.xreplace(known), displacement=general.displacement.xreplace(known),
         subspace=general.subspace.xreplace(known), drift=general.drift.xreplace(known), columns=general.columns.xreplace(known),
@@ -87,10 +83,10 @@ class ElementaryMotion:
     share: float
 
 
-def elementary_motions(tree_joint: TreeJoint) -> tuple[ElementaryMotion, ...]:
+def elementary_motions(joint: Joint, is_reversed: bool) -> tuple[ElementaryMotion, ...]:
     """A joint's elementary motions, those next to the inner body first."""
-    element = tree_joint.joint.element
-    return tuple(_elementary(element, m) for m in element.chain_seen(tree_joint.reversed) if not isinstance(m, Offset))
+    element = joint.element
+    return tuple(_elementary(element, m) for m in element.chain_seen(is_reversed) if not isinstance(m, Offset))
 
 
 def _elementary(element: JointElement, motion: Slide | Turn | Ball) -> ElementaryMotion:
@@ -124,18 +120,16 @@ _SYMBOLS = {
 _PITCH = sympy.Symbol("pitch", real=True)
 
 
-def _given(tree_joint: TreeJoint) -> dict[Scalar, Scalar]:
+def _given(joint: Joint, is_reversed: bool) -> dict[Scalar, Scalar]:
     """The numbers of one joint for the symbols of its kind, as seen from its inner body."""
-    joint = tree_joint.joint
     used = dict.fromkeys(m.direction for m in joint.element.chain if not isinstance(m, Ball) and m.direction not in DESIGN_FRAME)
-    given = {x: value for d in used for x, value in zip(_SYMBOLS[d], _seen_direction(tree_joint, d), strict=True)}
+    given = {x: value for d in used for x, value in zip(_SYMBOLS[d], _seen_direction(joint, is_reversed, d), strict=True)}
     return {**given, _PITCH: joint.pitch} if joint.pitch is not None else given
 
 
-def _seen_direction(tree_joint: TreeJoint, direction: Direction) -> Matrix:
+def _seen_direction(joint: Joint, is_reversed: bool, direction: Direction) -> Matrix:
     """A direction as the inner body of a joint sees it: turned about if the joint is reversed."""
-    joint = tree_joint.joint
-    if not tree_joint.reversed:
+    if not is_reversed:
         return sympy.Matrix(direction_of(joint, direction))
     if joint.element.from_inner:
         return sympy.Matrix(direction_of(replace(joint, at=joint.to or joint.at, to=joint.at), direction))

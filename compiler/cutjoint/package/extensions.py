@@ -6,19 +6,14 @@ their names, so that a command offers them, and names the package of one that is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
+from typing import Any, Generic, Protocol, TypeVar, cast
 
 from cutjoint.package.errors import CutjointError
-
-if TYPE_CHECKING:
-    from cutjoint.methods import Integrator, Precision, Solver
-    from cutjoint.model.records import Model, Output, Scene
-    from cutjoint.run.artifact import Artifact
 
 
 class Named(Protocol):
@@ -32,47 +27,12 @@ class Named(Protocol):
 C = TypeVar("C")
 R_co = TypeVar("R_co", bound=Named, covariant=True)
 
-_BENCH = "cutjoint-bench"
+#: The package of this project's own additions.
+BENCH = "cutjoint-bench"
 
 
 class MissingPackageError(CutjointError, RuntimeError):
     """An addition is asked for whose package is not installed."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Export:
-    """Files by name, and sentences on what the other simulator cannot have the same."""
-
-    files: Mapping[str, str]
-    differences: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Exporter:
-    """Another simulator for which models become programs.
-
-    ``export`` makes the files of a model in a scene with changed parameters (SI units) and the outputs to report.  ``known_outputs`` are
-    those of some outputs that the simulator reports, or others where it reports none of them.
-    """
-
-    name: str
-    export: Callable[[Model, Scene, Mapping[str, float], Sequence[Output]], Export]
-    known_outputs: Callable[[Model, Sequence[Output]], tuple[Output, ...]]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Backend:
-    """An implementation of models beside generated code and its interpreter.
-
-    ``compile`` makes a simulator ready for a model in a scene by a method.  ``code`` are the folders of all that it is made of, besides the
-    product: cached runs follow from them.  ``solvers`` are the linear solvers of methods that have one.  It is imported for cached runs
-    too, and so imports modules that compile at their first use.
-    """
-
-    name: str
-    compile: Callable[[Model, Scene, str], Artifact]
-    code: tuple[Path, ...]
-    solvers: Mapping[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,22 +88,9 @@ def _entry_points() -> EntryPoints:
 
 
 #: Commands of click.
-COMMANDS: Door[Any] = Door(group="cutjoint.commands", what="a command", packages={"bench": _BENCH})
+COMMANDS: Door[Any] = Door(group="cutjoint.commands", what="a command", packages={"bench": BENCH})
 
-EXPORTERS: Door[Exporter] = Door(
-    group="cutjoint.exporters", what="an export", packages=dict.fromkeys(("mujoco", "exudyn", "pinocchio"), _BENCH)
-)
-
-#: Of the names of `methods.Implementation`.
-IMPLEMENTATIONS: Door[Backend] = Door(group="cutjoint.implementations", what="an implementation", packages={"generic": _BENCH})
-
-#: Additions to drivers, for the catalogues of `methods`.
-SOLVERS: Door[DriverExtension[Solver]] = Door(
-    group="cutjoint.solvers", what="a linear solver", packages=dict.fromkeys(("cholmod", "klu", "umfpack"), _BENCH)
-)
-INTEGRATORS: Door[DriverExtension[Integrator]] = Door(
-    group="cutjoint.integrators", what="an integrator", packages={"reference": _BENCH}
-)
-PRECISIONS: Door[DriverExtension[Precision]] = Door(
-    group="cutjoint.precisions", what="a number type", packages=dict.fromkeys(("single", "extended", "quad"), _BENCH)
+#: Records of `export/exporters.py`.
+EXPORTERS: Door[Any] = Door(
+    group="cutjoint.exporters", what="an export", packages=dict.fromkeys(("mujoco", "exudyn", "pinocchio"), BENCH)
 )

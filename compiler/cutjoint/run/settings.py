@@ -9,6 +9,7 @@ from cutjoint.methods import (
     CLOSURES,
     DEFAULT_INTEGRATOR,
     DEFAULT_SOLVER,
+    IMPLEMENTATIONS,
     INTEGRATORS,
     METHODS,
     START,
@@ -24,7 +25,6 @@ from cutjoint.methods import (
 from cutjoint.model.ranges import MOST_STEPS, SOLVER_TOLERANCE, fault_of_setting
 from cutjoint.model.records import STEP, Numerics, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.run.record import Settings, Stabilisation
 from cutjoint.run.scenes import with_settings
 

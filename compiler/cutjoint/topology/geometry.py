@@ -59,7 +59,7 @@ class JointGeometry:
             return np.zeros((6, 0))
         key = (t.reversed, *_shape(t.joint))
         if key not in self._shapes:
-            kernel = derive_joint(t)
+            kernel = derive_joint(t.joint, t.reversed)
             upright = {**dict.fromkeys((*kernel.q, *QUATERNION), sympy.Integer(0)), QUATERNION[0]: sympy.Integer(1)}
             self._shapes[key] = evaluate(self.model, list(kernel.subspace), upright).reshape(6, -1)
         twists = self._shapes[key]

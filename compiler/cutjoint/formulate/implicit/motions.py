@@ -230,7 +230,7 @@ class _Assemblies:
 
 def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Block], speeds: Sequence[_Speed]) -> Iterator[Motion]:
     b, parent, joint = k.builder, motion.tree_joint.parent, motion.tree_joint.joint
-    elementary, parts = elementary_motions(motion.tree_joint), _columns(b, motion)
+    elementary, parts = elementary_motions(motion.tree_joint.joint, motion.tree_joint.reversed), _columns(b, motion)
     takes_pole_along = joint.element.is_free and parent == GROUND
     before, A_before = k.frames[parent].Z, Zdd[parent]
     for n, part in enumerate(elementary):
@@ -271,7 +271,7 @@ def _columns(b: Builder, motion: JointMotion) -> list[list[Block]]:
     subspace = motion.b if motion.b is not None else motion.own
     columns = subspace if motion.columns is None else motion.columns
     assert columns is not None
-    elementary = elementary_motions(motion.tree_joint)
+    elementary = elementary_motions(motion.tree_joint.joint, motion.tree_joint.reversed)
     places = [each.places if motion.columns is None else (n,) for n, each in enumerate(elementary)]
     return [[b.take(columns, (0, 6), (i, i + 1)) for i in each] for each in places]
 

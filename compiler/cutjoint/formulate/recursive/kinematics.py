@@ -220,7 +220,7 @@ def derive_kinematics(
 
 def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -> None:
     b = k.builder
-    kernel = derive_joint(t)
+    kernel = derive_joint(t.joint, t.reversed)
     following = _following(k, t, model)
     position, quaternion, rate, acceleration = following.motion if following else _coordinates(k, t, kernel, model, chart)
     local = k.translator.with_values(dict(zip((*kernel.q, *QUATERNION), (*position, *quaternion), strict=False)))
@@ -253,7 +253,7 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -
 
 def _turn_of(k: Kinematics, t: TreeJoint, charts: Mapping[str, Chart]) -> Block:
     """The rotation of a body next to the ground from its own axes to global ones."""
-    kernel = derive_joint(t)
+    kernel = derive_joint(t.joint, t.reversed)
     with k.builder.section("kinematics", t.joint.name, "R, from the axes in which all vectors are resolved", t.joint.span.place):
         position, quaternion, _, _ = _coordinates(k, t, kernel, k.topology.model, charts[t.joint.name])
         values = dict(zip((*kernel.q, *QUATERNION), (*position, *quaternion), strict=False))

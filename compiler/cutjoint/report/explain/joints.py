@@ -116,7 +116,7 @@ def explain_guide(joint: Joint, equations: Equations) -> tuple[str, ...]:
 
 
 def _formulas(t: TreeJoint, model: Model) -> tuple[str, ...]:
-    kernel = derive_joint(t)
+    kernel = derive_joint(t.joint, t.reversed)
     if not kernel.u:
         return (r"R(q) = 1, \quad p(q) = 0",)
     symbols = {**parameter_symbols(model), **joint_symbols(t.joint.element)}
