@@ -11,8 +11,8 @@ import pytest
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
-from cutjoint.analysis.assembled import assemble_loops
 from cutjoint.analysis.closing import design_coordinates, retract
+from cutjoint.analysis.embedding.embed import assemble_loops
 from cutjoint.analysis.natural import call, evaluate_results
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
@@ -149,8 +149,8 @@ def test_a_guided_coordinate_moves_an_assembly(monkeypatch: pytest.MonkeyPatch) 
     model = read_model_text(STEERED, "corner.yaml")
     left = assemble_loops(model, model.scenes["steer"]).left
     assert left[0].words.startswith("stays in a loop: its guide moves, and functions of two numbers with 9")
-    monkeypatch.setattr("cutjoint.analysis.assembled.DEAREST", 10_000)
-    monkeypatch.setattr("cutjoint.analysis.assembled._KEPT", {})
+    monkeypatch.setattr("cutjoint.analysis.embedding.embed.DEAREST", 10_000)
+    monkeypatch.setattr("cutjoint.analysis.embedding.embed._KEPT", {})
     differences = apart(model, model.scenes["steer"])
     for name, difference in differences.items():
         assert difference < (1e-6 if name == "hub.ax" else 1e-8), (name, difference)
@@ -294,8 +294,8 @@ def test_blocks_that_stay_say_why(text: str, reason: str) -> None:
 @pytest.mark.parametrize("text", [four_bar(0), spatial(0), STEERED], ids=["plane", "spatial", "steered"])
 def test_the_tangent_is_that_of_the_residual(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """All entries beside differences, with accelerations, speeds and coordinates that change at once."""
-    monkeypatch.setattr("cutjoint.analysis.assembled.DEAREST", 10_000)
-    monkeypatch.setattr("cutjoint.analysis.assembled._KEPT", {})
+    monkeypatch.setattr("cutjoint.analysis.embedding.embed.DEAREST", 10_000)
+    monkeypatch.setattr("cutjoint.analysis.embedding.embed._KEPT", {})
     model = read_model_text(text, "model.yaml")
     scene = next(iter(model.scenes.values()))
     found = assemble_loops(model, scene).model

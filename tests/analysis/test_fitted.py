@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 import cutjoint
-from cutjoint.analysis.assembled import assemble_loops
-from cutjoint.analysis.assemblies import evaluate, refit
+from cutjoint.analysis.embedding.embed import assemble_loops
+from cutjoint.analysis.embedding.fits import evaluate, refit
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.pipeline import compile_model

@@ -80,8 +80,8 @@ def test_a_run_that_leaves_the_range_is_that_of_the_loops_equations(text: str, s
 
 def test_a_guide_that_moves_carries_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """Followers of a block with a moving rack have the rack's part of their coordinates and speeds."""
-    monkeypatch.setattr("cutjoint.analysis.assembled.DEAREST", 10_000)
-    monkeypatch.setattr("cutjoint.analysis.assembled._KEPT", {})
+    monkeypatch.setattr("cutjoint.analysis.embedding.embed.DEAREST", 10_000)
+    monkeypatch.setattr("cutjoint.analysis.embedding.embed._KEPT", {})
     exact, gone_on = both(STEERED, "steer", {"integrator": "dormand-prince", "tolerance": 1e-11, "error": False}, terms=10)
     for name, difference in apart(exact, gone_on).items():
         assert difference < (1e-6 if name == "hub.ax" else 1e-8), (name, difference)

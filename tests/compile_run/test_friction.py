@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 import cutjoint
-from cutjoint.analysis.assembled import assemble_loops
+from cutjoint.analysis.embedding.embed import assemble_loops
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.pipeline import CompileOptions, compile_scene

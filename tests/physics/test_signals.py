@@ -15,7 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from cutjoint.analysis.assembled import assemble_loops
+from cutjoint.analysis.embedding.embed import assemble_loops
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene as compile_code
 from cutjoint.export.fmu.archive import make_fmu

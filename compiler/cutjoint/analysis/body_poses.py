@@ -9,10 +9,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.analysis.assemblies import refit
+from cutjoint.analysis.embedding.fits import refit
 from cutjoint.formulate.inputs import INPUTS, LAW_TIME
 from cutjoint.formulate.natural.poses import Span, SpanEquations
-from cutjoint.formulate.recursive.following import fitted_inputs
+from cutjoint.formulate.recursive.embedding.dependent import fitted_inputs
 from cutjoint.formulate.recursive.kinematics import PoseEquations
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import interpret_blocks

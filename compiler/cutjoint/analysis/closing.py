@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cutjoint.formulate.inputs import HELD, INPUTS, LAW_TIME, LAW_VALUES
 from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.records import Equations, RecursiveEquations
-from cutjoint.formulate.recursive.following import fitted_inputs
+from cutjoint.formulate.recursive.embedding.dependent import fitted_inputs
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import RoadTable, interpret_blocks
 from cutjoint.topology.geometry import TOLERANCE

@@ -207,7 +207,7 @@ def assemble_and_run(
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
     """Compile a model with its loops as functions, and play the run; where it leaves their range and cannot go on, again with the loops'
     equations unless the scene has ``on_violation: stop``."""
-    from cutjoint.analysis.assembled import assemble_loops  # others do not wait for what this imports
+    from cutjoint.analysis.embedding.embed import assemble_loops  # others do not wait for what this imports
 
     with options.progress_bar(f"closing loops of {request.model.name}"):
         outcome = assemble_loops(model, scene)

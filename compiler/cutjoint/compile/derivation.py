@@ -62,7 +62,7 @@ def with_requested_loops(model: Model, scene: Scene, method: str) -> Model:
     """The model with loops closed as a scene has them for a method: by their equations, or by functions where they hold."""
     if scene.numerics.loops == Loops.EXACT or not METHODS[method].functions or model.assemblies:
         return model
-    from cutjoint.analysis.assembled import assemble_loops  # others do not wait for what this imports
+    from cutjoint.analysis.embedding.embed import assemble_loops  # others do not wait for what this imports
 
     return assemble_loops(model, scene).model
 
@@ -72,6 +72,6 @@ def fallback(equations: Equations, compiled: Callable[[Model, Scene], Artifact])
     topology, scene = equations.mechanism.topology, equations.mechanism.scene
     if not topology.model.assemblies or scene.on_violation == "stop":
         return None
-    from cutjoint.analysis.assembled import without_functions  # others do not wait for what this imports
+    from cutjoint.analysis.embedding.embed import without_functions  # others do not wait for what this imports
 
     return lambda: compiled(without_functions(topology), with_loops(scene, Loops.EXACT))

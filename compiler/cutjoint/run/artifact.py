@@ -210,7 +210,7 @@ def _onward(
     model, compile_exact = artifact.topology.model, artifact.exact
     if compile_exact is None or given_inputs(model, parameters or {}) or inputs:
         return None
-    from cutjoint.analysis.assembled import state_of_loops  # others do not wait for what this imports
+    from cutjoint.analysis.embedding.embed import state_of_loops  # others do not wait for what this imports
 
     exact = cache(compile_exact)
     return Onward(

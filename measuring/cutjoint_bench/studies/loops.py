@@ -16,7 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.analysis.assembled import assemble_loops
+from cutjoint.analysis.embedding.embed import assemble_loops
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import Loops
 from cutjoint.model.records import Model, Scene

@@ -68,8 +68,8 @@ from cutjoint.formulate.records import (
     energy_slots,
     system_functions,
 )
-from cutjoint.formulate.recursive.assemblies import close_held, range_margins
-from cutjoint.formulate.recursive.fitted import fit_slots, loop_fits
+from cutjoint.formulate.recursive.embedding.elimination import close_held, range_margins
+from cutjoint.formulate.recursive.embedding.open_geometry import fit_slots, loop_fits
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.friction import add_friction, load_frictions
 from cutjoint.formulate.recursive.gears import GearClosure, derive_gears

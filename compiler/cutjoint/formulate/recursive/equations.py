@@ -17,8 +17,8 @@ from cutjoint.formulate.inputs import (
 )
 from cutjoint.formulate.layout import Closure, relative_layout
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, energy_slots
-from cutjoint.formulate.recursive.assemblies import close_held, range_margins
-from cutjoint.formulate.recursive.fitted import fit_slots, loop_fits
+from cutjoint.formulate.recursive.embedding.elimination import close_held, range_margins
+from cutjoint.formulate.recursive.embedding.open_geometry import fit_slots, loop_fits
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards, find_contacts, find_rotors
 from cutjoint.formulate.recursive.friction import FrictionMotion, add_friction, load_frictions
 from cutjoint.formulate.recursive.gears import derive_gears

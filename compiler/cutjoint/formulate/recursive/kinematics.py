@@ -17,7 +17,7 @@ import sympy
 
 from cutjoint.formulate.inputs import derive_scene_inputs, guide_rates, make_charts, make_translator, reference_point, tunable_parameters
 from cutjoint.formulate.layout import Chart
-from cutjoint.formulate.recursive.following import Following, follow
+from cutjoint.formulate.recursive.embedding.dependent import Following, follow
 from cutjoint.formulate.translate import Translator
 from cutjoint.kernels.joints import QUATERNION, JointKernel, derive_joint, inner_point
 from cutjoint.model.records import GROUND, Assembly, Model, Parameter, Scalar, Scene, Vector

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from cutjoint.formulate.inputs import Numbers
-from cutjoint.formulate.recursive.assemblies import assembly_systems
 from cutjoint.formulate.recursive.branches import BranchSystem, HubSystem
+from cutjoint.formulate.recursive.embedding.elimination import assembly_systems
 from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import Kinematics
 from cutjoint.formulate.recursive.loops import Closing, LoopClosure, add_loops, loop_errors

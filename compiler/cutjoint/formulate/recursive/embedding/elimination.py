@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 
-from cutjoint.formulate.recursive.following import fitted, leading
+from cutjoint.formulate.recursive.embedding.dependent import fitted, leading
 from cutjoint.formulate.recursive.kinematics import Kinematics, drive_of
 from cutjoint.formulate.recursive.loops import LoopClosure, by_joint, transport
 from cutjoint.formulate.recursive.recursion import BodySystem, KnownMotions

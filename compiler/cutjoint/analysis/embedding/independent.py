@@ -12,8 +12,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, Poses
 from cutjoint.analysis.closing import Array
+from cutjoint.analysis.embedding.block_loops import BlockLoops, NoAssemblyError, Poses
 from cutjoint.formulate.layout import Chart
 from cutjoint.model.records import Joint
 from cutjoint.topology.blocks import Block

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 import sympy
 
-from cutjoint.analysis.assemblies import Ranges, Wanted, accuracy, fit
-from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError
 from cutjoint.analysis.body_poses import find_followers
-from cutjoint.analysis.independent import NO_INDEPENDENT, Followed, fastest_joints, find_independent, follow, spanning_cuts
+from cutjoint.analysis.embedding.block_loops import BlockLoops, NoAssemblyError
+from cutjoint.analysis.embedding.fits import Ranges, Wanted, accuracy, fit
+from cutjoint.analysis.embedding.independent import NO_INDEPENDENT, Followed, fastest_joints, find_independent, follow, spanning_cuts
 from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.recursive.embedding.open_geometry import driven_by_time
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.formulate.recursive.fitted import driven_by_time
 from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.formulate.translate import Translator
 from cutjoint.methods import DEFAULT_METHOD, METHODS, join_and

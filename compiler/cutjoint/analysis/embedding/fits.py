@@ -14,11 +14,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, Poses
 from cutjoint.analysis.closing import Array
-from cutjoint.analysis.independent import STEP, Independent, turns_of
+from cutjoint.analysis.embedding.block_loops import BlockLoops, NoAssemblyError, Poses
+from cutjoint.analysis.embedding.independent import STEP, Independent, turns_of
 from cutjoint.formulate.layout import Chart
-from cutjoint.formulate.recursive.fitted import driven_by_time, joints_of, without_assemblies
+from cutjoint.formulate.recursive.embedding.open_geometry import driven_by_time, joints_of, without_assemblies
 from cutjoint.model.records import Assembly, Interval, LoopFunctions, Series
 from cutjoint.program.series import (
     chebyshev_integral,

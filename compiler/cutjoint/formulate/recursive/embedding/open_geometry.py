@@ -2,7 +2,7 @@
 
 `core/mechanism/loop_fits.hpp` closes such loops at nodes of their functions and makes series of what it finds.  For that the program has
 a function for each assembly: residual and Jacobian of the joints that the assembly's functions close, by the place of the block, the
-coordinates that `following.py` has series for::
+coordinates that `dependent.py` has series for::
 
     place = (q, s)        J = (Phi_q, Phi_s)        s' = -Phi_s^-1 Phi_q
 
@@ -19,7 +19,7 @@ from typing import cast
 from cutjoint.formulate.inputs import TIME, make_charts, make_numbers, make_translator, tunable_parameters
 from cutjoint.formulate.layout import Chart, Slot
 from cutjoint.formulate.records import CLOSE, Function, LoopFit
-from cutjoint.formulate.recursive.following import coefficients_of, quaternion_of, turned_by
+from cutjoint.formulate.recursive.embedding.dependent import coefficients_of, quaternion_of, turned_by
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import derive_loops
 from cutjoint.methods import PLAIN_CLOSURE

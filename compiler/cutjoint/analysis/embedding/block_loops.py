@@ -10,7 +10,7 @@ import numpy as np
 from cutjoint.analysis.closing import Array, design_coordinates, retract
 from cutjoint.formulate.inputs import make_charts, tunable_parameters
 from cutjoint.formulate.layout import Chart
-from cutjoint.formulate.recursive.fitted import BlockEquations, derive_block
+from cutjoint.formulate.recursive.embedding.open_geometry import BlockEquations, derive_block
 from cutjoint.model.records import Joint
 from cutjoint.program.blocks import Builder
 from cutjoint.program.interpret import interpret_blocks

@@ -1,0 +1,1 @@
+"""Closed loops as explicit functions of an independent coordinate: which loops can be, and the functions."""
