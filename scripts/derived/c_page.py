@@ -26,20 +26,41 @@ def page() -> str:
     model = leave_to_host(read_model(MODEL))
     scene = model.scenes["run"]
     generated = generate(model, scene, scene.outputs, poses=True)
-    text = make_standalone(generated, integrator="dormand-prince", adjoint=True).files[f"{model.name}.h"]
+    adaptive = _declarations(make_standalone(generated, integrator="dormand-prince", adjoint=True).files[f"{model.name}.h"])
+    equal = _declarations(make_standalone(generated, integrator="trapezoidal").files[f"{model.name}.h"])
+    settings = next(i for i, (_, code) in enumerate(adaptive) if "name_set_step(" in code)
+    more = [(f"The same of an integrator of equal steps.{comment}", code) for comment, code in equal if "name_set_step(" in code]
+    lines = [HEAD]
+    for comment, code in (*adaptive[: settings + 1], *more, *adaptive[settings + 1 :]):
+        lines += [f"## {title}\n"] if (title := _title(code)) else []
+        lines.append(_prose(comment) + "\n")
+        if code.strip():
+            lines.append(f"```c\n{code.strip()}\n```\n")
+    return "\n".join(lines)
+
+
+def _declarations(text: str) -> list[tuple[str, str]]:
+    """The comments of a header, each with the declarations that it describes."""
     body = text.partition('extern "C" {\n#endif\n')[2].partition("#ifdef __cplusplus")[0]
     body = re.sub(r"\bEVERY_PART_", "NAME_", re.sub(r"\bevery_part_", "name_", body))
     body = re.sub(r"(name_create)_[0-9a-f]{16}", r"\1_DIGEST", re.sub(r'(DIGEST) "[0-9a-f]{16}"', r'\1 "..."', body))
     body = re.sub(r"(POSES_DIGEST|NAME_SIZE) (0x[0-9a-f]{16}ULL|\d+)", r"\1 ...", body)
     statuses = "".join(f"  NAME_{status.name} = {status.number}, /* {status.text} */\n" for status in STATUSES.values())
     body = re.sub(r"(  NAME_OK = 0,\n)(?:  NAME_\w+ = [1-9].*\n)*", lambda found: found[1] + statuses, body)
-    lines = [HEAD]
-    for comment, code in re.findall(r"^/\*(.*?)\*/\n((?:(?!/\*)[^\n]*\n)*)", body, re.DOTALL | re.MULTILINE):
-        lines += [f"## {title}\n"] if (title := _title(code)) else []
-        lines.append("\n".join(line.strip() for line in comment.strip().splitlines()) + "\n")
-        if code.strip():
-            lines.append(f"```c\n{code.strip()}\n```\n")
-    return "\n".join(lines)
+    return re.findall(r"^/\*(.*?)\*/\n((?:(?!/\*)[^\n]*\n)*)", body, re.DOTALL | re.MULTILINE)
+
+
+def _prose(comment: str) -> str:
+    """A comment as Markdown: lines that begin with the name of an argument are a list."""
+    found: list[str] = []
+    for line in (line.strip() for line in comment.strip().splitlines()):
+        is_item = re.match(r"`\w+`[^:.]*:|`\w+` \(", line) is not None
+        if is_item and found and not found[-1].startswith("* "):
+            found.append("")
+        elif not is_item and found and found[-1].startswith("* ") and line[:1] != "`":
+            found.append("")
+        found.append(f"* {line}" if is_item else line)
+    return "\n".join(found)
 
 
 def _title(code: str) -> str:

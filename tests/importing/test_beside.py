@@ -75,7 +75,7 @@ def test_a_joint_of_the_yaml_is_fixed(tmp_path: Path) -> None:
         ("closed_loop: []\ntype: {a: 1}\n", 2, "is no list"),
         ("closed_loop: [[a, b]]\ntype: [3d, 6d]\n", 2, "has 2 types for 1 loops"),
         ("closed_loop: [[a, b, c]]\n", 1, "wants pairs of frames"),
-        ("closed_loop: [[a, z]]\n", 1, "names a frame that is neither joint nor link: a, z"),
+        ("closed_loop: [[a, z]]\n", 1, "names 'z', which is neither joint nor link"),
         ("closed_loop: []\nname_mot: [z]\n", 2, "names the joint 'z', which is not there"),
         ("joint_name: [k]\njoint_type: [UJOINT_XY]\n", 0, "is of a joint that the YAML beside makes a Cardan joint"),
     ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -55,7 +56,9 @@ class Beside:
                 self._fail("closed_loop", "wants pairs of frames, with the type 3d or 6d each")
             first, second = (_frame(robot, str(name)) for name in pair)
             if first is None or second is None:
-                self._fail("closed_loop", f"names a frame that is neither joint nor link: {', '.join(map(str, pair))}")
+                wrong = str(pair[0] if first is None else pair[1])
+                near = get_close_matches(wrong, (*robot.joints, *robot.links), n=1)
+                self._fail("closed_loop", f"names '{wrong}', which is neither joint nor link", *(f"did you mean '{x}'?" for x in near))
             kind, links = "spherical" if kind == "3d" else "fixed", (first[0], second[0])
             robot.loops.append(Loop(f"loop_{i + 1}", root, kind, links, first[1], second[1]))
         for name in map(str, self._items("name_mot")):

@@ -18,7 +18,7 @@ _OPEN = (
     "the loops cannot be closed", "no speeds keep the loops closed",
     "the run stands still: its steps have become too short for it to reach its end",
 )  # fmt: skip
-_BEYOND = "the guide of {} may lead further than the links reach: look at the last pose, such as by --view"
+_BEYOND = "the guide of {} may lead further than the links reach: look at the last pose by `cutjoint simulate --view`"
 #: The message of a run whose other integrators may go on, but not with its accuracy: other methods cross the pose.
 _SINGULAR = "the pose is singular, or nearly: equations depend on each other for a moment"
 #: Seconds that trials take together, if the run itself took no longer.
@@ -61,7 +61,8 @@ def try_fallbacks(plan: SimulatorRun, run: Trajectory) -> Trials | None:
     for fallback in _fallbacks(plan):
         left = min(end - monotonic(), budget / 2)
         found[_goes_past(fallback.plan, past, left) if left > 0 else None].append(fallback)
-    for fallback in () if found[True] and failure.message != _SINGULAR else _by_other_methods(plan):
+    beyond_reach = plan.leading and failure.message in _OPEN[:2]  # whatever the method
+    for fallback in () if beyond_reach or (found[True] and failure.message != _SINGULAR) else _by_other_methods(plan):
         found[_goes_past(fallback.plan, past, budget)].append(fallback)
     return Trials(past=past, helped=tuple(found[True]), failed=tuple(found[False]), skipped=tuple(found[None]))
 

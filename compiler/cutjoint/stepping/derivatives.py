@@ -82,8 +82,8 @@ class Derivatives(Linear):
 
         Raises:
             TypeError: the model was loaded without derivatives, its steps have none, or go over events that are asked for.
-            KeyError: there is no such output, parameter, input or state.
-            ValueError: ``every`` does not divide the steps, there are fewer than none, or events are asked for by nothing.
+            KeyError: there is no such output, parameter or input, or the coordinate is not independent.
+            ValueError: ``every`` does not divide the steps, steps are negative, or ``events`` > 0 and ``by`` is empty.
             SimulationError: a step failed, an event has no derivative, or there was no `reset`; the state before the step stays.
         """
         states = self.states
@@ -93,7 +93,7 @@ class Derivatives(Linear):
         if events:
             self._require(self.library.steps.finds_events, OVER_EVENTS)
             if not by:
-                raise ValueError("events are told with their derivatives: name numbers by which they change")
+                raise ValueError("events > 0 needs at least one name in `by`: events are recorded with their derivatives")
         chosen = self._chosen(steps, outputs, every)
         trajectories = self._trajectories(inputs, steps)
         columns = Columns.of(by, trajectories)
@@ -101,7 +101,7 @@ class Derivatives(Linear):
         numbers = np.full(len(columns.names), -1, dtype=np.intc)
         matrix = np.zeros((self.library.seed_rows, len(numbers)))
         for column, name in columns.plain.items():
-            place = find_place(places, name)
+            place = self._place_of(places, name)
             if name in states:
                 matrix[states.place(name), column] = 1.0
             else:
@@ -138,7 +138,7 @@ class Derivatives(Linear):
 
         Raises:
             TypeError: the model was loaded without ``adjoint``.
-            KeyError: there is no such output, parameter, input or state.
+            KeyError: there is no such output, parameter or input, or the coordinate is not independent.
             ValueError: ``every`` does not divide the steps, or there are fewer than none, weights have another shape, or an objective has
                 no derivative.
             SimulationError: a step failed, or an event has no derivative, and the state is that at the beginning; or there was no
@@ -152,7 +152,7 @@ class Derivatives(Linear):
         places = {name: i for i, name in enumerate(names)}
         trajectories = self._trajectories(inputs, steps)
         columns = Columns.of(by, trajectories)
-        numbers = [find_place(places, name) for name in columns.plain.values()]
+        numbers = [self._place_of(places, name) for name in columns.plain.values()]
         start = self.time
         if isinstance(weights, str):
             weights = partial(weigh_each, renamed(weights), outputs=outputs)
@@ -268,12 +268,19 @@ class Derivatives(Linear):
             )
         return np.asarray(initial_sensitivities, dtype=np.float64)
 
+    def _place_of(self, places: Mapping[str, int], name: str) -> int:
+        """The place of a number by which a run is differentiated."""
+        if name not in places and name in (*self.library.names["coordinate"], *self.library.names["speed"]):
+            chosen = ", ".join(each for each in self.states if each in self.library.names["speed"])
+            raise KeyError(f"'{name}' is no independent coordinate now ({chosen} are): call choose_independent() with its rate first")
+        return find_place(places, name)
+
     def _chosen(self, steps: int, outputs: Sequence[str], every: int) -> Any:
         """The numbers of outputs in rows of a run."""
         for what, number, least in (("steps", steps, 0), ("every", every, 1)):
             require_whole(what, number, least)
         if steps % every:
-            raise ValueError(f"{steps} steps are no multiple of {every}, behind which there is a row each")
+            raise ValueError(f"every: {every} does not divide the {steps} steps")
         require_list("outputs", outputs)
         for kind, numbers in (("parameter", self.parameters), ("input", self.inputs)):
             for name, value in numbers.items():

@@ -63,7 +63,7 @@ class Linear(States):
         Raises:
             TypeError: the model was loaded without derivatives.
             KeyError: there is no such output, parameter or input.
-            ValueError: the mechanism is not at rest, or rests in no pose near by with another number.
+            ValueError: the mechanism is not at rest, or has no equilibrium near by for a changed value.
             SimulationError: the pose is singular, or there was no `reset`.
         """
         require_list("by", by)

@@ -160,12 +160,12 @@ class States(Motion):
     def choose_independent(self, speeds: Sequence[str] | None = None) -> None:
         """Choose the independent coordinates by the names of their ``speeds``, one for each degree of freedom.
 
-        Without ``speeds`` those are chosen that the others follow slowly.
+        Without ``speeds`` the choice is the one by which the dependent coordinates change least.
 
         Raises:
             TypeError: the model was loaded without derivatives.
             KeyError: there is no such speed.
-            ValueError: there are others than one different name for each degree of freedom.
+            ValueError: the names are not distinct, or their number is not that of the degrees of freedom.
             SimulationError: the other coordinates do not follow from these, or there was no `reset`.
         """
         dofs = self._require_dofs()

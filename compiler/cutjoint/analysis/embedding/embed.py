@@ -197,8 +197,10 @@ def _require_simple(model: Model, block: Block) -> None:
         raise NoAssemblyError(f"{len(block.drives)} guides move it")
     if any(len(drive.guide or ()) > 1 for drive in block.drives):
         raise NoAssemblyError(f"'{block.drives[0].name}' moves it by several guided coordinates")
-    if any(not degrees(j) and {j.base, j.follower} & bodies for j in model.joints):
-        raise NoAssemblyError("bodies in it are welded or guided")
+    for joint in (j for j in model.joints if not degrees(j) and {j.base, j.follower} & bodies):
+        if joint.guide is None:
+            raise NoAssemblyError(f"'{joint.name}' fixes a body to one of its bodies: make the two one body")
+        raise NoAssemblyError(f"its bodies are guided by '{joint.name}'")
     if any(joint.armature != 0 for joint in block.joints):
         raise NoAssemblyError("a joint in it has an armature")
     if any(names & set(gear.joints) for gear in model.gears):
