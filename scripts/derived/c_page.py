@@ -55,9 +55,7 @@ def _prose(comment: str) -> str:
     found: list[str] = []
     for line in (line.strip() for line in comment.strip().splitlines()):
         is_item = re.match(r"`\w+`[^:.]*:|`\w+` \(", line) is not None
-        if is_item and found and not found[-1].startswith("* "):
-            found.append("")
-        elif not is_item and found and found[-1].startswith("* ") and line[:1] != "`":
+        if (is_item and found and not found[-1].startswith("* ")) or (not is_item and found and found[-1].startswith("* ") and line[:1] != "`"):
             found.append("")
         found.append(f"* {line}" if is_item else line)
     return "\n".join(found)
