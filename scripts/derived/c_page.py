@@ -55,7 +55,8 @@ def _prose(comment: str) -> str:
     found: list[str] = []
     for line in (line.strip() for line in comment.strip().splitlines()):
         is_item = re.match(r"`\w+`[^:.]*:|`\w+` \(", line) is not None
-        if (is_item and found and not found[-1].startswith("* ")) or (not is_item and found and found[-1].startswith("* ") and line[:1] != "`"):
+        after_item = bool(found) and found[-1].startswith("* ")
+        if found and is_item != after_item and (is_item or line[:1] != "`"):
             found.append("")
         found.append(f"* {line}" if is_item else line)
     return "\n".join(found)

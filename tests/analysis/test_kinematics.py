@@ -366,6 +366,7 @@ def test_the_command_writes_a_table(tmp_path: Path) -> None:
     ("iltis", [], "--axle is one of front, rear, or two bodies that carry wheels"),
     ("iltis", ["--axle", "middle"], "no axle 'middle'; --axle is one of front, rear"),
     ("iltis", ["--axle", "front_left.carrier,nobody"], "--axle: no body 'nobody'"),
+    ("iltis", ["--axle", "front_left.carrier,front_left.carrier"], "give two bodies, the left one and the right one; a single corner"),
     ("iltis", ["--axle", "front_right.carrier,front_left.carrier"], "is not left of that of 'front_left.carrier'; exchange them"),
     ("car", ["--axle", "front", "--steer", "rack"], "--steer rack: the axle has no such joint with one coordinate; it has"),
     ("axle", ["--steer", "left.rocker_hinge"], "its joints do not let the left wheel and the steering joint move by themselves"),

@@ -186,7 +186,7 @@ def _chosen(
     if not pairs:
         raise RunError(
             f"{model.span}: no axle: no pair of forces of kind tyre or wheel, or called tyre, stands left and right of y = 0; "
-            "name the bodies that carry the wheels, as in --axle LEFT,RIGHT"
+            "name the two bodies that carry its wheels, as in --axle LEFT,RIGHT; a single corner needs its mirror image, by mirror: y"
         )
     wanted = "" if name is None else f"no axle '{name}'; "
     raise RunError(f"{model.span}: {wanted}--axle is one of {', '.join(pairs)}, or two bodies that carry wheels, as in LEFT,RIGHT")
@@ -198,8 +198,8 @@ def _of_bodies(
     """The wheels of two bodies: those of their tyres, else around their centres of mass."""
     bodies = {body.name: body for body in model.bodies}
     known = {wheel.body: wheel for wheel in chain.from_iterable(pairs.values())}
-    if len(names) != 2:
-        raise RunError(f"--axle {','.join(names)}: {len(names)} bodies; give the left and the right one")
+    if len(set(names)) != 2 or len(names) != 2:
+        raise RunError(f"--axle {','.join(names)}: give two bodies, the left one and the right one; a single corner needs its mirror image")
     for name in names:
         if name not in bodies:
             raise RunError(f"{model.span}: --axle: no body '{name}'; the bodies are {', '.join(bodies)}")
