@@ -7,7 +7,6 @@
 #include <cstddef>
 #include <limits>
 
-#include "cutjoint/core/numbers/secant_inverse.hpp"
 #include "cutjoint/core/derivatives/step_derivatives.hpp"
 #include "cutjoint/core/mechanism/transposed_charts.hpp"
 
@@ -48,7 +47,7 @@ struct ColumnsOf<ForceResidual, true> {
 /// of them; `Fits` are the loops whose functions are found with these.
 ///
 /// A run is recorded part by part.  From its end on, the derivatives of an objective by all at the end of a part become those by all at its beginning.  The
-/// solution of an implicit step has one of the transposed equations, found by iteration from that of the step behind it.
+/// solution of an implicit step has one of the transposed equations, by the matrix that its derivatives along directions have.
 template <class Simulation, Sized D, Sized S, std::size_t dofs, class T, std::size_t loaded, class Fits = NoFits, class ForceResidual = NoResidual>
 class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
@@ -110,8 +109,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
   static constexpr std::size_t unknowns = n + m;
-  static constexpr bool by_residual = has_stages || seeks_multipliers;  ///< parts go back by force residual
-  using ByColumns = typename ColumnsOf<ForceResidual, by_residual>::type;
+  using ByColumns = typename ColumnsOf<ForceResidual, !is_explicit>::type;
   using Unknowns = Fixed<double, unknowns>;
 
   /// A state without its time, or derivatives by one.
@@ -291,7 +289,6 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     by_.clear();
     by_loaded_.fill(0.0), by_parameter_.fill(0.0), by_input_.fill(0.0), by_held_.fill(0.0);
     if (this->trajectories_) this->trajectories_->clear_derivatives(objective_);
-    solved_ = 0;
     owes_derivative_ = false;
     read(records_ - 1);
     by_rows_.fill(0.0);
@@ -379,9 +376,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     add(more_.q, by_.q), add(more_.v, by_.v), add(more_.vdot, by_.vdot), add(more_.lambda, by_.lambda);
   }
 
-  template <class Numbers>
-  static void add(const Numbers& more, Numbers& to) {
-    for (std::size_t i = 0; i < to.size(); ++i) to[i] += more[i];
+  template <class More, class Numbers>
+  static void add(const More& more, Numbers& to) {
+    for (std::size_t i = 0; i < more.size(); ++i) to[i] += more[i];
   }
 
   void add_sums() {
@@ -634,24 +631,18 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       add(more_.q, by_.q), add(more_.v, by_.v);
       add_sums();
       add_columns(by, by_.q, by_.v);
-      Point rule, begun;
+      Point rule;
       rule.take(stage_);
-      Numbers by_delta;
       const RetractionDerivatives<balls> turning(charts(), from.q.data(), this->ends_.delta());
-      turning.vjp(by_.q.data(), begun.q.data(), by_delta.data());
-      for (std::size_t i = 0; i < n; ++i) by_first[i] += h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
+      const Point led = lead_vjp(turning);
+      add(led.vdot, by_first);
       by.fill(0.0);
       if (!this->ends_.rule_vjp(force_residual, by_first, by, by_violation_)) return false;
       residual_vjp(rule, by_violation_, nothing_);
-      by_.q = more_.q;
+      add(more_.q, by_.q);
       add_sums();
       add_columns(by, by_.q, by_.v);
-      turning.vjp(by_.q.data(), begun.q.data(), by_delta.data());
-      for (std::size_t i = 0; i < n; ++i) {
-        begun.v[i] = by_.v[i] + h * by_delta[i];
-        begun.vdot[i] = h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
-      }
-      by_ = begun;
+      by_ = lead_vjp(turning);
     }
     return true;
   }
@@ -660,102 +651,34 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   bool go_over_rule() {
     const double h = record_.h;
-    begin_step(record_.t + h, record_.values);
-    const Point& from = record_.from;
+    put(record_.from, record_.t);
+    const StateOf<M> from = stage_;
     put(record_.end, record_.t + h);
-    if (!settle(from, h) || !closed_loops_vjp()) return false;
-    Numbers by_delta;
-    Fixed<double, coordinates> by_before;
-    const RetractionDerivatives<balls> turning(charts(), from.q.data(), way_of_.data());
-    const auto measure = [&] {
-      evaluate_transposed(solution_.data());
-      add(by_.q, more_.q), add(by_.v, more_.v), add(by_.lambda, more_.lambda);
-      by_delta.fill(0.0), by_before.fill(0.0);
-      turning.vjp(more_.q.data(), by_before.data(), by_delta.data());
-      for (std::size_t i = 0; i < n; ++i) left_[i] = by_.vdot[i] + h / 2 * more_.v[i] + h * h / 4 * by_delta[i] - solution_[i];
-      for (std::size_t i = 0; i < m; ++i) left_[n + i] = more_.lambda[i];
-    };
-    if (!solve(h, measure)) return false;
-    sum_up(solution_.data());
-    for (std::size_t i = 0; i < n; ++i) {
-      by_.vdot[i] = h / 2 * more_.v[i] + h * h / 4 * by_delta[i];
-      by_.v[i] = more_.v[i] + h * by_delta[i];
-    }
-    by_.q = by_before;
-    by_.lambda.fill(0.0);
+    const StateOf<M> end = stage_;
+    begin_step(end.t, record_.values);
+    if (!this->settle_end(simulation_->mechanism(), from, end, h) || !closed_loops_vjp()) return false;
+    const RetractionDerivatives<balls> turning(charts(), from.q.data(), this->place_.data());
+    Unknowns by_end;
+    ByColumns by;
+    std::copy(by_.lambda.begin(), by_.lambda.end(), std::copy(by_.vdot.begin(), by_.vdot.end(), by_end.begin()));
+    add(lead_vjp(turning).vdot, by_end);
+    if (!this->force_residual_.end_vjp(by_end, by)) return false;
+    add_columns(by, by_.q, by_.v);
+    by_ = lead_vjp(turning);
     return true;
   }
 
-  /// The fixed point at the end as the run came near to it, before loops are closed, in the stage.
-  bool settle(const Point& from, double h) {
-    double before = 0.0;
-    for (int iteration = 1; iteration <= 30; ++iteration) {
-      for (std::size_t i = 0; i < n; ++i) {
-        stage_.v[i] = from.v[i] + h / 2 * (from.vdot[i] + stage_.vdot[i]);
-        way_of_[i] = h * from.v[i] + h * h / 4 * (from.vdot[i] + stage_.vdot[i]);
-      }
-      retract<double>(charts(), from.q.data(), way_of_.data(), stage_.q.data());
-      simulation_->mechanism().evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), found_values_.data(), violation_.data());
-      double change = 0.0, size = 0.0;
-      for (std::size_t i = 0; i < n; ++i) {
-        change = std::max(change, std::abs(found_values_[i] - stage_.vdot[i]));
-        size = std::max(size, std::abs(found_values_[i]));
-      }
-      if (!(change - change == 0.0)) return false;
-      const double share = change / (1.0 + size);
-      if (m == 0 && (h != settled_for_ || (iteration > 1 && share > before))) settled_for_ = h, inverse_of_end_.forget();
-      correct_end(iteration > 1);
-      const double left = iteration > 1 ? share * std::min(1.0, share / before) : share;
-      if (left <= 1e-12 || (iteration > 2 && share > before / 2 && share <= 1e-5)) return true;
-      before = share;
+  /// From derivatives by coordinates and speeds to which accelerations at both ends of a step lead to those by its beginning; those by the accelerations are the same.
+  Point lead_vjp(const RetractionDerivatives<balls>& turning) const {
+    const double h = record_.h;
+    Point begun;
+    Numbers by_delta;
+    turning.vjp(by_.q.data(), begun.q.data(), by_delta.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      begun.v[i] = by_.v[i] + h * by_delta[i];
+      begun.vdot[i] = h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
     }
-    return false;
-  }
-
-  /// Go on to the fixed point from accelerations that are found from those of the stage: without loops by Broyden's method, which has learnt from the parts behind.
-  void correct_end(bool learns) {
-    if constexpr (m == 0) {
-      for (std::size_t i = 0; i < n; ++i) left_[i] = found_values_[i] - stage_.vdot[i];
-      const auto& step = inverse_of_end_.find_step(left_, learns);
-      for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] += step[i];
-    } else {
-      std::copy(found_values_.begin(), found_values_.end(), stage_.vdot.begin());
-      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += violation_[i];
-    }
-  }
-
-  /// The root of what `measure` finds left, by Broyden's method, from those of the two parts behind; what it has learnt of these holds for the next.
-  template <class Measure>
-  bool solve(double h, Measure measure) {
-    if (h != solved_for_) solved_ = 0, inverse_of_rule_.forget();
-    solved_for_ = h;
-    const Unknowns last = solution_;
-    for (std::size_t i = 0; i < unknowns; ++i) solution_[i] = solved_ == 0 ? (i < n ? by_.vdot[i] : 0.0) : solved_ == 1 ? last[i] : 2 * last[i] - last_[i];
-    last_ = last;
-    solved_ = std::min(solved_ + 1, 2);
-    double before = std::numeric_limits<double>::infinity();
-    int stalled = 0;
-    for (int iteration = 0; iteration < 200; ++iteration) {
-      measure();
-      const double share = share_of(0, n), beside = share_of(n, unknowns);
-      if (!(share + beside - (share + beside) == 0.0)) return false;
-      stalled = share < before ? 0 : stalled + 1;
-      if (share <= 1e-12 && (beside <= 1e-12 || before <= 1e-10)) return true;
-      if (share <= 1e-9 && stalled > 2) return true;
-      before = std::min(share, before);
-      const auto& step = inverse_of_rule_.find_step(left_, iteration > 0);
-      for (std::size_t i = 0; i < unknowns; ++i) solution_[i] += step[i];
-    }
-    return false;
-  }
-
-  double share_of(std::size_t first, std::size_t end) const {
-    double left = 0.0, size = 0.0;
-    for (std::size_t i = first; i < end; ++i) {
-      if (!(std::abs(left_[i]) <= left)) left = std::abs(left_[i]);
-      size = std::max(size, std::abs(solution_[i]));
-    }
-    return left > 0.0 ? left / std::max(left, size) : left;
+    return begun;
   }
 
   /// More derivatives by the stage's coordinates, speeds and multipliers, from those by accelerations and then by corrections of multipliers.
@@ -1027,18 +950,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   bool owes_derivative_ = false;
   Fixed<double, loaded> by_loaded_, more_loaded_;
   Fixed<double, parameters> by_parameter_;  ///< by events
-  typename ColumnsOf<ForceResidual, by_residual>::OfLoaded by_rows_;  ///< by values of parameters in force residual
+  typename ColumnsOf<ForceResidual, !is_explicit>::OfLoaded by_rows_;  ///< by values of parameters in force residual
   Fixed<double, given> by_input_, more_input_;
   Fixed<double, held> by_held_;
   Fixed<double, Base::columns> by_columns_;
-  Fixed<double, m> violation_, by_violation_, nothing_;
-  Numbers way_of_, found_values_;
-  Unknowns solution_, last_;
-  typename SecantInverse<unknowns>::Numbers left_;
-  SecantInverse<unknowns> inverse_of_rule_;
-  SecantInverse<m == 0 ? n : 0> inverse_of_end_;
-  double solved_for_ = 0.0, settled_for_ = 0.0;  ///< the length of part of which these have learnt
-  int solved_ = 0;           ///< how many solutions there are behind, two at most
+  Fixed<double, m> by_violation_, nothing_;
+  Numbers found_values_;
   Fixed<double, Base::rows * directions> matrix_;
 };
 

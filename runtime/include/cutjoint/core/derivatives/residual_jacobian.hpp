@@ -154,7 +154,7 @@ class ResidualJacobian {
     };
     solve(x);
     Fixed<double, size> more = x;
-    double before = std::numeric_limits<double>::infinity();
+    double before = 1.0;
     for (int iteration = 0; m > 0 && iteration < 16; ++iteration) {
       double share[2]{}, whole[2]{};  // of what accelerations are multiplied by, and of what multipliers are
       for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -yields(i % (n + m) - n);
@@ -165,7 +165,7 @@ class ResidualJacobian {
         share[of] = std::max(share[of], std::abs(more[i])), whole[of] = std::max(whole[of], std::abs(x[i]));
       }
       const double left = std::max(share[0] / std::max(whole[0], 1e-300), share[1] / std::max(whole[1], 1e-300));
-      if (left <= 1e-15 || !(left < before)) break;
+      if (left * std::min(1.0, left / before) <= 1e-15 || (iteration > 0 && !(left < before))) break;
       before = left;
     }
     return std::all_of(x.begin(), x.end(), [](double each) { return each - each == 0.0; });
@@ -213,6 +213,13 @@ class ResidualJacobian {
     const bool is_found = solve_in_places(x.matrix, found);
     for (std::size_t i = 0; i < n + m; ++i) change[i] = found[order[i]];
     return is_found;
+  }
+
+  /// From derivatives by accelerations and multipliers that `solve_end` has found, in whose place the solution comes, to those by all that `lose` reads, which are added.
+  bool end_vjp(Numbers& by_end, Fixed<double, first_acceleration>& by) const {
+    if (!solve_transposed(at_[now_].matrix, by_end)) return false;
+    vjp(at_[now_].derivative, by_end.data(), by);
+    return true;
   }
 
   /// Decompose r_vdot + h/2 r_v + h^2/4 r_q of the end of a trapezoidal step, to which `delta` leads from coordinates; false where it is singular.

@@ -116,16 +116,8 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   /// The end of a step by the rule's fixed point along directions, by the force residual there; false where that has a derivative that is no number.
   bool go_by_force_residual(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     enter_end(mechanism, end);
-    if (!is_settled_) {
-      for (std::size_t i = 0; i < n; ++i) {
-        speeds_[i].value = from.v[i] + h / 2 * from.vdot[i];
-        shift_[i].value = h * from.v[i] + h * h / 4 * from.vdot[i];
-      }
-      if (!settle(mechanism, from, end, h)) return false;
-      lead_stage(h);
-      is_settled_ = true;
-    }
-    if (!linearise_end(end.t, h)) return false;  // others may have gone to the beginning
+    if (!(is_settled_ ? linearise_end(end.t, h) : settle_end(mechanism, from, end, h))) return false;  // others may have gone to the beginning
+    is_settled_ = true;
     for (std::size_t i = 0; i < n; ++i) {
       shift_[i].derivative = h * v_[i].derivative + h * h / 4 * vdot_[i].derivative;
       v_[i] = {stage_.v[i], v_[i].derivative + h / 2 * vdot_[i].derivative};
@@ -141,6 +133,17 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     move_along(change, h * h / 4, false);
     for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = stage_.q[i];
     return true;
+  }
+
+  /// The end of a step by the rule, before its loops are closed, in the stage, with the matrix there; false where that is singular.
+  bool settle_end(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    for (std::size_t i = 0; i < n; ++i) {
+      speeds_[i].value = from.v[i] + h / 2 * from.vdot[i];
+      shift_[i].value = h * from.v[i] + h * h / 4 * from.vdot[i];
+    }
+    if (!settle(mechanism, from, end, h)) return false;
+    lead_stage(h);
+    return linearise_end(end.t, h);
   }
 
   /// Derivatives of coordinates that a way, so many times, leads to, from those where it begins, or beside those of another.
@@ -176,8 +179,8 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
       const double share = this->size_of(values_) / (1.0 + this->size_of(stage_.vdot));
       if (!(share <= std::numeric_limits<double>::max())) return false;
       if (share == 0.0 || (share > before / 2 && share <= (iteration > 2 ? 1e-5 : 1e-8))) return true;
-      if (!this->force_residual_.knows(h) && !this->force_residual_.decompose_end(h, charts(), from_values_.data(), place_.data())) return false;
-      if (share > before / 2 && !linearise_end(end.t, h)) return false;
+      const bool has_matrix = this->force_residual_.knows(h) || this->force_residual_.decompose_end(h, charts(), from_values_.data(), place_.data());
+      if ((!has_matrix || share > before / 2) && !linearise_end(end.t, h)) return false;
       if (iteration > 0) share_left_ = std::min(1.0, share / before);
       before = share;
       this->force_residual_.correct(values_, this->room_of_forces_);
