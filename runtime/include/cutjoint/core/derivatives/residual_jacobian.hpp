@@ -59,6 +59,7 @@ class ResidualJacobian {
     [[maybe_unused]] const auto& penalties = simulation.penalties();
     load_mechanism(plain_, simulation.parameters().data(), simulation.roads(), simulation.stabilisation(), penalties);
     for (At& x : at_) x.is_found = false;
+    leaves_out_ = false;
     changes_.fill({});
     are_changing_ = false;
     for (std::size_t cut = 0, i = 0; i < m; ++i) {
@@ -114,6 +115,15 @@ class ResidualJacobian {
   void find(const State& x, OfDerivatives& derivative) {
     plain_.begin_step(x.t, 1.0);
     plain_.residual_jacobian(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), derivative.data());
+    for (std::size_t k = 0; leaves_out_ && k < length; ++k)
+      if (!(derivative[k] - derivative[k] == 0.0)) derivative[k] = 0.0, is_left_out_[sources.column[k]] = true;
+  }
+
+  /// From here on derivatives are left out that are infinite: what they are by must not change.  False where they have been so far.
+  bool leave_out_infinite() {
+    for (At& x : at_) x.is_found = false, x.decomposed_for = none, x.derivative.fill(0.0);
+    is_left_out_.fill(false);
+    return !std::exchange(leaves_out_, true);
   }
 
   /// What the force residual loses by changes of all but accelerations and multipliers, row by row.
@@ -550,7 +560,25 @@ class ResidualJacobian {
     for (const Along& along : found) odd += 0.0 * along.derivative;
     double sum = 0.0;
     for (std::size_t k = 0; k < directions; ++k) sum += odd[k];
-    return sum == 0.0 && close(matrix, found);
+    return sum == 0.0 && close(matrix, found) && (!leaves_out_ || left_out_stay<Matrix>(found));
+  }
+
+  /// Whether nothing changes by which derivatives have been left out.
+  template <class Matrix, std::size_t size>
+  bool left_out_stay(const std::array<Along, size>& found) const {
+    const auto stays = [](const Along& x) {
+      for (std::size_t k = 0; k < directions; ++k)
+        if (x.derivative[k] != 0.0) return false;
+      return true;
+    };
+    for (std::size_t c = 0; c < width; ++c)
+      if (is_left_out_[c]) {
+        if (c < first_acceleration && !stays(by_[slots[c]])) return false;
+        for (std::size_t j = 0; (c < first_input || c >= first_acceleration) && j < (turns(c) ? 3 : 1); ++j)
+          for (std::size_t i = columns.unknown[c] + j; i < size; i += n + m)
+            if (!stays(found[places_of<Matrix>[i]])) return false;
+      }
+    return true;
   }
 
   /// What the force residual loses by changes of all but accelerations and multipliers, in the order of places.
@@ -606,7 +634,8 @@ class ResidualJacobian {
   At at_[2];
   int now_ = 0;
   Fixed<Along, loaded> changes_;  ///< of loaded values along directions
-  bool are_changing_ = false;
+  bool are_changing_ = false, leaves_out_ = false;
+  Fixed<bool, width> is_left_out_;  ///< columns of derivatives that have been left out
   Fixed<Along, first_acceleration> by_;  ///< of all but accelerations and multipliers
   Fixed<double, n + m> yields_;  ///< by how much loops do to multipliers in the matrix
   Fixed<double, width + (has_balls ? 3 * coordinates : 0)> weights_;  ///< the shares of columns in the matrix, of quaternions by each of three speeds

@@ -116,7 +116,6 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     this->along_ = {};
     simulation.complete_state();
     load_all();
-    this->forget_part();
   }
 
   /// All that stays during the steps; parameters are loaded with the directions.
@@ -424,9 +423,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
       if (const Fault fault = enter_row(from, first, number)) return fault;
       if (this->go(*simulation_, from, end, h, number)) break;
       if (this->refused_) return this->refused_;
-      if (!this->can_get_ready_anew(end)) return no_end(end);
-      this->forget_part();
-      if (!this->find_part(*simulation_, from, end, h)) return no_end(end);
+      if (!this->force_residual_.leave_out_infinite() || !this->find_part(*simulation_, from, end, h)) return no_end(end);
     }
     if (!this->close_end(*simulation_, end)) return {.cause = Cause::pose_singular, .t = end.t};
     if (this->speeds_jump(end)) return cut_.fault(Cause::speeds_jump, end.t);
