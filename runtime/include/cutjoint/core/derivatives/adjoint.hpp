@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <type_traits>
 
 #include "cutjoint/core/derivatives/step_derivatives.hpp"
 #include "cutjoint/core/mechanism/transposed_charts.hpp"
@@ -18,29 +19,6 @@ class LoopFits;
 /// No loops whose functions are found with parameters.
 struct NoFits {
   static constexpr int length = 0;
-};
-
-template <class Fits>
-struct FitsWithDerivatives {
-  using type = LoopFits<Dual, Fits>;
-};
-
-template <>
-struct FitsWithDerivatives<NoFits> {
-  using type = NoFits;
-};
-
-/// Derivatives by all that the force residual reads, and by values of parameters among these.
-template <class ForceResidual, bool>
-struct ColumnsOf {
-  using type = Fixed<double, 0>;
-  using OfLoaded = Fixed<double, 0>;
-};
-
-template <class ForceResidual>
-struct ColumnsOf<ForceResidual, true> {
-  using type = Fixed<double, ForceResidual::first_acceleration>;
-  using OfLoaded = Fixed<double, ForceResidual::loaded>;
 };
 
 /// `StepDerivatives` with the transposed functions T of the mechanism (formulate/transposed.py), which sum up derivatives by values of parameters, `loaded`
@@ -109,7 +87,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
   static constexpr std::size_t unknowns = n + m;
-  using ByColumns = typename ColumnsOf<ForceResidual, !is_explicit>::type;
+  using ByColumns = Fixed<double, is_explicit ? 0 : ForceResidual::first_acceleration>;  ///< by all that the force residual reads
   using Unknowns = Fixed<double, unknowns>;
 
   /// A state without its time, or derivatives by one.
@@ -157,38 +135,22 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   // The record
 
   Fault write_run(long steps, Trajectory& trajectory) {
-    Simulation& simulation = *simulation_;
     blocks_ = {};
     blocks_[0].held = held;
-    this->recorder_ = {&write_part, &write_sample, this};
-    const auto go = [&]() -> Fault {
-      if constexpr (held > 0) {
-        const auto& sampling = simulation.sampling();
-        for (std::size_t i = 0; i < sampling.size(); ++i)
-          if (sampling.is_of(i, simulation.state().t, 1e-9 * simulation.settings().dt))
-            if (const Fault fault = write_sample(this, sampling.first_of(i), sampling.held_by(i))) return fault;
-      }
-      if (const Fault fault = write_row(trajectory)) return fault;
-      this->is_loaded_ = false;
-      for (long i = 1; i <= steps; ++i) {
-        if (const Fault fault = this->take(simulation)) return fault;
-        if (i % trajectory.every == 0)
-          if (const Fault fault = write_row(trajectory)) return fault;
-      }
-      return {};
-    };
-    const Fault fault = go();
+    this->recorder_ = {&write_part, &write_sample, &write_row, this};
+    const Fault fault = this->go_on(steps, trajectory);
     this->recorder_ = {};
     return fault;
   }
 
-  Fault write_row(Trajectory& trajectory) {
-    const double* known = simulation_->report();
+  static Fault write_row(void* who, Trajectory& trajectory) {
+    Adjoint& x = *static_cast<Adjoint*>(who);
+    const double* known = x.simulation_->report();
     for (std::size_t i = 0; i < trajectory.number; ++i) *trajectory.values++ = known[trajectory.outputs[i]];
-    outputs_ = trajectory.outputs;
-    record_.number = 0;
-    record_.from.take(simulation_->complete_state());
-    return write(Kind::row, simulation_->state().t, 0.0);
+    x.outputs_ = trajectory.outputs;
+    x.record_.number = 0;
+    x.record_.from.take(x.simulation_->complete_state());
+    return x.write(Kind::row, x.simulation_->state().t, 0.0);
   }
 
   static Fault write_part(void* who, const StateOf<M>& from, const StateOf<M>& end, double h) {
@@ -728,71 +690,55 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     const bool begins_with_derivative = carries_derivative && record_.number == 1;
     M& mechanism = simulation_->mechanism();
     std::array<Point, stages> points;
-    std::array<Fixed<double, coordinates>, stages> turns;
-    const auto row = [](std::size_t stage) {
-      std::array<double, stages> weights;
-      for (std::size_t j = 0; j < stages; ++j) weights[j] = Table::weights[stage][j].template as<double>();
-      return weights;
-    };
+    std::array<Fixed<double, coordinates>, stages> rates, by_rates{};
+    std::array<Numbers, stages> accelerations, by_accelerations{};
     const auto time = [&](std::size_t stage) { return record_.t + Table::nodes[stage].template as<double>() * h; };
     for (std::size_t stage = 0; stage <= stages; ++stage) {
       put(record_.from, time(stage));
-      for (std::size_t j = 0; j < stage; ++j) {
-        const double weight = h * row(stage)[j];
-        for (std::size_t i = 0; i < coordinates; ++i) stage_.q[i] += weight * turns[j][i];
-        for (std::size_t i = 0; i < n; ++i) stage_.v[i] += weight * points[j].vdot[i];
-      }
+      add_derivatives(h, Table::weights[stage], rates, stage_.q);
+      add_derivatives(h, Table::weights[stage], accelerations, stage_.v);
       if (stage == stages) break;
       if (stage == 0 && begins_with_derivative) {
-        points[0] = record_.from;
-        points[0].vdot = record_.end.vdot;
-        turns[0] = record_.end.q;
+        rates[0] = record_.end.q, accelerations[0] = record_.end.vdot;
         continue;
       }
       begin_step(stage_.t, record_.values);
       if (!this->enter(mechanism, stage_)) return false;
-      std::copy(this->still_.begin(), this->still_.end(), stage_.vdot.begin());
+      std::copy(this->still_.begin(), this->still_.end(), accelerations[stage].begin());
       std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
       points[stage].take(stage_);
-      coordinate_rates<double>(charts(), stage_.q.data(), stage_.v.data(), turns[stage].data());
+      coordinate_rates<double>(charts(), stage_.q.data(), stage_.v.data(), rates[stage].data());
     }
     begin_step(stage_.t, record_.values);
     const StateOf<M> end = stage_;
     normalise<double>(charts(), stage_.q.data());
     if (!closed_loops_vjp()) return false;
     lengths_vjp(charts(), end.q.data(), by_.q.data());
+    const auto derivatives_vjp = [&](const Fixed<double, coordinates>& by_rate, const Numbers& by_acceleration, Point& to) {
+      rates_vjp(charts(), stage_.q.data(), stage_.v.data(), by_rate.data(), to.q.data(), to.v.data());
+      return accelerations_vjp(by_acceleration, Fixed<double, m>(), to);
+    };
     if (owes_derivative_) {
       stage_ = end;
       begin_step(stage_.t, record_.values);
-      if (!this->enter(mechanism, stage_)) return false;
-      rates_vjp(charts(), stage_.q.data(), stage_.v.data(), by_coordinate_rates_.data(), by_.q.data(), by_.v.data());
-      if (!accelerations_vjp(by_derivative_, Fixed<double, m>(), by_)) return false;
+      if (!this->enter(mechanism, stage_) || !derivatives_vjp(by_coordinate_rates_, by_derivative_, by_)) return false;
     }
     owes_derivative_ = begins_with_derivative;
-    std::array<Fixed<double, coordinates>, stages> by_coordinate_rates{};
-    std::array<Numbers, stages> by_derivatives{};
-    Point by = by_, whole = by_;
-    for (std::size_t stage = stages; stage > 0; --stage) {
-      for (std::size_t j = 0; j < stage; ++j) {
-        const double weight = h * row(stage)[j];
-        for (std::size_t i = 0; i < coordinates; ++i) by_coordinate_rates[j][i] += weight * by.q[i];
-        for (std::size_t i = 0; i < n; ++i) by_derivatives[j][i] += weight * by.v[i];
-      }
-      const std::size_t at = stage - 1;
-      if (at == 0 && begins_with_derivative) {
-        by_coordinate_rates_ = by_coordinate_rates[0];
-        by_derivative_ = by_derivatives[0];
+    Point by = by_;
+    for (std::size_t stage = stages; stage-- > 0;) {
+      add_derivatives_vjp(h, Table::weights[stage + 1], by.q, by_rates);
+      add_derivatives_vjp(h, Table::weights[stage + 1], by.v, by_accelerations);
+      if (stage == 0 && begins_with_derivative) {
+        by_coordinate_rates_ = by_rates[0], by_derivative_ = by_accelerations[0];
         break;
       }
       by.clear();
-      put(points[at], time(at));
+      put(points[stage], time(stage));
       std::copy(stage_.lambda.begin(), stage_.lambda.end(), this->force_.begin());
       begin_step(stage_.t, record_.values);
-      rates_vjp(charts(), stage_.q.data(), stage_.v.data(), by_coordinate_rates[at].data(), by.q.data(), by.v.data());
-      if (!accelerations_vjp(by_derivatives[at], Fixed<double, m>(), by)) return false;
-      add(by.q, whole.q), add(by.v, whole.v);
+      if (!derivatives_vjp(by_rates[stage], by_accelerations[stage], by)) return false;
+      add(by.q, by_.q), add(by.v, by_.v);
     }
-    by_ = whole;
     by_.vdot.fill(0.0), by_.lambda.fill(0.0);
     return true;
   }
@@ -937,7 +883,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   static constexpr bool has_fits = Fits::length > 0;
 
   T transposed_;
-  [[no_unique_address]] typename FitsWithDerivatives<Fits>::type fits_{};
+  [[no_unique_address]] std::conditional_t<has_fits, LoopFits<Dual, Fits>, NoFits> fits_{};
   Fixed<double, static_cast<std::size_t>(Fits::length)> by_series_;
   Tape tape_{};
   std::size_t records_ = 0, objective_ = 0;
@@ -950,7 +896,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   bool owes_derivative_ = false;
   Fixed<double, loaded> by_loaded_, more_loaded_;
   Fixed<double, parameters> by_parameter_;  ///< by events
-  typename ColumnsOf<ForceResidual, !is_explicit>::OfLoaded by_rows_;  ///< by values of parameters in force residual
+  Fixed<double, is_explicit ? 0 : ForceResidual::loaded> by_rows_;  ///< by values of parameters in force residual
   Fixed<double, given> by_input_, more_input_;
   Fixed<double, held> by_held_;
   Fixed<double, Base::columns> by_columns_;

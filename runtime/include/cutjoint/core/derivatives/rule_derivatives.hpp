@@ -4,22 +4,12 @@
 #include <algorithm>
 #include <cstddef>
 #include <limits>
+#include <type_traits>
 
 #include "cutjoint/core/derivatives/derivatives.hpp"
 #include "cutjoint/core/newton/closed_end_derivatives.hpp"
 
 namespace cutjoint {
-
-/// What belongs to ends whose multipliers close the loops.
-template <class ForceResidual, bool>
-struct EndsOf {
-  struct type {};
-};
-
-template <class ForceResidual>
-struct EndsOf<ForceResidual, true> {
-  using type = ClosedEndDerivatives<ForceResidual>;
-};
 
 /// `Derivatives` of a `Simulation` with the formulas of the trapezoidal rule, whose accelerations at the end follow from those to which they lead.
 ///
@@ -205,7 +195,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   Fixed<Dual, n> speeds_, shift_, found_;
   bool is_settled_ = false;  ///< the end of a part is found
   double share_left_ = 1.0;                       ///< what the last correction of a step left of its error
-  [[no_unique_address]] typename EndsOf<ForceResidual, seeks_multipliers>::type ends_;
+  [[no_unique_address]] std::conditional_t<seeks_multipliers, ClosedEndDerivatives<ForceResidual>, typename Base::None> ends_;  ///< whose multipliers close the loops
 };
 
 }  // namespace cutjoint

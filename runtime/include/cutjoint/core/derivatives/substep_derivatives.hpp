@@ -102,10 +102,8 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     const auto lead = [&](std::size_t stage) {
       q_ = from_;
       v_ = speeds_;
-      std::array<typename Table::Row::value_type, all> weights;
-      std::copy_n(Table::weights[stage].begin(), all, weights.begin());
-      add_derivatives(length, weights, place_derivatives, q_);
-      add_derivatives(length, weights, speed_derivatives, v_);
+      add_derivatives(length, Table::weights[stage], place_derivatives, q_);
+      add_derivatives(length, Table::weights[stage], speed_derivatives, v_);
       const double node = Table::nodes[stage].template as<double>();
       now = Dual(stage_.t = from.t + node * h, (1.0 - node) * begun_);
       mechanism.begin_step(stage_.t, 1.0);
