@@ -61,9 +61,6 @@ from cutjoint.toolchain.wasm import build_module, build_twin, mathematics, with_
 #: Processor seconds that lanes take to compile: some, and some for each operation of an evaluation.
 _COMPILING, _COMPILING_AN_OPERATION = 1.0, 1e-3
 
-#: Evaluations that one over numbers with derivatives along eight directions takes.
-_EVALUATIONS = 14
-
 #: Processor seconds that lanes save in a step, for the root of the operations, since mechanisms of many have lanes of their own.
 _SAVED = 30e-9
 
@@ -297,7 +294,7 @@ def make_standalone(
         require_differentiable(parts.method, chosen, "adjoint: ")
         parts = replace(parts, transposed=_transposed(parts))
     if linearise and derives_steps and STEPS[parts.method][chosen].differentiable:
-        parts = replace(parts, force_residual=_force_residual(parts, equations.scene, STEPS[parts.method][chosen]))
+        parts = replace(parts, force_residual=_force_residual(parts, equations.scene))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
     alone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
     if not (side_by_side and alone.fits_lanes):
@@ -384,14 +381,10 @@ def _transposed(parts: SimulationCode) -> Derived:
     return transpose(mechanism, schedule_recursive(mechanism, lanes=parts.program.lanes))
 
 
-def _force_residual(parts: SimulationCode, scene: Scene, steps: Steps) -> Linearised | None:
-    """The derivatives of the residual of the equations of motion of a mechanism; None where steps do not need them, as they do where
-    Newton's iteration has the equations of loops, and evaluations over numbers with derivatives take fewer operations."""
-    needed = steps.by_residual or (parts.system is not None and parts.mechanism.equation_names)
+def _force_residual(parts: SimulationCode, scene: Scene) -> Linearised:
+    """The derivatives of the residual of the equations of motion of a mechanism."""
     force_residual = formulate_residual(parts.mechanism, find_closure(scene.numerics, METHODS[parts.method]).name)
-    derived = linearise_residual(force_residual, schedule_recursive(force_residual, lanes=parts.program.lanes))
-    most = _EVALUATIONS * parts.program.instructions("evaluate")
-    return derived if needed or derived.program.instructions("residual_jacobian") <= most else None
+    return linearise_residual(force_residual, schedule_recursive(force_residual, lanes=parts.program.lanes))
 
 
 # Files of compile --out

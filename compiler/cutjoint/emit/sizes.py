@@ -78,8 +78,7 @@ def _size_of_adjoint(parts: SimulationCode, transposed: Derived) -> int:
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
     fitted = 12 * (sum(fit.length for fit in parts.mechanism.fits) + len(parts.mechanism.parameters))
     numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
-    numbers += len(parts.mechanism.parameters) + (n + 10) * (n + 16)
-    return numbers + (n + m + 10) * (n + m + 16) + 7 * state + 8 * seed_rows(parts) + transposed.equations.input_values + 64
+    return numbers + len(parts.mechanism.parameters) + n + 4 * m + 7 * state + 8 * seed_rows(parts) + transposed.equations.input_values + 64
 
 
 def _size_of_residual(parts: SimulationCode, force_residual: Linearised) -> int:
@@ -90,7 +89,7 @@ def _size_of_residual(parts: SimulationCode, force_residual: Linearised) -> int:
     fitted = 12 * (sum(fit.length for fit in force_residual.equations.fits) + len(force_residual.equations.parameters))
     at_state = force_residual.length + _size_of_matrix(force_residual) + q + 2 * n + m + given + 28 * (q - parts.mechanism.speeds) + 8
     weights = 4 * q + 2 * n + m + given + force_residual.loaded
-    return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * force_residual.loaded) + weights + n + m + 64
+    return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * force_residual.loaded) + force_residual.loaded + weights + n + m + 64
 
 
 def _size_of_matrix(force_residual: Linearised, copies: int = 1) -> int:

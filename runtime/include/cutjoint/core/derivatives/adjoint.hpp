@@ -6,8 +6,8 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <type_traits>
 
-#include "cutjoint/core/numbers/secant_inverse.hpp"
 #include "cutjoint/core/derivatives/step_derivatives.hpp"
 #include "cutjoint/core/mechanism/transposed_charts.hpp"
 
@@ -21,34 +21,11 @@ struct NoFits {
   static constexpr int length = 0;
 };
 
-template <class Fits>
-struct FitsWithDerivatives {
-  using type = LoopFits<Dual, Fits>;
-};
-
-template <>
-struct FitsWithDerivatives<NoFits> {
-  using type = NoFits;
-};
-
-/// Derivatives by all that the force residual reads, and by values of parameters among these.
-template <class ForceResidual, bool>
-struct ColumnsOf {
-  using type = Fixed<double, 0>;
-  using OfLoaded = Fixed<double, 0>;
-};
-
-template <class ForceResidual>
-struct ColumnsOf<ForceResidual, true> {
-  using type = Fixed<double, ForceResidual::first_acceleration>;
-  using OfLoaded = Fixed<double, ForceResidual::loaded>;
-};
-
 /// `StepDerivatives` with the transposed functions T of the mechanism (formulate/transposed.py), which sum up derivatives by values of parameters, `loaded`
 /// of them; `Fits` are the loops whose functions are found with these.
 ///
 /// A run is recorded part by part.  From its end on, the derivatives of an objective by all at the end of a part become those by all at its beginning.  The
-/// solution of an implicit step has one of the transposed equations, found by iteration from that of the step behind it.
+/// solution of an implicit step has one of the transposed equations, by the matrix that its derivatives along directions have.
 template <class Simulation, Sized D, Sized S, std::size_t dofs, class T, std::size_t loaded, class Fits = NoFits, class ForceResidual = NoResidual>
 class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
@@ -110,8 +87,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
   static constexpr std::size_t unknowns = n + m;
-  static constexpr bool by_residual = has_stages || seeks_multipliers;  ///< parts go back by force residual
-  using ByColumns = typename ColumnsOf<ForceResidual, by_residual>::type;
+  using ByColumns = Fixed<double, is_explicit ? 0 : ForceResidual::first_acceleration>;  ///< by all that the force residual reads
   using Unknowns = Fixed<double, unknowns>;
 
   /// A state without its time, or derivatives by one.
@@ -159,38 +135,22 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   // The record
 
   Fault write_run(long steps, Trajectory& trajectory) {
-    Simulation& simulation = *simulation_;
     blocks_ = {};
     blocks_[0].held = held;
-    this->recorder_ = {&write_part, &write_sample, this};
-    const auto go = [&]() -> Fault {
-      if constexpr (held > 0) {
-        const auto& sampling = simulation.sampling();
-        for (std::size_t i = 0; i < sampling.size(); ++i)
-          if (sampling.is_of(i, simulation.state().t, 1e-9 * simulation.settings().dt))
-            if (const Fault fault = write_sample(this, sampling.first_of(i), sampling.held_by(i))) return fault;
-      }
-      if (const Fault fault = write_row(trajectory)) return fault;
-      this->is_loaded_ = false;
-      for (long i = 1; i <= steps; ++i) {
-        if (const Fault fault = this->take(simulation)) return fault;
-        if (i % trajectory.every == 0)
-          if (const Fault fault = write_row(trajectory)) return fault;
-      }
-      return {};
-    };
-    const Fault fault = go();
+    this->recorder_ = {&write_part, &write_sample, &write_row, this};
+    const Fault fault = this->go_on(steps, trajectory);
     this->recorder_ = {};
     return fault;
   }
 
-  Fault write_row(Trajectory& trajectory) {
-    const double* known = simulation_->report();
+  static Fault write_row(void* who, Trajectory& trajectory) {
+    Adjoint& x = *static_cast<Adjoint*>(who);
+    const double* known = x.simulation_->report();
     for (std::size_t i = 0; i < trajectory.number; ++i) *trajectory.values++ = known[trajectory.outputs[i]];
-    outputs_ = trajectory.outputs;
-    record_.number = 0;
-    record_.from.take(simulation_->complete_state());
-    return write(Kind::row, simulation_->state().t, 0.0);
+    x.outputs_ = trajectory.outputs;
+    x.record_.number = 0;
+    x.record_.from.take(x.simulation_->complete_state());
+    return x.write(Kind::row, x.simulation_->state().t, 0.0);
   }
 
   static Fault write_part(void* who, const StateOf<M>& from, const StateOf<M>& end, double h) {
@@ -291,7 +251,6 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     by_.clear();
     by_loaded_.fill(0.0), by_parameter_.fill(0.0), by_input_.fill(0.0), by_held_.fill(0.0);
     if (this->trajectories_) this->trajectories_->clear_derivatives(objective_);
-    solved_ = 0;
     owes_derivative_ = false;
     read(records_ - 1);
     by_rows_.fill(0.0);
@@ -379,9 +338,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     add(more_.q, by_.q), add(more_.v, by_.v), add(more_.vdot, by_.vdot), add(more_.lambda, by_.lambda);
   }
 
-  template <class Numbers>
-  static void add(const Numbers& more, Numbers& to) {
-    for (std::size_t i = 0; i < to.size(); ++i) to[i] += more[i];
+  template <class More, class Numbers>
+  static void add(const More& more, Numbers& to) {
+    for (std::size_t i = 0; i < more.size(); ++i) to[i] += more[i];
   }
 
   void add_sums() {
@@ -634,24 +593,18 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       add(more_.q, by_.q), add(more_.v, by_.v);
       add_sums();
       add_columns(by, by_.q, by_.v);
-      Point rule, begun;
+      Point rule;
       rule.take(stage_);
-      Numbers by_delta;
       const RetractionDerivatives<balls> turning(charts(), from.q.data(), this->ends_.delta());
-      turning.vjp(by_.q.data(), begun.q.data(), by_delta.data());
-      for (std::size_t i = 0; i < n; ++i) by_first[i] += h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
+      const Point led = lead_vjp(turning);
+      add(led.vdot, by_first);
       by.fill(0.0);
       if (!this->ends_.rule_vjp(force_residual, by_first, by, by_violation_)) return false;
       residual_vjp(rule, by_violation_, nothing_);
-      by_.q = more_.q;
+      add(more_.q, by_.q);
       add_sums();
       add_columns(by, by_.q, by_.v);
-      turning.vjp(by_.q.data(), begun.q.data(), by_delta.data());
-      for (std::size_t i = 0; i < n; ++i) {
-        begun.v[i] = by_.v[i] + h * by_delta[i];
-        begun.vdot[i] = h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
-      }
-      by_ = begun;
+      by_ = lead_vjp(turning);
     }
     return true;
   }
@@ -660,102 +613,34 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   bool go_over_rule() {
     const double h = record_.h;
-    begin_step(record_.t + h, record_.values);
-    const Point& from = record_.from;
+    put(record_.from, record_.t);
+    const StateOf<M> from = stage_;
     put(record_.end, record_.t + h);
-    if (!settle(from, h) || !closed_loops_vjp()) return false;
-    Numbers by_delta;
-    Fixed<double, coordinates> by_before;
-    const RetractionDerivatives<balls> turning(charts(), from.q.data(), way_of_.data());
-    const auto measure = [&] {
-      evaluate_transposed(solution_.data());
-      add(by_.q, more_.q), add(by_.v, more_.v), add(by_.lambda, more_.lambda);
-      by_delta.fill(0.0), by_before.fill(0.0);
-      turning.vjp(more_.q.data(), by_before.data(), by_delta.data());
-      for (std::size_t i = 0; i < n; ++i) left_[i] = by_.vdot[i] + h / 2 * more_.v[i] + h * h / 4 * by_delta[i] - solution_[i];
-      for (std::size_t i = 0; i < m; ++i) left_[n + i] = more_.lambda[i];
-    };
-    if (!solve(h, measure)) return false;
-    sum_up(solution_.data());
-    for (std::size_t i = 0; i < n; ++i) {
-      by_.vdot[i] = h / 2 * more_.v[i] + h * h / 4 * by_delta[i];
-      by_.v[i] = more_.v[i] + h * by_delta[i];
-    }
-    by_.q = by_before;
-    by_.lambda.fill(0.0);
+    const StateOf<M> end = stage_;
+    begin_step(end.t, record_.values);
+    if (!this->settle_end(simulation_->mechanism(), from, end, h) || !closed_loops_vjp()) return false;
+    const RetractionDerivatives<balls> turning(charts(), from.q.data(), this->place_.data());
+    Unknowns by_end;
+    ByColumns by;
+    std::copy(by_.lambda.begin(), by_.lambda.end(), std::copy(by_.vdot.begin(), by_.vdot.end(), by_end.begin()));
+    add(lead_vjp(turning).vdot, by_end);
+    if (!this->force_residual_.end_vjp(by_end, by)) return false;
+    add_columns(by, by_.q, by_.v);
+    by_ = lead_vjp(turning);
     return true;
   }
 
-  /// The fixed point at the end as the run came near to it, before loops are closed, in the stage.
-  bool settle(const Point& from, double h) {
-    double before = 0.0;
-    for (int iteration = 1; iteration <= 30; ++iteration) {
-      for (std::size_t i = 0; i < n; ++i) {
-        stage_.v[i] = from.v[i] + h / 2 * (from.vdot[i] + stage_.vdot[i]);
-        way_of_[i] = h * from.v[i] + h * h / 4 * (from.vdot[i] + stage_.vdot[i]);
-      }
-      retract<double>(charts(), from.q.data(), way_of_.data(), stage_.q.data());
-      simulation_->mechanism().evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), found_values_.data(), violation_.data());
-      double change = 0.0, size = 0.0;
-      for (std::size_t i = 0; i < n; ++i) {
-        change = std::max(change, std::abs(found_values_[i] - stage_.vdot[i]));
-        size = std::max(size, std::abs(found_values_[i]));
-      }
-      if (!(change - change == 0.0)) return false;
-      const double share = change / (1.0 + size);
-      if (m == 0 && (h != settled_for_ || (iteration > 1 && share > before))) settled_for_ = h, inverse_of_end_.forget();
-      correct_end(iteration > 1);
-      const double left = iteration > 1 ? share * std::min(1.0, share / before) : share;
-      if (left <= 1e-12 || (iteration > 2 && share > before / 2 && share <= 1e-5)) return true;
-      before = share;
+  /// From derivatives by coordinates and speeds to which accelerations at both ends of a step lead to those by its beginning; those by the accelerations are the same.
+  Point lead_vjp(const RetractionDerivatives<balls>& turning) const {
+    const double h = record_.h;
+    Point begun;
+    Numbers by_delta;
+    turning.vjp(by_.q.data(), begun.q.data(), by_delta.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      begun.v[i] = by_.v[i] + h * by_delta[i];
+      begun.vdot[i] = h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
     }
-    return false;
-  }
-
-  /// Go on to the fixed point from accelerations that are found from those of the stage: without loops by Broyden's method, which has learnt from the parts behind.
-  void correct_end(bool learns) {
-    if constexpr (m == 0) {
-      for (std::size_t i = 0; i < n; ++i) left_[i] = found_values_[i] - stage_.vdot[i];
-      const auto& step = inverse_of_end_.find_step(left_, learns);
-      for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] += step[i];
-    } else {
-      std::copy(found_values_.begin(), found_values_.end(), stage_.vdot.begin());
-      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += violation_[i];
-    }
-  }
-
-  /// The root of what `measure` finds left, by Broyden's method, from those of the two parts behind; what it has learnt of these holds for the next.
-  template <class Measure>
-  bool solve(double h, Measure measure) {
-    if (h != solved_for_) solved_ = 0, inverse_of_rule_.forget();
-    solved_for_ = h;
-    const Unknowns last = solution_;
-    for (std::size_t i = 0; i < unknowns; ++i) solution_[i] = solved_ == 0 ? (i < n ? by_.vdot[i] : 0.0) : solved_ == 1 ? last[i] : 2 * last[i] - last_[i];
-    last_ = last;
-    solved_ = std::min(solved_ + 1, 2);
-    double before = std::numeric_limits<double>::infinity();
-    int stalled = 0;
-    for (int iteration = 0; iteration < 200; ++iteration) {
-      measure();
-      const double share = share_of(0, n), beside = share_of(n, unknowns);
-      if (!(share + beside - (share + beside) == 0.0)) return false;
-      stalled = share < before ? 0 : stalled + 1;
-      if (share <= 1e-12 && (beside <= 1e-12 || before <= 1e-10)) return true;
-      if (share <= 1e-9 && stalled > 2) return true;
-      before = std::min(share, before);
-      const auto& step = inverse_of_rule_.find_step(left_, iteration > 0);
-      for (std::size_t i = 0; i < unknowns; ++i) solution_[i] += step[i];
-    }
-    return false;
-  }
-
-  double share_of(std::size_t first, std::size_t end) const {
-    double left = 0.0, size = 0.0;
-    for (std::size_t i = first; i < end; ++i) {
-      if (!(std::abs(left_[i]) <= left)) left = std::abs(left_[i]);
-      size = std::max(size, std::abs(solution_[i]));
-    }
-    return left > 0.0 ? left / std::max(left, size) : left;
+    return begun;
   }
 
   /// More derivatives by the stage's coordinates, speeds and multipliers, from those by accelerations and then by corrections of multipliers.
@@ -805,71 +690,55 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     const bool begins_with_derivative = carries_derivative && record_.number == 1;
     M& mechanism = simulation_->mechanism();
     std::array<Point, stages> points;
-    std::array<Fixed<double, coordinates>, stages> turns;
-    const auto row = [](std::size_t stage) {
-      std::array<double, stages> weights;
-      for (std::size_t j = 0; j < stages; ++j) weights[j] = Table::weights[stage][j].template as<double>();
-      return weights;
-    };
+    std::array<Fixed<double, coordinates>, stages> rates, by_rates{};
+    std::array<Numbers, stages> accelerations, by_accelerations{};
     const auto time = [&](std::size_t stage) { return record_.t + Table::nodes[stage].template as<double>() * h; };
     for (std::size_t stage = 0; stage <= stages; ++stage) {
       put(record_.from, time(stage));
-      for (std::size_t j = 0; j < stage; ++j) {
-        const double weight = h * row(stage)[j];
-        for (std::size_t i = 0; i < coordinates; ++i) stage_.q[i] += weight * turns[j][i];
-        for (std::size_t i = 0; i < n; ++i) stage_.v[i] += weight * points[j].vdot[i];
-      }
+      add_derivatives(h, Table::weights[stage], rates, stage_.q);
+      add_derivatives(h, Table::weights[stage], accelerations, stage_.v);
       if (stage == stages) break;
       if (stage == 0 && begins_with_derivative) {
-        points[0] = record_.from;
-        points[0].vdot = record_.end.vdot;
-        turns[0] = record_.end.q;
+        rates[0] = record_.end.q, accelerations[0] = record_.end.vdot;
         continue;
       }
       begin_step(stage_.t, record_.values);
       if (!this->enter(mechanism, stage_)) return false;
-      std::copy(this->still_.begin(), this->still_.end(), stage_.vdot.begin());
+      std::copy(this->still_.begin(), this->still_.end(), accelerations[stage].begin());
       std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
       points[stage].take(stage_);
-      coordinate_rates<double>(charts(), stage_.q.data(), stage_.v.data(), turns[stage].data());
+      coordinate_rates<double>(charts(), stage_.q.data(), stage_.v.data(), rates[stage].data());
     }
     begin_step(stage_.t, record_.values);
     const StateOf<M> end = stage_;
     normalise<double>(charts(), stage_.q.data());
     if (!closed_loops_vjp()) return false;
     lengths_vjp(charts(), end.q.data(), by_.q.data());
+    const auto derivatives_vjp = [&](const Fixed<double, coordinates>& by_rate, const Numbers& by_acceleration, Point& to) {
+      rates_vjp(charts(), stage_.q.data(), stage_.v.data(), by_rate.data(), to.q.data(), to.v.data());
+      return accelerations_vjp(by_acceleration, Fixed<double, m>(), to);
+    };
     if (owes_derivative_) {
       stage_ = end;
       begin_step(stage_.t, record_.values);
-      if (!this->enter(mechanism, stage_)) return false;
-      rates_vjp(charts(), stage_.q.data(), stage_.v.data(), by_coordinate_rates_.data(), by_.q.data(), by_.v.data());
-      if (!accelerations_vjp(by_derivative_, Fixed<double, m>(), by_)) return false;
+      if (!this->enter(mechanism, stage_) || !derivatives_vjp(by_coordinate_rates_, by_derivative_, by_)) return false;
     }
     owes_derivative_ = begins_with_derivative;
-    std::array<Fixed<double, coordinates>, stages> by_coordinate_rates{};
-    std::array<Numbers, stages> by_derivatives{};
-    Point by = by_, whole = by_;
-    for (std::size_t stage = stages; stage > 0; --stage) {
-      for (std::size_t j = 0; j < stage; ++j) {
-        const double weight = h * row(stage)[j];
-        for (std::size_t i = 0; i < coordinates; ++i) by_coordinate_rates[j][i] += weight * by.q[i];
-        for (std::size_t i = 0; i < n; ++i) by_derivatives[j][i] += weight * by.v[i];
-      }
-      const std::size_t at = stage - 1;
-      if (at == 0 && begins_with_derivative) {
-        by_coordinate_rates_ = by_coordinate_rates[0];
-        by_derivative_ = by_derivatives[0];
+    Point by = by_;
+    for (std::size_t stage = stages; stage-- > 0;) {
+      add_derivatives_vjp(h, Table::weights[stage + 1], by.q, by_rates);
+      add_derivatives_vjp(h, Table::weights[stage + 1], by.v, by_accelerations);
+      if (stage == 0 && begins_with_derivative) {
+        by_coordinate_rates_ = by_rates[0], by_derivative_ = by_accelerations[0];
         break;
       }
       by.clear();
-      put(points[at], time(at));
+      put(points[stage], time(stage));
       std::copy(stage_.lambda.begin(), stage_.lambda.end(), this->force_.begin());
       begin_step(stage_.t, record_.values);
-      rates_vjp(charts(), stage_.q.data(), stage_.v.data(), by_coordinate_rates[at].data(), by.q.data(), by.v.data());
-      if (!accelerations_vjp(by_derivatives[at], Fixed<double, m>(), by)) return false;
-      add(by.q, whole.q), add(by.v, whole.v);
+      if (!derivatives_vjp(by_rates[stage], by_accelerations[stage], by)) return false;
+      add(by.q, by_.q), add(by.v, by_.v);
     }
-    by_ = whole;
     by_.vdot.fill(0.0), by_.lambda.fill(0.0);
     return true;
   }
@@ -1014,7 +883,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   static constexpr bool has_fits = Fits::length > 0;
 
   T transposed_;
-  [[no_unique_address]] typename FitsWithDerivatives<Fits>::type fits_{};
+  [[no_unique_address]] std::conditional_t<has_fits, LoopFits<Dual, Fits>, NoFits> fits_{};
   Fixed<double, static_cast<std::size_t>(Fits::length)> by_series_;
   Tape tape_{};
   std::size_t records_ = 0, objective_ = 0;
@@ -1027,18 +896,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   bool owes_derivative_ = false;
   Fixed<double, loaded> by_loaded_, more_loaded_;
   Fixed<double, parameters> by_parameter_;  ///< by events
-  typename ColumnsOf<ForceResidual, by_residual>::OfLoaded by_rows_;  ///< by values of parameters in force residual
+  Fixed<double, is_explicit ? 0 : ForceResidual::loaded> by_rows_;  ///< by values of parameters in force residual
   Fixed<double, given> by_input_, more_input_;
   Fixed<double, held> by_held_;
   Fixed<double, Base::columns> by_columns_;
-  Fixed<double, m> violation_, by_violation_, nothing_;
-  Numbers way_of_, found_values_;
-  Unknowns solution_, last_;
-  typename SecantInverse<unknowns>::Numbers left_;
-  SecantInverse<unknowns> inverse_of_rule_;
-  SecantInverse<m == 0 ? n : 0> inverse_of_end_;
-  double solved_for_ = 0.0, settled_for_ = 0.0;  ///< the length of part of which these have learnt
-  int solved_ = 0;           ///< how many solutions there are behind, two at most
+  Fixed<double, m> by_violation_, nothing_;
+  Numbers found_values_;
   Fixed<double, Base::rows * directions> matrix_;
 };
 

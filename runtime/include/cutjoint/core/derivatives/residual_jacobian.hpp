@@ -59,6 +59,7 @@ class ResidualJacobian {
     [[maybe_unused]] const auto& penalties = simulation.penalties();
     load_mechanism(plain_, simulation.parameters().data(), simulation.roads(), simulation.stabilisation(), penalties);
     for (At& x : at_) x.is_found = false;
+    leaves_out_ = false;
     changes_.fill({});
     are_changing_ = false;
     for (std::size_t cut = 0, i = 0; i < m; ++i) {
@@ -114,6 +115,15 @@ class ResidualJacobian {
   void find(const State& x, OfDerivatives& derivative) {
     plain_.begin_step(x.t, 1.0);
     plain_.residual_jacobian(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), derivative.data());
+    for (std::size_t k = 0; leaves_out_ && k < length; ++k)
+      if (!(derivative[k] - derivative[k] == 0.0)) derivative[k] = 0.0, is_left_out_[sources.column[k]] = true;
+  }
+
+  /// From here on derivatives are left out that are infinite: what they are by must not change.  False where they have been so far.
+  bool leave_out_infinite() {
+    for (At& x : at_) x.is_found = false, x.decomposed_for = none, x.derivative.fill(0.0);
+    is_left_out_.fill(false);
+    return !std::exchange(leaves_out_, true);
   }
 
   /// What the force residual loses by changes of all but accelerations and multipliers, row by row.
@@ -154,7 +164,7 @@ class ResidualJacobian {
     };
     solve(x);
     Fixed<double, size> more = x;
-    double before = std::numeric_limits<double>::infinity();
+    double before = 1.0;
     for (int iteration = 0; m > 0 && iteration < 16; ++iteration) {
       double share[2]{}, whole[2]{};  // of what accelerations are multiplied by, and of what multipliers are
       for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -yields(i % (n + m) - n);
@@ -165,7 +175,7 @@ class ResidualJacobian {
         share[of] = std::max(share[of], std::abs(more[i])), whole[of] = std::max(whole[of], std::abs(x[i]));
       }
       const double left = std::max(share[0] / std::max(whole[0], 1e-300), share[1] / std::max(whole[1], 1e-300));
-      if (left <= 1e-15 || !(left < before)) break;
+      if (left * std::min(1.0, left / before) <= 1e-15 || (iteration > 0 && !(left < before))) break;
       before = left;
     }
     return std::all_of(x.begin(), x.end(), [](double each) { return each - each == 0.0; });
@@ -213,6 +223,13 @@ class ResidualJacobian {
     const bool is_found = solve_in_places(x.matrix, found);
     for (std::size_t i = 0; i < n + m; ++i) change[i] = found[order[i]];
     return is_found;
+  }
+
+  /// From derivatives by accelerations and multipliers that `solve_end` has found, in whose place the solution comes, to those by all that `lose` reads, which are added.
+  bool end_vjp(Numbers& by_end, Fixed<double, first_acceleration>& by) const {
+    if (!solve_transposed(at_[now_].matrix, by_end)) return false;
+    vjp(at_[now_].derivative, by_end.data(), by);
+    return true;
   }
 
   /// Decompose r_vdot + h/2 r_v + h^2/4 r_q of the end of a trapezoidal step, to which `delta` leads from coordinates; false where it is singular.
@@ -543,7 +560,25 @@ class ResidualJacobian {
     for (const Along& along : found) odd += 0.0 * along.derivative;
     double sum = 0.0;
     for (std::size_t k = 0; k < directions; ++k) sum += odd[k];
-    return sum == 0.0 && close(matrix, found);
+    return sum == 0.0 && close(matrix, found) && (!leaves_out_ || left_out_stay<Matrix>(found));
+  }
+
+  /// Whether nothing changes by which derivatives have been left out.
+  template <class Matrix, std::size_t size>
+  bool left_out_stay(const std::array<Along, size>& found) const {
+    const auto stays = [](const Along& x) {
+      for (std::size_t k = 0; k < directions; ++k)
+        if (x.derivative[k] != 0.0) return false;
+      return true;
+    };
+    for (std::size_t c = 0; c < width; ++c)
+      if (is_left_out_[c]) {
+        if (c < first_acceleration && !stays(by_[slots[c]])) return false;
+        for (std::size_t j = 0; (c < first_input || c >= first_acceleration) && j < (turns(c) ? 3 : 1); ++j)
+          for (std::size_t i = columns.unknown[c] + j; i < size; i += n + m)
+            if (!stays(found[places_of<Matrix>[i]])) return false;
+      }
+    return true;
   }
 
   /// What the force residual loses by changes of all but accelerations and multipliers, in the order of places.
@@ -599,7 +634,8 @@ class ResidualJacobian {
   At at_[2];
   int now_ = 0;
   Fixed<Along, loaded> changes_;  ///< of loaded values along directions
-  bool are_changing_ = false;
+  bool are_changing_ = false, leaves_out_ = false;
+  Fixed<bool, width> is_left_out_;  ///< columns of derivatives that have been left out
   Fixed<Along, first_acceleration> by_;  ///< of all but accelerations and multipliers
   Fixed<double, n + m> yields_;  ///< by how much loops do to multipliers in the matrix
   Fixed<double, width + (has_balls ? 3 * coordinates : 0)> weights_;  ///< the shares of columns in the matrix, of quaternions by each of three speeds

@@ -2,27 +2,14 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <limits>
-#include <optional>
+#include <type_traits>
 
-#include "cutjoint/core/numbers/dense.hpp"
 #include "cutjoint/core/derivatives/derivatives.hpp"
 #include "cutjoint/core/newton/closed_end_derivatives.hpp"
 
 namespace cutjoint {
-
-/// What belongs to ends whose multipliers close the loops.
-template <class ForceResidual, bool>
-struct EndsOf {
-  struct type {};
-};
-
-template <class ForceResidual>
-struct EndsOf<ForceResidual, true> {
-  using type = ClosedEndDerivatives<ForceResidual>;
-};
 
 /// `Derivatives` of a `Simulation` with the formulas of the trapezoidal rule, whose accelerations at the end follow from those to which they lead.
 ///
@@ -37,63 +24,14 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
  protected:
   using typename Base::Progress;
   using Base::joints, Base::m, Base::n;
-  using Base::charts, Base::correction_, Base::delta_, Base::du_, Base::lambda_, Base::mechanism_, Base::phi_, Base::phid_, Base::place_, Base::q_,
-      Base::step_, Base::still_, Base::v_, Base::values_, Base::vdot_;
+  using Base::charts, Base::delta_, Base::du_, Base::lambda_, Base::mechanism_, Base::phi_, Base::phid_, Base::place_, Base::q_,
+      Base::v_, Base::values_, Base::vdot_;
   static constexpr std::size_t no_row = std::numeric_limits<std::size_t>::max();
   static constexpr bool is_stepped = requires { typename Simulation::Steps::Scheme; };   ///< steps end at events
   static constexpr bool is_explicit = requires { typename Simulation::Steps::Method; };
   static constexpr bool has_stages = is_stepped && !is_explicit;  ///< that are coupled
   static constexpr bool seeks_multipliers = Base::has_system && m > 0 && !has_stages;
   static constexpr int most_iterations = 30;
-  static constexpr bool has_force_residual = ForceResidual::is_there;
-
-  /// From the beginning of a part that does not change along directions.
-  void set_out(Simulation& simulation, const StateOf<M>& from, double h) {
-    std::copy(from.q.begin(), from.q.end(), from_.begin());
-    for (std::size_t i = 0; i < n; ++i) {
-      speeds_[i] = from.v[i] + h / 2 * from.vdot[i];
-      shift_[i] = h * from.v[i] + h * h / 4 * from.vdot[i];
-    }
-    du_.fill(Dual());
-    this->along_ = {};
-    this->dheld_.fill(Dual());
-    for (Dual& x : this->parameters_) x.derivative = Tangents{};
-    this->load_parameters(simulation);
-    loaded_ = no_row;
-  }
-
-  /// The inverse of 1 less how the accelerations f at the end follow from those, a, that lead there, by which `find_end` goes on; false where there is none.
-  bool find_inverse(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    set_out(simulation, from, h);
-    enter_end(simulation.mechanism(), end);
-    for (std::size_t first = 0; first < n; first += directions) {
-      const std::size_t number = std::min(directions, n - first);
-      for (std::size_t i = 0; i < n; ++i) found_[i] = end.vdot[i];
-      for (std::size_t i = 0; i < m; ++i) lambda_[i] = end.lambda[i];
-      for (std::size_t k = 0; k < number; ++k) found_[first + k].derivative[k] = 1.0;
-      lead(h);
-      for (int pass = 0; pass < (m > 0 ? 2 : 1); ++pass) evaluate();
-      for (std::size_t k = 0, j = first; k < number; ++k, ++j)
-        for (std::size_t i = 0; i < n; ++i) matrix_[j * n + i] = (i == j ? 1.0 : 0.0) - vdot_[i].derivative[k];
-    }
-    squares_.emplace(dense::Matrix<double>{matrix_.data(), n, n}, order_.data(), left_.data(), right_.data());
-    squares_->decompose(1e-14);
-    for (std::size_t j = 0; j < n; ++j) {
-      place_.fill(0.0);
-      place_[j] = 1.0;
-      squares_->solve(place_.data(), values_.data(), still_.data());
-      for (std::size_t i = 0; i < n; ++i) inverse_[i * n + j] = values_[i];
-    }
-    inverse_of_ = h, inverse_at_ = end.t;
-    is_stale_ = false;
-    return squares_->rank() == n;
-  }
-
-  /// Accelerations at coordinates, speeds and multipliers, which it corrects.
-  void evaluate() {
-    mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] += correction_[i];
-  }
 
   void enter_end(M& mechanism, const StateOf<M>& end) {
     mechanism.begin_step(end.t, 1.0);
@@ -101,31 +39,11 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     mechanism_.begin_step(end.t, 1.0);
   }
 
-  /// The end of a step by the rule's fixed point along directions.
+  /// The end of a step by the rule along directions; false where the force residual has a derivative there that is no number.
   bool go_by_fixed_point(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    leave_start(from, h);
-    for (std::size_t i = 0; i < n; ++i) found_[i] = {end.vdot[i], vdot_[i]};
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], lambda_[i]};
     enter_end(mechanism, end);
-    if (!find_end(h)) return false;
-    lead(h);
-    vdot_ = found_;
-    return true;
-  }
-
-  /// The end of a step by the rule's fixed point along directions, by the force residual there; false where that has a derivative that is no number.
-  bool go_by_force_residual(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    enter_end(mechanism, end);
-    if (!is_settled_) {
-      for (std::size_t i = 0; i < n; ++i) {
-        speeds_[i].value = from.v[i] + h / 2 * from.vdot[i];
-        shift_[i].value = h * from.v[i] + h * h / 4 * from.vdot[i];
-      }
-      if (!settle(mechanism, from, end, h)) return false;
-      lead_stage(h);
-      is_settled_ = true;
-    }
-    if (!linearise_end(end.t, h)) return false;  // others may have gone to the beginning
+    if (!(is_settled_ ? linearise_end(end.t, h) : settle_end(mechanism, from, end, h))) return false;  // others may have gone to the beginning
+    is_settled_ = true;
     for (std::size_t i = 0; i < n; ++i) {
       shift_[i].derivative = h * v_[i].derivative + h * h / 4 * vdot_[i].derivative;
       v_[i] = {stage_.v[i], v_[i].derivative + h / 2 * vdot_[i].derivative};
@@ -141,6 +59,17 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     move_along(change, h * h / 4, false);
     for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = stage_.q[i];
     return true;
+  }
+
+  /// The end of a step by the rule, before its loops are closed, in the stage, with the matrix there; false where that is singular.
+  bool settle_end(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    for (std::size_t i = 0; i < n; ++i) {
+      speeds_[i].value = from.v[i] + h / 2 * from.vdot[i];
+      shift_[i].value = h * from.v[i] + h * h / 4 * from.vdot[i];
+    }
+    if (!settle(mechanism, from, end, h)) return false;
+    lead_stage(h);
+    return linearise_end(end.t, h);
   }
 
   /// Derivatives of coordinates that a way, so many times, leads to, from those where it begins, or beside those of another.
@@ -176,8 +105,8 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
       const double share = this->size_of(values_) / (1.0 + this->size_of(stage_.vdot));
       if (!(share <= std::numeric_limits<double>::max())) return false;
       if (share == 0.0 || (share > before / 2 && share <= (iteration > 2 ? 1e-5 : 1e-8))) return true;
-      if (!this->force_residual_.knows(h) && !this->force_residual_.decompose_end(h, charts(), from_values_.data(), place_.data())) return false;
-      if (share > before / 2 && !linearise_end(end.t, h)) return false;
+      const bool has_matrix = this->force_residual_.knows(h) || this->force_residual_.decompose_end(h, charts(), from_values_.data(), place_.data());
+      if ((!has_matrix || share > before / 2) && !linearise_end(end.t, h)) return false;
       if (iteration > 0) share_left_ = std::min(1.0, share / before);
       before = share;
       this->force_residual_.correct(values_, this->room_of_forces_);
@@ -192,33 +121,6 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   bool linearise_end(double t, double h) {
     this->force_residual_.find(t, stage_.q, stage_.v, stage_.vdot, stage_.lambda, this->u_);
     return this->force_residual_.decompose_end(h, charts(), from_values_.data(), place_.data());
-  }
-
-  /// Accelerations and multipliers of the fixed point, numbers and derivatives, from near ones: what f(a) differs from a by goes through the inverse.  The first two
-  /// changes tell by which factor errors fall; rounding may be as large as penalties make it.  False where it does not come to an end.
-  bool find_end(double h) {
-    double factor = 1.0, before = 0.0;
-    for (int iteration = 1; iteration <= most_iterations; ++iteration) {
-      lead(h);
-      evaluate();
-      for (std::size_t i = 0; i < n; ++i) vdot_[i] -= found_[i];
-      for (std::size_t i = 0; i < n; ++i) {
-        Dual step;
-        for (std::size_t j = 0; j < n; ++j) {
-          step.value += inverse_[i * n + j] * vdot_[j].value;
-          step.derivative += inverse_[i * n + j] * vdot_[j].derivative;
-        }
-        found_[i] += step_[i] = step;
-      }
-      const double share = largest_share(step_, found_);
-      if (!(share <= std::numeric_limits<double>::max())) return false;
-      if (iteration == 2) is_stale_ = (factor = share / before) > 0.02;
-      is_stale_ = is_stale_ || iteration > 8;
-      const bool is_rounding = iteration > 2 && share > before / 2 && share <= 1e-5;
-      if (share * std::min(1.0, factor) <= 1e-10 || is_rounding) return true;
-      before = share;
-    }
-    return false;
   }
 
   /// The end of a step as Newton's iteration has left it, its accelerations as its places tell them, with the derivatives of force residual there.
@@ -285,48 +187,15 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     retract<Dual>(charts(), from_.data(), delta_.data(), q_.data());
   }
 
-  /// The largest number, by 1 + the largest of others, or derivative, by the largest along its direction; not a number where one is none.
-  template <class Numbers, class Others>
-  static double largest_share(const Numbers& numbers, const Others& others) {
-    const Dual most = largest(numbers), size = largest(others);
-    double share = most.value / (1.0 + size.value);
-    for (std::size_t k = 0; k < directions; ++k) {
-      const double along = size.derivative[k] == 0.0 ? most.derivative[k] : most.derivative[k] / size.derivative[k];
-      if (!(along <= share)) share = along;
-      if (along != along) break;
-    }
-    return share;
-  }
-
-  /// The largest number and derivatives; not a number where one is none.
-  template <class Numbers>
-  static Dual largest(const Numbers& numbers) {
-    Dual most, odd;
-    for (const Dual& x : numbers) {
-      most.derivative = larger(larger(x.derivative, -x.derivative), most.derivative);
-      most.value = std::max(most.value, std::abs(x.value));
-      odd.derivative += 0.0 * x.derivative;
-      odd.value += 0.0 * x.value;
-    }
-    return most + odd;
-  }
-
   std::size_t loaded_ = no_row;  ///< the first of the directions with whose changes parameters are loaded
 
   StateOf<M> stage_{M::sizes.coordinates, n, m};
   Fixed<Dual, M::sizes.coordinates> from_;
   Coordinates<M> from_values_;
   Fixed<Dual, n> speeds_, shift_, found_;
-  Fixed<double, n * n> matrix_, inverse_;
-  double inverse_of_ = 0.0, inverse_at_ = 0.0;  ///< the length of step that the inverse is of, and where that ends
-  bool is_stale_ = true;                        ///< whether another inverse is sought next
-  bool by_force_residual_ = false, is_settled_ = false;  ///< whether the force residual has the derivatives of a part, and its end is found
-  bool has_no_derivative_ = false;                     ///< it has none for this one
+  bool is_settled_ = false;  ///< the end of a part is found
   double share_left_ = 1.0;                       ///< what the last correction of a step left of its error
-  [[no_unique_address]] typename EndsOf<ForceResidual, seeks_multipliers>::type ends_;
-  Fixed<double, n> left_, right_;
-  Fixed<std::size_t, n> order_;
-  std::optional<dense::LeastSquares<double>> squares_;
+  [[no_unique_address]] std::conditional_t<seeks_multipliers, ClosedEndDerivatives<ForceResidual>, typename Base::None> ends_;  ///< whose multipliers close the loops
 };
 
 }  // namespace cutjoint

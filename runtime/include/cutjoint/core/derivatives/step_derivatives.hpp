@@ -87,10 +87,11 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   using Base::indicators, Base::begun_, Base::cut_, Base::ended_, Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
   using typename Base::Steps;
 
-  /// What takes down parts and samples in place of following them.
+  /// What takes down parts, samples and rows in place of following them.
   struct Recorder {
     Fault (*part)(void* who, const StateOf<M>& from, const StateOf<M>& end, double h) = nullptr;
     Fault (*sample)(void* who, std::size_t first, std::size_t number) = nullptr;
+    Fault (*row)(void* who, Trajectory& trajectory) = nullptr;
     void* who = nullptr;
   };
 
@@ -116,7 +117,6 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     this->along_ = {};
     simulation.complete_state();
     load_all();
-    this->forget_part();
   }
 
   /// All that stays during the steps; parameters are loaded with the directions.
@@ -188,6 +188,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
 
   /// A row of outputs at the present state, and how they change along directions.
   Fault report(Trajectory& trajectory) {
+    if (recorder_.row) return recorder_.row(recorder_.who, trajectory);
     if (trajectory.number == 0) return {};
     const std::size_t columns = count_columns();
     const double* known = simulation_->report();
@@ -424,9 +425,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
       if (const Fault fault = enter_row(from, first, number)) return fault;
       if (this->go(*simulation_, from, end, h, number)) break;
       if (this->refused_) return this->refused_;
-      if (!this->can_get_ready_anew(end)) return no_end(end);
-      this->forget_part();
-      if (!this->find_part(*simulation_, from, end, h)) return no_end(end);
+      if (!this->force_residual_.leave_out_infinite() || !this->find_part(*simulation_, from, end, h)) return no_end(end);
     }
     if (!this->close_end(*simulation_, end)) return {.cause = Cause::pose_singular, .t = end.t};
     if (this->speeds_jump(end)) return cut_.fault(Cause::speeds_jump, end.t);

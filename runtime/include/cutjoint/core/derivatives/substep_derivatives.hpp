@@ -33,8 +33,7 @@ struct StagesOf<M, ForceResidual, true> {
 
 /// `Derivatives` of a `Simulation` with the formulas of its integrator, over numbers with derivatives, from the closed loops of a part's beginning to those of its end.
 ///
-/// What is found by iteration, the accelerations at the end of the trapezoidal rule, multipliers, and the way to closed loops, goes on until derivatives stay
-/// too, so that they are those of the solution.
+/// What is found by iteration, multipliers and the way to closed loops, goes on until derivatives stay too, so that they are those of the solution.
 template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
 class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
@@ -44,7 +43,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
  protected:
   using typename Base::Steps;
   using Base::m, Base::n, Base::has_stages, Base::is_explicit, Base::seeks_multipliers, Base::indicators;
-  using Base::begun_, Base::charts, Base::cut_, Base::ended_, Base::from_, Base::is_stale_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
+  using Base::begun_, Base::charts, Base::cut_, Base::ended_, Base::from_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
 
   /// Whether a step begins with the accelerations that the one before has found, before loops are closed at its end.
   static constexpr bool goes_on = !is_explicit && (!Base::has_system || m > 0 || has_stages);
@@ -61,10 +60,10 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
 
   /// Get ready for a part from a state to another; false where its end has no derivative.
   bool find_part(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    if constexpr (is_explicit) return true;
-    else if constexpr (has_stages) return find_stages(simulation.mechanism(), from, h);
-    else if constexpr (seeks_multipliers) return this->find_rule(simulation.mechanism(), from, end, h);
-    else return starts_by_force_residual() || (!is_stale_ && h == this->inverse_of_) || this->find_inverse(simulation, from, end, h);
+    if constexpr (has_stages) return find_stages(simulation.mechanism(), from, h);
+    if constexpr (seeks_multipliers) return this->find_rule(simulation.mechanism(), from, end, h);
+    this->is_settled_ = false;
+    return true;
   }
 
   /// From the beginning of the part to its end along directions; false where that has no derivative.
@@ -73,16 +72,8 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     if constexpr (is_explicit) return go_by_derivatives(mechanism, from, end, h, number);
     else if constexpr (has_stages) return go_by_stages(mechanism, from, end, h, number);
     else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, from, end, h);
-    else {
-      if constexpr (Base::has_force_residual)
-        if (this->by_force_residual_) return !(this->has_no_derivative_ = !this->go_by_force_residual(mechanism, from, end, h));
-      return this->go_by_fixed_point(mechanism, from, end, h);
-    }
+    else return this->go_by_fixed_point(mechanism, from, end, h);
   }
-
-  /// Parts that follow get ready anew, not as one before.
-  void forget_part() { is_stale_ = true; }
-  bool can_get_ready_anew(const StateOf<M>& end) const { return !is_explicit && !has_stages && !seeks_multipliers && this->inverse_at_ != end.t; }
 
   /// The projection of the part's end; false where loops stay open.
   bool close_end(Simulation& simulation, const StateOf<M>& end) {
@@ -92,13 +83,6 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
   }
 
  private:
-  /// Begin a part by the force residual, where there is one and it has not just failed.
-  bool starts_by_force_residual() {
-    this->by_force_residual_ = Base::has_force_residual && !this->has_no_derivative_;
-    this->has_no_derivative_ = this->is_settled_ = false;
-    return this->by_force_residual_;
-  }
-
   /// An explicit method, whose last stage begins the next step.
   bool go_by_derivatives(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
     if constexpr (!is_explicit) return false;
@@ -118,10 +102,8 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     const auto lead = [&](std::size_t stage) {
       q_ = from_;
       v_ = speeds_;
-      std::array<typename Table::Row::value_type, all> weights;
-      std::copy_n(Table::weights[stage].begin(), all, weights.begin());
-      add_derivatives(length, weights, place_derivatives, q_);
-      add_derivatives(length, weights, speed_derivatives, v_);
+      add_derivatives(length, Table::weights[stage], place_derivatives, q_);
+      add_derivatives(length, Table::weights[stage], speed_derivatives, v_);
       const double node = Table::nodes[stage].template as<double>();
       now = Dual(stage_.t = from.t + node * h, (1.0 - node) * begun_);
       mechanism.begin_step(stage_.t, 1.0);
@@ -293,10 +275,36 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     return true;
   }
 
+  /// The largest number, by 1 + the largest of others, or derivative, by the largest along its direction; not a number where one is none.
+  template <class Numbers, class Others>
+  static double largest_share(const Numbers& numbers, const Others& others) {
+    const Dual most = largest(numbers), size = largest(others);
+    double share = most.value / (1.0 + size.value);
+    for (std::size_t k = 0; k < directions; ++k) {
+      const double along = size.derivative[k] == 0.0 ? most.derivative[k] : most.derivative[k] / size.derivative[k];
+      if (!(along <= share)) share = along;
+      if (along != along) break;
+    }
+    return share;
+  }
+
+  /// The largest number and derivatives; not a number where one is none.
+  template <class Numbers>
+  static Dual largest(const Numbers& numbers) {
+    Dual most, odd;
+    for (const Dual& x : numbers) {
+      most.derivative = larger(larger(x.derivative, -x.derivative), most.derivative);
+      most.value = std::max(most.value, std::abs(x.value));
+      odd.derivative += 0.0 * x.derivative;
+      odd.value += 0.0 * x.value;
+    }
+    return most + odd;
+  }
+
   /// Whether numbers and their derivatives are so small, as those of a violation that numbers hardly change for are by the rounding of parameters.
   template <class Numbers>
   static bool is_at_most(const Numbers& numbers, double most) {
-    const Dual found = Base::largest(numbers);
+    const Dual found = largest(numbers);
     for (std::size_t k = 0; k < directions; ++k)
       if (!(found.derivative[k] <= most)) return false;
     return found.value <= most;
@@ -309,7 +317,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     double factor = 1.0, last = std::numeric_limits<double>::infinity();
     for (int iteration = 0; iteration < 50; ++iteration) {
       measure();
-      const double left = this->largest_share(violation, numbers);
+      const double left = largest_share(violation, numbers);
       if (!(left <= std::numeric_limits<double>::max())) return false;
       if (iteration > 0) factor = left / last;
       if (left <= rounding || (iteration > 0 && factor > 0.5 && (left <= 1e-9 || is_at_most(violation, rounding)))) return true;

@@ -39,10 +39,20 @@ using Decimals = std::array<Decimal, stages>;
 /// sum += h times the weighted derivatives.
 template <class Real, class Weight, std::size_t stages, class Tangents, class Numbers>
 void add_derivatives(Real h, const std::array<Weight, stages>& weights, const Tangents& derivatives, Numbers& sum) {
-  for (std::size_t j = 0; j < stages; ++j) {
+  for (std::size_t j = 0; j < stages && j < derivatives.size(); ++j) {
     if (weights[j].is_zero()) continue;
     const Real weight = h * weights[j].template as<Real>();
     for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += weight * derivatives[j][i];
+  }
+}
+
+/// Its transpose: what is by the sum, added to what is by the derivatives.
+template <class Weight, std::size_t stages, class Numbers, class Tangents>
+void add_derivatives_vjp(double h, const std::array<Weight, stages>& weights, const Numbers& by_sum, Tangents& by_derivatives) {
+  for (std::size_t j = 0; j < stages && j < by_derivatives.size(); ++j) {
+    if (weights[j].is_zero()) continue;
+    const double weight = h * weights[j].template as<double>();
+    for (std::size_t i = 0; i < by_sum.size(); ++i) by_derivatives[j][i] += weight * by_sum[i];
   }
 }
 
