@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options, table
-from cutjoint.compile.c_export import for_hosts, frozen_words, make_standalone
+from cutjoint.compile.c_export import for_hosts, frozen_words, make_standalone, needs_load_events
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import tunable_parameters
 from cutjoint.model.expressions.functions import leave_to_host
@@ -65,7 +65,8 @@ def _write_module(
     case, found = find_case(model, scene)
     chosen = with_default_closure(found, method, integrator)
     case = for_hosts(case, chosen)
-    generated = generate(case, chosen, chosen.outputs, method=method, poses=poses)
+    load_events = (linearise or adjoint) and needs_load_events(chosen, method, integrator, equal_steps=True)
+    generated = generate(case, chosen, chosen.outputs, method=method, poses=poses, load_events=load_events)
     alone = make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise, adjoint=adjoint)
     files, module = {**alone.files, **alone.module_files}, f"{alone.name}.wasm"
     require_apart({"the model": Path(model.span.file)}, documents=[(f"--out {folder}: file", folder / name) for name in (*files, module)])

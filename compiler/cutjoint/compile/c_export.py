@@ -320,6 +320,12 @@ def choose_steps(scene: Scene, method: str, integrator: str | None, *, equal_ste
     return Options(integrator=chosen, tolerance=tolerance, events=None if known[chosen].finds_events else Events.CROSSED)
 
 
+def needs_load_events(scene: Scene, method: str, integrator: str | None, *, equal_steps: bool = False) -> bool:
+    """Return whether derivatives of steps are only exact where these end as loads of friction pass zero: of adaptive ones."""
+    chosen = str(choose_steps(scene, method, integrator, equal_steps=equal_steps).integrator)
+    return INTEGRATORS[chosen].adaptive and STEPS[method][chosen].differentiable
+
+
 def _simulated(scene: Scene, method: str) -> str:
     """The integrator of a run of the command line."""
     return find_integrator(scene.numerics, METHODS[method], Implementation.GENERATED, Options()).name

@@ -23,7 +23,7 @@ from cutjoint.topology.build import build_topology
 
 def schedule_method(
     model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True,
-    poses: bool = False,
+    poses: bool = False, load_events: bool = False,
 ) -> tuple[Equations, Program]:  # fmt: skip
     """Derive the equations and the program of a scene, without its source."""
     # Model -> Topology -> Equations -> Program
@@ -34,7 +34,7 @@ def schedule_method(
         start = require_firmness(derive(model, tunable, (), poses=poses), method)
         return schedule_system(start.starting, method, tuple(outputs), lanes=lanes)
     closure = find_closure(scene.numerics, METHODS[method]).name
-    recursive = require_firmness(derive(model, scene, outputs, closure=closure, poses=poses), method)
+    recursive = require_firmness(derive(model, scene, outputs, closure=closure, poses=poses, load_events=load_events), method)
     return recursive, schedule_recursive(recursive, lanes=lanes)
 
 
@@ -50,12 +50,14 @@ def emit_scheduled(equations: Equations, program: Program, *, lanes: bool = True
 
 
 def derive(
-    model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = PLAIN_CLOSURE, poses: bool = False
+    model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = PLAIN_CLOSURE, poses: bool = False,
+    load_events: bool = False,
 ) -> RecursiveEquations:  # fmt: skip
     """The recursive equations of a model, which start the runs of every method, with loops as the scene has them; errors as in
     `compile_scene`."""
     topology = require_loads(build_topology(with_requested_loops(model, scene, DEFAULT_METHOD)), scene)
-    return require_soundness(formulate_recursive(topology, scene, tuple(outputs), closure=closure, poses=poses))
+    equations = formulate_recursive(topology, scene, tuple(outputs), closure=closure, poses=poses, load_events=load_events)
+    return require_soundness(equations)
 
 
 def with_requested_loops(model: Model, scene: Scene, method: str) -> Model:

@@ -14,7 +14,7 @@ from math import inf
 from time import perf_counter
 from typing import Any
 
-from cutjoint.compile.c_export import for_hosts, plan_delivery
+from cutjoint.compile.c_export import for_hosts, needs_load_events, plan_delivery
 from cutjoint.compile.derivation import emit_scheduled, fallback, schedule_method
 from cutjoint.compile.interpreted import compile_interpreted, interpreted_by
 from cutjoint.compile.options import DEFAULT, CompileOptions
@@ -68,7 +68,8 @@ def compile_scene(
     if generated is None:
         outputs = scene.outputs if options.outputs is None else options.outputs
         generated = generate(
-            model, scene, outputs, method=options.method, lanes=options.lanes, precision=options.precision, poses=options.poses
+            model, scene, outputs, method=options.method, lanes=options.lanes, precision=options.precision, poses=options.poses,
+            load_events=_needs_load_events(scene, options),
         )  # fmt: skip
     made, delivery = generated, plan_delivery(_for_hosts(generated, model, scene, options), options)
     seconds, written = perf_counter() - begin, perf_counter()
@@ -98,22 +99,29 @@ def _for_hosts(generated: Generated, model: Model, scene: Scene, options: Compil
     if not hosted.frozen:
         return generated
     outputs = scene.outputs if options.outputs is None else options.outputs
-    return generate(hosted, scene, outputs, method=options.method, lanes=options.lanes, poses=options.poses)
+    load_events = _needs_load_events(scene, options)
+    return generate(hosted, scene, outputs, method=options.method, lanes=options.lanes, poses=options.poses, load_events=load_events)
+
+
+def _needs_load_events(scene: Scene, options: CompileOptions) -> bool:
+    """Return whether a C export with derivatives needs them."""
+    asked = options.out is not None and (options.linearise or options.adjoint)
+    return asked and needs_load_events(scene, options.method, options.integrator, equal_steps=True)
 
 
 def generate(
     model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True,
-    precision: str = DEFAULT_PRECISION, poses: bool = False,
+    precision: str = DEFAULT_PRECISION, poses: bool = False, load_events: bool = False,
 ) -> Generated:  # fmt: skip
     """The symbolic half; with ``lanes``, isomorphic subtrees are evaluated side by side in number types of which several fit a register,
-    with ``poses`` the mechanism has the function of that name.
+    with ``poses`` the mechanism has the function of that name, with ``load_events`` steps end where loads of friction pass zero.
 
     Raises:
         EquationsError: a derivative is needed that the code of a function does not have; others as of `compile_scene`.
     """
     lanes = lanes and PRECISIONS[precision].packed
     try:
-        equations, program = schedule_method(model, scene, outputs, method=method, lanes=lanes, poses=poses)
+        equations, program = schedule_method(model, scene, outputs, method=method, lanes=lanes, poses=poses, load_events=load_events)
         return Generated(equations, program, emit_scheduled(equations, program, lanes=lanes, precision=precision))
     except MissingPartialsError as error:
         place = next(f.span for f in model.functions if f.name == error.function)

@@ -142,7 +142,7 @@ def indicators_of(equations: RecursiveEquations | SystemEquations) -> list[dict[
     """The description of the indicators."""
     return [
         {"element": s.element, "place": quotable(s.place), "road": equations.roads.index(s.road) if s.road else -1,
-         "across": s.across}
+         "across": s.across, "is_continuous": s.is_continuous}
         for s in equations.indicators
     ]  # fmt: skip
 

@@ -42,7 +42,7 @@ def describe_indicators(b: Builder, indicators: Sequence[EventIndicator]) -> tup
     return tuple(
         IndicatorPlace(
             element=section.element or section.stage, place=section.source, road=indicator.road,
-            across=-1 if indicator.across is None else numbers.get(indicator.across, -1),
+            across=-1 if indicator.across is None else numbers.get(indicator.across, -1), is_continuous=indicator.is_continuous,
         )
         for indicator, section in zip(indicators, sections, strict=True)
     )  # fmt: skip

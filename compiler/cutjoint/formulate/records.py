@@ -27,13 +27,14 @@ class IndicatorPlace:
     """A place at which a formula changes: the element and its line in the model file.
 
     If the value is a place along a road, ``road`` is its tyre and ``across`` the number of the indicator that is the place across it;
-    otherwise "" and -1.
+    otherwise "" and -1.  Where it ``is_continuous`` forces only get another derivative.
     """
 
     element: str
     place: str
     road: str
     across: int
+    is_continuous: bool
 
 
 @dataclass(frozen=True, kw_only=True)

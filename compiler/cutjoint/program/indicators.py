@@ -61,13 +61,14 @@ class EventIndicator:
     """A scalar that changes sign where a formula changes, and the section of the program that chooses by it.
 
     Of a lookup on a ``road`` the value is the place along it, which matters where the road's pieces meet; ``across`` is the other place, a
-    indicator of its own.  Without a road they are "" and None.
+    indicator of its own.  Without a road they are "" and None.  Where it ``is_continuous`` forces only get another derivative.
     """
 
     value: Block
     section: int
     road: str = ""
     across: Block | None = None
+    is_continuous: bool = False
 
 
 def find_indicators(builder: Builder, results: Iterable[Block]) -> list[EventIndicator]:

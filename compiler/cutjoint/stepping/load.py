@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cutjoint.compile.c_export import Standalone, make_standalone
+from cutjoint.compile.c_export import Standalone, make_standalone, needs_load_events
 from cutjoint.compile.pipeline import generate
 from cutjoint.methods import DEFAULT_METHOD, STEPS
 from cutjoint.model.expressions.functions import functions_of_host, leave_to_host
@@ -60,7 +60,8 @@ def load_scene(
     """Compile a scene of a model that has been read, as `load` does, with its errors."""
     _require_method(method)
     scene = with_default_closure(scene, method, integrator)
-    generated = generate(model, scene, scene.outputs, method=method, poses=poses)
+    load_events = (linearise or adjoint) and needs_load_events(scene, method, integrator)
+    generated = generate(model, scene, scene.outputs, method=method, poses=poses, load_events=load_events)
     alone = partial(make_standalone, generated, integrator=integrator, linearise=linearise, adjoint=adjoint)
     standalone = alone()
 

@@ -33,7 +33,7 @@ from cutjoint.methods import CLOSURES, PLAIN_CLOSURE
 from cutjoint.model.expressions.quantities import unit_of
 from cutjoint.model.records import GROUND, Output, Scene
 from cutjoint.program.blocks import BindingTime, Builder
-from cutjoint.program.indicators import find_domains, find_indicators
+from cutjoint.program.indicators import EventIndicator, find_domains, find_indicators
 from cutjoint.topology.records import Topology
 
 
@@ -61,7 +61,8 @@ _STATE = ("const Real* q", "const Real* v")
 
 
 def formulate_recursive(
-    topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = PLAIN_CLOSURE, poses: bool = False
+    topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = PLAIN_CLOSURE, poses: bool = False,
+    load_events: bool = False,
 ) -> RecursiveEquations:  # fmt: skip
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 
@@ -70,7 +71,7 @@ def formulate_recursive(
     step of the speeds' integrals that closes the violations of the cut joints and moves the masses least; with guards ``guard``: q, v ->
     margins; with indicators ``events``: q, v -> their values; with laws that may have no value ``domains``: q, v, lambda -> the margins of
     their arguments; with inputs ``scene_inputs``: t -> the scene's inputs; with controllers ``sample``: q, v, vdot, lambda -> what they
-    hold next; with ``poses`` the function of that name.
+    hold next; with ``poses`` the function of that name.  With ``load_events`` the lengths in loads of friction have indicators.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
@@ -84,12 +85,19 @@ def formulate_recursive(
     closing = ClosingElements(loops=derive_loops(k, topology.cuts, numbers), gears=derive_gears(k, model.gears, numbers))
     loops = closing.all()
     masses, Q, frictions, refinements = dict(system.M), dict(system.Q), load_frictions(model, system), CLOSURES[closure].refinements
+    begun = replace(system, M=dict(masses), Q=dict(Q), C=dict(system.C), joint_forces=dict(system.joint_forces))
     acting, (own_masses, own_forces) = replace(system, Q=Q), system.as_they_are()
     solution = solve(topology, system, k, closing, numbers)
     solution = refine(topology, masses, k, closing, numbers, solution, refinements)
+    kinks: list[EventIndicator] = []
     if frictions:
         motion = FrictionMotion(topology=topology, masses=masses, k=k, closing=closing, numbers=numbers, times=refinements)
         solution = motion.solve(frictions, solution, acting)
+    if frictions and load_events:  # loads as functions of the state: multipliers follow from penalties alone
+        alone = closing.without_multipliers(b)
+        with b.marked("n", "without multipliers"):
+            free = refine(topology, masses, k, alone, numbers, solve(topology, begun, k, alone, numbers), refinements)
+            kinks = replace(motion, closing=alone).load_indicators(frictions, free, acting)
     correction = corrections(b, loops, numbers, solution.errors)
     violations = {x.element.name: b.symbol(f"gap:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
     step = respond(topology, masses, k, closing, numbers, violations, mark="p", origin="of gaps alone").vdot
@@ -110,7 +118,7 @@ def formulate_recursive(
     switching = [*accelerations.values(), *k.guided_rates]  # a jump of a guide that no acceleration feels has work too
     laws = derive_scene_inputs(b, model, scene, switching)
     fits = loop_fits(b, topology)
-    indicators = [*find_indicators(b, switching), *laws.indicators]
+    indicators = [*find_indicators(b, switching), *laws.indicators, *kinks]
     domains = [*find_domains(b, accelerations.values()), *laws.domains]
     functions = (
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={

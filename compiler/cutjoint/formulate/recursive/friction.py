@@ -27,6 +27,7 @@ from cutjoint.formulate.recursive.solution import ClosingElements, Solution, ref
 from cutjoint.kernels.joints import direction_of
 from cutjoint.model.records import Joint, JointFriction, Model
 from cutjoint.program.blocks import Block, Builder, is_zero
+from cutjoint.program.indicators import EventIndicator
 from cutjoint.topology.records import Topology
 
 #: Newton's iterations for the loads.
@@ -139,6 +140,37 @@ class FrictionMotion:
 
     def solve(self, frictions: Sequence[LoadFriction], free: Solution, system: BodySystem) -> Solution:
         """The solution with friction, from that without; ``system`` has the forces without it."""
+        b = self.k.builder
+        equations, solutions = self._equations(frictions, free, system)
+        vdot, errors = dict(free.vdot), dict(free.errors)
+        places = {name: span.place for name, span in self.topology.model.constraint_spans.items()}
+        for load, unit in zip(equations.solve(), solutions, strict=True):
+            for sums, shares in ((vdot, unit.vdot), (errors, unit.errors)):
+                for name, share in shares.items():
+                    with b.section("friction", name, "zdd <- zdd + N dzdd", places[name]):
+                        sums[name] = b.add(sums[name], b.scale(load, share))
+        return Solution(vdot=vdot, errors=errors)
+
+    def load_indicators(self, frictions: Sequence[LoadFriction], free: Solution, system: BodySystem) -> list[EventIndicator]:
+        """Indicators of the vectors r of loads, whose lengths have a kink where r is zero: their components x as x^3/|r|^2.
+
+        So one that is zero but for rounding has no sign, as of a plane mechanism the one across its plane.
+        """
+        b, found = self.k.builder, []
+        equations, _ = self._equations(frictions, free, system)
+        loads = equations.solve()
+        for j, each in enumerate(frictions):
+            with b.section("friction", each.force.name, "x^3/|r|^2 of r = (x, y, z)", each.force.span.place):
+                for r in (equations.vector(j, n, loads) for n in range(len(equations.at_zero[j]))):
+                    square = b.add(b.dot(r, r), b.number(_ROUNDING))
+                    for x in (b.element(r, i) for i in range(3)):
+                        if not is_zero(x):
+                            value = b.mul(x, b.call("div", b.mul(x, x), square))
+                            found.append(EventIndicator(value=value, section=value.section, is_continuous=True))
+        return found
+
+    def _equations(self, frictions: Sequence[LoadFriction], free: Solution, system: BodySystem) -> tuple[_Loads, list[Solution]]:
+        """The equations of the loads, and the response to each of these."""
         b, k = self.k.builder, self.k
         without = self._reactions(k, free, system)
         at_zero = [each.vectors(k, without) for each in frictions]
@@ -149,15 +181,7 @@ class FrictionMotion:
                 solutions.append(unit)
                 alone = self._reactions(without_speed(k), unit, applied)
                 by_unit.append([other.vectors(k, alone) for other in frictions])
-        loads = _Loads(k=k, frictions=frictions, at_zero=at_zero, by_unit=by_unit).solve()
-        vdot, errors = dict(free.vdot), dict(free.errors)
-        places = {name: span.place for name, span in self.topology.model.constraint_spans.items()}
-        for load, unit in zip(loads, solutions, strict=True):
-            for sums, shares in ((vdot, unit.vdot), (errors, unit.errors)):
-                for name, share in shares.items():
-                    with b.section("friction", name, "zdd <- zdd + N dzdd", places[name]):
-                        sums[name] = b.add(sums[name], b.scale(load, share))
-        return Solution(vdot=vdot, errors=errors)
+        return _Loads(k=k, frictions=frictions, at_zero=at_zero, by_unit=by_unit), solutions
 
     def _unit(self, each: LoadFriction) -> tuple[Solution, BodySystem]:
         """The response to friction by a load of 1 N alone, and the forces that make it."""
@@ -224,15 +248,20 @@ class _Loads:
         for each, vectors, j in zip(self.frictions, self.at_zero, self._numbers, strict=True):
             with b.section("friction", each.force.name, "p + sum of |r|", each.force.span.place):
                 lengths, derivatives = [self.k.translator.scalar(each.force.preload)], [b.zero(1) for _ in self._numbers]
-                for n, vector in enumerate(vectors):
+                for n in range(len(vectors)):
                     changes = [self.by_unit[i][j][n] for i in self._numbers]
-                    r = b.total([vector, *(_scaled(b, load, change) for load, change in zip(loads, changes, strict=True))])
+                    r = self.vector(j, n, loads)
                     length = _length(b, r)
                     way = b.scale(b.call("div", b.number(1.0), length), r)
                     lengths.append(length)
                     derivatives = [b.add(derivative, b.dot(way, change)) for derivative, change in zip(derivatives, changes, strict=True)]
                 found.append((b.total(lengths), derivatives))
         return found
+
+    def vector(self, j: int, n: int, loads: Sequence[Block]) -> Block:
+        """r of a load at some loads."""
+        b = self.k.builder
+        return b.total([self.at_zero[j][n], *(_scaled(b, load, self.by_unit[i][j][n]) for i, load in enumerate(loads))])
 
     def _iterate(self, loads: Sequence[Block]) -> list[Block]:
         """One of Newton's iterations."""

@@ -30,11 +30,19 @@ class ClosingElements:
         """The cut joints, then the gears."""
         return *self.loops, *self.gears
 
+    def without_multipliers(self, b: Builder) -> ClosingElements:
+        """Copy the elements without multipliers."""
+        return ClosingElements(
+            loops=tuple(replace(x, multipliers=b.zero(len(x.names))) for x in self.loops),
+            gears=tuple(replace(x, multipliers=b.zero(len(x.names))) for x in self.gears),
+        )
+
     def with_violations(self, b: Builder, violations: Mapping[str, Block]) -> ClosingElements:
         """Copy the elements with violations alone: ``violations`` instead of s, no multipliers."""
+        alone = self.without_multipliers(b)
         return ClosingElements(
-            loops=tuple(replace(x, s=violations[x.joint.name], multipliers=b.zero(len(x.names))) for x in self.loops),
-            gears=tuple(replace(x, s=violations[x.element.name], multipliers=b.zero(len(x.names))) for x in self.gears),
+            loops=tuple(replace(x, s=violations[x.joint.name]) for x in alone.loops),
+            gears=tuple(replace(x, s=violations[x.element.name]) for x in alone.gears),
         )
 
 

@@ -335,13 +335,13 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     self->last_ = end;
   }
 
-  /// The indicators that have left their formulas since they were counted last.
+  /// The indicators that have left their formulas since they were counted last.  Where all stays continuous, nothing depends on when that is.
   template <class Stepper>
   void count_indicators(const Stepper& stepper) {
     cut_ = {};
     for (std::size_t i = 0; i < indicators; ++i) {
       const long number = stepper.counts().by_indicator[i];
-      if (number != counted_[i]) cut_.which[cut_.left++] = i;
+      if (number != counted_[i] && !M::indicators[i].is_continuous) cut_.which[cut_.left++] = i;
       counted_[i] = number;
     }
   }

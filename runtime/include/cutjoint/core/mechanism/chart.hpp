@@ -15,10 +15,11 @@ struct Chart {
 };
 
 /// A value that is watched for a change of formula: the place along a `road`, or without a road a value that changes its sign.  The indicator
-/// `across` has the place across the road; without one, the place is right of the middle.
+/// `across` has the place across the road; without one, the place is right of the middle.  Where it `is_continuous` forces only get another derivative.
 struct IndicatorPlace {
   int road = -1;
   int across = -1;
+  bool is_continuous = false;
 };
 
 /// A controller takes samples at `offset` + k `every`, s, and holds so many values in between.  `felt` has a letter for each, '0' of one that samples and
