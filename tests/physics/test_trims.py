@@ -72,7 +72,8 @@ bodies:
 joints:
   way: {kind: prismatic, bodies: [ground, mass], at: [0, 0, 0.5], axis: z}
 forces:
-  spring: {kind: point_spring, bodies: [ground, mass], from: [0, 0, 0], to: [0, 0, 0.5], law: {stiffness: 2 kN/m, damping: 5, preload: preload}}
+  spring:
+    {kind: point_spring, bodies: [ground, mass], from: [0, 0, 0], to: [0, 0, 0.5], law: {stiffness: 2000, damping: 5, preload: preload}}
 scenes:
   held: {end: 1, positions: {way.displacement: 50 mm}, trim: {find: [preload]}, outputs: [way.displacement, spring.force]}
 """
@@ -268,7 +269,11 @@ forces:
   three: {kind: point_spring, bodies: [ground, plate], from: R, to: C, law: {stiffness: 1000, preload: tension}}
 outputs: [plate.z, plate.roll, plate.pitch]
 scenes:
-  hung: {end: 1, positions: {moves.attitude: {rotation_vector: [0.1, 0.2, 0]}}, near: [moves.attitude], trim: {find: [tension], hold: {plate.z: 0.02 m}}}
+  hung:
+    end: 1
+    positions: {moves.attitude: {rotation_vector: [0.1, 0.2, 0]}}
+    near: [moves.attitude]
+    trim: {find: [tension], hold: {plate.z: 0.02 m}}
 """
     assert found_by(text)["tension"] == pytest.approx(6 * G / 3 + 1000 * 0.02, rel=1e-9)
     motion = run(text)
@@ -285,8 +290,8 @@ scenes:
         (MOTOR, "[voltage, current]", "[voltage, length]", "too many unknowns: 'length', 'voltage' and 'current' can change together"),
         (SLED, "[throttle]", "[throttle, way.displacement]", "m.yaml:20:29: scene 'steady': trim: nothing that holds depends on "
          "'way.displacement'; leave it out of 'find', or hold what it changes"),
-        (MOTOR, "positions: {hinge.angle: 30 deg}, trim: {", "trim: {hold: {bob.z: 0.8 m}, ", "m.yaml:17:18: scene 'held': trim: no start meets "
-         "all conditions; the nearest has 'bob.z' = 0.5 in place of 0.8 m; write other values, or begin nearer with 'positions' and 'near'"),
+        (MOTOR, "positions: {hinge.angle: 30 deg}, trim: {", "trim: {hold: {bob.z: 0.8 m}, ", "m.yaml:17:18: scene 'held': trim: no start "
+         "meets all conditions; the nearest has 'bob.z' = 0.5 in place of 0.8 m; write other values, or begin nearer"),
         (FIVE_BAR, "a.angle: 5 deg", "a.angle: 5 deg, 2*a.angle: 11 deg", "the nearest has 'a.angle' = 5.2"),
         (MOTOR, "[voltage, current]}", "[voltage], hold: {hinge.angle: 20 deg}}", "the nearest has 'hinge.angle' = 30 in place of 20 deg"),
         (SLED, "[0, 1]", "[0, 0.1]", "with 'throttle' = 0.1 at the bound"),

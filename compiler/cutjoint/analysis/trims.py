@@ -20,13 +20,13 @@ from cutjoint.formulate.inputs import INPUT_ORDERS, INPUTS
 from cutjoint.methods import join_and
 from cutjoint.model.expressions.parse import quantities_read
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
-from cutjoint.model.records import Model, Scene, Unknown
+from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.program.interpret import RoadTable
 from cutjoint.topology.geometry import TOLERANCE, extent
 
 #: The parts of a point: changes of coordinates, speeds and states, their rates, multipliers, parameters, inputs.
-_PARTS = _MOVES, _SPEEDS, _RATES, _MULTIPLIERS, _PARAMETERS, _INPUTS = tuple(range(6))
+_MOVES, _SPEEDS, _RATES, _MULTIPLIERS, _PARAMETERS, _INPUTS = tuple(range(6))
 #: The functions that have conditions, and their arrays in the order of rows.
 _CONDITIONS = ("dynamic_residual", "constraint_residual", "report")
 _ROWS = ("force_residual", "residual", "rate", "curvature", "column")
@@ -177,7 +177,9 @@ class _Search:
         self._free[[*self._listed.values()]] = True
         known = self._free[self._part(_SPEEDS)] | np.array([name in given.rates for name in self._names[_SPEEDS]], dtype=bool)
         self._following = np.flatnonzero(~known[: self._start.speeds])
-        self.begin, self._sizes = y, self._find_sizes(y)
+        self._sizes = np.where(y == 0.0, 1.0, np.abs(y))
+        self._sizes[self._part(_MOVES)] = np.where(of._is_length, of._extent, 1.0)
+        self.begin = y
         rows = len(system.speed_names) * [1] + 2 * len(system.equation_names) * [0] + len(system.equation_names) * [1]
         self._forces = np.array(rows + len(self._held) * [0])
         self._counts = np.ones(len(self._forces), dtype=bool)
@@ -188,18 +190,11 @@ class _Search:
         self._is_guided = any(joint.guide is not None for joint in system.topology.model.joints)
         self._lower, self._upper = np.full(len(y), -np.inf), np.full(len(y), np.inf)
         for name, (lower, upper) in given.bounds.items():
-            self._lower[self._listed[name]], self._upper[self._listed[name]] = lower, upper
+            index = self._listed[name]
+            self._lower[index], self._upper[index], self._sizes[index] = lower, upper, upper - lower
 
     def _part(self, part: int) -> slice:
         return slice(self._first[part], self._first[part + 1])
-
-    def _find_sizes(self, y: Array) -> Array:
-        """The size of each number: extents or radians of coordinates, of others the value or what bounds them."""
-        sizes = np.where(y == 0.0, 1.0, np.abs(y))
-        sizes[self._part(_MOVES)] = np.where(self._of._is_length, self._of._extent, 1.0)
-        for name, (lower, upper) in self._given.bounds.items():
-            sizes[self._listed[name]] = upper - lower
-        return sizes
 
     def _point(self, y: Array) -> tuple[dict[str, Array], Mapping[str, RoadTable], dict[str, Array]]:
         """The arrays of functions, the roads and the inputs at points (..., numbers)."""
@@ -224,28 +219,25 @@ class _Search:
         return v
 
     def residuals(self, y: Array) -> Array:
-        """What is left of each condition at points (..., numbers): forces and rates of states, loops with their rates, held values."""
+        """What is left at points (..., numbers) of the conditions that count now: forces and rates of states, loops and their rates, held
+        values."""
         found = evaluate_results(self._system, self._results, *self._point(y))
-        left = [np.broadcast_to(column, (*y.shape[:-1], column.shape[-1])) for column in found.values()]
-        left = np.concatenate([np.zeros((*y.shape[:-1], 0)), *left], axis=-1)
+        columns = [np.broadcast_to(column, (*y.shape[:-1], column.shape[-1])) for column in found.values()]
+        left = np.concatenate([np.zeros((*y.shape[:-1], 0)), *columns], axis=-1)
         left[..., left.shape[-1] - len(self._held) :] -= self._held
-        return left
-
-    def _kept(self, y: Array) -> Array:
-        """The residuals of the conditions that count now; zeros for others."""
-        return np.where(self._counts, self.residuals(y), 0.0)
+        return np.where(self._counts, left, 0.0)
 
     def _tried(self, y: Array) -> _Tried:
-        left = self._kept(y)
+        left = self.residuals(y)
         sizes = np.maximum(self._sizes, np.abs(y))
         sizes[self._part(_MOVES)] = self._sizes[self._part(_MOVES)]
         free = np.flatnonzero(self._free)
         steps = _DIFFERENCE * sizes[free, np.newaxis] * np.eye(len(y))[free]
-        values = self._kept(np.concatenate([y + steps, y - steps]))
+        values = self.residuals(np.concatenate([y + steps, y - steps]))
         A = ((values[: len(free)] - values[len(free) :]) / (2 * _DIFFERENCE)).T
         A[~np.isfinite(A)] = 0.0
-        forces, ties = len(self._names[_SPEEDS]), free_within(free, self._part(_MULTIPLIERS))
-        largest = np.abs(A[:forces][:, ~ties]).max(initial=0.0)
+        ties = np.isin(free, np.arange(self._first[_MULTIPLIERS], self._first[_PARAMETERS]))
+        largest = np.abs(A[: len(self._names[_SPEEDS]), ~ties]).max(initial=0.0)
         weights = np.abs(A[:, ties]).max(axis=0, initial=0.0)
         scale = np.where(weights > 0, (largest or 1.0) / np.where(weights > 0, weights, 1.0), 1.0)
         A[:, ties] *= scale
@@ -256,7 +248,9 @@ class _Search:
         rows[joints:] = self._reach = np.maximum(self._reach, rows[joints:])  # derivatives vanish where values are out of reach
         rows = np.where(rows > 0, rows, np.maximum(1.0, np.abs(left)))
         rows[len(self._names[_SPEEDS]) :][: len(self._names[_MULTIPLIERS])] /= _LOOPS
-        return _Tried(y=y, left=left, A=A / rows[:, np.newaxis], rows=rows, columns=sizes[free])
+        A /= rows[:, np.newaxis]
+        A[:, np.abs(A).max(axis=0, initial=0.0) <= _IDLE] = 0.0
+        return _Tried(y=y, left=left, A=A, rows=rows, columns=sizes[free])
 
     def best(self) -> _Tried:
         """The point that meets the conditions, else the nearest of several tries; where loops and held values alone cannot be met, that of
@@ -286,7 +280,7 @@ class _Search:
             if not np.isfinite(at.left).all() or not np.abs(at.left).any():
                 break
             y = self._stepped(at, damping)
-            before, after = np.linalg.norm(at.left / at.rows), np.linalg.norm(self._kept(y) / at.rows)
+            before, after = np.linalg.norm(at.left / at.rows), np.linalg.norm(self.residuals(y) / at.rows)
             if after < before:
                 at, damping = self._tried(y), damping / 8
                 if after > (1 - 1e-4) * before:
@@ -298,7 +292,7 @@ class _Search:
     def _stepped(self, at: _Tried, damping: float) -> Array:
         """The point after a step; numbers at a bound that the step would cross stay there."""
         free, left = np.flatnonzero(self._free), at.left / at.rows
-        moving = np.ones(len(free), dtype=bool)
+        moving = at.A.any(axis=0)
         while True:
             A = np.vstack([at.A[:, moving], np.sqrt(damping) * np.eye(int(moving.sum()))])
             step = np.zeros(len(free))
@@ -317,13 +311,13 @@ class _Search:
     def _columns(self, at: _Tried) -> Array:
         """The derivatives with all columns of length one, but for those of zeros."""
         lengths = np.linalg.norm(at.A, axis=0)
-        return np.asarray(at.A / np.where(lengths > _IDLE, lengths, np.inf))
+        return np.asarray(at.A / np.where(lengths > 0, lengths, 1.0))
 
     def idle(self, at: _Tried) -> list[str]:
         """The listed unknowns on which no condition depends."""
         counts, self._counts = self._counts, np.ones_like(self._counts)
         at, self._counts = self._tried(at.y), counts
-        still = {*np.flatnonzero(self._free)[np.abs(at.A).max(axis=0, initial=0.0) <= _IDLE].tolist()}
+        still = {*np.flatnonzero(self._free)[~at.A.any(axis=0)].tolist()}
         return [f"'{name}'" for name, index in self._listed.items() if index in still]
 
     def loose(self, at: _Tried) -> list[str]:
@@ -402,8 +396,3 @@ class _Search:
                 held={name: float(value) for name, value in held.items()},
             ),
         )  # fmt: skip
-
-
-def free_within(free: Array, part: slice) -> Array:
-    """Whether indices are of a part."""
-    return (free >= part.start) & (free < part.stop)

@@ -97,7 +97,7 @@ def _call(function: str, table: str | None, args: list[Any], roads: Mapping[str,
         lookup, by = surface_lookup(function) if function.startswith(SURFACE) else (function, None)
         answer, orders = getattr(roads[table], lookup.removeprefix("road_")), () if by is None else (by.count("x"), by.count("y"))
         places = np.broadcast_arrays(*args)  # a road answers for one place, not for a batch
-        return np.vectorize(lambda x, y: answer(float(x), float(y), *orders), otypes=[float])(*places)
+        return np.asarray(np.vectorize(lambda x, y: answer(float(x), float(y), *orders), otypes=[float])(*places))
     _require_own(function)
     return np.asarray(fact(function, "numpy")(*args), dtype=float)
 

@@ -225,7 +225,8 @@ def _amplitude(value: complex) -> str:
 def modes_json(modes: Modes, model: str, scene: str) -> str:
     """All numbers; complex numbers are [real, imaginary]."""
     content = {
-        "model": model, "scene": scene, "about": "static equilibrium" if modes.at_rest else "steady motion" if modes.steady else "motion", "t": modes.time,
+        "model": model, "scene": scene, "t": modes.time,
+        "about": "static equilibrium" if modes.at_rest else "steady motion" if modes.steady else "motion",
         "degrees_of_freedom": modes.degrees_of_freedom, "modes": [_plain_mode(m) for m in modes.modes],
         "undamped": [_plain_mode(m) for m in modes.undamped], "zero_eigenvalues": modes.zeros,
         "held_controllers": list(modes.held),

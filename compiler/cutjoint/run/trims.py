@@ -42,8 +42,8 @@ def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple
     inputs = {u.name: trimmed.unknowns[u.name] for u in scene.trim.find if u.kind == "input"}
     parameters = tuple(replace(p, value=trimmed.unknowns.get(p.name, given.parameters.get(p.name, p.value))) for p in model.parameters)
     start = replace(
-        begun, trim=None, assemble=(), near=(), positions=_numbers(trimmed.coordinates), rates=_numbers(trimmed.rates), starts=_numbers(trimmed.states),
-        inputs={**begun.inputs, **_numbers(inputs)},
+        begun, trim=None, assemble=(), near=(), positions=_numbers(trimmed.coordinates), rates=_numbers(trimmed.rates),
+        starts=_numbers(trimmed.states), inputs={**begun.inputs, **_numbers(inputs)},
     )  # fmt: skip
     return replace(model, parameters=parameters), start, trimmed
 

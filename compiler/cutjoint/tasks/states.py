@@ -83,7 +83,7 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
 
 
 def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
-    """The tree's coordinates at the static equilibrium of a scene or where it is trimmed, (coordinates,); errors as of `find_equilibrium`."""
+    """The tree's coordinates at the static equilibrium of a scene, or where it is trimmed; errors as of `find_equilibrium`."""
     scene = replace(scene, pose="equilibrium", rates={}) if scene.trim is None else scene
     at_rest = with_loops(with_closure(replace(scene, end=0.0), PLAIN_CLOSURE), Loops.EXACT)
     artifact = compile_interpreted(model, at_rest, outputs=[])

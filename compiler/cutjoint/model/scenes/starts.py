@@ -219,8 +219,8 @@ def read_near(where: Element, scene: model_file.Scene, positions: Mapping[str, S
 
 
 def read_trim(
-    where: Element, scene: model_file.Scene, known: Mapping[str, Quantified], signals: Mapping[str, Signal], parameters: Sequence[Parameter],
-    inputs: Mapping[str, Scalar],
+    where: Element, scene: model_file.Scene, known: Mapping[str, Quantified], signals: Mapping[str, Signal],
+    parameters: Sequence[Parameter], inputs: Mapping[str, Scalar],
 ) -> Trim | None:  # fmt: skip
     """What ``trim`` finds and holds: joints and states are among those ``known``; ``inputs`` have the scene's laws."""
     if (trim := scene.trim) is None:
@@ -235,13 +235,11 @@ def read_trim(
         keys = ("trim", "find", index)
         if (unknown := _chosen(where, name, choices, keys)) is None:
             continue
-        if unknown.kind == "parameter" and (binding := next(p.binding for p in parameters if p.name == name)) is not Binding.PARAM:
-            where.fail(f"trim: find: the parameter '{name}' has binding {binding}", "give it 'binding: param'", keys)
+        if any(p.name == name and p.binding is Binding.CONST for p in parameters):
+            where.fail(f"trim: find: the parameter '{name}' has binding const", "give it 'binding: param'", keys)
         if unknown.kind == "input" and getattr(inputs.get(name), "free_symbols", None):
             hint = "let it follow from a parameter with 'binding: param' and find that"
             where.fail(f"trim: find: the scene's law of the input '{name}' is no number", hint, keys)
-        if name in trim.find[:index]:
-            where.fail(f"trim: find: '{name}' stands twice", "remove one", keys)
         ends, unit = trim.bounds.get(name, ()), measure(1.0, unknown.unit).dimension if unknown.unit else NONE
         bounds = tuple(where.scalar(end, unit, ("trim", "bounds", name, i)) for i, end in enumerate(ends))
         if bounds and where.value(bounds[0]) >= where.value(bounds[1]):
