@@ -129,16 +129,16 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
 
 
 def evaluate_scene_inputs(equations: Equations, parameters: Array, t: float) -> dict[str, Array]:
-    """The values of a scene's laws at ``t`` (s) that a step of a mechanism or system reads, by symbol, and what controllers hold before
-    their first samples; none of a model without inputs and controllers."""
+    """The values (..., length) of a scene's laws at ``t`` (s) that a step of a mechanism or system reads with ``parameters`` (..., length),
+    by symbol, and what controllers hold before their first samples; none of a model without inputs and controllers."""
     if not equations.input_values:
         return {}
     results = equations.function("scene_inputs").results
     values = interpret_blocks(results.values(), {LAW_TIME: np.full(1, t), "parameters": parameters}, {})
-    numbers = np.array([values[block][0, 0] for block in results.values()])
+    numbers = np.stack(np.broadcast_arrays(*(values[block][..., 0, 0] for block in results.values())), axis=-1)
     given = len(equations.slots[INPUTS].names)
     begun = given + equations.held
-    return {INPUTS: numbers[:given], HELD: numbers[given:begun], LAW_VALUES: numbers[begun:]}
+    return {INPUTS: numbers[..., :given], HELD: numbers[..., given:begun], LAW_VALUES: numbers[..., begun:]}
 
 
 def close_loops(

@@ -72,6 +72,7 @@ class Modes:
     and coordinates that no spring holds.  ``zeros`` counts the eigenvalues of zero, two for a direction that also drifts on, one where a
     damper stops it.  ``undamped`` are the modes of mass and stiffness alone, of a state at rest; with a real eigenvalue, the state is
     unstable.  ``q`` are the tree's coordinates of the state.  ``held`` names controllers, whose values are constant in small motions.
+    A ``steady`` state is trimmed without accelerations.
     """
 
     time: float
@@ -83,9 +84,10 @@ class Modes:
     zeros: int
     q: Array = field(repr=False, compare=False)
     held: tuple[str, ...] = ()
+    steady: bool = False
 
     def __repr__(self) -> str:
-        where = "at rest" if self.at_rest else f"at t = {self.time:g} s"
+        where = "at rest" if self.at_rest else "of a steady motion" if self.steady else f"at t = {self.time:g} s"
         values = [f"{mode.eigenvalue:.3g}" for mode in self.modes[:_NAMED]] + ["..."] * (len(self.modes) > _NAMED)
         return f"<Modes {where}: {self.degrees_of_freedom} degrees of freedom, eigenvalues {', '.join(values) or 'none'} 1/s>"
 

@@ -30,7 +30,7 @@ class NaturalState:
 
 def call(
     equations: SystemEquations, function: str, arrays: Mapping[str, Array], roads: Mapping[str, RoadTable] | None = None,
-    held: Mapping[str, float] = MappingProxyType({}),
+    held: Mapping[str, float | Array] = MappingProxyType({}),
 ) -> dict[str, Array]:  # fmt: skip
     """The results of a function by array, in the interpreter; ``arrays`` and so on as for `evaluate_results`.
 
@@ -46,12 +46,12 @@ def call(
 
 def evaluate_results(
     equations: SystemEquations, results: Mapping[str, Block], arrays: Mapping[str, Array], roads: Mapping[str, RoadTable] | None = None,
-    held: Mapping[str, float] = MappingProxyType({}),
+    held: Mapping[str, float | Array] = MappingProxyType({}),
 ) -> dict[str, Array]:  # fmt: skip
     """Results (..., length) by name, in the interpreter; what ``arrays`` does not give is zero or a parameter's default.
 
-    Arrays of inputs (..., length) are named as the generated functions' arguments, and may carry batch axes.  Inputs that are ``held`` do
-    not follow the scene.  Without ``roads`` they are flat.
+    Arrays of inputs (..., length) are named as the generated functions' arguments, and may carry batch axes, as may values (...) of inputs
+    that are ``held`` and do not follow the scene.  Without ``roads`` they are flat.
     """
     flat: dict[str, RoadTable] = {name: FlatRoad() for name in equations.roads}
     values = interpret_blocks(results.values(), _inputs(equations, arrays, held), flat if roads is None else roads)
@@ -63,17 +63,19 @@ def _joined(parts: Sequence[Array]) -> Array:
     return np.concatenate([np.broadcast_to(p, (*batch, p.shape[-1])) for p in parts], axis=-1)
 
 
-def _inputs(equations: SystemEquations, arrays: Mapping[str, Array], held: Mapping[str, float]) -> dict[str, Array]:
+def _inputs(equations: SystemEquations, arrays: Mapping[str, Array], held: Mapping[str, float | Array]) -> dict[str, Array]:
     start = equations.start
     inputs = make_inputs(start, np.zeros(start.coordinates), np.zeros(start.speeds))
     inputs |= {name: arrays[name] for name in ("parameters", "penalty", "weights", "t", "motion") if name in arrays}
     inputs |= evaluate_scene_inputs(equations, inputs["parameters"], float(inputs["t"][0]))
     for i, parameter in enumerate(equations.inputs):
         if parameter.name in held:
-            first = len(INPUT_ORDERS) * i
-            inputs[INPUTS][first : first + len(INPUT_ORDERS)] = held[parameter.name], 0.0, 0.0
+            first, number = len(INPUT_ORDERS) * i, np.asarray(held[parameter.name])
+            given = np.broadcast_shapes(number.shape, inputs[INPUTS].shape[:-1])
+            inputs[INPUTS] = np.broadcast_to(inputs[INPUTS], (*given, inputs[INPUTS].shape[-1])).copy()
+            inputs[INPUTS][..., first : first + len(INPUT_ORDERS)] = np.stack([number, 0 * number, 0 * number], axis=-1)
     for i, value in enumerate(equations.topology.model.held):
-        inputs[HELD][i] = held.get(held_name(value), inputs[HELD][i])
+        inputs[HELD][..., i] = held.get(held_name(value), inputs[HELD][..., i])
     for symbol, slot in equations.slots.items():
         if slot.array in _ARRAYS:
             size = len(slot.names)

@@ -51,7 +51,8 @@ def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEqu
     """
     if off := describe_misfit(equations):
         raise ShakyError(off)
-    found = None if METHODS[method].holds_structures or equations.scene.positions or equations.scene.assemble else find_shakiness(equations)
+    elsewhere = equations.scene.positions or equations.scene.assemble or equations.scene.trim
+    found = None if METHODS[method].holds_structures or elsewhere else find_shakiness(equations)
     if found is None:
         return equations
     raise ShakyError(describe_shakiness(equations, found))

@@ -15,10 +15,12 @@ from cutjoint.formulate.inputs import tunable_parameters
 from cutjoint.model.expressions.functions import leave_to_host
 from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model
+from cutjoint.report.tables import trim_facts
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_files
 from cutjoint.run.scenes import find_case, with_default_closure
+from cutjoint.run.trims import find_trim
 from cutjoint.toolchain.build import simulator_of
 from cutjoint.toolchain.wasm import require_zig
 from cutjoint.topology.reading import read_model
@@ -52,6 +54,9 @@ def command(
         price = _price(artifact, model) if tunable else ""
     operations = artifact.program.operations(artifact.iteration)
     options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}", markup=False)
+    if artifact.scene.trim is not None:
+        (_, found), *_ = trim_facts(find_trim(artifact.topology.model, artifact.scene, {})[2])
+        options.out.print(f"the start is trimmed once, with the parameters of the file: {found}", markup=False)
     if frozen := frozen_words(for_hosts(artifact.topology.model, artifact.scene)):
         options.out.print(f"interface {frozen}", markup=False)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cutjoint.commands import options, table
-from cutjoint.report.tables import held_facts
+from cutjoint.report.tables import held_facts, trim_facts
 from cutjoint.report.tasks import force_table, pose_table
 from cutjoint.run.outputs import require_apart
 from cutjoint.tasks.states import find_scene_equilibrium
@@ -16,7 +16,7 @@ from cutjoint.view.views import require_view, write_shown
 
 @table.command("equilibrium")
 def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], view: Path | None) -> None:
-    """Find the static equilibrium of MODEL and print every body's pose and every element's force."""
+    """Find the static equilibrium of MODEL, or what the scene's trim asks for, and print every body's pose and every element's force."""
     require_apart({"the model": model}, documents=[("--view", view)])
     if view is not None:
         require_view(view, "--view")
@@ -27,7 +27,7 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: t
         found = find_scene_equilibrium(checked, chosen, parameters=parameters)
     options.out.print(pose_table(found))
     options.out.print(force_table(found))
-    for name, value in held_facts(found.held):
+    for name, value in [*held_facts(found.held), *(trim_facts(found.trim) if found.trim is not None else ())]:
         options.out.print(f"{name}: {value}", markup=False)
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):

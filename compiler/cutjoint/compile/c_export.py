@@ -237,11 +237,11 @@ def for_hosts(model: Model, scene: Scene) -> Model:
     """The model whose parameters that stand only where runs of the scene begin are ``frozen``: exported code has numbers there, which
     setting such a parameter would not change."""
     start = sources_of_parts(model, scene)
-    asked = _symbols((start["positions"], start["rates"], scene.assemble)) & {p.symbol for p in tunable_parameters(model)}
+    asked = _symbols((start["positions"], start["rates"], scene.assemble, scene.trim)) & {p.symbol for p in tunable_parameters(model)}
     if asked:
         states = tuple(replace(state, initial=sympy.Integer(0)) for state in model.states)
         rest = replace(model, parameters=(), derived=(), scenes={}, states=states)
-        asked -= _symbols((rest, replace(scene, positions={}, rates={}, starts={}, assemble=())))
+        asked -= _symbols((rest, replace(scene, positions={}, rates={}, starts={}, assemble=(), trim=None)))
     parameters = tuple(replace(p, binding=Binding.CONST) if p.symbol in asked else p for p in model.parameters)
     return replace(model, parameters=parameters, frozen=tuple(p.name for p in model.parameters if p.symbol in asked))
 

@@ -25,6 +25,7 @@ from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.errors import EquationsError, MissingPartialsError
 from cutjoint.run.artifact import Artifact, require_choice
+from cutjoint.run.run_file import trimmed
 from cutjoint.run.scenes import ModelLike, load_model, method_of, with_default_closure
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.compiler import must_interpret
@@ -114,12 +115,14 @@ def generate(
     precision: str = DEFAULT_PRECISION, poses: bool = False, load_events: bool = False,
 ) -> Generated:  # fmt: skip
     """The symbolic half; with ``lanes``, isomorphic subtrees are evaluated side by side in number types of which several fit a register,
-    with ``poses`` the mechanism has the function of that name, with ``load_events`` steps end where loads of friction pass zero.
+    with ``poses`` the mechanism has the function of that name, with ``load_events`` steps end where loads of friction pass zero.  A trimmed
+    start is found once.
 
     Raises:
         EquationsError: a derivative is needed that the code of a function does not have; others as of `compile_scene`.
     """
     lanes = lanes and PRECISIONS[precision].packed
+    model, scene, _ = trimmed(model, scene, {})
     try:
         equations, program = schedule_method(model, scene, outputs, method=method, lanes=lanes, poses=poses, load_events=load_events)
         return Generated(equations, program, emit_scheduled(equations, program, lanes=lanes, precision=precision))

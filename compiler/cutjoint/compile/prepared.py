@@ -81,7 +81,7 @@ class PreparedRun:
         """Return whether parameters can be changed, and inputs held, without the model."""
         if any(_has_other_unit(value, self.units.get(name, "")) for name, value in parameters.items()):
             return False
-        changed = parameters.keys() - set(self.inputs)
+        changed = parameters.keys() - ({} if "inputs" in self.following else set(self.inputs))
         return not changed or (not self.following and changed <= self.run.run_file.parameters.keys())
 
 

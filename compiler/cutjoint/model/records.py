@@ -630,6 +630,29 @@ class Aim:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Unknown:
+    """A number that a trim finds: ``entry`` is its place among the numbers of its ``kind``, "position", "rate", "state", "input" or
+    "parameter".  ``bounds`` are the least and the largest value, SI units, of one that has some."""
+
+    name: str
+    kind: str
+    entry: str
+    unit: str
+    span: Span
+    bounds: tuple[Scalar, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trim:
+    """A start at which all rates of speeds and states are zero but for those ``unsteady``, and expressions have the values of ``hold``."""
+
+    find: tuple[Unknown, ...]
+    hold: tuple[Aim, ...]
+    unsteady: tuple[Unknown, ...]
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scene:
     """One run of the model: its start, inputs, switches, road, numerics and outputs.
 
@@ -643,7 +666,8 @@ class Scene:
     run begins, by their places, of those that do not begin at their own.  ``guides`` are those of joints that the scene locks or drives,
     None of joints that it releases.  ``plots`` are pictures that it names.  ``assemble`` are places that the start is to have, around which
     its loops close; of a scene whose start has been found ``positions`` are all coordinates, of the parameters' values in the file.
-    The start is sought from the ``positions`` that ``near`` names; it need not have them.
+    The start is sought from the ``positions`` that ``near`` names; it need not have them.  One that is found by ``trim`` has the given
+    positions, rates and states that this does not find.
     """
 
     name: str
@@ -668,6 +692,7 @@ class Scene:
     plots: tuple[Plot, ...] = ()
     assemble: tuple[Aim, ...] = ()
     near: tuple[str, ...] = ()
+    trim: Trim | None = None
 
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"

@@ -94,12 +94,10 @@ def _evaluate(block: Block, args: list[Array], inputs: Mapping[str, Array], road
 
 def _call(function: str, table: str | None, args: list[Any], roads: Mapping[str, RoadTable]) -> Array:
     if table is not None:
-        road = roads[table]
-        x, y = (float(np.asarray(a).item()) for a in args)  # a road answers for one place, not for a batch
-        if function.startswith(SURFACE):
-            lookup, by = surface_lookup(function)
-            return np.array([[getattr(road, lookup.removeprefix("road_"))(x, y, by.count("x"), by.count("y"))]])
-        return np.array([[getattr(road, function.removeprefix("road_"))(x, y)]])
+        lookup, by = surface_lookup(function) if function.startswith(SURFACE) else (function, None)
+        answer, orders = getattr(roads[table], lookup.removeprefix("road_")), () if by is None else (by.count("x"), by.count("y"))
+        places = np.broadcast_arrays(*args)  # a road answers for one place, not for a batch
+        return np.asarray(np.vectorize(lambda x, y: answer(float(x), float(y), *orders), otypes=[float])(*places))
     _require_own(function)
     return np.asarray(fact(function, "numpy")(*args), dtype=float)
 
@@ -185,7 +183,7 @@ def interpret_scalar(node: Scalar, args: Sequence[Any], inputs: Mapping[str, Arr
         if node.op == "symbol":
             return float(np.ravel(inputs[data[0]])[data[1]])
         if node.op.startswith("road_"):
-            return float(_call(node.op, data, list(args), roads)[0, 0])
+            return float(_call(node.op, data, list(args), roads))
         if node.op == "lane_const":
             return np.array(data)
         if node.op == "gather":

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from cutjoint.analysis.mobility import Mobility
     from cutjoint.analysis.redundancy import Redundancy, RedundantEquation
     from cutjoint.analysis.skew import RatedChoice, RatedOption
+    from cutjoint.analysis.trims import Trimmed
     from cutjoint.model.records import Model
     from cutjoint.tasks.batch import BatchArtifact
     from cutjoint.topology.records import Topology
@@ -214,6 +215,15 @@ def held_facts(held: Mapping[str, tuple[float, str]]) -> list[tuple[str, str]]:
     """The forces that hold coordinates of a start at rest and are gone in motion; none where nothing holds it."""
     forces = [f"{name} {f'{force / 1e3:.4g} k' if abs(force) >= 1e4 else f'{force:.4g} '}{unit}" for name, (force, unit) in held.items()]
     return [("held at the start by", f"{', '.join(forces)}, released at t = 0")] if forces else []
+
+
+def trim_facts(found: Trimmed) -> list[tuple[str, str]]:
+    """What a trim has found, how well conditions are met, and what its reader should know."""
+    numbers = [f"{name} = {value + 0.0:.7g} {found.units[name]}".rstrip() for name, value in found.unknowns.items()]
+    changing = [f"{name} by {rate:.4g} {unit}" for name, (rate, unit) in found.unsteady.items()]
+    several = {"found": numbers, "follow from other conditions": found.redundant, "change at the start": changing}
+    facts = [(name, ", ".join(values)) for name, values in several.items() if values]
+    return [*facts, ("largest residual", f"{found.residual:.1e} of what a change of full size makes")]
 
 
 #: The facts that a run tells in any case.

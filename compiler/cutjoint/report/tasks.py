@@ -160,7 +160,8 @@ _MODE_WORDS = (
 
 def mode_tables(modes: Modes) -> Iterator[Table | str]:
     """The eigenvalues, the frequencies without dampers, the directions that nothing brings back, and what the words mean."""
-    about = "the static equilibrium" if modes.at_rest else f"the motion at {modes.time:.6g} s, coefficients frozen"
+    moving = "the steady motion" if modes.steady else f"the motion at {modes.time:.6g} s, coefficients frozen"
+    about = "the static equilibrium" if modes.at_rest else moving
     if modes.modes:
         yield _table(f"modes about {about}", modes.modes)
     else:
@@ -224,7 +225,8 @@ def _amplitude(value: complex) -> str:
 def modes_json(modes: Modes, model: str, scene: str) -> str:
     """All numbers; complex numbers are [real, imaginary]."""
     content = {
-        "model": model, "scene": scene, "about": "static equilibrium" if modes.at_rest else "motion", "t": modes.time,
+        "model": model, "scene": scene, "t": modes.time,
+        "about": "static equilibrium" if modes.at_rest else "steady motion" if modes.steady else "motion",
         "degrees_of_freedom": modes.degrees_of_freedom, "modes": [_plain_mode(m) for m in modes.modes],
         "undamped": [_plain_mode(m) for m in modes.undamped], "zero_eigenvalues": modes.zeros,
         "held_controllers": list(modes.held),

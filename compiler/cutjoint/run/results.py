@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
+    from cutjoint.analysis.trims import Trimmed
+
 T = TypeVar("T")
 
 Array: TypeAlias = NDArray[np.float64]
@@ -318,13 +320,14 @@ class MechanismState:
     """A state of a mechanism: the value and unit of each quantity by ``element.quantity``; nan where a quantity has no value there.
 
     ``undetermined`` are independent speeds that neither scene nor loops determine, which are as small as they can be.  ``held`` has the
-    force along each coordinate that the scene's positions hold at rest, with its unit.
+    force along each coordinate that the scene's positions hold at rest, with its unit.  ``trim`` is what the scene's trim has found.
     """
 
     values: Mapping[str, float]
     units: Mapping[str, str]
     undetermined: tuple[str, ...] = ()
     held: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    trim: Trimmed | None = None
 
     def __getitem__(self, column: str) -> float:
         return self.values[column]

@@ -91,6 +91,7 @@ def make_run_file(
             without a finite value; an input is given wrongly; settings do not go together, or one is out of its range; the run has no
             steps, or too many.
     """
+    model, scene, inputs = trimmed(model, scene, changes, inputs)
     scene = with_options(scene, method, options, has_rows=task != "realtime")
     settings = find_settings(scene, METHODS[method], implementation, options)
     parameters = parameter_values(model, changes)
@@ -109,12 +110,32 @@ def make_run_file(
     )  # fmt: skip
 
 
+def trimmed(
+    model: Model, scene: Scene, changes: Mapping[str, float], inputs: Mapping[str, InputLike] = MappingProxyType({})
+) -> tuple[Model, Scene, Mapping[str, InputLike]]:  # fmt: skip
+    """The model and the scene with what the scene's trim finds, and found inputs beside those that are given; ``changes`` (SI units) are of
+    parameters and inputs.
+
+    Raises:
+        RunError: there is no such start, or it is not determined.
+    """
+    if scene.trim is None:
+        return model, scene, inputs
+    from cutjoint.run.trims import find_trim  # others do not wait for what this imports
+
+    model, found, _ = find_trim(model, scene, {**changes, **{name: _at_start(x) for name, x in inputs.items()}})
+    return model, found, {**inputs, **{u.name: float(found.inputs[u.name]) for u in scene.trim.find if u.kind == "input"}}
+
+
+def _at_start(given: InputLike) -> float:
+    return float(np.interp(0.0, given["t"], given["value"]) if isinstance(given, Mapping) else given)
+
+
 def _begun_by(scene: Scene, given: Mapping[str, InputLike]) -> Scene:
     """The scene with the values that given inputs have at the start, where the start is found from places."""
     if not scene.assemble:
         return scene
-    begin = {name: float(np.interp(0.0, x["t"], x["value"]) if isinstance(x, Mapping) else x) for name, x in given.items()}
-    return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(value) for name, value in begin.items()}})
+    return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(_at_start(x)) for name, x in given.items()}})
 
 
 def _joined(held: Mapping[str, float], inputs: Mapping[str, InputLike]) -> dict[str, InputLike]:
@@ -124,7 +145,9 @@ def _joined(held: Mapping[str, float], inputs: Mapping[str, InputLike]) -> dict[
 
 
 def changing(model: Model, scene: Scene) -> tuple[str, ...]:
-    """The parts of a run file that follow from tunable parameters, besides "parameters" itself; and `MASSES`."""
+    """The parts of a run file that follow from tunable parameters, besides "parameters" itself; and `MASSES`.  Of a trim all may."""
+    if scene.trim is not None:
+        return *sources_of_parts(model, scene), "inputs", "parameters", MASSES
     symbols = {p.symbol for p in tunable_parameters(model)}
     found = symbols if scene.assemble else set()  # all coordinates may follow from any
     of_part = {name: sympy.Tuple(*expressions.values()).free_symbols for name, expressions in sources_of_parts(model, scene).items()}
@@ -177,10 +200,19 @@ def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> No
         RunError: one has.
     """
     values = parameter_values(model, {})
-    for name in changed if scene.assemble and scene.pose != "equilibrium" else ():
-        if name in values and _aimed_start(model, scene).follows(name, values):
-            reason = f"scene '{scene.name}': its start is assembled once, and follows from the parameter '{name}'"
-            raise RunError(f"{scene.span}: {reason}; use cutjoint batch, which assembles each run's")
+    for name in changed if scene.trim or (scene.assemble and scene.pose != "equilibrium") else ():
+        if name in values and _follows(model, scene, name, values):
+            words = ("trimmed", "trims") if scene.trim else ("assembled", "assembles")
+            reason = f"scene '{scene.name}': its start is {words[0]} once, and follows from the parameter '{name}'"
+            raise RunError(f"{scene.span}: {reason}; use cutjoint batch, which {words[1]} each run's")
+
+
+def _follows(model: Model, scene: Scene, parameter: str, values: Mapping[str, float]) -> bool:
+    if scene.trim is None:
+        return _aimed_start(model, scene).follows(parameter, values)
+    from cutjoint.run.trims import follows
+
+    return follows(model, scene, parameter)
 
 
 #: The last start that was formulated: the runs of a batch ask for the same with other parameters.

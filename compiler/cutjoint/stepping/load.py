@@ -71,7 +71,7 @@ def load_scene(
     hosted = _functions_of(model, functions or {})
     fits = standalone.fits_lanes and not hosted  # whose functions are those of one simulation
     lanes = Lanes(standalone.name, generated.program.operations("evaluate"), build) if fits else None
-    begin = partial(_begin, model, scene) if {"positions", "rates"} & set(changing(model, scene)) else None
+    begin = partial(_begin, model, scene) if scene.trim is None and {"positions", "rates"} & set(changing(model, scene)) else None
     return open_standalone(standalone, standalone.build_library(flags), lanes=lanes, functions=hosted, begin=begin)
 
 

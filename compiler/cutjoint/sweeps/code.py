@@ -86,10 +86,13 @@ def _following(
         reason = "a tyre's radius follows from a parameter of the study, and the road's shape from the radius"
         raise RunError(f"{scene.span}: scene '{scene.name}': {reason}; use cutjoint batch")
     require_same_start(model, scene, sorted(changed))
-    if scene.assemble and (held := next((v for v in study.variables if v.kind is Kind.POSITION), None)):
-        reason = f"scene '{scene.name}' assembles its start"
-        raise RunError(f"{held.span}: position '{held.name}': {reason}; vary parameters of that by cutjoint batch")
-    calls = []
+    kinds = (Kind.POSITION, Kind.RATE, Kind.INPUT) if scene.trim else (Kind.POSITION,)
+    if (scene.trim or scene.assemble) and (held := next((v for v in study.variables if v.kind in kinds), None)):
+        reason = f"scene '{scene.name}' {'trims' if scene.trim else 'assembles'} its start"
+        raise RunError(f"{held.span}: {held.kind} '{held.name}': {reason}; vary parameters of that by cutjoint batch")
+    calls: list[str] = []
+    if scene.trim:
+        return calls
     for part, function, table in (("positions", "set_start_coordinate", "coordinate"), ("rates", "set_start_speed", "speed")):
         given = sources_of_parts(model, scene)[part]
         for name, value in given.items():

@@ -32,7 +32,7 @@ from cutjoint.run.cases import CaseTable
 from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
 from cutjoint.run.inputs import InputLike, input_entries
 from cutjoint.run.results import Array, Batch, Columns, Trajectory
-from cutjoint.run.run_file import changing, following, given_inputs, make_run_file, parameter_values
+from cutjoint.run.run_file import changing, following, given_inputs, make_run_file, parameter_values, trimmed
 from cutjoint.run.scenes import ModelLike, load_model, with_closure
 from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance, require_settings
 from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
@@ -268,12 +268,12 @@ def _record(run: Trajectory) -> dict[str, Any]:
 def _own_parts(model: Model, scene: Scene, cases: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:
     """The entries of a run file that parameters change, for each case."""
     parts = changing(model, scene)
-    values = [parameter_values(model, case) for case in cases]
-    inputs = [input_entries(model, scene, given_inputs(model, case)) for case in cases]
-    return [
-        {"parameters": given, **({"inputs": held} if held else {}), **following(model, scene, given, parts)}
-        for given, held in zip(values, inputs, strict=True)
-    ]  # fmt: skip
+    own = []
+    for case in cases:
+        begun, start, inputs = trimmed(model, scene, case, given_inputs(model, case))
+        given, held = parameter_values(begun, case), input_entries(begun, start, inputs)
+        own.append({"parameters": given, **({"inputs": held} if held else {}), **following(begun, start, given, parts)})
+    return own
 
 
 def _columns(results: Sequence[Mapping[str, Any]], kind: str, names: Sequence[str]) -> Columns[Array]:

@@ -11,7 +11,7 @@ from math import nan
 
 import numpy as np
 
-from cutjoint.analysis.linearise import NoMassError
+from cutjoint.analysis.linearise import NoMassError, linearise
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.modes import Modes, find_mode_shapes
 from cutjoint.compile.interpreted import compile_interpreted
@@ -33,6 +33,7 @@ from cutjoint.run.settings import PLAIN_STEPS, require_settings
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.run.simulator_run import start
+from cutjoint.run.trims import find_trim
 from cutjoint.topology.build import build_topology
 
 _SPEEDS = ("vx", "vy", "vz", "wx", "wy", "wz")
@@ -51,12 +52,13 @@ class NoEquilibriumError(IncompleteError):
 def find_equilibrium(
     model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), parameters: Mapping[str, float] | None = None
 ) -> MechanismState:  # fmt: skip
-    """Static equilibrium of a model; ``tunable`` as of `compile_model`."""
+    """Static equilibrium of a model, or the start of a scene with a trim; ``tunable`` as of `compile_model`."""
     return find_scene_equilibrium(*load_model(model, scene, tunable), parameters=parameters)
 
 
 def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> MechanismState:
-    """The static equilibrium of a model with every quantity of its bodies, forces and reactions, and what holds the scene's positions.
+    """The static equilibrium of a model with every quantity of its bodies, forces and reactions, and what holds the scene's positions; of a
+    scene with a trim its start, and what that has found.
 
     Raises:
         NoEquilibriumError: none was found near the design position.
@@ -66,6 +68,9 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
         SimulatorError: the simulator could not begin.
     """
     outputs = _everything(model)
+    if scene.trim is not None:
+        model, start, found = find_trim(model, with_loops(scene, Loops.EXACT), parameters or {})
+        return replace(_find_start(model, start, outputs, {}), trim=found)
     artifact = compile_interpreted(model, with_loops(scene, Loops.EXACT), outputs=outputs)
     run_file = make_run_file(model, replace(scene, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
     summary = call_simulator(artifact.binary.path, run_file.entries(), description=artifact.description)
@@ -78,8 +83,9 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
 
 
 def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
-    """The tree's coordinates at the static equilibrium of a scene, (coordinates,); errors as of `find_equilibrium`."""
-    at_rest = with_loops(with_closure(replace(scene, pose="equilibrium", rates={}, end=0.0), PLAIN_CLOSURE), Loops.EXACT)
+    """The tree's coordinates at the static equilibrium of a scene, or where it is trimmed; errors as of `find_equilibrium`."""
+    scene = replace(scene, pose="equilibrium", rates={}) if scene.trim is None else scene
+    at_rest = with_loops(with_closure(replace(scene, end=0.0), PLAIN_CLOSURE), Loops.EXACT)
     artifact = compile_interpreted(model, at_rest, outputs=[])
     plan = make_simulator_run(artifact, PLAIN_STEPS, parameters)
     run = require_end(start(replace(plan, with_coordinates=True)), artifact, parameters)
@@ -100,10 +106,15 @@ def find_initial_state(
         SimulatorError: the simulator could not begin.
     """
     read, found = load_model(model, scene, tunable)
-    chosen = with_loops(with_closure(replace(found, end=0.0), PLAIN_CLOSURE), Loops.EXACT)
     tree = [t.joint for t in build_topology(read).tree]
     outputs = [*_outputs(read.bodies, (*POSE, *_SPEEDS)), *(o for joint in tree for o in _outputs([joint], quantities(joint)))]
-    artifact = compile_interpreted(read, chosen, outputs=outputs)
+    return _find_start(read, found, outputs, parameters)
+
+
+def _find_start(model: Model, scene: Scene, outputs: Sequence[Output], parameters: Mapping[str, float] | None) -> MechanismState:
+    """Outputs where a scene begins; errors as of `find_initial_state`."""
+    chosen = with_loops(with_closure(replace(scene, end=0.0), PLAIN_CLOSURE), Loops.EXACT)
+    artifact = compile_interpreted(model, chosen, outputs=outputs)
     run = simulate(artifact, parameters=parameters, integrator=PLAIN_STEPS.integrator, events=PLAIN_STEPS.events, error=False)
     values = Columns({name: float(column[0]) for name, column in run.columns.items()})
     return MechanismState(values=values, units=run.units, undetermined=run.undetermined)
@@ -120,7 +131,8 @@ def find_modes(
 def find_scene_modes(
     model: Model, scene: Scene, *, at: float | None = None, parameters: Mapping[str, float] | None = None, progress: Progress | None = None
 ) -> Modes:  # fmt: skip
-    """Eigenvalues and mode shapes of a model about its static equilibrium, or about its motion ``at`` a time (s) of a scene.
+    """Eigenvalues and mode shapes of a model about its static equilibrium or where a scene is trimmed, or about its motion ``at`` a time
+    (s) of a scene.
 
     Raises:
         NoEquilibriumError: none was found near the design position.
@@ -131,14 +143,21 @@ def find_scene_modes(
     """
     require_settings(at=at)
     scene = with_loops(scene, Loops.EXACT)
+    trim = None
+    if at is None and scene.trim is not None:
+        model, scene, trim = find_trim(model, scene, parameters or {})
     # Model -> Binary: an equilibrium is found by interpretation, a motion goes on by the method of the linearisation
     artifact = compile_interpreted(model, scene) if at is None else compile_scene(model, scene, CompileOptions(method=LINEARISED))
     equations = formulate_implicit(artifact.mechanism, ())
     where = f"{scene.span}: scene '{scene.name}'"
     try:
         # Binary -> Linearisation -> Modes
-        time, linearised = linearise_at(artifact, equations, at, parameters or {}, progress)
-        modes = replace(find_mode_shapes(linearised, time), held=tuple(controller.name for controller in model.controllers))
+        if trim is None:
+            time, linearised = linearise_at(artifact, equations, at, parameters or {}, progress)
+        else:
+            time, linearised = 0.0, linearise(equations, trim.point, at_rest=not any(trim.rates.values()))
+        steady, held = trim is not None and trim.steady, tuple(controller.name for controller in model.controllers)
+        modes = replace(find_mode_shapes(linearised, time), held=held, steady=steady)
     except NotReachedError as error:
         report = error.report
         if at is not None:

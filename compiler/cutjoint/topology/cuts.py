@@ -48,7 +48,8 @@ def reasons_to_stay(model: Model) -> Mapping[str, str]:
     """
     reasons: dict[str, str] = {}
     for scene in model.scenes.values():
-        for key in (*scene.positions, *scene.rates):
+        sought = () if scene.trim is None else (*scene.trim.find, *scene.trim.unsteady)
+        for key in (*scene.positions, *scene.rates, *(unknown.entry for unknown in sought if unknown.kind in ("position", "rate"))):
             reasons[key.rpartition(".")[0]] = f"scene '{scene.name}' gives its coordinate or speed"
     reasons |= {name: f"gear '{gear.name}' couples its coordinate" for gear in model.gears for name in gear.joints}
     names = {joint.name for joint in model.joints}

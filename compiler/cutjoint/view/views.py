@@ -141,7 +141,8 @@ def show_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> V
 
 def _is_as_designed(model: Model, scene: Scene) -> bool:
     """Return whether a scene starts where the file places the bodies: nothing else is given and no guide moves them."""
-    return scene.pose == "design" and not (scene.positions or scene.assemble) and all(joint.guide is None for joint in model.joints)
+    given = scene.positions or scene.assemble or scene.trim
+    return scene.pose == "design" and not given and all(joint.guide is None for joint in model.joints)
 
 
 def write_view(

@@ -43,7 +43,7 @@ def assemble_loops(model: Model, scene: Scene, *, measure: bool = False) -> Outc
     """Replace the loops of each block that has one degree of freedom, to the tolerance of functions that the scene has; with ``measure``
     notes tell the accuracy of functions at random coordinates."""
     how = scene.numerics
-    parts = scene.positions, scene.rates, scene.inputs, scene.switches, scene.pose, scene.end
+    parts = scene.positions, scene.rates, scene.inputs, scene.switches, scene.pose, scene.trim, scene.end
     asked = how.closure, how.loop_tolerance, how.loop_terms, measure
     key = sha256(pickle.dumps((replace(model, scenes={}, text=""), parts, asked))).digest()
     if key not in _KEPT:
@@ -140,7 +140,7 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, seen
     first = BlockLoops(driven_by_time(topology, moved), block)
     if first.open and u.half > 0:
         raise NoAssemblyError("its geometry has tunable parameters, and its guide moves")
-    if not given and scene.pose != "equilibrium":
+    if not given and scene.pose != "equilibrium" and scene.trim is None:
         _require_closed(first, motion)
     if motion is not None and motion.rate != 0 and not {key.rpartition(".")[0] for key in scene.rates} & names:
         raise NoAssemblyError("its guide moves at the start, where the scene gives no speed of it")

@@ -129,7 +129,9 @@ def make_fmu(
     token = _token([*map(without_mark, [*standalone.files.values(), layer]), repr(interface)])
     subject = Subject(
         name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=(), kind=kind,
-        stops_at_events=stops, steps=", ".join(filter(None, (str(standalone.settings) if KINDS[kind][0] else "", frozen_words(model)))),
+        stops_at_events=stops, steps=", ".join(filter(None, (
+            str(standalone.settings) if KINDS[kind][0] else "", frozen_words(model), "" if scene.trim is None else "its start trimmed once",
+        ))),
     )  # fmt: skip
     return Fmu(
         version=version, standalone=standalone, subject=subject, interface=interface,

@@ -407,6 +407,16 @@ class Plot(Part):
     x: StrictStr = "t"
 
 
+class Trim(Part):
+    """A steady start: ``find`` are unknowns beside the free coordinates and states, ``hold`` values of expressions, ``unsteady`` speeds and
+    states that may change, ``bounds`` those of unknowns."""
+
+    find: tuple[StrictStr, ...] = ()
+    hold: dict[StrictStr, Number] = Field(default={})
+    unsteady: tuple[StrictStr, ...] = ()
+    bounds: dict[StrictStr, Ends] = Field(default={})
+
+
 class Scene(Part):
     """One run of the model: its end, start, inputs, switches, driven joints, road and numerics."""
 
@@ -416,6 +426,7 @@ class Scene(Part):
     positions: dict[StrictStr, State] = Field(default={})
     near: tuple[StrictStr, ...] = ()
     assemble: dict[StrictStr, Number] = Field(default={})
+    trim: Trim | None = None
     rates: dict[StrictStr, Number] = Field(default={})
     states: dict[StrictStr, Number] = Field(default={})
     inputs: dict[StrictStr, Law] = Field(default={})

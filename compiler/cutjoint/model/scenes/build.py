@@ -36,7 +36,7 @@ from cutjoint.model.records import (
 )
 from cutjoint.model.scenes.joints import held_where_it_starts, read_drives, read_locks, with_guides
 from cutjoint.model.scenes.roads import read_road
-from cutjoint.model.scenes.starts import read_aims, read_near, read_starts, read_states
+from cutjoint.model.scenes.starts import read_aims, read_near, read_starts, read_states, read_trim
 from cutjoint.model.validate import check_guides, joints_are_known
 
 #: The settings of files whose records have another name.
@@ -84,6 +84,7 @@ def _read_scene(where: Element, scene: model_file.Scene, stage: _Stage) -> Scene
     if scene.output_step is not None:
         step = _positive(where, where.number(scene.output_step, TIME, ("output_step",)), ("output_step",))
     _require_steps(where, scene, end, step, numerics)
+    inputs, reporting = _inputs(where, scene.inputs, stage), replace(where, scope=stage.expansion.reporting[""])
     if scene.outputs is not None:
         outputs = stage.reader.outputs(where, scene.outputs, (*where.path, "outputs"), "")
     return Scene(
@@ -94,7 +95,7 @@ def _read_scene(where: Element, scene: model_file.Scene, stage: _Stage) -> Scene
         positions={key: value for key, value in positions.items() if guides.get(key.rpartition(".")[0]) is None},
         rates=rates,
         starts=read_starts(where, scene, stage.expansion.elements.states),
-        inputs=_inputs(where, scene.inputs, stage),
+        inputs=inputs,
         switches=_switches(where, scene.switches, stage),
         road=read_road(where, scene.road),
         numerics=numerics,
@@ -111,7 +112,8 @@ def _read_scene(where: Element, scene: model_file.Scene, stage: _Stage) -> Scene
         guides=guides,
         plots=tuple(_plot(where, name, plot, outputs) for name, plot in scene.plots.items()),
         near=read_near(where, scene, positions),
-        assemble=read_aims(replace(where, scope=stage.expansion.reporting[""]), scene, stage.known, stage.reader.signals),
+        assemble=read_aims(reporting, scene, stage.known, stage.reader.signals),
+        trim=read_trim(reporting, scene, {**stage.known, **stage.joints}, stage.reader.signals, stage.expansion.parameters, inputs),
     )  # fmt: skip
 
 

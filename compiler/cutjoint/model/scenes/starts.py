@@ -1,4 +1,4 @@
-"""Initial coordinates, attitudes and speeds of joints, places that a start is to have, and values of first-order states.
+"""Initial coordinates, attitudes and speeds of joints, steady starts, places that a start is to have, and values of first-order states.
 
 Attitudes come as rotation vectors, Euler angles or quaternions.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 import sympy
@@ -25,7 +26,19 @@ from cutjoint.model.expressions.quantities import Element as Quantified
 from cutjoint.model.expressions.scope import FAILED, Element
 from cutjoint.model.expressions.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, Dimension, measure, unit_written
 from cutjoint.model.ranges import fault_of_state
-from cutjoint.model.records import COORDINATES, SPEEDS, Aim, FirstOrderState, Joint, Scalar, Signal
+from cutjoint.model.records import (
+    COORDINATES,
+    SPEEDS,
+    Aim,
+    Binding,
+    FirstOrderState,
+    Joint,
+    Parameter,
+    Scalar,
+    Signal,
+    Trim,
+    Unknown,
+)
 
 # Attitudes
 
@@ -202,6 +215,67 @@ def read_near(where: Element, scene: model_file.Scene, positions: Mapping[str, S
     return tuple(found)
 
 
+# Steady starts
+
+
+def read_trim(
+    where: Element, scene: model_file.Scene, known: Mapping[str, Quantified], signals: Mapping[str, Signal],
+    parameters: Sequence[Parameter], inputs: Mapping[str, Scalar],
+) -> Trim | None:  # fmt: skip
+    """What ``trim`` finds and holds: joints and states are among those ``known``; ``inputs`` have the scene's laws."""
+    if (trim := scene.trim) is None:
+        return None
+    if scene.pose == "equilibrium":
+        where.fail("pose: a trim finds the pose of rest itself", "remove 'pose: equilibrium'", ("pose",))
+    choices = _unknowns(where, known, parameters)
+    for key in (key for key in trim.bounds if key not in trim.find):
+        where.fail(f"trim: bounds: '{key}' is not to be found", "list it under 'find' too", ("trim", "bounds", key), at_key=True)
+    find = []
+    for index, name in enumerate(trim.find):
+        keys = ("trim", "find", index)
+        if (unknown := _chosen(where, name, choices, keys)) is None:
+            continue
+        if any(p.name == name and p.binding is Binding.CONST for p in parameters):
+            where.fail(f"trim: find: the parameter '{name}' has binding const", "give it 'binding: param'", keys)
+        if unknown.kind == "input" and getattr(inputs.get(name), "free_symbols", None):
+            hint = "let it follow from a parameter with 'binding: param' and find that"
+            where.fail(f"trim: find: the scene's law of the input '{name}' is no number", hint, keys)
+        ends, unit = trim.bounds.get(name, ()), measure(1.0, unknown.unit).dimension if unknown.unit else NONE
+        bounds = tuple(where.scalar(end, unit, ("trim", "bounds", name, i)) for i, end in enumerate(ends))
+        if bounds and where.value(bounds[0]) >= where.value(bounds[1]):
+            where.fail(f"trim: bounds: those of '{name}' do not ascend", "write [least, largest]", ("trim", "bounds", name))
+        find.append(replace(unknown, bounds=bounds, span=where.scope.source.value_span((*where.path, *keys))))
+    changing = {name: unknown for name, unknown in choices.items() if unknown.kind in ("rate", "state")}
+    unsteady = [_chosen(where, name, changing, ("trim", "unsteady", index)) for index, name in enumerate(trim.unsteady)]
+    hold = tuple(_aim(where, ("trim", "hold", key), number, known, signals) for key, number in trim.hold.items())
+    return Trim(
+        find=tuple(find), hold=hold, unsteady=tuple(unknown for unknown in unsteady if unknown is not None),
+        span=where.scope.source.key_span((*where.path, "trim")),
+    )  # fmt: skip
+
+
+def _unknowns(where: Element, known: Mapping[str, Quantified], parameters: Sequence[Parameter]) -> dict[str, Unknown]:
+    """All that a trim can find, by name."""
+    kind = {binding: "input" if binding is Binding.INPUT else "parameter" for binding in Binding}
+    found = {p.name: Unknown(name=p.name, kind=kind[p.binding], entry=p.name, unit=p.unit, span=where.span) for p in parameters}
+    for element in known.values():
+        if isinstance(element, FirstOrderState):
+            found[element.name] = Unknown(name=element.name, kind="state", entry=element.entry, unit=element.unit, span=where.span)
+        elif isinstance(element, Joint) and not element.cut and element.guide is None:
+            for section, names in (("position", COORDINATES), ("rate", SPEEDS)):
+                for name, entry in ((name, f"{element.name}.{name}") for name in names[element.kind]):
+                    unit = JOINT_QUANTITIES[element.kind][name]
+                    found[entry] = Unknown(name=entry, kind=section, entry=entry, unit="" if unit == "rad" else unit, span=where.span)
+    return found
+
+
+def _chosen(where: Element, name: str, choices: Mapping[str, Unknown], keys: Path) -> Unknown | None:
+    if name not in choices and not where.scope.directory.misses(name.rpartition(".")[0] or name):
+        hint = nearest(name, choices, "write one of")
+        where.fail(f"trim: {keys[1]}: '{name}' is none that a start can have", hint, keys)
+    return choices.get(name)
+
+
 # Places that a start is to have
 
 
@@ -209,22 +283,23 @@ def read_aims(where: Element, scene: model_file.Scene, known: Mapping[str, Quant
     """The places that ``assemble`` gives: by outputs with expressions, of ``signals``, or by expressions of quantities."""
     if scene.assemble and scene.pose == "equilibrium":
         where.fail("assemble: an equilibrium is where forces balance", "remove 'assemble', or hold 'positions'", ("assemble",))
-    return tuple(_aim(where, key, number, known, signals) for key, number in scene.assemble.items())
+    return tuple(_aim(where, ("assemble", key), number, known, signals) for key, number in scene.assemble.items())
 
 
-def _aim(where: Element, key: str, number: Number, known: Mapping[str, Quantified], signals: Mapping[str, Signal]) -> Aim:
-    keys = ("assemble", key)
+def _aim(where: Element, keys: Path, number: Number, known: Mapping[str, Quantified], signals: Mapping[str, Signal]) -> Aim:
+    key, section = str(keys[-1]), keys[0]
     if key in signals:
         term = Term(signals[key].symbol, measure(1.0, signals[key].unit).dimension if signals[key].unit else NONE)
     else:
         term = where.term(key, keys, where.scope.reading())
     value = where.scalar(number, term.dimension, keys)
     read = list(_quantities_below(term.value, known, signals))
-    if other := next((f"{name}.{quantity}" for name, quantity in read if name in known and not is_place(known[name], quantity)), None):
+    others = (f"{name}.{quantity}" for name, quantity in read if name in known and not is_place(known[name], quantity))
+    if section == "assemble" and (other := next(others, None)):
         hint = "write coordinates of joints, places and attitudes of bodies, lengths, or expressions of these"
         where.fail(f"assemble: '{other}' is no place", hint, keys, at_key=True)
     elif not read and not term.value.has(FAILED):
-        where.fail(f"assemble: '{key}' names no place", "write joint.coordinate, or an expression of such", keys, at_key=True)
+        where.fail(f"{section}: '{key}' names no place", "write joint.coordinate, or an expression of such", keys, at_key=True)
     span = where.scope.source.key_span((*where.path, *keys))
     unit = unit_written(str(number)) or unit_text(term.dimension)
     size = measure(1.0, unit).value if unit and not value.has(FAILED) else 1.0
