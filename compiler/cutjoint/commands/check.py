@@ -1,7 +1,5 @@
 """`cutjoint check`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from cutjoint.analysis.assembled import assemble_loops

@@ -1,7 +1,5 @@
 """`cutjoint couple`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace

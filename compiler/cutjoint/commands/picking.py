@@ -1,7 +1,5 @@
 """`cutjoint simulate` with method auto, which measures its candidates; imported only where it is asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -3,8 +3,6 @@
 A failed run is made once more, with a row for each of its steps: its last rows show the way to the failure.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

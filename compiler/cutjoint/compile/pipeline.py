@@ -5,8 +5,6 @@
 `derivation` has the arrows up to Source; the last, a run, is `run.simulation`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial

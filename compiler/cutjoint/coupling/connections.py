@@ -3,8 +3,6 @@
 Systems are those of System Structure and Parameterization 1.0 (Modelica Association, 2019).
 """
 
-from __future__ import annotations
-
 import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The position of a robot in which its loops close, nearest to the file's zero position, and its couplings solved into gears."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """URDF: trees with mimic joints, loops and couplings of URDF+ in its dialects, and what a YAML beside the file says."""
 
-from __future__ import annotations
-
 from itertools import takewhile
 from pathlib import Path
 from typing import Any

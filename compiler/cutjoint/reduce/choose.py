@@ -6,8 +6,6 @@ and with steps whose error the method's own integrator holds.  All are timed at 
 accuracy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress

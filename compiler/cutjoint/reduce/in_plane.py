@@ -1,7 +1,5 @@
 """The model and the scene of a mechanism in its plane, with the columns that stand for those of the whole one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@
 A reduced model holds for its scene's inputs: their laws stand in it, and it has no inputs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """Bodies that never move against each other become one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Runs that are as exact as wanted, and how wrong a run is: the differences to the same run with other steps show it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Runs a simulator binary."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import tempfile

@@ -3,8 +3,6 @@
 Wheels for a platform have the libraries; elsewhere they are the system's.
 """
 
-from __future__ import annotations
-
 import ctypes
 import ctypes.util
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Derivatives of a simulation at one state."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 

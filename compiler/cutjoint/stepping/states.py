@@ -1,7 +1,5 @@
 """States and results of a simulation."""
 
-from __future__ import annotations
-
 import ctypes
 import struct
 from collections.abc import Sequence

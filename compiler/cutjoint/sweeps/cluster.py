@@ -4,8 +4,6 @@ A plugin brings the libraries to each worker, once, also to those that come late
 on another one; rows follow from values alone, so that it does not matter how often.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import suppress

@@ -3,8 +3,6 @@
 The code has the runs' arguments, and the series that they leave.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import sympy

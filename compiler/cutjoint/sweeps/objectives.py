@@ -3,8 +3,6 @@
 Each run's numbers follow from its own rows alone, whichever runs stand beside it: sums go along the last axis, which is contiguous.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a study file to a `Study`: all names resolved, all numbers in SI units, all problems at once."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

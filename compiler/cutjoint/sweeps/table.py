@@ -4,8 +4,6 @@ The bytes of a table follow from its rows and the manifest, whatever parts (`par
 where readers pass over them.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

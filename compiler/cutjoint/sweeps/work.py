@@ -3,8 +3,6 @@
 A worker needs this module, the libraries and NumPy, and no compiler.  The libraries' code runs beside Python's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Tools that this process starts, none of which outlives it or the wait for it (`keeper`)."""
 
-from __future__ import annotations
-
 import atexit
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Flags of a compiler: one small file shows whether they make programs or libraries, before CMake fails with them in words of its own."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Mapping, Sequence

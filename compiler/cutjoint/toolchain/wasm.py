@@ -4,8 +4,6 @@ Both have the mathematical functions of runtime/libm, and no product and sum in 
 threads, and no instruction whose result a processor may choose: its vectors of 128 bits have the operations of IEEE 754.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """A page in which a simulation runs: the generated code as a module of WebAssembly, and the inputs as keys and sliders."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The variables of an FMU: time, parameters, settings, the given start, inputs, outputs, and for model exchange states with derivatives."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 

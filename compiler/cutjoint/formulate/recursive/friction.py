@@ -9,8 +9,6 @@ largest eigenvalue of C is below 1.  Then there is one solution, as the right si
 there may be none or several (Painleve, Comptes Rendus 121 (1895) 112-115): the loads have no value then.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@ r"""Blocks -> LaTeX: the expressions that are computed, over the names that the 
 What a formula uses more than once and has no name is called x_1, x_2 and so on.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Every cut joint's residual, Jacobian and velocity-dependent acceleration."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import sympy

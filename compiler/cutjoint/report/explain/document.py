@@ -4,8 +4,6 @@ Methods in relative coordinates have chapters of their own, on the step of ``rec
 no file has: guards, sensors of rods, columns that stand for others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

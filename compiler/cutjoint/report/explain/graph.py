@@ -1,7 +1,5 @@
 """The body graph in words: counts, spanning tree, cut joints, loops, classes, order of elimination."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from cutjoint.analysis.mobility import find_mobility

@@ -1,7 +1,5 @@
 """Model -> what the explanation of a Lagrangian formulation is about, and the forms of nodes as text."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import sympy

@@ -1,7 +1,5 @@
 """The points, directions and angles that are coordinates, and the nodes that follow from them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
