@@ -1,7 +1,5 @@
 """Numbers, laws and the start of a model with its parameters put in; laws as C++ by SymPy, with numbers that read back the same."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -57,7 +55,7 @@ class Numbers:
     inputs: Mapping[Scalar, Scalar]
 
     @classmethod
-    def of(cls, model: Model, scene: Scene, parameters: Mapping[str, float]) -> Numbers:
+    def of(cls, model: Model, scene: Scene, parameters: Mapping[str, float]) -> "Numbers":
         """The numbers of a scene after changes of parameters (SI units), and with inputs that these hold constant.
 
         Raises:

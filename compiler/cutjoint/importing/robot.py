@@ -3,8 +3,6 @@
 Each reader makes a :class:`Robot`; `closing.py` finds a position in which its loops close, `document.py` writes it as a model file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
@@ -36,10 +34,10 @@ class Pose:
     rotation: Array = field(default_factory=lambda: np.eye(3))
     place: Array = field(default_factory=lambda: np.zeros(3))
 
-    def __matmul__(self, inner: Pose) -> Pose:
+    def __matmul__(self, inner: "Pose") -> "Pose":
         return Pose(self.rotation @ inner.rotation, self.rotation @ inner.place + self.place)
 
-    def inverse(self) -> Pose:
+    def inverse(self) -> "Pose":
         """The outer frame in this one."""
         return Pose(self.rotation.T, -self.rotation.T @ self.place)
 
@@ -58,7 +56,7 @@ class Link:
     scale: float = 1.0
     colour: str = ""
 
-    def add(self, other: Link, pose: Pose) -> None:
+    def add(self, other: "Link", pose: Pose) -> None:
         """Take over the mass and the inertia of another link, whose frame is at a ``pose`` in this one's; the other one has none then."""
         total = self.mass + other.mass
         there = pose.rotation @ other.centre + pose.place

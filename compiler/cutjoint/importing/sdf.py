@@ -1,7 +1,5 @@
 """SDF: models, within each other too, of links with poses relative to others; a link may be the child of several joints."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,7 +52,7 @@ class _Scope:
     node: Node | None
     name: str
     prefix: str
-    outer: _Scope | None = None
+    outer: "_Scope | None" = None
     still: bool = False
 
 

@@ -5,8 +5,6 @@ of the outer joint point from the inner one, the motion subspace S with [v; w] =
 c = dS/dt u, all in the inner body's axes (Featherstone 2008, section 3.5; Cuadrado et al. 2000, eqs. 26-27).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -58,7 +56,7 @@ class JointKernel:
     columns: Matrix
 
 
-def derive_joint(tree_joint: TreeJoint) -> JointKernel:
+def derive_joint(tree_joint: "TreeJoint") -> JointKernel:
     """The kernel of a tree joint.
 
     A reversed joint moves its base: its motions are undone in the opposite order, so that a coordinate keeps its sign and meaning.
@@ -87,7 +85,7 @@ class ElementaryMotion:
     share: float
 
 
-def elementary_motions(tree_joint: TreeJoint) -> tuple[ElementaryMotion, ...]:
+def elementary_motions(tree_joint: "TreeJoint") -> tuple[ElementaryMotion, ...]:
     """A joint's elementary motions, those next to the inner body first."""
     element = tree_joint.joint.element
     return tuple(_elementary(element, m) for m in element.chain_seen(tree_joint.reversed) if not isinstance(m, Offset))
@@ -124,7 +122,7 @@ _SYMBOLS = {
 _PITCH = sympy.Symbol("pitch", real=True)
 
 
-def _given(tree_joint: TreeJoint) -> dict[Scalar, Scalar]:
+def _given(tree_joint: "TreeJoint") -> dict[Scalar, Scalar]:
     """The numbers of one joint for the symbols of its kind, as seen from its inner body."""
     joint = tree_joint.joint
     used = dict.fromkeys(m.direction for m in joint.element.chain if not isinstance(m, Ball) and m.direction not in DESIGN_FRAME)
@@ -132,7 +130,7 @@ def _given(tree_joint: TreeJoint) -> dict[Scalar, Scalar]:
     return {**given, _PITCH: joint.pitch} if joint.pitch is not None else given
 
 
-def _seen_direction(tree_joint: TreeJoint, direction: Direction) -> Matrix:
+def _seen_direction(tree_joint: "TreeJoint", direction: Direction) -> Matrix:
     """A direction as the inner body of a joint sees it: turned about if the joint is reversed."""
     joint = tree_joint.joint
     if not tree_joint.reversed:

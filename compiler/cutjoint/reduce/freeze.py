@@ -3,8 +3,6 @@
 Joints are frozen together; carriers of their bodies, the places of these, and obstacles are found first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -55,7 +53,7 @@ def _movement(model: Model, joint: Joint, poses: Mapping[str, Poses]) -> float:
     return poses[joint.follower].seen_from(poses[joint.base]).change(numbers(joint.at, model))
 
 
-def _freeze(outcome: Outcome, frozen: Frozen, moves: Mapping[str, float]) -> Outcome:
+def _freeze(outcome: Outcome, frozen: "Frozen", moves: Mapping[str, float]) -> Outcome:
     model, scene, carrier = outcome.model, outcome.scene, frozen.carriers
     gone = [b for b in model.bodies if carrier[b.name] != b.name]
     inner = {j.name for j in model.joints if carrier[j.base] == carrier[j.follower]}
@@ -98,7 +96,7 @@ def _is_inner(force: Force, carrier: Mapping[str, str], inner: Collection[str]) 
     return force.joint_of in inner or (len(force.bodies) == 2 and len({carrier[body] for body in force.bodies}) == 1)
 
 
-def _give_over(model: Model, body: Body, frozen: Frozen) -> Model:
+def _give_over(model: Model, body: Body, frozen: "Frozen") -> Model:
     """The model with a body's mass and all that stands on it on its carrier."""
     to, turn, way = frozen.carriers[body.name], *frozen.shift(body.name)
     if frozen.is_moved(body.name):

@@ -3,8 +3,6 @@
 A law is zero in a region, which has margins that are not negative there, from the conditions of its cases.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from functools import reduce
@@ -96,7 +94,7 @@ def _words(guard: Guard) -> str:
     return f"is taken out, guarded by {' and '.join(f'{margin} >= 0' for margin in guard.margins)}"
 
 
-def _region(force: Force) -> Region:
+def _region(force: Force) -> "Region":
     """The region in which a force's law, or all components of a load, are zero."""
     return zero_region_of(force.expressions)
 

@@ -1,7 +1,5 @@
 """Writing of results: beside the file that they are for, which they replace when they are whole."""
 
-from __future__ import annotations
-
 import json
 import os
 import stat
@@ -171,7 +169,7 @@ class RunTables:
             left = self._tables.popitem()[1].leave(reason)
         return left
 
-    def __enter__(self) -> RunTables:
+    def __enter__(self) -> "RunTables":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:

@@ -1,7 +1,5 @@
 """From a model, a scene and what a caller gives to the run file of a task."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from math import fmod, isfinite
@@ -184,10 +182,10 @@ def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> No
 
 
 #: The last start that was formulated: the runs of a batch ask for the same with other parameters.
-_LAST: list[tuple[Model, Scene, AimedStart]] = []
+_LAST: "list[tuple[Model, Scene, AimedStart]]" = []
 
 
-def _aimed_start(model: Model, scene: Scene) -> AimedStart:
+def _aimed_start(model: Model, scene: Scene) -> "AimedStart":
     from cutjoint.analysis.aims import AimedStart  # others do not wait for what this imports
 
     if not any(model is known and scene == of for known, of, _ in _LAST):
@@ -195,7 +193,7 @@ def _aimed_start(model: Model, scene: Scene) -> AimedStart:
     return _LAST[0][2]
 
 
-def _require_masses(model: Model, value: Evaluator) -> None:
+def _require_masses(model: Model, value: "Evaluator") -> None:
     for body in _changing_bodies(model):
         mass, *inertia = (value(entry, f"{body.span}: body '{body.name}': its mass or inertia") for entry in (body.mass, *body.inertia))
         if problem := next(mass_problems(mass, inertia), None):

@@ -1,7 +1,5 @@
 """Signals that end a command, or a run before its end time: what it has written stays."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import threading
@@ -37,7 +35,7 @@ class StopRequest:
 
     number: int | None = None
     answer: Callable[[], None] | None = None
-    others: list[StopRequest] = field(default_factory=list)
+    others: "list[StopRequest]" = field(default_factory=list)
 
     def come(self, number: int) -> None:
         """The signal is here."""

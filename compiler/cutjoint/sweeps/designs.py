@@ -3,8 +3,6 @@
 Sequences are SciPy's (scipy.stats.qmc) with the study's seed.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -165,12 +163,12 @@ class Indices:
     points: int
 
 
-def has_indices(done: Sweep) -> bool:
+def has_indices(done: "Sweep") -> bool:
     """Return whether the sweep's design is one that indices follow from."""
     return "sobol_indices" in done.manifest["design"]
 
 
-def find_indices(done: Sweep, objective: str) -> Indices:
+def find_indices(done: "Sweep", objective: str) -> Indices:
     """The indices of an objective by the runs of a sweep.  Points of which a run failed do not count, nor others beyond a power of two.
 
     Raises:

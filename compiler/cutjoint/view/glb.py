@@ -4,8 +4,6 @@ Written here: trimesh draws sparse and normalised numbers, fans, and what an
 extension must unpack, wrongly and silently.
 """
 
-from __future__ import annotations
-
 import base64
 import re
 import struct
@@ -152,7 +150,7 @@ class Document(_Described):
     extensions_required: list[str] = []
 
 
-def read_glb(content: bytes) -> Glb:
+def read_glb(content: bytes) -> "Glb":
     """The document of a file and its bytes.
 
     Raises:

@@ -1,7 +1,5 @@
 """The topology of a model as a picture: bodies from left to right, parents first, cut joints as ways back at the right."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -275,14 +273,14 @@ def picture_graph(topology: Topology) -> bytes:
     return picture.getvalue()
 
 
-def _draw_tree(axes: Axes, link: GraphLink, base: GraphBody, follower: GraphBody, shrunk: float) -> None:
+def _draw_tree(axes: "Axes", link: GraphLink, base: GraphBody, follower: GraphBody, shrunk: float) -> None:
     left, right = sorted((base, follower), key=lambda body: body.x)
     start = left.x + left.width
     axes.plot([start, start + 8, right.x], [left.y, right.y, right.y], color=_TREE, linewidth=1.0)
     axes.text(right.x - 4, right.y - 2, link.short, ha="right", va="bottom", fontsize=7 * shrunk, color=_TREE)
 
 
-def _draw_cut(axes: Axes, link: GraphLink, base: GraphBody, follower: GraphBody, shrunk: float) -> None:
+def _draw_cut(axes: "Axes", link: GraphLink, base: GraphBody, follower: GraphBody, shrunk: float) -> None:
     (first, second), lane = link.heights, link.lane
     x = [base.x + base.width, lane, lane, follower.x + follower.width]
     axes.plot(x, [first, first, second, second], color=_CUT, linewidth=1.0, linestyle="--")

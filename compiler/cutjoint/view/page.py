@@ -1,7 +1,5 @@
 """A drawing as a page: one HTML file that holds all it needs."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re
@@ -78,7 +76,7 @@ class Drive:
 
 def make_page(
     *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], camera: Camera,
-    failure: Failure | None = None, motions: Sequence[Motion] = (), over: GhostRun | None = None,
+    failure: "Failure | None" = None, motions: Sequence[Motion] = (), over: GhostRun | None = None,
     graph: Graph | None = None, sliders: Sliders | None = None, is_live: bool = False, plots: Sequence[Plot] = (),
     drive: Drive | None = None,
 ) -> str:  # fmt: skip

@@ -3,8 +3,6 @@
 Units of variables are as FMI has them: exponents of the base units, the radian among these, and degrees to display.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -191,7 +189,7 @@ def _add_units(root: Element, variables: Iterable[Variable]) -> None:
         _add_unit(definitions, unit)
 
 
-def _add_unit(definitions: Element, unit: Unit) -> None:
+def _add_unit(definitions: Element, unit: "Unit") -> None:
     defined = SubElement(definitions, "Unit", name=unit.name)
     if unit.exponents:
         of_si = {} if unit.factor == 1.0 else {"factor": repr(unit.factor)}

@@ -1,7 +1,5 @@
 """Points and unit vectors, the material of natural coordinates, and their linear combinations."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -55,7 +53,7 @@ class Node:
     kind: NodeKind
     body: str
     place: Vector
-    parts: Form | None = None
+    parts: "Form | None" = None
 
     @property
     def name(self) -> str:

@@ -3,8 +3,6 @@
 Both solutions have the same matrix.  Blocks are hash-consed, so that the second one repeats only the elimination of the right side.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -30,7 +28,7 @@ class ClosingElements:
         """The cut joints, then the gears."""
         return *self.loops, *self.gears
 
-    def with_violations(self, b: Builder, violations: Mapping[str, Block]) -> ClosingElements:
+    def with_violations(self, b: Builder, violations: Mapping[str, Block]) -> "ClosingElements":
         """Copy the elements with violations alone: ``violations`` instead of s, no multipliers."""
         return ClosingElements(
             loops=tuple(replace(x, s=violations[x.joint.name], multipliers=b.zero(len(x.names))) for x in self.loops),
