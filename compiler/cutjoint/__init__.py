@@ -11,6 +11,8 @@ From Python::
 docs/how-to/python.md goes through all of it.
 """
 
+from __future__ import annotations
+
 from importlib import import_module
 
 TYPE_CHECKING = False  # as of typing, which takes long to import: `entry` stands behind this
@@ -98,7 +100,7 @@ _HOMES = {
 
 if not TYPE_CHECKING:
 
-    def __getattr__(name: str) -> "Any":
+    def __getattr__(name: str) -> Any:
         """Import a name of the list above with its first use: SymPy takes longer to import than a cached run takes to run."""
         if name.startswith("__"):
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

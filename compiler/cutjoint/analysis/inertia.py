@@ -4,6 +4,8 @@ The joints' unknowns are eliminated from M + Phi_v^T a Phi_v, which is positive 
 cut joint's equation.  A massless link between two spherical joints is the usual case: it is free to spin about its own axis.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 

@@ -4,6 +4,8 @@ Guides contradict each other where loops cannot stay closed while they move.  Th
 cut joint would let such a loop gape silently, since a guide does not yield to forces.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

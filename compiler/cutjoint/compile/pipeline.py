@@ -5,6 +5,8 @@
 `derivation` has the arrows up to Source; the last, a run, is `run.simulation`.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial

@@ -30,6 +30,8 @@ comparing identities.  A block carries its symmetry by construction, the latest 
 joint or force) that introduced it.
 """
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
@@ -83,7 +85,7 @@ class SuppliedCall:
     memory: int = 0
 
     @classmethod
-    def read(cls, function: str) -> "SuppliedCall":
+    def read(cls, function: str) -> SuppliedCall:
         """The call that a name says."""
         kind, spelled, *by = function.split(".")
         name, *numbers = spelled.split(":")
@@ -157,7 +159,7 @@ class Block:
     """A node of the block IR; made by a :class:`Builder` only."""
 
     op: str
-    args: "tuple[Block, ...]"
+    args: tuple[Block, ...]
     data: Hashable
     shape: tuple[int, int]
     symmetric: bool

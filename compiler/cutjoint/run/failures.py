@@ -1,5 +1,7 @@
 """Runs that do not reach their end: their descriptions, and the errors that hand over their partial results."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -46,7 +48,7 @@ class FailedBatchError(IncompleteError):
 _IMPOSSIBLE = {"the loop cannot close from the given coordinates": "positions", "the given speeds contradict the loops": "rates"}
 
 
-def places_of(topology: "Topology", scene: "Scene") -> dict[str, str]:
+def places_of(topology: Topology, scene: Scene) -> dict[str, str]:
     """The places of bodies, joints and gears in the model file, and of the coordinates and speeds that a scene gives to each loop at the
     start.
 

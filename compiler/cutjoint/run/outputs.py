@@ -1,5 +1,7 @@
 """The files that a command writes: never its model, another of its inputs, or the same file twice."""
 
+from __future__ import annotations
+
 import os
 import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,5 +1,7 @@
 """Runs a simulator binary."""
 
+from __future__ import annotations
+
 import json
 import subprocess
 import tempfile

@@ -3,6 +3,8 @@
 Wheels for a platform have the libraries; elsewhere they are the system's.
 """
 
+from __future__ import annotations
+
 import ctypes
 import ctypes.util
 from collections.abc import Sequence

@@ -1,5 +1,7 @@
 """Derivatives of steps and runs of a simulation."""
 
+from __future__ import annotations
+
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial

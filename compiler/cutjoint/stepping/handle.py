@@ -1,5 +1,7 @@
 """Calls of the library that has one simulation."""
 
+from __future__ import annotations
+
 import ctypes
 from collections.abc import Callable
 from numbers import Integral
@@ -24,7 +26,7 @@ class SimulationError(CutjointError):
         super().__init__(text)
         self.status = status
 
-    def __reduce__(self) -> "tuple[type[SimulationError], tuple[str, int]]":
+    def __reduce__(self) -> tuple[type[SimulationError], tuple[str, int]]:
         return type(self), (str(self), self.status)
 
 

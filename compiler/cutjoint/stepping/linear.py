@@ -1,5 +1,7 @@
 """Derivatives of a simulation at one state."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from functools import partial
 

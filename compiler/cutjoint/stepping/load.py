@@ -1,5 +1,7 @@
 """From a model file to a simulation."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path

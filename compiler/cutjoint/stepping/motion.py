@@ -1,5 +1,7 @@
 """Starts, steps and inputs of a simulation."""
 
+from __future__ import annotations
+
 import ctypes
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,5 +1,7 @@
 """One simulation of a model."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 
 from cutjoint.package.renamed import with_old_members
@@ -17,17 +19,17 @@ class Simulation(Derivatives):
     ``outputs`` are those of the present state; their arrays are views, except those of outputs and accelerations.
     """
 
-    def copy(self) -> "Simulation":
+    def copy(self) -> Simulation:
         """Copy the simulation with its state; without a `reset` only its parameters and inputs."""
         return _rebuilt(*self.__reduce__()[1])
 
-    def __copy__(self) -> "Simulation":
+    def __copy__(self) -> Simulation:
         return self.copy()
 
-    def __deepcopy__(self, memo: object) -> "Simulation":
+    def __deepcopy__(self, memo: object) -> Simulation:
         return self.copy()
 
-    def __reduce__(self) -> "tuple[Callable[..., Simulation], tuple[Library, bytes | None, Array, Array, dict[str, float], StepSettings]]":
+    def __reduce__(self) -> tuple[Callable[..., Simulation], tuple[Library, bytes | None, Array, Array, dict[str, float], StepSettings]]:
         snapshot = self.snapshot() if self._is_started else None
         arrays = self.parameters.array.copy(), self.inputs.array.copy()
         return _rebuilt, (self.library, snapshot, *arrays, self._limits, self._settings)

@@ -1,5 +1,7 @@
 """States and results of a simulation."""
 
+from __future__ import annotations
+
 import ctypes
 import struct
 from collections.abc import Sequence

@@ -1,5 +1,7 @@
 """Numbers by name in the memory of a simulation, and the matrices of its motion near a state."""
 
+from __future__ import annotations
+
 import difflib
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass

@@ -5,6 +5,8 @@
 The manifest tells the origin of a table in plain data: digests, versions, design.  No date, host or folder is in it.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack

@@ -1,5 +1,7 @@
 """Runs from Python: one of a compiled model, or batches of many that differ by parameters, several of them side by side in a register."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack

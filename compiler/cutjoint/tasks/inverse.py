@@ -5,6 +5,8 @@ coordinates q_a do the same if they have the same power in all motions, F = (dq_
 norm.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,5 +1,7 @@
 """Runs against the wall clock: how long each step takes, and which ones miss their deadline."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager

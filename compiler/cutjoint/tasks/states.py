@@ -3,6 +3,8 @@
 A search takes hundreds of evaluations, so that compiling would take longer than it: programs are interpreted.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import nan

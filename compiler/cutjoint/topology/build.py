@@ -1,5 +1,7 @@
 """Model -> Topology."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -1,5 +1,7 @@
 """From a model file to a :class:`Model`, with the problems of its loops beside those of the file."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Spanning trees of the body graph, and what they cost."""
 
+from __future__ import annotations
+
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 

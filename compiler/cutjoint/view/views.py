@@ -1,5 +1,7 @@
 """Files that show a mechanism: a run over time, or a pose."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Sweeps of an axle: both wheels up and down, one up and the other down, and the steering to and fro; and what forces move it by."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
