@@ -288,7 +288,6 @@ def _require_fit(path: Path, port: Port, name: str, unit: str) -> None:
 
 
 def _require_alike(path: Path, source: Port, sink: Port) -> None:
-    """Check that an output can drive another FMU's input."""
     for port in (source, sink):
         if port.fault:
             raise RunError(f"{path}: '{source.name}' cannot drive '{sink.name}': '{port.name}': {port.fault}")

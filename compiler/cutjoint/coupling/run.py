@@ -102,7 +102,6 @@ def _estimate(plan: Plan, run: Trajectory) -> ErrorEstimate:
 
 
 def _run(plan: Plan, out: Path | None, progress: Progress | None) -> Trajectory:
-    """A run by the settings of a plan."""
     begun, rows, places = perf_counter(), [], []
     with _table(out, plan.units) as table:
         for row, coordinates in _rows(plan):
@@ -166,7 +165,6 @@ def _rows(plan: Plan) -> Iterator[tuple[list[float], list[float]]]:
 
 
 def _count(end: float, step: float) -> int:
-    """Whole steps to the end."""
     return int(end / step + _ROUNDING)
 
 

@@ -404,16 +404,14 @@ def rotation_about(vector: Array) -> Array:
         return np.eye(3)
     x, y, z = vector / angle
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    rotation: Array = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    return rotation
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
 
 
 def roll_pitch_yaw(angles: tuple[float, ...]) -> Array:
     """The rotation R_z(yaw) R_y(pitch) R_x(roll), 3 by 3; angles in rad."""
     roll, pitch, yaw = angles
     x, y, z = np.eye(3)
-    rotation: Array = rotation_about(yaw * z) @ rotation_about(pitch * y) @ rotation_about(roll * x)
-    return rotation
+    return np.asarray(rotation_about(yaw * z) @ rotation_about(pitch * y) @ rotation_about(roll * x))
 
 
 def of_quaternion(w: float, x: float, y: float, z: float) -> Array:

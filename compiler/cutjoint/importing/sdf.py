@@ -249,8 +249,7 @@ class _Assembly:
             if found is None:
                 direction.refuse(f"is expressed in '{expressed[:60]}', which is not there", "correct the name")
             axis = self._pose(name).rotation.T @ self._pose(found).rotation @ axis
-        unit: Array = axis / np.linalg.norm(axis)
-        return unit
+        return np.asarray(axis / np.linalg.norm(axis))
 
     def _mesh(self, name: str, node: Node) -> None:
         """A gearbox: from a reference body the child's angle is -ratio times the parent's, each about its axis."""

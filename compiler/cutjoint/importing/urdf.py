@@ -232,5 +232,4 @@ def _direction(node: Node, text: str | None) -> Array:
     length = np.linalg.norm(axis)
     if length < 1e-9:
         node.refuse("is an axis without length", "give it a direction")
-    unit: Array = axis / length
-    return unit
+    return np.asarray(axis / length)

@@ -33,7 +33,8 @@ def freeze_idle(model: Model, scene: Scene) -> Outcome:
         return outcome
     if poses is None:
         return outcome
-    moves = {j.name: _movement(model, j, poses) for j in model.joints if not j.element.is_free}
+    joints = [j for j in model.joints if not j.element.is_free]
+    moves = {j.name: poses[j.follower].seen_from(poses[j.base]).change(numbers(j.at, model)) for j in joints}  # m, rad
     limit = IDLE if scene.accuracy is None else scene.accuracy
     idle = {name for name, moved in moves.items() if moved <= limit}
     left: list[Note] = []
@@ -46,11 +47,6 @@ def freeze_idle(model: Model, scene: Scene) -> Outcome:
         left.append(note)
         idle -= around
     return replace(outcome, left=tuple(dict.fromkeys(left)))
-
-
-def _movement(model: Model, joint: Joint, poses: Mapping[str, Poses]) -> float:
-    """The movement of a joint's follower as seen from its base, m or rad."""
-    return poses[joint.follower].seen_from(poses[joint.base]).change(numbers(joint.at, model))
 
 
 def _freeze(outcome: Outcome, frozen: "Frozen", moves: Mapping[str, float]) -> Outcome:

@@ -71,7 +71,6 @@ class PlaneModel:
         return found
 
     def _output(self, output: Output) -> Output:
-        """The column from which one of the whole follows."""
         match reported_element(self.model, output):
             case Reaction() as reaction if reaction.joint in self.in_plane:
                 return self._reaction_output(reaction, output)

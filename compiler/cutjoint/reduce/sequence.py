@@ -145,7 +145,6 @@ def _cheapest(method: str, sequence: Sequence[ReducedModel]) -> ReducedModel | N
 
 
 def _derived(method: str, reduced: ReducedModel) -> ReducedModel:
-    """A reduced model by another method."""
     outcome = Outcome(model=reduced.model, scene=reduced.scene, done=reduced.done)
     return _count(reduced.name, outcome, method, motion=reduced.motion)
 

@@ -68,7 +68,6 @@ def run_accurately(
 
 
 def _execute(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory], estimate: bool) -> Trajectory:
-    """A run by the settings of its plan."""
     if estimate and plan.goal is not None:
         return _reach(plan, plan.goal, begin)
     run = begin(plan)

@@ -235,7 +235,6 @@ def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, 
 
 
 def _place(model: Model, scene: Scene, part: str, of: str) -> str:
-    """The place of the expression from which a part comes."""
     if part != "roads":
         return f"{scene.span}: scene '{scene.name}': {part}: '{of}'"
     return f"{next(f.span for f in model.forces if f.name == of)}: tyre '{of}': radius"
@@ -315,12 +314,8 @@ def require_fitting_steps(model: Model, scene: Scene, dt: float) -> None:
     times = [time for controller in model.controllers for time in (controller.every, controller.offset) if time > 0]
     for controller in model.controllers:
         for name, time in (("every", controller.every), ("offset", controller.offset)):
-            if not _divides(dt, time):
+            if abs(time / dt - round(time / dt)) > _WHOLE:
                 raise RunError(f"{scene.span}: scene '{scene.name}': {_fault(controller, name, time, dt)}; {_cure(times, dt)}")
-
-
-def _divides(dt: float, time: float) -> bool:
-    return abs(time / dt - round(time / dt)) <= _WHOLE
 
 
 def _fault(controller: Controller, name: str, time: float, dt: float) -> str:

@@ -120,12 +120,10 @@ def _shares(design: LatinHypercube | Sobol | SobolIndices, dimensions: int) -> A
     if isinstance(design, SobolIndices):
         return _mixed(qmc.Sobol(2 * dimensions, rng=design.seed).random(design.sobol_indices))
     if isinstance(design, LatinHypercube):
-        shares: Array = qmc.LatinHypercube(dimensions, rng=design.seed).random(design.latin_hypercube)
-        return shares
+        return np.asarray(qmc.LatinHypercube(dimensions, rng=design.seed).random(design.latin_hypercube))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # numbers of points that are no power of two are as the user wants them
-        shares = qmc.Sobol(dimensions, rng=design.seed).random(design.sobol)
-    return shares
+        return np.asarray(qmc.Sobol(dimensions, rng=design.seed).random(design.sobol))
 
 
 def _mixed(shares: Array) -> Array:

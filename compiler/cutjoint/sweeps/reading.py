@@ -116,7 +116,6 @@ class _Reading:
             return read_model(path, tunable=self.document.tunable)
 
     def _scenes(self, model: Model) -> tuple[Scene, ...]:
-        """The scenes with the settings of the study."""
         names = self.document.scenes
         if names is None:
             if len(model.scenes) > 1:
@@ -207,7 +206,6 @@ def _unit(reduction: str, unit: str) -> str:
 
 
 def _described(document: Document) -> Mapping[str, object]:
-    """The design in plain data."""
     match document.design:
         case str():
             return {"grid": True}

@@ -188,7 +188,6 @@ def _lays_roads(alone: Standalone) -> bool:
 
 
 def _wheels(model: Model) -> Iterator[tuple[Force, Wheel]]:
-    """The forces that are wheels, with their looks."""
     return ((force, visual) for force in model.forces for _, visual in named_visuals(force) if isinstance(visual, Wheel))
 
 

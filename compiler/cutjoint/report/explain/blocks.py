@@ -268,7 +268,8 @@ class _Names:
             if first.args[0] is second:
                 return rf"\lVert {self.show(second)} \rVert^2", _PRODUCT
             return rf"{self.show(first.args[0], _ONE)} \cdot {self.show(second, _ONE)}", _VECTORS
-        if first.op == "call" and first.data == ("div", None) and first not in self._letters and _is_one(first.args[0]):
+        is_quotient = first.op == "call" and first.data == ("div", None) and first not in self._letters
+        if is_quotient and (first.args[0].op, first.args[0].data) == ("const", ((1.0,),)):
             return rf"\frac{{{self.show(second)}}}{{{self.show(first.args[1])}}}", _PRODUCT
         if first.op == "neg" and first not in self._letters:
             return f"-{self.show(first.args[0], _PRODUCT)} {self.show(second, _PRODUCT)}", _SUM
@@ -314,10 +315,6 @@ class _Names:
             return rf"\{function} \left({self.show(args[0])}\right)", _ONE
         name = words(function) if "_" in function or "." in function else rf"\text{{{function}}}"
         return rf"{name} \left({', '.join(self.show(x) for x in args)}\right)", _ONE
-
-
-def _is_one(block: Block) -> bool:
-    return block.op == "const" and block.data == ((1.0,),)
 
 
 def _choice_of_columns(block: Block) -> tuple[Block, Block, Block] | None:

@@ -92,7 +92,6 @@ def explain_signals(model: Model) -> tuple[Chapter, ...]:
 
 
 def _explain_controller(controller: Controller, symbols: Mapping[Scalar, str]) -> Chapter:
-    """The formulas of a sample."""
     times = f"Samples at {controller.offset:.9g} s + k {controller.every:.9g} s. {_SAMPLES}"
     computed = [f"{symbols[s.symbol]} = {latex(s.value, symbols)}" for s in controller.signals]
     held = dict.fromkeys(rf"{symbols[h.symbol]} \leftarrow {latex(h.next, symbols)}" for h in controller.held)  # a memory is one line

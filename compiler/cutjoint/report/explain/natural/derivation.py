@@ -85,7 +85,6 @@ def form_text(form: Form, model: Model) -> str:
 
 
 def _term(e: Scalar, name: str, model: Model) -> str:
-    """A term with its sign."""
     sign = "-" if e.could_extract_minus_sign() else "+"
     factor = text(-e if sign == "-" else e, model).strip("`")
     if factor == "1":
