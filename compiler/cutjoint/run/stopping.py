@@ -83,7 +83,7 @@ def _raised_again() -> Iterator[None]:
     """Signals come once more while this lasts if they came where Python drops exceptions, as in a finalizer or a callback."""
     usual = sys.unraisablehook
 
-    def hear(dropped: sys.UnraisableHookArgs) -> None:
+    def hear(dropped: "sys.UnraisableHookArgs") -> None:
         error = dropped.exc_value
         if isinstance(error, Terminated | KeyboardInterrupt):
             number = error.number if isinstance(error, Terminated) else signal.SIGINT
