@@ -33,6 +33,14 @@ def tool(command: Sequence[str], environment: Mapping[str, str], folder: Path = 
         _at_work.discard(process)
 
 
+def call(command: Sequence[str], environment: Mapping[str, str], folder: Path) -> tuple[int, str]:
+    """The status of a tool and all that it prints; errors as of `tool`."""
+    with tool(command, environment, folder) as process:
+        assert process.stdout is not None
+        said = process.stdout.read()
+        return process.wait(), said
+
+
 def _start(command: Sequence[str], environment: Mapping[str, str], folder: Path) -> subprocess.Popen[str]:
     kept = [sys.executable, "-I", "-S", str(Path(keeper.__file__).absolute()), *command]
     try:

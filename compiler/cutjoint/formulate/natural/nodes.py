@@ -120,11 +120,3 @@ def is_nought(value: Scalar) -> bool:
 def difference(a: Form, b: Form) -> dict[Node, Scalar]:
     """a - b."""
     return combine((1, a), (-1, b))
-
-
-def in_coordinates(form: Form) -> dict[Node, Scalar]:
-    """A form over coordinates and constants alone."""
-    terms = []
-    for node, coefficient in form.items():
-        terms.append((coefficient, {node: 1} if node.parts is None else in_coordinates(node.parts)))
-    return combine(*terms)

@@ -204,9 +204,7 @@ class _Names:
                 return self._sum(block), _SUM
             case "neg":
                 return f"-{self.show(args[0], _VECTORS)}", _SUM
-            case "scale":
-                return self._product(block)
-            case "mul":
+            case "scale" | "mul":
                 return self._product(block)
             case "transpose" if args[0].op == "neg" and args[0].args[0].op == "skew" and args[0] not in self._letters:
                 return self.show(args[0].args[0]), _ONE
