@@ -1,7 +1,5 @@
 """The command line: its commands by name."""
 
-from __future__ import annotations
-
 import ast
 import errno
 import gc

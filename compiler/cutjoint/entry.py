@@ -1,7 +1,5 @@
 """The program `cutjoint`: a signal while Python still imports ends it without a traceback."""
 
-from __future__ import annotations
-
 import _signal as signal  # type: ignore[import-not-found]  # signal imports other modules
 
 

@@ -4,8 +4,6 @@ Choices, checks and messages follow from these records; no other module compares
 and number types.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -95,7 +93,7 @@ class Method:
 
     def closure(
         self, wanted: str | None, implementation: Implementation = Implementation.GENERATED, *, usual: str | None = None
-    ) -> Closure:  # fmt: skip
+    ) -> "Closure":  # fmt: skip
         """The closure of a scene, which is meant for the methods that have it; where none is wanted, the ``usual`` one, that of the
         scene's integrator."""
         if wanted in self.closures:

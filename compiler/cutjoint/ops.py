@@ -1,7 +1,5 @@
 """Scalar operations, a row each: the language of models, folding, interpretation, printing, derivatives and domains follow from it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -9,7 +9,6 @@ import sympy
 
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.pipeline import generate
-from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions.functions import SuppliedCall, require_code, supply
 from cutjoint.model.expressions.parse import variable
@@ -18,6 +17,7 @@ from cutjoint.model.records import Model
 from cutjoint.package.errors import CutjointError
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.differentiate import Differentiator
+from cutjoint_bench.mechanics_alone import require_mechanics_alone
 
 MODEL = """\
 cutjoint: 1

@@ -1,7 +1,5 @@
 """The start of a scene that is to have given places: coordinates that close the loops around them."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 

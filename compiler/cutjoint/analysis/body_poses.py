@@ -1,7 +1,5 @@
 """The poses of all bodies over time, by interpretation: of the tree's kinematics, or of what natural coordinates span."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias

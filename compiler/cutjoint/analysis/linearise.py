@@ -1,7 +1,5 @@
 """A mechanism linearised about a state, by interpretation: mass, damping and stiffness are the exact tangent of its residual."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 

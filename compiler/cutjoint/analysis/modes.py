@@ -1,7 +1,5 @@
 """Eigenvalues and mode shapes of a linearised mechanism."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import pi

@@ -1,7 +1,5 @@
 """Systems in natural coordinates as numbers: states that satisfy their equations, Jacobians, tangents, equations that depend on others."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType

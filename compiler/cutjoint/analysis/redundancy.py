@@ -4,8 +4,6 @@ Multipliers lambda of a motion are determined but for the null space of the tran
 reaction that some such n changes is statically indeterminate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product

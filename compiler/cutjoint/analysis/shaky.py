@@ -9,8 +9,6 @@ Where that form is definite for one of these w, there is none.  Forces across su
 nor reactions are determined.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Rounded numbers in a file make such axes.  A planar loop is then none, and rigid
 hold a mechanism without freedom only just.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import degrees

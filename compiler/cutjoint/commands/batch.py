@@ -1,7 +1,5 @@
 """`cutjoint batch`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -42,7 +40,6 @@ def command(
 
 
 def _as_asked(scene: Scene, method: str, asked: Options) -> Scene:
-    """The scene with the steps that are asked for."""
     numerics = scene.numerics
     numerics = replace(numerics, integrator=asked.integrator or numerics.integrator, events=asked.events or numerics.events)
     return with_options(replace(scene, numerics=numerics), method, Options(dt=asked.dt))

@@ -1,7 +1,5 @@
 """`cutjoint check`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from cutjoint.analysis.closing import explore
@@ -28,8 +26,7 @@ from cutjoint.view.views import require_view, write_shown
 def command(model: Path, scene: str | None, tunable: tuple[str, ...], view: Path | None) -> None:
     """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
     require_apart({"the model": model}, documents=[("--view", view)])
-    if view is not None:
-        require_view(view, "--view")
+    require_view(view, "--view")
     with options.progress_bar(f"reading {model.name}"):
         checked = read_model(model, tunable=tunable)
     checked, chosen = options.take_case(checked, scene)

@@ -1,7 +1,5 @@
 """`cutjoint compile`."""
 
-from __future__ import annotations
-
 import subprocess
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`cutjoint couple`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -40,10 +38,9 @@ def command(
 ) -> None:  # fmt: skip
     """Run one scene of MODEL beside FMUs for co-simulation, or a system of them (.ssp): their outputs drive the inputs of the same names,
     and they read outputs."""
-    read_files = {"the model": model, **{_words_of(fmu, fmus): fmu for fmu in fmus}}
+    read_files = {"the model": model, **{"the FMU" if len(fmus) == 1 else f"the FMU {fmu}": fmu for fmu in fmus}}
     require_apart(read_files, tables={"--out": out}, plots=plots, documents=[("--view", view)])
-    if view is not None:
-        require_view(view, "--view")
+    require_view(view, "--view")
     parameters = options.read_parameters(changes)
     asked = Options(dt=dt, end=end, tolerance=tolerance, iterations=iterations, integrator=integrator, events=events)
     read, chosen, by = read_request(Request(model=model, scene=scene, method=method, tunable=tunable, functions=functions))
@@ -74,10 +71,6 @@ def command(
     if faults:
         options.err.print("\n".join(f"{fault}; the table is whole" for fault in faults), markup=False)
         raise SystemExit(1)
-
-
-def _words_of(fmu: Path, fmus: Sequence[Path]) -> str:
-    return "the FMU" if len(fmus) == 1 else f"the FMU {fmu}"
 
 
 def _plan(
@@ -130,7 +123,6 @@ def _named(connections: tuple[str, ...]) -> dict[str, str]:
 
 
 def _require_free(model: Model, parameters: Mapping[str, float], parties: Sequence[Party]) -> None:
-    """Check that the names of --set can be set."""
     known = {p.name: p for p in (*tunable_parameters(model), *input_parameters(model))}
     for name, value in parameters.items():
         if name not in known:

@@ -1,7 +1,5 @@
 """`cutjoint equilibrium`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from cutjoint.commands import options, table
@@ -18,8 +16,7 @@ from cutjoint.view.views import require_view, write_shown
 def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], view: Path | None) -> None:
     """Find the static equilibrium of MODEL, or what the scene's trim asks for, and print every body's pose and every element's force."""
     require_apart({"the model": model}, documents=[("--view", view)])
-    if view is not None:
-        require_view(view, "--view")
+    require_view(view, "--view")
     parameters = options.read_parameters(changes)
     checked = read_model(model, tunable=tunable)
     checked, chosen = options.take_case(checked, scene)

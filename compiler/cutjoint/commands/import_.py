@@ -1,7 +1,5 @@
 """`cutjoint import`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """`cutjoint inverse`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from cutjoint.commands import options, table

@@ -1,7 +1,5 @@
 """`cutjoint modes`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from cutjoint.commands import options, table
@@ -22,8 +20,7 @@ def command(
 ) -> None:  # fmt: skip
     """Linearise MODEL and print eigenvalues, frequencies, damping and mode shapes."""
     require_apart({"the model": model}, documents=[("--out", out), ("--view", view)])
-    if view is not None:
-        require_view(view, "--view")
+    require_view(view, "--view")
     checked = read_model(model, tunable=tunable)
     checked, chosen = options.take_case(checked, scene) if at is None else find_case(checked, scene)
     parameters = options.read_parameters(changes)

@@ -1,7 +1,5 @@
 """The common parts of commands: reports of errors, progress, values of parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
@@ -66,7 +64,7 @@ def console_beside(*outputs: Path | None) -> Console:
     return err if any(path is not None and descriptor_of(path) == 1 for path in outputs) else out
 
 
-def take_case(model: Model, name: str | None) -> tuple[Model, Scene]:
+def take_case(model: "Model", name: str | None) -> "tuple[Model, Scene]":
     """The scene of that name, else the first one, with a message where there are others; the model as that scene has it.
 
     Raises:

@@ -1,7 +1,5 @@
 """`cutjoint simulate` with method auto, which measures its candidates; imported only where it is asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -43,7 +41,6 @@ def pick_and_run(
 
 
 def _execute(request: Request, ran: FinishedRun, execute: Play) -> tuple[PreparedRun, Trajectory]:
-    """Compile what was picked, and play it."""
     prepared = prepare(compile_request(request, ran.model, ran.scene, ran.method), Options(), ran.parameters)
     return prepared, execute(prepared)
 

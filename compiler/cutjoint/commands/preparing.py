@@ -1,7 +1,5 @@
 """From a model file to a prepared run and its trajectory: the way of `cutjoint simulate` where none is cached."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """`cutjoint reduce`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from cutjoint.commands import options, table
@@ -22,8 +20,7 @@ def command(
 ) -> None:  # fmt: skip
     """Cut MODEL down to what a scene needs: what each pass did and why, operations, and error and speed of every reduced model."""
     require_apart({"the model": model}, documents=[("--view", view)])
-    if view is not None:
-        require_view(view, "--view")
+    require_view(view, "--view")
     checked = read_model(model)
     with options.progress_bar(f"reducing {model.name}"):
         checked, chosen = find_case(checked, scene)

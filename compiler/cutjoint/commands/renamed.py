@@ -1,7 +1,5 @@
 """Words of earlier versions: they still work, and the new ones are told."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Mapping
 from itertools import pairwise

@@ -3,8 +3,6 @@
 A failed run is made once more, with a row for each of its steps: its last rows show the way to the failure.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -28,8 +26,7 @@ def require_replay(request: Request, parameters: Mapping[str, float], view: Path
         ModelError: the model is wrong, or a mesh of it.
         RunError, OutputError: the file is of no kind, or there is no page or no run to be over.
     """
-    if view is not None:
-        require_view(view, "--view")
+    require_view(view, "--view")
     read_over(over, view)
     model, scene, _ = read_request(request)
     require_meshes(model, Numbers.of(model, scene, parameters))

@@ -1,7 +1,5 @@
 """`cutjoint sweep`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The table of options: the command line, docs/reference/command-line.md and the checks of values follow from it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from inspect import signature

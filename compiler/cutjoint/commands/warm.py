@@ -1,7 +1,5 @@
 """`cutjoint warm`."""
 
-from __future__ import annotations
-
 import click
 
 from cutjoint.commands import options, table

@@ -3,8 +3,6 @@
 Program -> files -> simulator or library
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -181,7 +179,7 @@ class Standalone:
         """The settings of its steps until a host changes them."""
         return StepSettings.of(self.run_file.settings)
 
-    def with_code(self, text: str) -> Standalone:
+    def with_code(self, text: str) -> "Standalone":
         """Copy the folder with more code in its library."""
         return replace(self, code=self.code + text)
 

@@ -1,7 +1,5 @@
 """Model -> Topology -> Equations -> Program -> Source: the symbolic half of every way to compile."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from cutjoint.analysis.mobility import require_soundness

@@ -1,7 +1,5 @@
 """A model for the interpreter, which is compiled once for all models."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from time import perf_counter

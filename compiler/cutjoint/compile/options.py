@@ -1,7 +1,5 @@
 """The choices of a compilation."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ they mean.  Only the files that the model file names are not in it: their digest
 a simulator by its name in the cache.
 """
 
-from __future__ import annotations
-
 import codecs
 import json
 import re

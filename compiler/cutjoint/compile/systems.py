@@ -3,8 +3,6 @@
 Equations of the start -> Equations -> Program, Plan -> Source
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, TypeVar

@@ -3,8 +3,6 @@
 Systems are those of System Structure and Parameterization 1.0 (Modelica Association, 2019).
 """
 
-from __future__ import annotations
-
 import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -290,7 +288,6 @@ def _require_fit(path: Path, port: Port, name: str, unit: str) -> None:
 
 
 def _require_alike(path: Path, source: Port, sink: Port) -> None:
-    """Check that an output can drive another FMU's input."""
     for port in (source, sink):
         if port.fault:
             raise RunError(f"{path}: '{source.name}' cannot drive '{sink.name}': '{port.name}': {port.fault}")

@@ -1,7 +1,5 @@
 """A co-simulation FMU, read by FMPy, and its instances."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -73,7 +71,7 @@ class ControllerFmu:
         """2 or 3."""
         return str(self._description.fmiVersion)[0]
 
-    def instantiate(self) -> Controller:
+    def instantiate(self) -> "Controller":
         """A new instance, once the one before is closed.
 
         Raises:

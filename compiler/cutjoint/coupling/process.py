@@ -1,7 +1,5 @@
 """Calls of an FMU in a process of its own (`slave`), which may end, hang or print as it likes."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """The run of a model with controllers: all take steps of communication, and exchange values between them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -104,7 +102,6 @@ def _estimate(plan: Plan, run: Trajectory) -> ErrorEstimate:
 
 
 def _run(plan: Plan, out: Path | None, progress: Progress | None) -> Trajectory:
-    """A run by the settings of a plan."""
     begun, rows, places = perf_counter(), [], []
     with _table(out, plan.units) as table:
         for row, coordinates in _rows(plan):
@@ -168,7 +165,6 @@ def _rows(plan: Plan) -> Iterator[tuple[list[float], list[float]]]:
 
 
 def _count(end: float, step: float) -> int:
-    """Whole steps to the end."""
     return int(end / step + _ROUNDING)
 
 
@@ -198,7 +194,7 @@ def _require_exchanges(plan: Plan) -> None:
             )
 
 
-def _begin(plan: Plan, simulation: Simulation, ends: list[_End]) -> None:
+def _begin(plan: Plan, simulation: Simulation, ends: "list[_End]") -> None:
     """Start all, with values that go together."""
     for name, value in plan.parameters.items():
         if name in simulation.parameters:
@@ -223,7 +219,7 @@ def _begin(plan: Plan, simulation: Simulation, ends: list[_End]) -> None:
 class _End:
     """An FMU's end of the connections; ``given`` are the values by which it drives the model, ``others`` all ends by number."""
 
-    def __init__(self, simulation: Simulation, controller: Controller, party: Party, others: list[_End]) -> None:
+    def __init__(self, simulation: Simulation, controller: Controller, party: Party, others: "list[_End]") -> None:
         self.controller, self.given, self._simulation, self._others = controller, list[float](), simulation, others
         self._path, self._connections, self._step = party.fmu.path, party.connections, party.step
         self._steps = 0

@@ -4,8 +4,6 @@ Each request is a line of JSON, the name of a method of `Slave` and its argument
 What the FMU prints goes to standard error.  The process ends when its standard input does, whatever the FMU is doing.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import socket

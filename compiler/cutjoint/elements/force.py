@@ -3,8 +3,6 @@
 Expressions come in by the builders of `Reader` and `Mirror`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum

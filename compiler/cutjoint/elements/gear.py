@@ -6,8 +6,6 @@ the second one.  The relation holds exactly and without loss; the wheels' teeth 
 apart is left out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 #: Its description, for the documentation and `explain`.

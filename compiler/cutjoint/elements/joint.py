@@ -4,8 +4,6 @@ A record has no formula of any method.  Coordinates, speeds, units, mirror image
 motions follow from the chain; residuals, shared points and equations of natural coordinates follow from the conditions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """The material of elements' records: expressions, vectors, places in the user's file, and the joint kinds that code tells apart."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import PurePath
@@ -29,7 +27,7 @@ class Span:
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}"
 
-    def seen_from(self, other: Span) -> str:
+    def seen_from(self, other: "Span") -> str:
         """The line, with the file's name where that is another one."""
         return f"line {self.line}" if self.file == other.file else self.place
 

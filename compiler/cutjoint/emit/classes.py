@@ -1,8 +1,6 @@
 """Programs -> C++ classes: those of a mechanism and of a system, for simulators, libraries and C exports; and the begin of
 their simulations."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from textwrap import wrap
@@ -140,7 +138,7 @@ class SimulationCode:
         """Return whether the rates of guides may jump."""
         return guides_jump(self.mechanism.topology.model, self.mechanism.scene)
 
-    def over_events(self) -> SimulationCode:
+    def over_events(self) -> "SimulationCode":
         """Copy the code for steps that go over events; those over jumps of guides seek these by indicators."""
         if self.guides_jump:
             return self

@@ -3,8 +3,6 @@
 Left-looking: a block starts with the matrix's values, loses what all earlier tiles change in it, and is finished and stored.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Right-looking: when a tile is finished, sweeps subtract what it changes in all later blocks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import wrap

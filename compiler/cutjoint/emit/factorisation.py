@@ -1,7 +1,5 @@
 """Plan of a static factorisation -> C++: straight-line code by blocks, or index data and a loop where that would be too long."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from cutjoint.emit.factor_blocks import Block, factor_blocks, solve_blocks

@@ -4,8 +4,6 @@ All values stand in one memory of doubles.  Its first registers have an image: c
 beginning of a step compute; after these stand the values of the call that runs.  Lanes stand side by side; conditions are 1 or 0.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections import Counter

@@ -4,8 +4,6 @@ Its classes are those of the folder.  Their layout alone stands apart, beside th
 other function.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Loops of a function -> the names of their kept scalars, and C++ texts of their bodies' arguments."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

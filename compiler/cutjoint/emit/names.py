@@ -1,7 +1,5 @@
 """C++ names for the program's scalars: those of the formulation's blocks where there is one."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from itertools import chain, zip_longest

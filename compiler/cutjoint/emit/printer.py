@@ -1,7 +1,5 @@
 """Scalars -> C++ expressions and statements."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite

@@ -1,7 +1,5 @@
 """Program -> the C++ files of a simulator of the command line: classes, descriptions, main program and CMake project."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from cutjoint.emit.classes import CppClass, System, mechanism_class, pattern_view, system_class

@@ -1,7 +1,5 @@
 """Sizes of what a simulation and its derivatives hold."""
 
-from __future__ import annotations
-
 from cutjoint.emit.classes import SimulationCode, System, is_weighed
 from cutjoint.formulate.records import Equations
 from cutjoint.formulate.transposed import Derived, Linearised

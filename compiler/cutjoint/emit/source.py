@@ -1,7 +1,5 @@
 """Program -> C++ files."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -90,7 +88,7 @@ class Page:
     text: str
 
     @classmethod
-    def of(cls, equations: Equations, formulation: str) -> Page:
+    def of(cls, equations: Equations, formulation: str) -> "Page":
         """The page of a model."""
         model = equations.topology.model
         return cls(stem=model.name, class_name=name_of_mechanism(model.name), formulation=formulation, text=model.content)

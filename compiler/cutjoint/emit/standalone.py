@@ -1,7 +1,5 @@
 """Program -> a folder that needs a compiler and nothing else: a C header and one C++ file, with an example and a simulator in C."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence

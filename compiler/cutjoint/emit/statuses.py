@@ -1,7 +1,5 @@
 """The statuses of the C interface and the statistics with limits, as the headers of the core number them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

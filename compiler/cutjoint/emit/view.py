@@ -1,7 +1,5 @@
 """Program -> views: what the templates print, decided here."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

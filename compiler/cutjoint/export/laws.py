@@ -1,7 +1,5 @@
 """Numbers, laws and the start of a model with its parameters put in; laws as C++ by SymPy, with numbers that read back the same."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,29 +11,10 @@ from numpy.typing import NDArray
 from sympy.printing.cxx import CXX17CodePrinter
 
 from cutjoint.compile.interpreted import compile_interpreted
-from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.formulate.inputs import input_functions, input_parameters
 from cutjoint.methods import PLAIN_CLOSURE, Loops
-from cutjoint.model.elements.friction import bristle_name
-from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.expressions.evaluate import evaluate
-from cutjoint.model.expressions.quantities import reading_elements
-from cutjoint.model.records import (
-    COORDINATES,
-    BallSpring,
-    Binding,
-    Contact,
-    FirstOrderState,
-    Force,
-    JointFriction,
-    Marker,
-    Model,
-    Output,
-    Scalar,
-    Scene,
-    Signal,
-    Wheel,
-)
+from cutjoint.model.records import COORDINATES, Binding, Marker, Model, Output, Scalar, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import make_simulator_run
 from cutjoint.run.failures import describe_failure
@@ -57,7 +36,7 @@ class Numbers:
     inputs: Mapping[Scalar, Scalar]
 
     @classmethod
-    def of(cls, model: Model, scene: Scene, parameters: Mapping[str, float]) -> Numbers:
+    def of(cls, model: Model, scene: Scene, parameters: Mapping[str, float]) -> "Numbers":
         """The numbers of a scene after changes of parameters (SI units), and with inputs that these hold constant.
 
         Raises:
@@ -84,50 +63,6 @@ class Numbers:
         return sympy.sympify(expression).xreplace(dict(self.inputs)).xreplace(known)
 
 
-#: The interactions whose equations others have too: those that stand in the twin and in programs of peers by hand.
-KNOWN = (AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench)
-
-
-def require_mechanics_alone(model: Model) -> None:
-    """Raise ModelError for states, signals, laws that read other elements, friction that sticks, grounds of wheels, contacts, springs of
-    balls, gears with laws and functions of the user, which programs with mechanics alone do not have."""
-    bristles = {bristle_name(f.name) for f in model.forces if isinstance(f, JointFriction)}
-    reading = (e for e in reading_elements(model) if not (isinstance(e, Signal) and e.reported))  # outputs may be left out
-    found = (*(s for s in model.states if s.name not in bristles), *(e for e in reading if not isinstance(e, FirstOrderState)))
-    message = "only cutjoint has states, controllers and laws that read quantities"
-    problems = [Problem(span=e.span, element=f"'{e.name}'", message=message, hint="leave it out") for e in found]
-    problems += [
-        Problem(span=f.span, element=f"'{f.name}'", message=f"only cutjoint has {_words(f)}", hint="leave it out")
-        for f in model.forces if type(f.interaction) not in KNOWN or (f.has_road and f.expressions and f not in found)
-    ]  # fmt: skip
-    problems += [
-        Problem(span=g.span, element=f"gear '{g.name}'", message=f"only cutjoint has gears {what}", hint="give it a ratio")
-        for g in model.gears if (what := "with a law" if g.law is not None else "of more than two joints" if g.others else "")
-    ]  # fmt: skip
-    problems += [
-        Problem(span=j.span, element=f"joint '{j.name}'", message="only cutjoint has armatures here", hint="leave it out")
-        for j in model.joints if j.armature != 0
-    ]
-    problems += [
-        Problem(span=f.span, element=f"function '{f.name}'", message="only cutjoint calls functions of users", hint="write an expression")
-        for f in model.functions
-    ]
-    if problems:
-        raise ModelError(problems)
-
-
-def _words(force: Force) -> str:
-    if isinstance(force, JointFriction):
-        return "friction that sticks"
-    if isinstance(force, Contact):
-        return "contacts"
-    if isinstance(force, BallSpring):
-        return "springs and dampers of balls"
-    if isinstance(force, Wheel):
-        return "wheels that turn"
-    return "a ground of a wheel's own" if force.has_road else f"forces of kind '{force.element.kind}'"
-
-
 _LARGEST_POWER = 12
 
 
@@ -137,17 +72,7 @@ class RealNumbers:
     def _print_Float(self, number: Any) -> str:
         return real(float(number))
 
-    def _print_Integer(self, number: Any) -> str:
-        return self._print_Float(number)
-
-    def _print_NumberSymbol(self, number: Any) -> str:
-        return self._print_Float(number)
-
-    def _print_Pi(self, number: Any) -> str:
-        return self._print_Float(number)
-
-    def _print_Exp1(self, number: Any) -> str:
-        return self._print_Float(number)
+    _print_Integer = _print_NumberSymbol = _print_Pi = _print_Exp1 = _print_Float  # noqa: N815
 
     def _print_Rational(self, number: Any) -> str:
         return f"{real(float(number.p))}/{real(float(number.q))}"
@@ -246,7 +171,7 @@ def _start(body: str, values: Mapping[str, float], points: int) -> Start:
 
     origin, *tips = (column(f"{body}@{i}", "x y z") for i in range(points))
     left, _, right = np.linalg.svd(np.column_stack([tip - origin for tip in tips]))
-    rotation: Array = left @ right
+    rotation = left @ right
     return Start(
         rotation=np.eye(3) if np.abs(rotation - np.eye(3)).max() < ROUNDING else rotation,
         shift=np.zeros(3) if np.abs(origin).max() < ROUNDING else origin,

@@ -3,8 +3,6 @@
 MuJoCo closes loops and relations by springs, which are as stiff as its defaults have them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring

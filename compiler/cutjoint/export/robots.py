@@ -4,8 +4,6 @@ All frames have the global axes of the design position, in which all coordinates
 relations by ``<loop>`` and ``mimic``, as `importing/urdf.py` reads them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, ClassVar

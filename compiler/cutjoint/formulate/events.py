@@ -5,8 +5,6 @@ has a margin for each root, logarithm or quotient of a law; it is called only wh
 belongs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import sympy

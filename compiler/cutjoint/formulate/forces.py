@@ -1,7 +1,5 @@
 """Forces of a scene, their guards, and their laws as blocks: shared by all formulations."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -41,7 +39,7 @@ def forces_guarded(model: Model, scene: Scene) -> tuple[Guard, ...]:
     return tuple(guard for guard in model.guards if is_active(guard.force, scene))
 
 
-def smallest_margin(laws: Laws, guard: Guard, values: Mapping[str, Block]) -> Block:
+def smallest_margin(laws: "Laws", guard: Guard, values: Mapping[str, Block]) -> Block:
     """The smallest margin of a guard; ``values`` are those of its law's variables."""
     b, margins = laws.b, (laws.scalar(margin, values) for margin in guard.margins)
     return reduce(lambda one, other: b.call("where", b.call("lt", one, other), one, other), margins)

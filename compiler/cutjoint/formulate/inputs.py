@@ -7,8 +7,6 @@ first samples, then the values at whose changes of sign laws change their formul
 functions read the array alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Corresponding blocks of isomorphic parts, which lanes compute side by side, and the program of the recursive method with them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -4,8 +4,6 @@
 relative coordinates the segments are the charts of joints; natural coordinates are the integrals of their own speeds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Laws, rates, signals and controllers that read quantities of elements, as blocks: the part that all formulations share."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 
 from cutjoint.formulate.forces import is_active

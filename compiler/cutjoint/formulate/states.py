@@ -3,8 +3,6 @@
 The unknown of a step is x', with which x changes by ``damping``.  What controllers hold is computed anew by the function ``sample``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import count
 from typing import Any

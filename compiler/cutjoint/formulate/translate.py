@@ -1,7 +1,5 @@
 """SymPy -> block IR."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import reduce
 from typing import Any
@@ -32,11 +30,11 @@ class Translator:
         self._known: dict[Any, Block] = dict(values)
         self._read = read
 
-    def with_values(self, values: Mapping[Scalar, Block]) -> Translator:
+    def with_values(self, values: Mapping[Scalar, Block]) -> "Translator":
         """A translator that knows further symbols."""
         return Translator(self._b, {**self._values, **values}, self._read)
 
-    def reading(self, read: Callable[[Scalar], Block]) -> Translator:
+    def reading(self, read: Callable[[Scalar], Block]) -> "Translator":
         """A translator that reads symbols without a value."""
         return Translator(self._b, self._values, read)
 

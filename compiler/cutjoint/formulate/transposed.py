@@ -6,8 +6,6 @@ Transposed functions go from how something changes with results to how it change
 over a run in ``by_loaded``; ``load_transposed`` goes on from there to the parameters, once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, chain

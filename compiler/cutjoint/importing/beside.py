@@ -1,7 +1,5 @@
 """A YAML beside a URDF: joints that are balls or Cardan joints, frames that close loops, joints with drives."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from difflib import get_close_matches

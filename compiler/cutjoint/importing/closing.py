@@ -1,7 +1,5 @@
 """The position of a robot in which its loops close, nearest to the file's zero position, and its couplings solved into gears."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -62,7 +60,10 @@ def close(robot: Robot, *, free: bool = False) -> Closed:
             apart = f"{np.abs(violation).max():.2g} m or rad"
             one.node.refuse(f"does not close: in the position found it is open by {apart}", "correct the frames of its two ends")
     values[np.abs(values) < 1e-12] = 0
-    q = {name: _turned_back(each) if robot.joints[name].kind == "revolute" else each for name, each in unpacked(values).items()}
+    q = {
+        name: each - 2 * np.pi * np.round(each / (2 * np.pi)) if robot.joints[name].kind == "revolute" else each
+        for name, each in unpacked(values).items()
+    }  # fmt: skip
     return Closed(q, robot.poses(q), float(np.abs(left).max(initial=0.0)))
 
 
@@ -103,10 +104,6 @@ def _descend(residual: Callable[[Array], Array], values: Array) -> Array:
         slow = slow + 1 if np.linalg.norm(there) > 0.9 * np.linalg.norm(left) else 0
         values, left, damping = values + step, there, max(damping / 10, 1e-16)
     return values
-
-
-def _turned_back(angle: Array) -> Array:
-    return angle - 2 * np.pi * np.round(angle / (2 * np.pi))
 
 
 def _violation(loop: Loop, poses: dict[str, Pose]) -> Array:

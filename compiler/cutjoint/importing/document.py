@@ -1,7 +1,5 @@
 """A file of another program as the text of a model file: a line an element, names kept, comments where something was decided."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping

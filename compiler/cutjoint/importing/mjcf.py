@@ -4,8 +4,6 @@ What is read is the compiled model, so angles count from its ``qpos0``, where bo
 springs; here they are rigid.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path

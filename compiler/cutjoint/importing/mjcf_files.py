@@ -1,7 +1,5 @@
 """MuJoCo's compiler on files of strangers: names of files, sizes and numbers are checked, and pictures that are not there left out."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Iterator

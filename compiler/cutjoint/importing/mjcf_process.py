@@ -1,7 +1,5 @@
 """MuJoCo's compiler in a process of its own: compiling an option may take without end, and a damaged mesh may end the process."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -3,8 +3,6 @@
 Each reader makes a :class:`Robot`; `closing.py` finds a position in which its loops close, `document.py` writes it as a model file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
@@ -36,10 +34,10 @@ class Pose:
     rotation: Array = field(default_factory=lambda: np.eye(3))
     place: Array = field(default_factory=lambda: np.zeros(3))
 
-    def __matmul__(self, inner: Pose) -> Pose:
+    def __matmul__(self, inner: "Pose") -> "Pose":
         return Pose(self.rotation @ inner.rotation, self.rotation @ inner.place + self.place)
 
-    def inverse(self) -> Pose:
+    def inverse(self) -> "Pose":
         """The outer frame in this one."""
         return Pose(self.rotation.T, -self.rotation.T @ self.place)
 
@@ -58,7 +56,7 @@ class Link:
     scale: float = 1.0
     colour: str = ""
 
-    def add(self, other: Link, pose: Pose) -> None:
+    def add(self, other: "Link", pose: Pose) -> None:
         """Take over the mass and the inertia of another link, whose frame is at a ``pose`` in this one's; the other one has none then."""
         total = self.mass + other.mass
         there = pose.rotation @ other.centre + pose.place
@@ -406,16 +404,14 @@ def rotation_about(vector: Array) -> Array:
         return np.eye(3)
     x, y, z = vector / angle
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    rotation: Array = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    return rotation
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
 
 
 def roll_pitch_yaw(angles: tuple[float, ...]) -> Array:
     """The rotation R_z(yaw) R_y(pitch) R_x(roll), 3 by 3; angles in rad."""
     roll, pitch, yaw = angles
     x, y, z = np.eye(3)
-    rotation: Array = rotation_about(yaw * z) @ rotation_about(pitch * y) @ rotation_about(roll * x)
-    return rotation
+    return np.asarray(rotation_about(yaw * z) @ rotation_about(pitch * y) @ rotation_about(roll * x))
 
 
 def of_quaternion(w: float, x: float, y: float, z: float) -> Array:

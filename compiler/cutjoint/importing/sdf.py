@@ -1,7 +1,5 @@
 """SDF: models, within each other too, of links with poses relative to others; a link may be the child of several joints."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,7 +52,7 @@ class _Scope:
     node: Node | None
     name: str
     prefix: str
-    outer: _Scope | None = None
+    outer: "_Scope | None" = None
     still: bool = False
 
 
@@ -251,8 +249,7 @@ class _Assembly:
             if found is None:
                 direction.refuse(f"is expressed in '{expressed[:60]}', which is not there", "correct the name")
             axis = self._pose(name).rotation.T @ self._pose(found).rotation @ axis
-        unit: Array = axis / np.linalg.norm(axis)
-        return unit
+        return np.asarray(axis / np.linalg.norm(axis))
 
     def _mesh(self, name: str, node: Node) -> None:
         """A gearbox: from a reference body the child's angle is -ratio times the parent's, each about its axis."""

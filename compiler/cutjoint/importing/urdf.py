@@ -1,7 +1,5 @@
 """URDF: trees with mimic joints, loops and couplings of URDF+ in its dialects, and what a YAML beside the file says."""
 
-from __future__ import annotations
-
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -234,5 +232,4 @@ def _direction(node: Node, text: str | None) -> Array:
     length = np.linalg.norm(axis)
     if length < 1e-9:
         node.refuse("is an axis without length", "give it a direction")
-    unit: Array = axis / length
-    return unit
+    return np.asarray(axis / length)

@@ -1,7 +1,5 @@
 """XML of strangers as plain data with lines.  Document types and entities are refused, size, depth and number of elements bounded."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -27,23 +25,23 @@ class Node:
     tag: str
     attributes: dict[str, str]
     span: Span
-    children: list[Node] = field(default_factory=list)
+    children: "list[Node]" = field(default_factory=list)
     text: str = ""
     _asked: set[str] = field(default_factory=set)
 
-    def all(self, tag: str) -> list[Node]:
+    def all(self, tag: str) -> "list[Node]":
         """The children of a tag, in the file's order."""
         self._asked.add(f"<{tag}")
         return [child for child in self.children if child.tag == tag]
 
-    def find(self, tag: str) -> Node | None:
+    def find(self, tag: str) -> "Node | None":
         """The only child of a tag, None if there is none; ModelError where there are more."""
         found = self.all(tag)
         if len(found) > 1:
             found[1].refuse(f"a second <{tag}> of one <{self.tag}>", "leave one of them")
         return found[0] if found else None
 
-    def need(self, tag: str) -> Node:
+    def need(self, tag: str) -> "Node":
         """The only child of a tag; ModelError where there is none."""
         return self.find(tag) or self.refuse(f"has no <{tag}>", "add one")
 

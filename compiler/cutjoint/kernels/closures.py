@@ -6,8 +6,6 @@ for both bodies, A_follower = A and A_base = -A, exactly.  Residuals are frame-i
 three components carry one penalty.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache

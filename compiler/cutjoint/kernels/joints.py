@@ -5,8 +5,6 @@ of the outer joint point from the inner one, the motion subspace S with [v; w] =
 c = dS/dt u, all in the inner body's axes (Featherstone 2008, section 3.5; Cuadrado et al. 2000, eqs. 26-27).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Paths that callers give, the folders templates/ and runtime/, in the package of a wheel or beside it in a checkout, and the version."""
 
-from __future__ import annotations
-
 import re
 from hashlib import sha256
 from importlib.metadata import version

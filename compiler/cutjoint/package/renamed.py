@@ -1,7 +1,5 @@
 """Earlier names in Python: they still work, and a warning has the new one."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Mapping
 from functools import wraps

@@ -1,7 +1,5 @@
 """The differences of operating systems, in one place: all other modules are written for Linux and ask here."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

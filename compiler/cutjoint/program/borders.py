@@ -1,7 +1,5 @@
 """Systems of equations that fall apart but for a border of some unknowns."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass

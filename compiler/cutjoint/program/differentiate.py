@@ -6,8 +6,6 @@ matrices and scalar functions.  The result is blocks again, as many columns wide
 some blocks change and finds how others do.  Partial derivatives of functions are for both IRs (`derivatives`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator, Iterable, Mapping
 from functools import partial, reduce
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar

@@ -8,8 +8,6 @@ after the other is taken.  Edges from those before it to those behind it take it
 twice (Griewank, Walther, Evaluating Derivatives, section 9.2).
 """
 
-from __future__ import annotations
-
 import heapq
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -29,7 +27,7 @@ class _Scalar:
 
     number: int
     op: str
-    args: tuple[_Scalar, ...]
+    args: "tuple[_Scalar, ...]"
     data: tuple[str, object]
 
 

@@ -5,8 +5,6 @@ operations and lets lanes of one block do it.  Members may differ in constants, 
 blocks that they use; where they differ otherwise, each computes on its own and the results are gathered.  It knows no mechanics.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Event indicators: values that change sign where a program changes its formulas; domains of roots, logarithms and quotients."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any

@@ -3,8 +3,6 @@
 They share no code with the lowering or the printer: blocks are evaluated with whole-matrix NumPy, scalars one by one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, Protocol, TypeAlias

@@ -10,8 +10,6 @@ rounding.
 Where no iteration reads what another has stored, several are computed side by side, if the program may have lanes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, groupby

@@ -1,7 +1,5 @@
 """Block IR -> scalar IR: every block becomes the scalars of its elements."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias

@@ -5,8 +5,6 @@ absorbs it, so that ``a - b`` and ``b - a`` share one node.  Rounding is that of
 expression as written, but for ``a/c`` with a constant c, which becomes a product with 1/c, and for `Graph._of_arc_tangent`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -51,7 +49,7 @@ class Graph:
     _known: dict[tuple[str, tuple[int, ...], object], int] = field(default_factory=dict, repr=False)
     section: int = 0
 
-    def copy(self) -> Graph:
+    def copy(self) -> "Graph":
         """Copy the graph, to which more is added."""
         return Graph(nodes=list(self.nodes), _known=dict(self._known))
 

@@ -1,7 +1,5 @@
 """Blocks of named functions -> Program: lower, drop what no result needs, split by binding time."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Series of Chebyshev polynomials and of cosines and sines as arrays of coefficients: values, derivatives, coefficients from values."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

@@ -3,8 +3,6 @@
 Lateral forces of these tyres are left out, and guards watch that they would have stayed small.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

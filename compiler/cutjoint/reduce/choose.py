@@ -6,8 +6,6 @@ and with steps whose error the method's own integrator holds.  All are timed at 
 accuracy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
@@ -250,7 +248,6 @@ def _find_steps(
 def _search(
     reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Truth, method: str, fastest: Candidate | None
 ) -> list[tuple[Candidate, Trials | None]]:  # fmt: skip
-    """The candidates of one method."""
     try:
         variants = reduced_models.of(method)
     except (ModelError, RunError) as error:

@@ -3,8 +3,6 @@
 Joints are frozen together; carriers of their bodies, the places of these, and obstacles are found first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -35,7 +33,8 @@ def freeze_idle(model: Model, scene: Scene) -> Outcome:
         return outcome
     if poses is None:
         return outcome
-    moves = {j.name: _movement(model, j, poses) for j in model.joints if not j.element.is_free}
+    joints = [j for j in model.joints if not j.element.is_free]
+    moves = {j.name: poses[j.follower].seen_from(poses[j.base]).change(numbers(j.at, model)) for j in joints}  # m, rad
     limit = IDLE if scene.accuracy is None else scene.accuracy
     idle = {name for name, moved in moves.items() if moved <= limit}
     left: list[Note] = []
@@ -50,12 +49,7 @@ def freeze_idle(model: Model, scene: Scene) -> Outcome:
     return replace(outcome, left=tuple(dict.fromkeys(left)))
 
 
-def _movement(model: Model, joint: Joint, poses: Mapping[str, Poses]) -> float:
-    """The movement of a joint's follower as seen from its base, m or rad."""
-    return poses[joint.follower].seen_from(poses[joint.base]).change(numbers(joint.at, model))
-
-
-def _freeze(outcome: Outcome, frozen: Frozen, moves: Mapping[str, float]) -> Outcome:
+def _freeze(outcome: Outcome, frozen: "Frozen", moves: Mapping[str, float]) -> Outcome:
     model, scene, carrier = outcome.model, outcome.scene, frozen.carriers
     gone = [b for b in model.bodies if carrier[b.name] != b.name]
     inner = {j.name for j in model.joints if carrier[j.base] == carrier[j.follower]}
@@ -98,7 +92,7 @@ def _is_inner(force: Force, carrier: Mapping[str, str], inner: Collection[str]) 
     return force.joint_of in inner or (len(force.bodies) == 2 and len({carrier[body] for body in force.bodies}) == 1)
 
 
-def _give_over(model: Model, body: Body, frozen: Frozen) -> Model:
+def _give_over(model: Model, body: Body, frozen: "Frozen") -> Model:
     """The model with a body's mass and all that stands on it on its carrier."""
     to, turn, way = frozen.carriers[body.name], *frozen.shift(body.name)
     if frozen.is_moved(body.name):

@@ -3,13 +3,11 @@
 A law is zero in a region, which has margins that are not negative there, from the conditions of its cases.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from functools import reduce
 from itertools import combinations
-from typing import Protocol, TypeAlias, TypeVar
+from typing import TypeAlias
 
 import sympy
 
@@ -18,23 +16,7 @@ from cutjoint.model.expressions.operations import choice
 from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import Force, Guard, Model, Scalar, Scene
 from cutjoint.reduce.sampling import run_scene
-
-
-class Stop(Protocol):
-    """The reason that a run stopped: ``guards`` names the forces that would act."""
-
-    @property
-    def guards(self) -> tuple[str, ...]: ...
-
-
-class Run(Protocol):
-    """A run and, unless it came to its end, its failure."""
-
-    @property
-    def failure(self) -> Stop | None: ...
-
-
-R = TypeVar("R", bound=Run)
+from cutjoint.run.results import Trajectory
 
 
 def guardable(model: Model, scene: Scene) -> tuple[str, ...]:
@@ -66,7 +48,7 @@ def guard_forces(model: Model, scene: Scene, names: Collection[str] | None = Non
     )  # fmt: skip
 
 
-def speculate(model: Model, scene: Scene, run: Callable[[Model, Scene], R]) -> tuple[Outcome, R]:
+def speculate(model: Model, scene: Scene) -> tuple[Outcome, Trajectory]:
     """Run without the forces that can be guarded, and again with the forces of violated guards, until none is violated.
 
     A run without them that fails otherwise is repeated in full.  Returns the last run and the model that it ran.
@@ -74,7 +56,7 @@ def speculate(model: Model, scene: Scene, run: Callable[[Model, Scene], R]) -> t
     out = set(guardable(model, scene))
     while True:
         outcome = guard_forces(model, scene, out)
-        result = run(outcome.model, outcome.scene)
+        result = run_scene(outcome.model, outcome.scene)
         if result.failure is None or not out:
             return outcome, result
         out -= set(result.failure.guards) or out
@@ -84,7 +66,7 @@ def guard_idle(model: Model, scene: Scene) -> Outcome:
     """The pass: the forces without action in the scene at its step, found by runs that put the acting ones back."""
     if not guardable(model, scene):
         return Outcome(model=model, scene=scene)
-    outcome, run = speculate(model, scene, run_scene)
+    outcome, run = speculate(model, scene)
     if run.failure is not None:
         return Outcome(model=model, scene=scene)
     acting = set(guardable(model, scene)) - {note.element for note in outcome.done}
@@ -96,9 +78,9 @@ def _words(guard: Guard) -> str:
     return f"is taken out, guarded by {' and '.join(f'{margin} >= 0' for margin in guard.margins)}"
 
 
-def _region(force: Force) -> Region:
+def _region(force: Force) -> "Region":
     """The region in which a force's law, or all components of a load, are zero."""
-    return zero_region_of(force.expressions)
+    return _all_of(zero_region(law) for law in force.expressions)
 
 
 def _reason(force: Force, scene: Scene) -> str:
@@ -134,11 +116,6 @@ def zero_region(law: Scalar) -> Region:
     if law.is_Pow and law.exp.is_positive:
         return zero_region(law.base)
     return None
-
-
-def zero_region_of(laws: Iterable[Scalar]) -> Region:
-    """The region in which several expressions are zero together."""
-    return _all_of(zero_region(law) for law in laws)
 
 
 def _cases(law: Scalar) -> Region:

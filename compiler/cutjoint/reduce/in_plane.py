@@ -1,7 +1,5 @@
 """The model and the scene of a mechanism in its plane, with the columns that stand for those of the whole one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -73,7 +71,6 @@ class PlaneModel:
         return found
 
     def _output(self, output: Output) -> Output:
-        """The column from which one of the whole follows."""
         match reported_element(self.model, output):
             case Reaction() as reaction if reaction.joint in self.in_plane:
                 return self._reaction_output(reaction, output)

@@ -5,8 +5,6 @@ and three.  One with a hinge and a ball keeps a point on a circle about the hing
 far from the circle's centre that the two lines stand at right angles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain

@@ -3,8 +3,6 @@
 The truth is the full model at steps that are halved until nothing changes any more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf

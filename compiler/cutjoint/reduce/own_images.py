@@ -1,7 +1,5 @@
 """Parts that are symmetric about a plane: each is its own reflection, and nothing pushes it out of the plane."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 

@@ -5,8 +5,6 @@ them holds, such as a rod between balls, stays there as long as it and all that 
 pushes it out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 

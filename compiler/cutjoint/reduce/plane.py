@@ -1,7 +1,5 @@
 """A plane in which a mechanism may move: reflection in it, comparison of expressions, and joints with the motions in it alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar

@@ -4,8 +4,6 @@ Bodies act on each other through joints, gears and forces, but not through the g
 alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any

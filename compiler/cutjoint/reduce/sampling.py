@@ -1,7 +1,5 @@
 """Runs that passes look at, by the recursive method, and the motion of bodies in them, seen from each other."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
@@ -56,7 +54,7 @@ class Poses:
     R: NDArray[np.float64]
     r: NDArray[np.float64]
 
-    def seen_from(self, other: Poses) -> Poses:
+    def seen_from(self, other: "Poses") -> "Poses":
         """The poses relative to another body."""
         back = other.R.transpose(0, 2, 1)
         return Poses(R=back @ self.R, r=np.einsum("nij,nj->ni", back, self.r - other.r))

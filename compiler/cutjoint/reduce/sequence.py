@@ -3,8 +3,6 @@
 A reduced model holds for its scene's inputs: their laws stand in it, and it has no inputs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -148,7 +146,6 @@ def _cheapest(method: str, sequence: Sequence[ReducedModel]) -> ReducedModel | N
 
 
 def _derived(method: str, reduced: ReducedModel) -> ReducedModel:
-    """A reduced model by another method."""
     outcome = Outcome(model=reduced.model, scene=reduced.scene, done=reduced.done)
     return _count(reduced.name, outcome, method, motion=reduced.motion)
 

@@ -3,8 +3,6 @@
 Work in another thread goes on while this one derives equations or waits for a simulator or a compiler.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextvars import copy_context

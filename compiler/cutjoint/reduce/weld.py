@@ -1,7 +1,5 @@
 """Bodies that never move against each other become one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +8,7 @@ import sympy
 from cutjoint.formulate.inputs import input_functions
 from cutjoint.model.expressions.quantities import elements_of
 from cutjoint.model.outcome import Note, Outcome, hand_over
-from cutjoint.model.records import GROUND, Body, Joint, Marker, Model, Output, Scene
+from cutjoint.model.records import GROUND, Body, Joint, Marker, Model, Scene
 
 _MOTION = ("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az")
 
@@ -98,12 +96,8 @@ def at_centre(model: Model, scene: Scene, body: Body) -> tuple[Model, Scene]:
     while name in taken:
         name += "_"
     marker = Marker(name=name, body=body.name, point=body.centre_of_mass, span=body.span)
-    outputs = tuple(_at_marker(o, name) if o in asked else o for o in scene.outputs)
+    outputs = tuple(replace(o, element=name, stands_for=o.column) if o in asked else o for o in scene.outputs)
     return replace(model, markers=(*model.markers, marker)), replace(scene, outputs=outputs)
-
-
-def _at_marker(output: Output, marker: str) -> Output:
-    return replace(output, element=marker, stands_for=output.column)
 
 
 def merged(a: Body, b: Body) -> Body:

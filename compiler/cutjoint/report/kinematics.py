@@ -1,7 +1,5 @@
 """Kinematics of an axle: for people tables in mm and degrees and plots, for programs a CSV file in SI units."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from io import BytesIO, StringIO
 from math import degrees

@@ -1,7 +1,5 @@
 """Plots of a run, and of others beside it, as files: those that its scene names, else one picture a dimension."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 

@@ -236,13 +236,12 @@ _GAIN = f"interpreted; generated code takes steps 5 to 20 times as fast: {ADVICE
 
 def reported_facts(counts: Iterable[tuple[str, str]], compilation: Compilation, run: Trajectory) -> list[tuple[str, str]]:
     """The facts about a model and its run that a reader should know, whatever else is shown."""
-    found = [(name, value) for name, value in (*counts, *_run_rows(compilation, run)) if name in _REPORTED or _is_odd(name, value)]
+
+    def is_odd(name: str, value: str) -> bool:
+        return name == "design position" and (_NEARLY in value or not any(words in value for words in _ORDINARY))
+
+    found = [(name, value) for name, value in (*counts, *_run_rows(compilation, run)) if name in _REPORTED or is_odd(name, value)]
     return list(dict.fromkeys(found))
-
-
-def _is_odd(name: str, value: str) -> bool:
-    """Return whether a fact is that of a design position unlike other poses."""
-    return name == "design position" and (_NEARLY in value or not any(words in value for words in _ORDINARY))
 
 
 def summary_line(compilation: Compilation, run: Trajectory) -> str:
@@ -292,7 +291,6 @@ def _compiled(c: Compilation) -> str:
 
 
 def _balance_facts(energy: EnergyBalance | None) -> list[tuple[str, str]]:
-    """The difference of kinetic energy and work."""
     words = "" if energy is None else f"apart by {energy.defect:.1e} J at most, of {energy.kinetic + energy.exchanged:.2g} J"
     return [("work and energy", words)] if words else []
 

@@ -1,7 +1,5 @@
 """Reports of equilibria, of modes, of reduced models and of steps against the clock: tables for people, and for programs JSON."""
 
-from __future__ import annotations
-
 import json
 from cmath import phase
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Runs that are as exact as wanted, and how wrong a run is: the differences to the same run with other steps show it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -70,7 +68,6 @@ def run_accurately(
 
 
 def _execute(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory], estimate: bool) -> Trajectory:
-    """A run by the settings of its plan."""
     if estimate and plan.goal is not None:
         return _reach(plan, plan.goal, begin)
     run = begin(plan)

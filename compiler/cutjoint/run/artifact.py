@@ -1,7 +1,5 @@
 """A compiled model, and how it becomes a run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -61,8 +59,8 @@ class Artifact:
     compile_seconds: float
     description: Mapping[str, Any] | None = None
     additions: tuple[str, ...] = ()
-    exact: Callable[[], Artifact] | None = field(default=None, repr=False, compare=False)
-    by_method: Callable[[str], Artifact | None] | None = field(default=None, repr=False, compare=False)
+    exact: "Callable[[], Artifact] | None" = field(default=None, repr=False, compare=False)
+    by_method: "Callable[[str], Artifact | None] | None" = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         how = f"{self.implementation}, {self.precision}, {self.program.operations(self.iteration)} operations an evaluation"
@@ -96,7 +94,7 @@ class Artifact:
         """The columns of reactions that the equations of the loops do not determine."""
         return find_indeterminate(self.topology, self.scene, self.equations.outputs)
 
-    def with_rows(self, output_step: float) -> Artifact:
+    def with_rows(self, output_step: float) -> "Artifact":
         """Copy the artifact with rows at another distance, s; quantities that the loops leave open are not found again."""
         artifact = replace(self, scene=replace(self.scene, output_step=output_step))
         artifact.__dict__["indeterminate"] = self.indeterminate

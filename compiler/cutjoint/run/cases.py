@@ -1,7 +1,5 @@
 """The tables of a batch: parameters in, results of runs out; CSV."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Mapping, Sequence
@@ -116,7 +114,7 @@ class CaseTable:
         except OSError as error:
             raise OutputError(f"cannot write {self._table.path}: {error.strerror}") from None
 
-    def __enter__(self) -> CaseTable:
+    def __enter__(self) -> "CaseTable":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:

@@ -1,7 +1,5 @@
 """Fallbacks of a run that failed: other settings of the same program are tried on the way past the failure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import inf

@@ -1,7 +1,5 @@
 """Figures of lines: a panel for each quantity."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO

@@ -1,7 +1,5 @@
 """Inputs that a caller gives to a run instead of the scene's laws: constants, and tables over time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise

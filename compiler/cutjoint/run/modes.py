@@ -1,7 +1,5 @@
 """The state that a simulator comes to, and the mechanism linearised there."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The run file that a simulator reads, as a record."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -45,7 +43,7 @@ class Settings:
         return {name: numerics.pop(name) for name in ("integrator", "solver", "stabilisation")} | {"numerics": numerics}
 
     @classmethod
-    def of(cls, data: Mapping[str, Any]) -> Settings:
+    def of(cls, data: Mapping[str, Any]) -> "Settings":
         """The settings from the data that `asdict` makes of them."""
         return cls(**{**data, "stabilisation": Stabilisation(**data["stabilisation"])})
 
@@ -91,16 +89,16 @@ class RunFile:
             **({"energy": True} if self.energy else {}), **({} if self.begin is None else {"begin": self.begin}),
         }  # fmt: skip
 
-    def with_settings(self, **changes: Any) -> RunFile:
+    def with_settings(self, **changes: Any) -> "RunFile":
         """The file with other values of some of its settings."""
         return replace(self, settings=replace(self.settings, **changes))
 
-    def with_tolerance(self, factor: float) -> RunFile:
+    def with_tolerance(self, factor: float) -> "RunFile":
         """The file with the tolerances of its steps times a factor."""
         absolute = self.settings.absolute_tolerance
         return self.with_settings(tolerance=factor * self.settings.tolerance, absolute_tolerance=absolute and factor * absolute)
 
     @classmethod
-    def of(cls, data: Mapping[str, Any]) -> RunFile:
+    def of(cls, data: Mapping[str, Any]) -> "RunFile":
         """The file from the data that `asdict` makes of it."""
         return cls(**{**data, "settings": Settings.of(data["settings"]), "near": tuple(data["near"])})

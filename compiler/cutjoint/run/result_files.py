@@ -1,7 +1,5 @@
 """Writing of results: beside the file that they are for, which they replace when they are whole."""
 
-from __future__ import annotations
-
 import json
 import os
 import stat
@@ -171,7 +169,7 @@ class RunTables:
             left = self._tables.popitem()[1].leave(reason)
         return left
 
-    def __enter__(self) -> RunTables:
+    def __enter__(self) -> "RunTables":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
@@ -312,15 +310,15 @@ def _stream_number(path: Path) -> int:
     if number is not None:
         return os.dup(number)
     try:
-        tunable = os.open(path, open_flags("O_WRONLY", "O_NONBLOCK", "O_NOCTTY"))
+        opened = os.open(path, open_flags("O_WRONLY", "O_NONBLOCK", "O_NOCTTY"))
     except OSError as error:
         if error.errno != ENXIO or not path.is_fifo():
             raise
         print(f"{path}: waiting for a reader of this pipe", file=sys.stderr, flush=True)
         return os.open(path, os.O_WRONLY)
     if not IS_WINDOWS:
-        os.set_blocking(tunable, True)
-    return tunable
+        os.set_blocking(opened, True)
+    return opened
 
 
 def place_of(file: BinaryIO, name: str) -> dict[str, Any]:

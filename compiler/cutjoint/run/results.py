@@ -1,7 +1,5 @@
 """The results of a simulator."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -218,7 +216,7 @@ class Trajectory(Columns[Array]):
     table: Path | None = None
     fallback: str = ""
     held: Mapping[str, tuple[float, str]] = field(default_factory=dict)
-    estimator: Callable[[Trajectory], ErrorEstimate] | None = field(default=None, repr=False, compare=False)
+    estimator: "Callable[[Trajectory], ErrorEstimate] | None" = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         self.update({TIME: self.t, **self.columns})
@@ -234,7 +232,7 @@ class Trajectory(Columns[Array]):
         return f"<p>{escape(repr(self))}</p>{_html_table(self)}"
 
     @with_old_words
-    def plot(self, *names: str, over: str = TIME, compare: Mapping[str, Trajectory] = MappingProxyType({})) -> Figure:
+    def plot(self, *names: str, over: str = TIME, compare: "Mapping[str, Trajectory]" = MappingProxyType({})) -> "Figure":
         """A figure of columns, of all without ``names``: a panel for each unit, ``over`` the time or another column; ``compare`` are other
         runs by names for their lines.
 
@@ -254,7 +252,7 @@ class Trajectory(Columns[Array]):
         """The unit of a column, s of the time."""
         return "s" if column == TIME else self.units[column]
 
-    def to_xarray(self) -> Dataset:
+    def to_xarray(self) -> "Dataset":
         """The columns as a data set of xarray over the coordinate "t", each with its unit as the attribute "units".
 
         Raises:
@@ -327,7 +325,7 @@ class MechanismState:
     units: Mapping[str, str]
     undetermined: tuple[str, ...] = ()
     held: Mapping[str, tuple[float, str]] = field(default_factory=dict)
-    trim: Trimmed | None = None
+    trim: "Trimmed | None" = None
 
     def __getitem__(self, column: str) -> float:
         return self.values[column]

@@ -4,8 +4,6 @@ Between the places of the grid a surface is a product of cubics in Hermite's for
 the edges.  Beyond an edge its slope across the edge runs out over one cell, and its height stays from there on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

@@ -7,8 +7,6 @@ A point follower sees the profile itself.  A rigid disc of radius R sees the env
 whose pieces are straight lines (offset by the disc) and arcs about the corners.
 """
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
@@ -72,7 +70,7 @@ class WheelRoad:
     @classmethod
     def of(
         cls, left: Iterable[Mapping[str, Any]], right: Iterable[Mapping[str, Any]], disc: bool, on_it: Surface | None = None
-    ) -> WheelRoad:  # fmt: skip
+    ) -> "WheelRoad":  # fmt: skip
         """The road of a run file, with a surface on it."""
         return cls(left=[Piece(**p) for p in left], right=[Piece(**p) for p in right], disc=disc, on_it=on_it)
 

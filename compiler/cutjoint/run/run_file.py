@@ -1,7 +1,5 @@
 """From a model, a scene and what a caller gives to the run file of a task."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from math import fmod, isfinite
@@ -216,10 +214,10 @@ def _follows(model: Model, scene: Scene, parameter: str, values: Mapping[str, fl
 
 
 #: The last start that was formulated: the runs of a batch ask for the same with other parameters.
-_LAST: list[tuple[Model, Scene, AimedStart]] = []
+_LAST: "list[tuple[Model, Scene, AimedStart]]" = []
 
 
-def _aimed_start(model: Model, scene: Scene) -> AimedStart:
+def _aimed_start(model: Model, scene: Scene) -> "AimedStart":
     from cutjoint.analysis.aims import AimedStart  # others do not wait for what this imports
 
     if not any(model is known and scene == of for known, of, _ in _LAST):
@@ -227,7 +225,7 @@ def _aimed_start(model: Model, scene: Scene) -> AimedStart:
     return _LAST[0][2]
 
 
-def _require_masses(model: Model, value: Evaluator) -> None:
+def _require_masses(model: Model, value: "Evaluator") -> None:
     for body in _changing_bodies(model):
         mass, *inertia = (value(entry, f"{body.span}: body '{body.name}': its mass or inertia") for entry in (body.mass, *body.inertia))
         if problem := next(mass_problems(mass, inertia), None):
@@ -269,7 +267,6 @@ def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, 
 
 
 def _place(model: Model, scene: Scene, part: str, of: str) -> str:
-    """The place of the expression from which a part comes."""
     if part != "roads":
         return f"{scene.span}: scene '{scene.name}': {part}: '{of}'"
     return f"{next(f.span for f in model.forces if f.name == of)}: tyre '{of}': radius"
@@ -349,12 +346,8 @@ def require_fitting_steps(model: Model, scene: Scene, dt: float) -> None:
     times = [time for controller in model.controllers for time in (controller.every, controller.offset) if time > 0]
     for controller in model.controllers:
         for name, time in (("every", controller.every), ("offset", controller.offset)):
-            if not _divides(dt, time):
+            if abs(time / dt - round(time / dt)) > _WHOLE:
                 raise RunError(f"{scene.span}: scene '{scene.name}': {_fault(controller, name, time, dt)}; {_cure(times, dt)}")
-
-
-def _divides(dt: float, time: float) -> bool:
-    return abs(time / dt - round(time / dt)) <= _WHOLE
 
 
 def _fault(controller: Controller, name: str, time: float, dt: float) -> str:

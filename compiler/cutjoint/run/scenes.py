@@ -1,7 +1,5 @@
 """The model of a run, as callers in Python give it, and its scene: their choice and the scene's settings."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike

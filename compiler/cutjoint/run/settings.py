@@ -104,7 +104,7 @@ def find_settings(scene: Scene, method: Method, implementation: Implementation, 
     events = find_events(numerics, method, implementation, integrator, options.events)
     if options.iterations is not None:
         _require_fixed_cost(method, integrator, closure, events)
-    chosen, given = numerics.of_method(method.name), numerics.methods.get(method.name, {})
+    chosen, start, given = numerics.of_method(method.name), numerics.of_method(START), numerics.methods.get(method.name, {})
     updates = given.get("multiplier_updates", chosen.multiplier_updates if method.default_updates is None else method.default_updates)
     settings = Settings(
         integrator=integrator.name,
@@ -118,7 +118,9 @@ def find_settings(scene: Scene, method: Method, implementation: Implementation, 
         events=events,
         absolute_tolerance=_absolute_tolerance(chosen) if "absolute_tolerance" in integrator.settings else None,
         spectral_radius=chosen.spectral_radius if "spectral_radius" in integrator.settings else None,
-        stabilisation=_stabilisation(numerics.of_method(START), closure),
+        stabilisation=Stabilisation(
+            closure=closure.name, penalty=start.penalty, damping_ratio=start.damping_ratio, frequency=start.frequency
+        ),
     )
     _require_ranges(scene, settings)
     return settings
@@ -258,13 +260,6 @@ def _penalty(numerics: Numerics, method: Method, integrator: Integrator) -> floa
         return given
     penalty = numerics.of_method(method.name).penalty
     return penalty if penalty is None or integrator.largest_penalty is None else min(penalty, integrator.largest_penalty)
-
-
-def _stabilisation(settings: Numerics, closure: Closure) -> Stabilisation:
-    """The stabilisation of cut joints in the recursive equations."""
-    return Stabilisation(
-        closure=closure.name, penalty=settings.penalty, damping_ratio=settings.damping_ratio, frequency=settings.frequency
-    )  # fmt: skip
 
 
 def _absolute_tolerance(settings: Numerics) -> float:

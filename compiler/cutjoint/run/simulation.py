@@ -1,7 +1,5 @@
 """A run of a compiled model: Binary -> Trajectory."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from cutjoint.package.locations import AnyPath

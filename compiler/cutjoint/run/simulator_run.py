@@ -1,7 +1,5 @@
 """The run of a simulator: its program and its run file, and the trajectory that follows, also of two parts that two programs make."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -36,7 +34,7 @@ class Onward:
     loops' equations, and ``begin`` makes of a run file and the state that a run has kept the entry of that name."""
 
     guards: tuple[str, ...]
-    prepare: Callable[[], SimulatorRun]
+    prepare: "Callable[[], SimulatorRun]"
     begin: Callable[[RunFile, Mapping[str, Any]], Mapping[str, Any]]
 
 
@@ -71,16 +69,16 @@ class SimulatorRun:
     jumps: Sequence[float] = ()
     balances: bool = True
     onward: Onward | None = field(default=None, repr=False, compare=False)
-    by_method: Callable[[str], SimulatorRun | None] | None = field(default=None, repr=False, compare=False)
+    by_method: "Callable[[str], SimulatorRun | None] | None" = field(default=None, repr=False, compare=False)
     leading: Sequence[str] = ()
 
-    def with_checks(self) -> SimulatorRun:
+    def with_checks(self) -> "SimulatorRun":
         """The run with a balance of work and energy, if its program has one, and a look at the jumps beside its rows."""
         balanced = self.balances and INTEGRATORS[self.run_file.settings.integrator].balances
         checked = replace(self.run_file, jumps_within=_BESIDE * self.run_file.output_step, energy=self.run_file.energy or balanced)
         return replace(self, run_file=checked)
 
-    def with_parameters(self, changes: Mapping[str, float]) -> SimulatorRun:
+    def with_parameters(self, changes: Mapping[str, float]) -> "SimulatorRun":
         """The run with other values (SI units) of tunable parameters that nothing else in the run file follows from, and of inputs."""
         file = self.run_file
         given = {name: value for name, value in changes.items() if name in file.parameters}

@@ -1,7 +1,5 @@
 """Signals that end a command, or a run before its end time: what it has written stays."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import threading
@@ -37,7 +35,7 @@ class StopRequest:
 
     number: int | None = None
     answer: Callable[[], None] | None = None
-    others: list[StopRequest] = field(default_factory=list)
+    others: "list[StopRequest]" = field(default_factory=list)
 
     def come(self, number: int) -> None:
         """The signal is here."""
@@ -85,7 +83,7 @@ def _raised_again() -> Iterator[None]:
     """Signals come once more while this lasts if they came where Python drops exceptions, as in a finalizer or a callback."""
     usual = sys.unraisablehook
 
-    def hear(dropped: sys.UnraisableHookArgs) -> None:
+    def hear(dropped: "sys.UnraisableHookArgs") -> None:
         error = dropped.exc_value
         if isinstance(error, Terminated | KeyboardInterrupt):
             number = error.number if isinstance(error, Terminated) else signal.SIGINT

@@ -1,7 +1,5 @@
 """Patterns of sparse matrices: where entries stand, known when the compiler runs.  A tangent's follows from the lowered program."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ Sparse Matrices" (2nd ed. 2017), chapter 7, with Markowitz's count as cost.  Not
 so the samples should span the states and step sizes to come.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -152,7 +150,7 @@ def dependent_rows(matrix: Array) -> tuple[int, ...]:
     return tuple(rows)
 
 
-def _choose(name: str, pattern: Pattern, scaled: Array, choose: Callable[[_Remainder], tuple[int, int]]) -> PivotSequence:
+def _choose(name: str, pattern: Pattern, scaled: Array, choose: "Callable[[_Remainder], tuple[int, int]]") -> PivotSequence:
     if pattern.symmetric or not len(scaled):
         raise ValueError("pivots are chosen for unsymmetric patterns and from samples")
     remainder = _Remainder(scaled.copy(), dense(pattern, np.ones(len(pattern.row))) != 0)

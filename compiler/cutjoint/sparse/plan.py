@@ -1,7 +1,5 @@
 """From a pattern to the plan of its factorisation: the cheapest of several orders, in tiles."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Davis, "Direct Methods for Sparse Linear Systems" (2006), chapters 4 and 6.  Str
 that the union of two is one operation; L D L^T and L U differ in nothing but that the former's halves are alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Pivots gathered in tiles of up to four, so that the factors become small dense blocks that fit a vector register."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -225,7 +225,6 @@ class Derivatives(Linear):
         return StateSensitivities(values=values, derivatives=derivatives, states=states, outputs=tuple(outputs), by=tuple(by))
 
     def _trajectories(self, inputs: Mapping[str, InputTrajectoryLike] | None, steps: int) -> tuple[InputTrajectory, ...]:
-        """The input trajectories of a run of so many steps from now on."""
         return make_trajectories(self.library.names["input"], inputs or {}, self.time, steps, self.settings.step)
 
     def _follow(
@@ -276,7 +275,6 @@ class Derivatives(Linear):
         return find_place(places, name)
 
     def _chosen(self, steps: int, outputs: Sequence[str], every: int) -> Any:
-        """The numbers of outputs in rows of a run."""
         for what, number, least in (("steps", steps, 0), ("every", every, 1)):
             require_whole(what, number, least)
         if steps % every:

@@ -1,7 +1,5 @@
 """The C interface of a compiled model, by ctypes; simulations side by side have a library of their own, compiled when it is asked for."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -100,7 +98,7 @@ class Library:
 
     def __init__(
         self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, dofs: int | None, states: int,
-        seed_rows: int, record: int, has_poses: bool, steps: Steps, settings: StepSettings, lanes: Lanes | None,
+        seed_rows: int, record: int, has_poses: bool, steps: Steps, settings: StepSettings, lanes: "Lanes | None",
         functions: Mapping[str, HostFunction] | None = None, begin: Begin | None = None,
     ) -> None:  # fmt: skip
         self._path = Path(path)
@@ -205,10 +203,10 @@ class Library:
             self._set_function(address, self._find_function(name.encode()), pointer, None)
         return address
 
-    def __deepcopy__(self, memo: object) -> Library:
+    def __deepcopy__(self, memo: object) -> "Library":
         return self
 
-    def __reduce__(self) -> tuple[Callable[..., Library], tuple[Path, Mapping[str, object]]]:
+    def __reduce__(self) -> "tuple[Callable[..., Library], tuple[Path, Mapping[str, object]]]":
         """The library by its place; its steps of several together, which come from the model, are not compiled elsewhere."""
         return _opened, (self._path, self._made_with)
 

@@ -1,7 +1,5 @@
 """Inputs over the time of a run: pieces that a library takes, and derivatives by the numbers that give them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -134,7 +132,7 @@ class Columns:
     of_knots: tuple[tuple[int, int, Knots], ...]
 
     @classmethod
-    def of(cls, by: Sequence[str], trajectories: Sequence[InputTrajectory]) -> Columns:
+    def of(cls, by: Sequence[str], trajectories: Sequence[InputTrajectory]) -> "Columns":
         """Columns of the numbers ``by``."""
         known = {name: (i, knots) for i, trajectory in enumerate(trajectories) for name, knots in trajectory.knots.items()}
         names: list[str] = []

@@ -4,8 +4,6 @@ A plugin brings the libraries to each worker, once, also to those that come late
 on another one; rows follow from values alone, so that it does not matter how often.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import suppress
@@ -98,7 +96,8 @@ class Cluster:
         self._bringer = f"cutjoint-{self._key[:16]}-{self._client.id}"
         try:
             with suppress(Exception):  # whatever a worker has against it is found out below, with its name
-                self._client.register_plugin(_plugin(self._dask, self._key, work, self._bringer))
+                plugin = type("WorkBringer", (Bringer, self._dask.WorkerPlugin), {})
+                self._client.register_plugin(plugin(self._key, work, self._bringer))
             self._client.wait_for_workers(1, timeout=_PATIENCE)
             self._look()
         except TimeoutError:
@@ -180,7 +179,6 @@ class Cluster:
         return RunError(f"--scheduler {self._address}: no worker can run the study: {refused}; {advice}")
 
     def _name(self, worker: str) -> str:
-        """A worker's name and address."""
         known = self._client.scheduler_info(n_workers=-1)["workers"].get(worker, {})
         name = str(known.get("name", worker))
         return worker if name == worker else f"'{name}' ({worker})"
@@ -212,8 +210,3 @@ class Cluster:
                 self._note(f"worker {self._name(worker)} is refused: {why}")
         if not self._fit:
             raise self._none_fit()
-
-
-def _plugin(distributed: Any, key: str, work: Work, name: str) -> Any:
-    """A `Bringer` as Dask wants it."""
-    return type("WorkBringer", (Bringer, distributed.WorkerPlugin), {})(key, work, name)

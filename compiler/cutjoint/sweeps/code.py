@@ -3,8 +3,6 @@
 The code has the runs' arguments, and the series that they leave.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import sympy
@@ -82,7 +80,7 @@ def _following(
     """The calls that give a start everything that follows from parameters of the study."""
     model, changed = study.model, {v.name for v in study.variables if v.kind is Kind.PARAMETER}
     moving = {q.symbol for q in model.parameters if q.name in changed}
-    if "roads" in changing(model, scene) and moving & _radii(model):
+    if "roads" in changing(model, scene) and any(moving & f.radius.free_symbols for f in model.forces if f.has_road):
         reason = "a tyre's radius follows from a parameter of the study, and the road's shape from the radius"
         raise RunError(f"{scene.span}: scene '{scene.name}': {reason}; use cutjoint batch")
     require_same_start(model, scene, sorted(changed))
@@ -106,11 +104,6 @@ def _following(
                     call, printed = "give_attitude", f"{{{printed}}}"
                 calls.append(f"{call}(sim, {list(names[table]).index(name)}, {printed})")
     return calls
-
-
-def _radii(model: Model) -> set[Scalar]:
-    """The parameters that tyres' radii follow from."""
-    return set().union(*(f.radius.free_symbols for f in model.forces if f.has_road))
 
 
 def _symbols(model: Model, columns: Sequence[Column], names: Mapping[str, Sequence[str]]) -> dict[Scalar, Scalar]:

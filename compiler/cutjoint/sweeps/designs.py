@@ -3,8 +3,6 @@
 Sequences are SciPy's (scipy.stats.qmc) with the study's seed.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -122,12 +120,10 @@ def _shares(design: LatinHypercube | Sobol | SobolIndices, dimensions: int) -> A
     if isinstance(design, SobolIndices):
         return _mixed(qmc.Sobol(2 * dimensions, rng=design.seed).random(design.sobol_indices))
     if isinstance(design, LatinHypercube):
-        shares: Array = qmc.LatinHypercube(dimensions, rng=design.seed).random(design.latin_hypercube)
-        return shares
+        return np.asarray(qmc.LatinHypercube(dimensions, rng=design.seed).random(design.latin_hypercube))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # numbers of points that are no power of two are as the user wants them
-        shares = qmc.Sobol(dimensions, rng=design.seed).random(design.sobol)
-    return shares
+        return np.asarray(qmc.Sobol(dimensions, rng=design.seed).random(design.sobol))
 
 
 def _mixed(shares: Array) -> Array:
@@ -165,12 +161,12 @@ class Indices:
     points: int
 
 
-def has_indices(done: Sweep) -> bool:
+def has_indices(done: "Sweep") -> bool:
     """Return whether the sweep's design is one that indices follow from."""
     return "sobol_indices" in done.manifest["design"]
 
 
-def find_indices(done: Sweep, objective: str) -> Indices:
+def find_indices(done: "Sweep", objective: str) -> Indices:
     """The indices of an objective by the runs of a sweep.  Points of which a run failed do not count, nor others beyond a power of two.
 
     Raises:

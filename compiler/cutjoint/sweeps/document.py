@@ -1,7 +1,5 @@
 """The shape of a study file, as pydantic classes; names, numbers and units are resolved in `reading`."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StrictInt, StrictStr, Tag, model_validator
@@ -58,7 +56,7 @@ class SobolIndices(Part):
     seed: Seed = 0
 
     @model_validator(mode="after")
-    def _power_of_two(self) -> SobolIndices:
+    def _power_of_two(self) -> "SobolIndices":
         if (n := self.sobol_indices) & (n - 1):
             raise shape_error(f"{n} points are no power of two", f"write {1 << n.bit_length() - 1} or {1 << n.bit_length()}")
         return self
@@ -118,7 +116,7 @@ class Objective(Part):
     unit: Unit | None = None
 
     @model_validator(mode="after")
-    def _one_reduction(self) -> Objective:
+    def _one_reduction(self) -> "Objective":
         given = [name for name in REDUCTIONS if getattr(self, name) is not None]
         if len(given) != 1:
             raise shape_error(f"has {' and '.join(given) or 'no reduction'}", f"write one of {', '.join(REDUCTIONS)}")
@@ -165,7 +163,7 @@ class Document(Part):
     trajectories: Trajectories | None = None
 
     @model_validator(mode="after")
-    def _says_something(self) -> Document:
+    def _says_something(self) -> "Document":
         if not self.objectives and self.trajectories is None:
             raise shape_error("there are no objectives and no trajectories", "write for example objectives: {peak: {maximum: body.z}}")
         return self

@@ -1,7 +1,5 @@
 """The library of a study in one scene: bytes that any worker loads, its needs of the machine, and its results."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import platform

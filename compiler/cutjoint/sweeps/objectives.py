@@ -3,8 +3,6 @@
 Each run's numbers follow from its own rows alone, whichever runs stand beside it: sums go along the last axis, which is contiguous.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -25,18 +23,15 @@ def reduce_series(objective: Objective, series: Array, times: Array, row_step: f
 
 def _integral(window: Array, step: float) -> Array:
     ends = (window[:, 0] + window[:, -1]) / 2
-    total: Array = (window.sum(axis=-1) - ends) * step
-    return total
+    return np.asarray((window.sum(axis=-1) - ends) * step)
 
 
 def _rms(window: Array) -> Array:
-    value: Array = np.sqrt((window * window).mean(axis=-1))
-    return value
+    return np.asarray(np.sqrt((window * window).mean(axis=-1)))
 
 
 def _without_mean(window: Array) -> Array:
-    around: Array = window - window.mean(axis=-1, keepdims=True)
-    return around
+    return np.asarray(window - window.mean(axis=-1, keepdims=True))
 
 
 def _crossing(objective: Objective, window: Array, begin: float, step: float) -> Array:

@@ -1,7 +1,5 @@
 """The page of a sweep, one HTML file that holds all it needs, and pages of its runs, which the simulator of the command line runs again."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress

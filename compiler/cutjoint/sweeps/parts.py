@@ -4,8 +4,6 @@ Parts are written beside and renamed, and each has a digest of its rows, its run
 its runs are made again.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

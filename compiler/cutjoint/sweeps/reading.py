@@ -1,7 +1,5 @@
 """From a study file to a `Study`: all names resolved, all numbers in SI units, all problems at once."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -118,7 +116,6 @@ class _Reading:
             return read_model(path, tunable=self.document.tunable)
 
     def _scenes(self, model: Model) -> tuple[Scene, ...]:
-        """The scenes with the settings of the study."""
         names = self.document.scenes
         if names is None:
             if len(model.scenes) > 1:
@@ -209,7 +206,6 @@ def _unit(reduction: str, unit: str) -> str:
 
 
 def _described(document: Document) -> Mapping[str, object]:
-    """The design in plain data."""
     match document.design:
         case str():
             return {"grid": True}

@@ -1,7 +1,5 @@
 """A study once its file is read: plain records, numbers in SI units."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum

@@ -233,7 +233,6 @@ class _Driver:
                 first, left = first + number, left - number
 
     def _is_known(self) -> bool:
-        """Return whether the time of a run is known."""
         return self.seconds >= _ENOUGH
 
     def _most_waiting(self) -> int:

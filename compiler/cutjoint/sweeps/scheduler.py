@@ -1,7 +1,5 @@
 """Asks an address for a scheduler of Dask, before anything is compiled for it."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import socket

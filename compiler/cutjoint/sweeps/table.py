@@ -4,8 +4,6 @@ The bytes of a table follow from its rows and the manifest, whatever parts (`par
 where readers pass over them.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -86,7 +84,7 @@ class Layout:
     @property
     def row_bytes(self) -> int:
         """About how many bytes a row takes."""
-        lengths = [-(-_rows_of(scene) // self.study.every) + 1 for scene in self.study.scenes]
+        lengths = [-(-(int(scene.end / scene.output_step) + 2) // self.study.every) + 1 for scene in self.study.scenes]
         return 8 * (4 + len(self.study.variables) + len(self.study.objectives) + len(self.study.trajectories) * max(lengths))
 
     @property
@@ -124,10 +122,6 @@ def key_of(manifest: Mapping[str, Any]) -> str:
 def parts_label(key: str, first: int, last: int) -> str:
     """The label of the digest of rows: a sweep's key, the number of the first run, and the one behind the last."""
     return f"{key} {first} {last}"
-
-
-def _rows_of(scene: Any) -> int:
-    return int(scene.end / scene.output_step) + 2
 
 
 def _nullable(values: Any) -> Any:

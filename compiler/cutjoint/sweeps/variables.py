@@ -2,8 +2,6 @@
 write.
 """
 
-from __future__ import annotations
-
 import csv
 import os
 from collections.abc import Callable, Mapping, Sequence

@@ -3,8 +3,6 @@
 A worker needs this module, the libraries and NumPy, and no compiler.  The libraries' code runs beside Python's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -106,7 +104,6 @@ class Work:
         return max(1, _HELD // together) * kernel.lanes
 
     def _reduce(self, kernel: Kernel, left: Left, objectives: Array, at: Counts) -> None:
-        """The objectives of runs that came to their ends."""
         done = [run for run in range(len(at)) if run not in left.failures] if left.failures else slice(None)
         for j, objective in enumerate(self.objectives):
             objectives[at[done], j] = reduce_series(objective, left.series[done, objective.series], kernel.times, kernel.row_step)

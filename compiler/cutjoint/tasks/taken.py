@@ -1,7 +1,5 @@
 """Compiled models that tasks take, or compile."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from cutjoint.compile.options import CompileOptions

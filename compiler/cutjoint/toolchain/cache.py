@@ -9,8 +9,6 @@ written are refused (`trust`).
 What all caches share is stored beside the installation, in the same form.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Tools that this process starts, none of which outlives it or the wait for it (`keeper`)."""
 
-from __future__ import annotations
-
 import atexit
 import os
 import subprocess
@@ -33,6 +31,14 @@ def tool(command: Sequence[str], environment: Mapping[str, str], folder: Path = 
     finally:
         _end(process)
         _at_work.discard(process)
+
+
+def call(command: Sequence[str], environment: Mapping[str, str], folder: Path) -> tuple[int, str]:
+    """The status of a tool and all that it prints; errors as of `tool`."""
+    with tool(command, environment, folder) as process:
+        assert process.stdout is not None
+        said = process.stdout.read()
+        return process.wait(), said
 
 
 def _start(command: Sequence[str], environment: Mapping[str, str], folder: Path) -> subprocess.Popen[str]:

@@ -1,7 +1,5 @@
 """CMake and Ninja, in a place whose name means nothing to them."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil

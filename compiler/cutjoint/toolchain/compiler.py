@@ -1,7 +1,5 @@
 """The C++ compiler that is used, and the processor that its flags mean."""
 
-from __future__ import annotations
-
 import os
 import platform
 import shlex

@@ -1,7 +1,5 @@
 """Flags of a compiler: one small file shows whether they make programs or libraries, before CMake fails with them in words of its own."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Mapping, Sequence
@@ -9,7 +7,7 @@ from pathlib import Path
 
 from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain.cache import cache_folder, digest_of, read_record, write_record
-from cutjoint.toolchain.children import tool
+from cutjoint.toolchain.children import call
 from cutjoint.toolchain.compiler import Compiler, resolve
 
 #: Flags that every compiler takes; those that are used by default are among them.
@@ -80,24 +78,17 @@ def _find_fault(
         return str(error)
     made, program = folder / "program.o", folder / "program"
     independent, linked = (("-fPIC",), ("-shared",)) if shared else ((), ())
-    status, said = _call([*compiler.command, "-std=c++20", *independent, *words, "-c", "program.cpp", "-o", str(made)], folder, environment)
+    status, said = call([*compiler.command, "-std=c++20", *independent, *words, "-c", "program.cpp", "-o", str(made)], environment, folder)
     if status:
         return f"the compiler refuses them{_first_error(said)}"
     if not made.is_file():
         return "the compiler makes no object file with them"
-    status, said = _call([*compiler.command, *linked, str(made), "-o", str(program)], folder, environment)
+    status, said = call([*compiler.command, *linked, str(made), "-o", str(program)], environment, folder)
     made.unlink()
     if status:
         return f"what the compiler makes with them makes no {'library' if shared else 'program'}{_first_error(said)}"
-    status, said = _call([str(program)], folder, environment) if runs and not shared else (0, _PRINTED)
+    status, said = call([str(program)], environment, folder) if runs and not shared else (0, _PRINTED)
     return "" if status == _NOT_STARTED or (status, said) == (0, _PRINTED) else f"a program made with them ends with status {status}"
-
-
-def _call(command: Sequence[str], folder: Path, environment: Mapping[str, str]) -> tuple[int, str]:
-    with tool(command, environment, folder) as process:
-        assert process.stdout is not None
-        said = process.stdout.read()
-        return process.wait(), said
 
 
 def _first_error(said: str) -> str:

@@ -4,8 +4,6 @@ A program of its own, `python -I -S keeper.py TOOL ARGUMENT...`, as the leader o
 ends with the last process that holds the other end.  Process groups do not do: Ninja gives each of its compilers another one.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

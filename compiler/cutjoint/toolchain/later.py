@@ -3,8 +3,6 @@
 The process is given a record of the cache, removes it, and builds what it says into the cache, as its parent would have.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

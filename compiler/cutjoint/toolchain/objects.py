@@ -4,8 +4,6 @@ An object file follows from the code of its source and of the generated files th
 its flags and the number type.  Comments are no code: neither a line of the model file that has moved nor a count of operations matters.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -52,7 +50,7 @@ class Object:
         return folder / self.target / f"{self.source}.o"
 
 
-def find_objects(source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> list[Object]:
+def find_objects(source: "Source", compiler: Compiler, flags: Sequence[str], kind: Kind) -> list[Object]:
     """The object files that a simulator or a library may consist of."""
     targets = _TARGETS if source.driver in DRIVERS else _OF_LIBRARIES
     how = {target: [_project_digest(), *compiler.key, *resolve(flags), *_variant(target, source.driver, kind)] for target in targets}
@@ -65,7 +63,7 @@ def _variant(target: str, driver: str, kind: Kind) -> tuple[str, ...]:
     return (runtime_digest(),) if target == "start" else (target, runtime_digest(part=driver), driver, *kind.number)
 
 
-def missing_sources(source: Source, compiler: Compiler, flags: Sequence[str]) -> dict[str, int]:
+def missing_sources(source: "Source", compiler: Compiler, flags: Sequence[str]) -> dict[str, int]:
     """The generated files of which no object file is in the cache, and their bytes: what a build has to compile."""
     objects = find_objects(source, compiler, flags, Kind())
     there = {o.source for o in objects if is_sound(o.cached)}

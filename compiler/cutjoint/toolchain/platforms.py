@@ -1,7 +1,5 @@
 """Platforms that code is compiled for: this machine's, and others by Debian's cross-compilers; and the machine that times are of."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

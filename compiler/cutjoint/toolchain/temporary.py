@@ -3,8 +3,6 @@
 Each folder has a lock beside it, which its process holds.  A lock that nobody holds any more is that of a dead process.
 """
 
-from __future__ import annotations
-
 import atexit
 import os
 import re

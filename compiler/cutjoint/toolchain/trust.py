@@ -5,8 +5,6 @@ path leads through is looked at, from the root on.  Where nobody else can write 
 check and its use.  A group that shares a cache on purpose is named by $CUTJOINT_CACHE_GROUP.
 """
 
-from __future__ import annotations
-
 import os
 import shlex
 import stat

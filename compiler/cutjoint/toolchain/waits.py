@@ -4,8 +4,6 @@ A caller listens by `heard_by`.  The seconds of each file are a record of the ca
 record is missing or of another machine, nothing else goes wrong.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress

@@ -4,8 +4,6 @@ Both have the mathematical functions of runtime/libm, and no product and sum in 
 threads, and no instruction whose result a processor may choose: its vectors of 128 bits have the operations of IEEE 754.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -16,7 +14,7 @@ from cutjoint.package.errors import MissingToolsError, ToolchainError
 from cutjoint.package.locations import runtime_folder, without_mark
 from cutjoint.toolchain.build import write_text
 from cutjoint.toolchain.cache import cache_folder, digest_of, find_or_make, tree_digest
-from cutjoint.toolchain.children import tool
+from cutjoint.toolchain.children import call
 from cutjoint.toolchain.compiler import ask_version, find_compiler, find_zig
 
 #: The functions of the mathematical library that programs and the runtime call.  No compiler may know values of theirs, and no pair of them
@@ -115,10 +113,7 @@ def _functions(name: str, header: str) -> list[str]:
 
 
 def _call(command: Sequence[str], folder: Path, scratch: Path) -> None:
-    with tool(command, {**os.environ, "TMPDIR": str(scratch)}, folder) as process:
-        assert process.stdout is not None
-        said = process.stdout.read()
-        status = process.wait()
+    status, said = call(command, {**os.environ, "TMPDIR": str(scratch)}, folder)
     if status:
         errors = [line.strip() for line in said.splitlines() if "error" in line]
         raise ToolchainError(f"{' '.join(command[:2])} failed: {'; '.join(errors[:5]) or said[-800:]} (please report this)")

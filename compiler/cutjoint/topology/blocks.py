@@ -4,8 +4,6 @@ Bodies that guided and fixed joints connect count as one, since their motion bes
 none of its loops goes through another body of known motion, so that only motions beside the carrier are in its equations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

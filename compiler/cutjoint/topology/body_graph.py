@@ -11,8 +11,6 @@ Where one body that carries nothing connects several subtrees, as the rack of an
 this hub: they share equations with it, and none with each other.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Classes of isomorphic parts of a mechanism, found by comparing signatures."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

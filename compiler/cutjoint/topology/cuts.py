@@ -1,7 +1,5 @@
 """The joints that may be cut, and a check that the others span a tree."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

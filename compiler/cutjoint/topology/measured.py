@@ -6,8 +6,6 @@ linkage, both sums vanish, since no turn about one undoes one about the other.  
 only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile

@@ -5,8 +5,6 @@ from its formulas (formulate/recursive/), with dense blocks in body space and wi
 out: they cost the same whatever is cut.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ The graph of couplings is that of design equation (3): eliminating body i couple
 body that i is coupled to with each other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Joints stand alike in the body graph, before anything is cut, by their kind, and by the joints and forces around them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,7 +17,7 @@ from cutjoint.topology.records import Topology, TreeJoint, degrees
 from cutjoint.topology.spanning_tree import Cost, TopologyError, cost_of, joints_around, split
 
 
-def span(model: Model) -> Spanning:
+def span(model: Model) -> "Spanning":
     """The joints of the tree and those to cut.
 
     Given cuts are honoured.  Where loops stay, the compiler cuts: it starts from the tree of shortest paths to the ground and
@@ -69,7 +67,7 @@ class Spanning:
         """The cost of the choice."""
         return cost_of(self.model, self.tree, self.cuts)
 
-    def exchanged(self, cut: Joint, instead: Joint) -> Spanning:
+    def exchanged(self, cut: Joint, instead: Joint) -> "Spanning":
         """Copy the choice with another joint cut, and the cut joint in the tree."""
         return replace(self, cut=(self.cut - {cut.name}) | {instead.name})
 

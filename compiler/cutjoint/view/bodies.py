@@ -1,7 +1,5 @@
 """Bodies as they are drawn: by their meshes, their shapes, else as bars between what holds them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

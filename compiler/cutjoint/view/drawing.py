@@ -1,7 +1,5 @@
 """From a model and the poses of its bodies to a drawing, and the camera of its page at the start."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A page in which a simulation runs: the generated code as a module of WebAssembly, and the inputs as keys and sliders."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -190,7 +188,6 @@ def _lays_roads(alone: Standalone) -> bool:
 
 
 def _wheels(model: Model) -> Iterator[tuple[Force, Wheel]]:
-    """The forces that are wheels, with their looks."""
     return ((force, visual) for force in model.forces for _, visual in named_visuals(force) if isinstance(visual, Wheel))
 
 

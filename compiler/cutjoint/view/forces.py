@@ -2,8 +2,6 @@
 outputs have them whole.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -147,16 +145,13 @@ def _profile(pieces: list[Piece], first: float, last: float) -> tuple[Array, Arr
         start, end = max(start, first), min(end, last)
         if end <= start:
             continue
-        marks = np.unique(np.concatenate([[start, end], np.arange(np.ceil(start), end, 1.0), _bends(piece, start, end)]))
+        count = 40 if piece.kind == "cosine" else 2
+        marks = np.union1d(np.linspace(start, end, count), np.arange(np.ceil(start), end, 1.0))
         x += marks.tolist()
         z += [piece.height(mark) for mark in marks]
     points = np.array([x, z])
     moves = np.concatenate([[True], np.abs(np.diff(points)).max(axis=0) > 1e-9])
     return points[0, moves], points[1, moves]
-
-
-def _bends(piece: Piece, start: float, end: float) -> Array:
-    return np.linspace(start, end, 40) if piece.kind == "cosine" else np.zeros(0)
 
 
 #: The longest arrow of all, as a share of the mechanism's extent.

@@ -1,7 +1,5 @@
 """Pages that were written before, read again as a run to lie under another one.  Like a model file a page is data: nothing of it runs."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

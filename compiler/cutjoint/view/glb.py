@@ -4,8 +4,6 @@ Written here: trimesh draws sparse and normalised numbers, fans, and what an
 extension must unpack, wrongly and silently.
 """
 
-from __future__ import annotations
-
 import base64
 import re
 import struct
@@ -152,7 +150,7 @@ class Document(_Described):
     extensions_required: list[str] = []
 
 
-def read_glb(content: bytes) -> Glb:
+def read_glb(content: bytes) -> "Glb":
     """The document of a file and its bytes.
 
     Raises:
@@ -267,7 +265,6 @@ class Glb:
         return np.maximum(values / np.iinfo(kind).max, -1.0) if accessor.normalized and kind != "<f4" else values
 
     def _substituted(self, rows: NDArray[Any], sparse: Sparse) -> NDArray[Any]:
-        """Rows with some of them replaced."""
         where = self._rows(sparse.indices.buffer_view, sparse.indices.byte_offset, _TYPES[sparse.indices.component_type], sparse.count, 1)
         places = where[:, 0].astype(np.int64)
         if places.max() >= len(rows):

@@ -3,8 +3,6 @@
 Written here: of the libraries for it, trimesh writes no animations, and pygltflib leaves the buffer and its accessors to the caller.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The topology of a model as a picture: bodies from left to right, parents first, cut joints as ways back at the right."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from cutjoint.elements.terms import Span
 from cutjoint.model.records import GROUND, Joint
-from cutjoint.topology.records import Loop, Topology, TreeJoint
+from cutjoint.topology.records import Loop, Topology
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,9 +88,8 @@ class _Layout:
     gone: frozenset[str]
 
     def graph(self) -> Graph:
-        """The whole."""
         bodies = [self._body(name) for name in (GROUND, *self.topology.order)]
-        links = [*(self._tree_link(t) for t in self.topology.tree), *self._cut_links(), *self._gear_links()]
+        links = [*(self._link(t.joint, _short(t.joint.name, t.child)) for t in self.topology.tree), *self._cut_links(), *self._gear_links()]
         labels = max((len(link.name) for link in links if link.cut), default=0)
         return Graph(
             width=self._right + _LANE * (len(self.topology.closing) + 1) + _LETTER * labels + _MARGIN,
@@ -183,9 +180,6 @@ class _Layout:
             is_gone=joint.name in self.gone,
         )  # fmt: skip
 
-    def _tree_link(self, t: TreeJoint) -> GraphLink:
-        return self._link(t.joint, _short(t.joint.name, t.child))
-
     def _cut_links(self) -> Iterator[GraphLink]:
         loops = {loop.cut: self._members(loop) for loop in self.topology.loops}
         for i, joint in enumerate(self.topology.cuts):
@@ -226,7 +220,6 @@ class _Layout:
         return next((height for height in near if all(abs(height - other) >= _CLEAR for other in others)), start)
 
     def _short_body(self, body: str) -> str:
-        """The name of a body below the one that carries it."""
         return _short(body, self._parents.get(body, ""))
 
     @cached_property
@@ -275,14 +268,14 @@ def picture_graph(topology: Topology) -> bytes:
     return picture.getvalue()
 
 
-def _draw_tree(axes: Axes, link: GraphLink, base: GraphBody, follower: GraphBody, shrunk: float) -> None:
+def _draw_tree(axes: "Axes", link: GraphLink, base: GraphBody, follower: GraphBody, shrunk: float) -> None:
     left, right = sorted((base, follower), key=lambda body: body.x)
     start = left.x + left.width
     axes.plot([start, start + 8, right.x], [left.y, right.y, right.y], color=_TREE, linewidth=1.0)
     axes.text(right.x - 4, right.y - 2, link.short, ha="right", va="bottom", fontsize=7 * shrunk, color=_TREE)
 
 
-def _draw_cut(axes: Axes, link: GraphLink, base: GraphBody, follower: GraphBody, shrunk: float) -> None:
+def _draw_cut(axes: "Axes", link: GraphLink, base: GraphBody, follower: GraphBody, shrunk: float) -> None:
     (first, second), lane = link.heights, link.lane
     x = [base.x + base.width, lane, lane, follower.x + follower.width]
     axes.plot(x, [first, first, second, second], color=_CUT, linewidth=1.0, linestyle="--")

@@ -4,8 +4,6 @@ A datagram is, in little-endian order, the digest of the poses (64 bits), the ti
 `Simulation.poses` have it, all doubles.  What comes is shown as soon as the page can; what is lost is not missed.
 """
 
-from __future__ import annotations
-
 import json
 import socket
 import struct

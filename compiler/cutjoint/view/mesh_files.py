@@ -1,7 +1,5 @@
 """Meshes of bodies from files beside the model.  A mesh is data: nothing that it names is read, and it has a bounded size."""
 
-from __future__ import annotations
-
 import io
 import warnings
 from pathlib import Path

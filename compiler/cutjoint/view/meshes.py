@@ -1,7 +1,5 @@
 """Meshes of simple bodies, around the origin along z."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from itertools import combinations, pairwise

@@ -1,7 +1,5 @@
 """Motions that are no runs: small ones about a state, closed loops and all, as a page plays them again and again."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A drawing as a page: one HTML file that holds all it needs."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re
@@ -12,10 +10,10 @@ from html import escape
 from pathlib import Path
 from zlib import crc32
 
-import jinja2
 import numpy as np
 
 from cutjoint.compile.c_export import module_script
+from cutjoint.emit.source import environment
 from cutjoint.model.expressions.quantities import bodies_of
 from cutjoint.model.records import Joint, Model, Plot, Vector
 from cutjoint.package.locations import licence_of_musl, templates_folder
@@ -78,7 +76,7 @@ class Drive:
 
 def make_page(
     *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], camera: Camera,
-    failure: Failure | None = None, motions: Sequence[Motion] = (), over: GhostRun | None = None,
+    failure: "Failure | None" = None, motions: Sequence[Motion] = (), over: GhostRun | None = None,
     graph: Graph | None = None, sliders: Sliders | None = None, is_live: bool = False, plots: Sequence[Plot] = (),
     drive: Drive | None = None,
 ) -> str:  # fmt: skip
@@ -104,7 +102,7 @@ def make_page(
         data["module"] = _encoded(drive.module)
     if over is not None:
         data |= {"over-glb": _encoded(write_gltf(over.drawing)), "over-table": as_table(over.drawing.t, [*over.columns.values()])}
-    return _environment().get_template("page.html.jinja").render(
+    return environment().get_template("view/page.html.jinja").render(
         title=escape(f"{title}, {scene}"), is_live=is_live, driving=drive is not None, notice="" if drive is None else licence_of_musl(),
         data=[(name, crc32(text.encode()), text) for name, text in data.items()],
         scripts=scripts, hashes=[script_hash(script) for script in scripts],
@@ -129,13 +127,6 @@ def as_table(t: Array, columns: Sequence[Array]) -> str:
     """Numbers of 32 bits; larger ones are none."""
     numbers = np.concatenate([t, *columns])
     return _encoded(np.where(np.abs(numbers) <= np.finfo("<f4").max, numbers, np.nan).astype("<f4").tobytes())
-
-
-def _environment() -> jinja2.Environment:
-    loader = jinja2.FileSystemLoader(templates_folder() / "view")
-    return jinja2.Environment(
-        loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
-    )  # fmt: skip
 
 
 def as_data(content: Mapping[str, object]) -> str:

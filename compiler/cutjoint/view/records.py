@@ -1,7 +1,5 @@
 """The records of a drawing: meshes on nodes that move over time, and colours that light and dark pages both take."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
@@ -24,7 +22,7 @@ class Mesh:
     normals: Array
     faces: Faces
 
-    def moved(self, rotation: Array, shift: Array) -> Mesh:
+    def moved(self, rotation: Array, shift: Array) -> "Mesh":
         """The mesh turned by (3, 3) and shifted by (3,)."""
         return Mesh(points=self.points @ rotation.T + shift, normals=self.normals @ rotation.T, faces=self.faces)
 

@@ -1,7 +1,5 @@
 """The sizes of drawn parts, by the extent of the mechanism in its design position, and its places and directions over time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 The program is functions in JavaScript: numbers and operations, and no text of a model.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import pi

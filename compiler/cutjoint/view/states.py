@@ -2,8 +2,6 @@
 reduction on the picture of the topology.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 

@@ -67,13 +67,13 @@ class ViewSpec:
     sliders: Sliders | None = None
 
 
-def require_view(path: Path, option: str) -> None:
-    """Check that a file's ending is that of a view.
+def require_view(path: Path | None, option: str) -> None:
+    """Check that the ending of a file, if there is one, is that of a view.
 
     Raises:
         OutputError: it is neither a page nor a glTF file.
     """
-    if path.suffix not in (PAGE, GLTF):
+    if path is not None and path.suffix not in (PAGE, GLTF):
         raise OutputError(f"{option} {path}: no such kind of file; write a name that ends in {PAGE} or {GLTF}")
 
 
@@ -128,7 +128,7 @@ def show_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> V
         RunError: the scene has no start, or a parameter cannot be set.
         SimulatorError, ToolchainError: as for a run.
     """
-    if _is_as_designed(model, scene):
+    if scene.pose == "design" and not (scene.positions or scene.assemble) and all(joint.guide is None for joint in model.joints):
         poses, q = {body.name: BodyPose(rotation=np.eye(3)[np.newaxis], shift=np.zeros((1, 3))) for body in model.bodies}, None
     else:
         starts, values = find_start(build_topology(model), scene, parameters)

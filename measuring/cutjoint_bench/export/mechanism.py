@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.elements.joint import Direction
-from cutjoint.export.laws import Array, Numbers, Start, Triple, find_start, require_mechanics_alone
+from cutjoint.export.laws import Array, Numbers, Start, Triple, find_start
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import TIME
 from cutjoint.kernels.joints import direction_of
@@ -19,6 +19,7 @@ from cutjoint.report.explain.document import is_reduced
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology, TreeJoint
 from cutjoint_bench.export.records import Matrix, Mechanism, PeerGear, PeerJoint, Place, RigidBody
+from cutjoint_bench.mechanics_alone import require_mechanics_alone
 
 
 def build_mechanism(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Mechanism:

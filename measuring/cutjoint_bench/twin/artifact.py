@@ -7,7 +7,6 @@ from time import perf_counter
 from typing import Any
 
 from cutjoint.compile.pipeline import generate
-from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import CLOSURES, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation, join_and, names_of
@@ -19,6 +18,7 @@ from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.topology.reading import read_model
+from cutjoint_bench.mechanics_alone import require_mechanics_alone
 from cutjoint_bench.twin.build import build_generic
 from cutjoint_bench.twin.mechanism import describe_generic
 from cutjoint_bench.twin.system import describe_generic_natural

@@ -1,7 +1,5 @@
 """The loops of a block as numbers: residuals, Jacobians and closed poses at many coordinates at once."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

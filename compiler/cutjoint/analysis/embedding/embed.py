@@ -1,8 +1,6 @@
 """Loops with one degree of freedom are replaced by functions of one coordinate that close them, assemblies; and from the state of such a
 model to that of the same spanning tree with the loops' equations."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -179,7 +177,7 @@ DEAREST = 500
 _CLOSED = 1e-8
 
 
-def _require_closed(loops: BlockLoops, motion: _DriveMotion | None) -> None:
+def _require_closed(loops: BlockLoops, motion: "_DriveMotion | None") -> None:
     """Refuse a block that its start would move: the loops' equations share such a motion out among all bodies."""
     violation = np.abs(loops.evaluate(loops.design(), np.full(1, motion.start if motion is not None else 0.0))[0]).max(initial=0.0)
     if violation > _CLOSED:

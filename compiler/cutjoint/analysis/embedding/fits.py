@@ -4,8 +4,6 @@ Loops are closed at Chebyshev nodes, or at equidistant ones on a full turn.  The
 integrated: that keeps the digits which differentiating twice would lose.  The range is as long as the number of terms allows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace

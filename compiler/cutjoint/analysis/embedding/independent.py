@@ -4,8 +4,6 @@ A block is followed both ways from where the scene has it, until its equations c
 independent on the part of this curve around the start on which it moves one way, and not much slower than the fastest one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias

@@ -1,7 +1,5 @@
 """The force kinds, each in a file of its own: the list of them all."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from cutjoint.elements.force import Force

@@ -1,7 +1,5 @@
 """A force along an axis of a body."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 

@@ -1,7 +1,5 @@
 """Six springs between two bodies at a point."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self

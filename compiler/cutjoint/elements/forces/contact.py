@@ -1,7 +1,5 @@
 """A ball or a point of a body on a plane or a cylinder of another body, with a force by expressions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self

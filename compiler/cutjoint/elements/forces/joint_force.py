@@ -1,7 +1,5 @@
 """Forces on the coordinates of a joint, and on all turns of a ball."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self

@@ -1,7 +1,5 @@
 """Friction in a joint that follows from what the joint carries."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self

@@ -1,7 +1,5 @@
 """The common part of wheels on the road: the ground that a wheel has under it beside the scene's road."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self

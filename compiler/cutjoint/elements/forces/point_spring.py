@@ -1,7 +1,5 @@
 """A spring, damper or actuator between two points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 

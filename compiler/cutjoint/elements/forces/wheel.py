@@ -1,7 +1,5 @@
 """A wheel that turns, on the road, with forces and moments by expressions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self

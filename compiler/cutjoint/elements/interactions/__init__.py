@@ -1,7 +1,5 @@
 """The interactions, each in a file of its own."""
 
-from __future__ import annotations
-
 from cutjoint.elements.interactions.attitude_force import AttitudeForce as AttitudeForce
 from cutjoint.elements.interactions.axis_force import AxisForce as AxisForce
 from cutjoint.elements.interactions.compliance import Compliance as Compliance

@@ -5,8 +5,6 @@ shaft couplings: a general theory", ASME J. Eng. Ind. 95).  Two universal joints
 turn about a first direction, a turn about a second one, the other half about the first, all across the bisector of the design position.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 from cutjoint.elements.joint import NO_TWIST, Check, Direction, Fault, JointElement, JointField, Operations, SamePoint, Turn

@@ -1,7 +1,5 @@
 """A massless rod between two ball joints."""
 
-from __future__ import annotations
-
 from cutjoint.elements.joint import Ball, Check, Direction, Fault, JointElement, JointField, Offset, Operations, SameDistance, Turn
 from cutjoint.elements.terms import JointKind
 

@@ -1,7 +1,5 @@
 """A rigid connection."""
 
-from __future__ import annotations
-
 from cutjoint.elements.joint import DESIGN_FRAME, JointElement, Operations, SameAttitude, SamePoint
 from cutjoint.elements.terms import JointKind
 

@@ -1,7 +1,5 @@
 """No connection: a body that moves freely."""
 
-from __future__ import annotations
-
 from cutjoint.elements.joint import Ball, Direction, JointElement, Operations, Slide
 from cutjoint.elements.terms import JointKind
 

@@ -1,7 +1,5 @@
 """Two directions that stay parallel, wherever their bodies are."""
 
-from __future__ import annotations
-
 from cutjoint.elements.joint import ABOUT_AXIS, Direction, JointElement, JointField, Operations, SameDirection, Slide, Turn
 
 ELEMENT = JointElement(

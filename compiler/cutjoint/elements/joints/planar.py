@@ -1,7 +1,5 @@
 """A contact of planes."""
 
-from __future__ import annotations
-
 from cutjoint.elements.joint import (
     ABOUT_AXIS,
     IN_PLANE,

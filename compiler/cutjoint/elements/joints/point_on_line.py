@@ -1,7 +1,5 @@
 """A ball in a slot."""
 
-from __future__ import annotations
-
 from cutjoint.elements.joint import ON_LINE, Ball, Direction, JointElement, JointField, Operations, Slide
 from cutjoint.elements.terms import JointKind
 

@@ -1,7 +1,5 @@
 """A ball on a plate."""
 
-from __future__ import annotations
-
 from cutjoint.elements.joint import IN_PLANE, Ball, Direction, JointElement, JointField, Operations, Slide
 
 ELEMENT = JointElement(

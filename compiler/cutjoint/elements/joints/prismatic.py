@@ -1,7 +1,5 @@
 """A slider."""
 
-from __future__ import annotations
-
 from cutjoint.elements.joint import AXIAL_FRAME, ON_LINE, Direction, JointElement, JointField, Operations, SameAttitude, Slide
 from cutjoint.elements.terms import JointKind
 

@@ -1,7 +1,5 @@
 """A hinge."""
 
-from __future__ import annotations
-
 from cutjoint.elements.joint import ABOUT_AXIS, Direction, JointElement, JointField, Operations, SameDirection, SamePoint, Turn
 from cutjoint.elements.terms import JointKind
 

@@ -1,7 +1,5 @@
 """A screw."""
 
-from __future__ import annotations
-
 from cutjoint.elements.joint import (
     ABOUT_AXIS,
     ON_LINE,

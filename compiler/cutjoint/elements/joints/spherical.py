@@ -1,7 +1,5 @@
 """A ball joint."""
 
-from __future__ import annotations
-
 from cutjoint.elements.joint import Ball, JointElement, Operations, SamePoint
 from cutjoint.elements.terms import JointKind
 

@@ -1,7 +1,5 @@
 """A Hooke joint."""
 
-from __future__ import annotations
-
 from cutjoint.elements.joint import (
     PERPENDICULAR,
     Check,

@@ -1,7 +1,5 @@
 """A model as an FMU: its files, the functions of FMI 3 that it exports or refuses, and the archive."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

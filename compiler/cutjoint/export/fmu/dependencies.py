@@ -3,8 +3,6 @@
 At a communication point an output is that of the last step, and follows from nothing else.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
@@ -23,7 +21,7 @@ class LeafSymbols:
     parameters: frozenset[int] = field(default_factory=frozenset)
     symbols: frozenset[str] = field(default_factory=frozenset)
 
-    def __or__(self, other: LeafSymbols) -> LeafSymbols:
+    def __or__(self, other: "LeafSymbols") -> "LeafSymbols":
         return LeafSymbols(
             inputs=self.inputs | other.inputs, parameters=self.parameters | other.parameters, symbols=self.symbols | other.symbols
         )

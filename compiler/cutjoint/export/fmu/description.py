@@ -3,8 +3,6 @@
 Units of variables are as FMI has them: exponents of the base units, the radian among these, and degrees to display.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -74,7 +72,7 @@ def _write_2(subject: Subject, interface: Interface) -> str:
         able = {"providesDirectionalDerivative": "true"}
         _add_sources(SubElement(root, "ModelExchange", {"modelIdentifier": subject.name, **states, **able}), subject)
     if simulates:
-        able = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": _truth(interface.inputs)}
+        able = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true" if interface.inputs else "false"}
         able["maxOutputDerivativeOrder"] = "0"
         _add_sources(SubElement(root, "CoSimulation", {"modelIdentifier": subject.name, **able, **states}), subject)
     _add_general(root, subject, variables)
@@ -188,21 +186,12 @@ def _add_units(root: Element, variables: Iterable[Variable]) -> None:
     units = {unit.name: unit for v in variables if (unit := describe_unit(v.unit)) is not None}
     definitions = SubElement(root, "UnitDefinitions")
     for unit in units.values():
-        _add_unit(definitions, unit)
-
-
-def _add_unit(definitions: Element, unit: Unit) -> None:
-    defined = SubElement(definitions, "Unit", name=unit.name)
-    if unit.exponents:
-        of_si = {} if unit.factor == 1.0 else {"factor": repr(unit.factor)}
-        SubElement(defined, "BaseUnit", {**{base: str(power) for base, power in unit.exponents.items()}, **of_si})
-    if unit.display:
-        name, factor = unit.display
-        SubElement(defined, "DisplayUnit", name=name, factor=repr(factor))
-
-
-def _truth(value: object) -> str:
-    return "true" if value else "false"
+        defined = SubElement(definitions, "Unit", name=unit.name)
+        if unit.exponents:
+            of_si = {} if unit.factor == 1.0 else {"factor": repr(unit.factor)}
+            SubElement(defined, "BaseUnit", {**{base: str(power) for base, power in unit.exponents.items()}, **of_si})
+        if unit.display:
+            SubElement(defined, "DisplayUnit", name=unit.display[0], factor=repr(unit.display[1]))
 
 
 def _text(root: Element) -> str:

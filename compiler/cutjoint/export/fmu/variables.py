@@ -1,7 +1,5 @@
 """The variables of an FMU: time, parameters, settings, the given start, inputs, outputs, and for model exchange states with derivatives."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -155,7 +153,6 @@ def _with_states(interface: Interface, equations: RecursiveEquations, dofs: int)
 
 
 def _rates(given: Variable) -> tuple[Variable, Variable]:
-    """The first and second derivative of an input."""
     unit = given.unit or "1"
     return (
         replace(given, name=f"der({given.name})", description=f"Derivative of {given.name}", unit=f"{unit}/s", start=0.0),
@@ -183,7 +180,6 @@ _POSE = (
 
 
 def _pose(element: str) -> Iterator[Variable]:
-    """The pose of a body or marker."""
     for name, about, unit in _POSE:
         yield replace(_local(f"pose.{element}.{name}", f"{about}, of {element}"), unit=unit)
 

@@ -16,8 +16,6 @@ B_i DV = M_i (DV x V_i) + DV x* M_i V_i + V_i x* M_i DV does not depend on the l
 the centre of mass c, and J about c, its columns by the angular part are [-2 m v_G~; -2 m c~ v_G~ + w~ (2 J - tr J 1)].
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -87,7 +85,7 @@ class SharedForces(BodySystem):
 
     wrenches: dict[str, dict[str, Block]] = field(default_factory=dict)
 
-    def copy(self) -> SharedForces:
+    def copy(self) -> "SharedForces":
         """A body system with these forces, to which others may be added."""
         return replace(
             self, Q=dict(self.Q), joint_forces=dict(self.joint_forces), cut_joint_wrenches=dict(self.cut_joint_wrenches),

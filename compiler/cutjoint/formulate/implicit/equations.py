@@ -12,8 +12,6 @@ is complete: it has the turning of the joints' axes and of the multipliers' dire
 Gonzalez, Naya, Multibody System Dynamics 12 (2004) 117-132, leaves those out.)
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -86,7 +84,7 @@ from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.program.indicators import find_domains, find_indicators
 
 
-def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -> ImplicitEquations:
+def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -> "ImplicitEquations":
     """The functions of a system in relative coordinates, see runtime/include/cutjoint/lagrangian/system.hpp.
 
     ``start`` are the recursive equations of the same model and scene.

@@ -16,8 +16,6 @@ column, speed and acceleration of each as much as stiffness derivative, damping 
 Gears act on the coordinates of their joints alone, and their Jacobian changes with these by laws.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 

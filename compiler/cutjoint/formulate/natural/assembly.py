@@ -8,8 +8,6 @@ A material point s of a group stands at sum_k c_k(s) e_k with c(s) = B^+ [s; 1],
 moments of all mass in these, J = integral [s; 1] [s; 1]^T dm, the group's mass matrix is B^+ J B^+T times the unit matrix of order 3.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 

@@ -5,8 +5,6 @@ Each has its residual Phi, the gradient of Phi by the nodes, its rate Phid = Phi
 way, so that every residual is in metres or, of two directions, in radians.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -42,7 +40,7 @@ class Constraint:
     by_use: tuple[tuple[Use, Block], ...] = ()
     by_displacement: Block | None = None
 
-    def without(self, names: Collection[str], b: Builder) -> Constraint | None:
+    def without(self, names: Collection[str], b: Builder) -> "Constraint | None":
         """The constraint without the equations of these names; None when none is left."""
         rows = [i for i, name in enumerate(self.names) if name not in names]
         if len(rows) == len(self.names) or not rows:

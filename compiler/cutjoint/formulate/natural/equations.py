@@ -9,8 +9,6 @@ Left out is the change of Phi_q^T lambda by q, as in the paper: it is small agai
 symmetric tangent leaves out what first-order states change by each other, and forces and states by each other, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -68,7 +66,7 @@ from cutjoint.program.indicators import find_domains, find_indicators
 
 def formulate_lagrangian(
     start: RecursiveEquations, method: str, outputs: tuple[Output, ...], left_out: Collection[str] = (), *, watched: bool = False
-) -> LagrangianEquations:
+) -> "LagrangianEquations":
     """The functions of a system in natural coordinates, see runtime/include/cutjoint/lagrangian/system.hpp.
 
     ``start`` are the recursive equations of the same model and scene; ``method`` is "augmented" or "classical"; equations named in
@@ -133,7 +131,7 @@ def formulate_lagrangian(
     )  # fmt: skip
 
 
-def without(equations: LagrangianEquations, left_out: Collection[str], *, watched: bool = False) -> LagrangianEquations:
+def without(equations: "LagrangianEquations", left_out: Collection[str], *, watched: bool = False) -> "LagrangianEquations":
     """The system without the equations named in ``left_out``, which guards watch if they are ``watched``."""
     if not left_out:
         return equations

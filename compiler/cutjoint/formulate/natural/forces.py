@@ -4,8 +4,6 @@ A law over a scalar s(q), such as a length or a displacement along an axis, work
 perpendicular unit directions e_i works on them as half the sum of (T x e_i) . delta e_i.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -104,7 +102,7 @@ class ForceMaker:
                     elements.append(self._labelled(element))
         return elements
 
-    def _mechanics(self, force: Force, element: Element) -> NodalMechanics:
+    def _mechanics(self, force: Force, element: Element) -> "NodalMechanics":
         return NodalMechanics(
             b=self._b, translator=self._m.translator, motions=self._m, model=self._model, force=force, element=element,
             road=self._scene.road.parts,

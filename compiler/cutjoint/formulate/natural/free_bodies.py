@@ -4,8 +4,6 @@ The joint is cut by a virtual displacement: one of its bodies moves the point, t
 and forces that move with that body gives the joint's force on it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

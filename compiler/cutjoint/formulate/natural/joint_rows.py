@@ -1,7 +1,5 @@
 """The equations of a joint that sharing nodes does not settle, as data: constraints, the twin's description and `explain` read them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TypeAlias

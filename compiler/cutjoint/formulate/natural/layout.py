@@ -7,8 +7,6 @@ of them.  A body without mass gets no more than its points and directions span: 
 Joints that leave the attitude alone (fixed, prismatic) share all directions; bodies joined by a fixed joint are one group.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -329,7 +327,7 @@ class _Builder:
         known = [n for n in (*points, *needs.spanned) if n.kind is NodeKind.POINT]
         return known[0] if known else Need(kind=NodeKind.POINT, place=(sympy.Integer(0),) * 3, title=NodeName(group, "point"))
 
-    def _free(self, group: str, needs: Needs, selection: _Selection) -> None:
+    def _free(self, group: str, needs: Needs, selection: "_Selection") -> None:
         """A body that nothing carries: its centre of mass and the global axes."""
         centre = next((n for n in needs.spanned if n.kind is NodeKind.POINT), None)
         if centre is not None:
@@ -337,7 +335,7 @@ class _Builder:
             for name, axis in zip("xyz", GLOBAL_AXES, strict=True):
                 selection.offer(group, Need(kind=NodeKind.VECTOR, place=axis, title=NodeName(group, name)), _OWN)
 
-    def _complete(self, group: str, needs: Needs, selection: _Selection, rank: int) -> None:
+    def _complete(self, group: str, needs: Needs, selection: "_Selection", rank: int) -> None:
         """Unit vectors across the chosen nodes, or badly placed needs, until the span is whole."""
         if not selection.nodes:
             selection.offer(group, self._first_point(group, (), needs), 0.0)

@@ -1,7 +1,5 @@
 """The motion of nodes: positions, velocities and accelerations of nodes and their combinations as blocks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from cutjoint.formulate.natural.layout import Layout

@@ -1,7 +1,5 @@
 """The points and directions of each body that natural coordinates must provide for joints, forces, inertia and outputs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 

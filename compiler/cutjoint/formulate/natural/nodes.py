@@ -1,7 +1,5 @@
 """Points and unit vectors, the material of natural coordinates, and their linear combinations."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -55,7 +53,7 @@ class Node:
     kind: NodeKind
     body: str
     place: Vector
-    parts: Form | None = None
+    parts: "Form | None" = None
 
     @property
     def name(self) -> str:
@@ -122,11 +120,3 @@ def is_nought(value: Scalar) -> bool:
 def difference(a: Form, b: Form) -> dict[Node, Scalar]:
     """a - b."""
     return combine((1, a), (-1, b))
-
-
-def in_coordinates(form: Form) -> dict[Node, Scalar]:
-    """A form over coordinates and constants alone."""
-    terms = []
-    for node, coefficient in form.items():
-        terms.append((coefficient, {node: 1} if node.parts is None else in_coordinates(node.parts)))
-    return combine(*terms)

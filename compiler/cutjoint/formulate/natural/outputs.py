@@ -1,7 +1,5 @@
 """Reported quantities in natural coordinates: those of motion and of forces, and reactions."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Poses in natural coordinates: nodes that span each body, and where the coordinates stand for given joint coordinates."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The quantities of motion and of forces in natural coordinates: bodies and markers, joint coordinates, forces, states and signals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

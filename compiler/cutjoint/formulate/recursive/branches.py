@@ -19,8 +19,6 @@ Y = L^-1 G^T and W = L^-1 J^T a J_K::
     zdd  = L^-T D^-1 (g - Y Zdd_P - W zdd_K)    lambda <- lambda + a (J zdd + J_K zdd_K + s')
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -53,7 +51,7 @@ class BranchSystem:
     numbers: Numbers
     loops: Sequence[LoopClosure]
     gears: Sequence[GearClosure] = ()
-    hub: BranchSystem | None = None
+    hub: "BranchSystem | None" = None
     _mass: dict[str, Block] = field(default_factory=dict)
     _force: dict[str, Block] = field(default_factory=dict)
     _rows: dict[str, Block] = field(default_factory=dict)
@@ -212,7 +210,7 @@ class BranchSystem:
         self.system.add_mass(carrier, b.neg(b.gram(self._Y, self._inverse)))
         self.system.add_force(carrier, b.neg(b.mul(b.transpose(self._Y), b.weigh(self._inverse, self._g))))
 
-    def _pass_on_to(self, hub: BranchSystem) -> None:
+    def _pass_on_to(self, hub: "BranchSystem") -> None:
         """H_K += J_K^T a J_K - W^T D^-1 W, h_K -= J_K^T (lambda + a s') + W^T D^-1 g, G_K^T -= W^T D^-1 Y."""
         b, size = self.k.builder, len(hub.rows)
         coupled, mass, force = b.zero(len(self.rows), size), b.zero(size, size), b.zero(size)

@@ -9,8 +9,6 @@ follower's and the angular velocities w::
     a = e . d/pitch      a' = e . (w_f - w_b)           of a screw; the rate alone in other loops
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Topology -> Equations: the fully recursive formulation with closed loops (Cuadrado et al. 2000, section 2.3)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from cutjoint.formulate.events import describe_domains, describe_indicators, domain_slots, domains_function, events_function, value_slots

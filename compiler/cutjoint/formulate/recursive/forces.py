@@ -3,8 +3,6 @@
 Each element also yields its reported quantities, so that results and equilibrium tables have the values of the equations.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import reduce
 from typing import TypeAlias

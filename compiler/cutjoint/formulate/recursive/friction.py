@@ -9,8 +9,6 @@ largest eigenvalue of C is below 1.  Then there is one solution, as the right si
 there may be none or several (Painleve, Comptes Rendus 121 (1895) 112-115): the loads have no value then.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -169,7 +167,7 @@ class FrictionMotion:
                             found.append(EventIndicator(value=value, section=value.section, is_continuous=True))
         return found
 
-    def _equations(self, frictions: Sequence[LoadFriction], free: Solution, system: BodySystem) -> tuple[_Loads, list[Solution]]:
+    def _equations(self, frictions: Sequence[LoadFriction], free: Solution, system: BodySystem) -> "tuple[_Loads, list[Solution]]":
         """The equations of the loads, and the response to each of these."""
         b, k = self.k.builder, self.k
         without = self._reactions(k, free, system)

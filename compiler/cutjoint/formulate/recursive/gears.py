@@ -3,8 +3,6 @@
 A guided coordinate is a function of time; it has a part in the residual, its rate and its drift, and none in the Jacobian.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ branch share the pole, so that Z_i = Z_p + b_i zd_i without frame transforms.
 `derive_poses` has the poses of all bodies as blocks of the tree's coordinates, and nothing of the recursion's dynamics.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

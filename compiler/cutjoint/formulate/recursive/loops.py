@@ -6,8 +6,6 @@ With residual Phi, Phi' = A Z and s = gamma + 2 xi w Phi' + w^2 Phi, Z the relat
     lambda <- lambda + a (A Zdd + s)
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ M and Q are without what cut joints add.  W is the wrench of a guided joint on i
 whose other share has power at the free joints that they turn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

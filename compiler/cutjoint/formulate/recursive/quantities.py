@@ -1,7 +1,5 @@
 """The quantities of motion and of forces: bodies and markers, joint coordinates, forces, states and signals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256

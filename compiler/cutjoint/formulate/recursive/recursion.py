@@ -17,8 +17,6 @@ Eliminating the unknowns of body i with parent p, Zdd_i = Zdd_p + b zdd_i + d, i
 global axes, where it passes on a force only.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -3,8 +3,6 @@
 Both solutions have the same matrix.  Blocks are hash-consed, so that the second one repeats only the elimination of the right side.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -30,14 +28,14 @@ class ClosingElements:
         """The cut joints, then the gears."""
         return *self.loops, *self.gears
 
-    def without_multipliers(self, b: Builder) -> ClosingElements:
+    def without_multipliers(self, b: Builder) -> "ClosingElements":
         """Copy the elements without multipliers."""
         return ClosingElements(
             loops=tuple(replace(x, multipliers=b.zero(len(x.names))) for x in self.loops),
             gears=tuple(replace(x, multipliers=b.zero(len(x.names))) for x in self.gears),
         )
 
-    def with_violations(self, b: Builder, violations: Mapping[str, Block]) -> ClosingElements:
+    def with_violations(self, b: Builder, violations: Mapping[str, Block]) -> "ClosingElements":
         """Copy the elements with violations alone: ``violations`` instead of s, no multipliers."""
         alone = self.without_multipliers(b)
         return ClosingElements(

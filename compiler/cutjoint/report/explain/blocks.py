@@ -3,8 +3,6 @@ r"""Blocks -> LaTeX: the expressions that are computed, over the names that the 
 What a formula uses more than once and has no name is called x_1, x_2 and so on.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -206,9 +204,7 @@ class _Names:
                 return self._sum(block), _SUM
             case "neg":
                 return f"-{self.show(args[0], _VECTORS)}", _SUM
-            case "scale":
-                return self._product(block)
-            case "mul":
+            case "scale" | "mul":
                 return self._product(block)
             case "transpose" if args[0].op == "neg" and args[0].args[0].op == "skew" and args[0] not in self._letters:
                 return self.show(args[0].args[0]), _ONE
@@ -270,7 +266,8 @@ class _Names:
             if first.args[0] is second:
                 return rf"\lVert {self.show(second)} \rVert^2", _PRODUCT
             return rf"{self.show(first.args[0], _ONE)} \cdot {self.show(second, _ONE)}", _VECTORS
-        if first.op == "call" and first.data == ("div", None) and first not in self._letters and _is_one(first.args[0]):
+        is_quotient = first.op == "call" and first.data == ("div", None) and first not in self._letters
+        if is_quotient and (first.args[0].op, first.args[0].data) == ("const", ((1.0,),)):
             return rf"\frac{{{self.show(second)}}}{{{self.show(first.args[1])}}}", _PRODUCT
         if first.op == "neg" and first not in self._letters:
             return f"-{self.show(first.args[0], _PRODUCT)} {self.show(second, _PRODUCT)}", _SUM
@@ -316,10 +313,6 @@ class _Names:
             return rf"\{function} \left({self.show(args[0])}\right)", _ONE
         name = words(function) if "_" in function or "." in function else rf"\text{{{function}}}"
         return rf"{name} \left({', '.join(self.show(x) for x in args)}\right)", _ONE
-
-
-def _is_one(block: Block) -> bool:
-    return block.op == "const" and block.data == ((1.0,),)
 
 
 def _choice_of_columns(block: Block) -> tuple[Block, Block, Block] | None:

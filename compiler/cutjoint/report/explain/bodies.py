@@ -1,7 +1,5 @@
 """Every body's mass matrix and inertia force, with its numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any

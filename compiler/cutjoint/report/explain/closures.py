@@ -1,14 +1,12 @@
 """Every cut joint's residual, Jacobian and velocity-dependent acceleration."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import sympy
 
 from cutjoint.kernels import closures
 from cutjoint.kernels.closures import ClosureKernel, Matrix, derive_closure
-from cutjoint.methods import METHODS, START, Closure
+from cutjoint.methods import METHODS, START
 from cutjoint.model.records import Joint, Model, Numerics, Scalar
 from cutjoint.report.explain.forces import explain_gears
 from cutjoint.report.explain.latex import equations as print_equations
@@ -41,12 +39,8 @@ def explain_closures(topology: Topology, numerics: Numerics, counterparts: Seque
 _TIMES = {1: "a second time", 2: "a second and a third time"}
 
 
-def _closure(numerics: Numerics) -> Closure:
-    return find_closure(numerics, METHODS[START])
-
-
 def _numbers(numerics: Numerics) -> str:
-    closure = _closure(numerics)
+    closure = find_closure(numerics, METHODS[START])
     if closure.penalty_of_each_cut:
         return (
             f"In this scene the closure is {closure.name}: a run finds the penalty of each cut joint from the mass that it feels, "

@@ -4,8 +4,6 @@ Methods in relative coordinates have chapters of their own, on the step of ``rec
 no file has: guards, sensors of rods, columns that stand for others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -94,7 +92,6 @@ def explain_signals(model: Model) -> tuple[Chapter, ...]:
 
 
 def _explain_controller(controller: Controller, symbols: Mapping[Scalar, str]) -> Chapter:
-    """The formulas of a sample."""
     times = f"Samples at {controller.offset:.9g} s + k {controller.every:.9g} s. {_SAMPLES}"
     computed = [f"{symbols[s.symbol]} = {latex(s.value, symbols)}" for s in controller.signals]
     held = dict.fromkeys(rf"{symbols[h.symbol]} \leftarrow {latex(h.next, symbols)}" for h in controller.held)  # a memory is one line

@@ -1,7 +1,5 @@
 """Every force's formulas, as its interaction computes them, with its law and the law's partial derivatives; every gear's equation."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace

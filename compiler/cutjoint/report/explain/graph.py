@@ -1,13 +1,11 @@
 """The body graph in words: counts, spanning tree, cut joints, loops, classes, order of elimination."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.records import Equations, RecursiveEquations
-from cutjoint.model.records import GROUND, Binding, Joint, Model
+from cutjoint.model.records import GROUND, Binding, Model
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
@@ -97,14 +95,12 @@ def cut_table(equations: RecursiveEquations) -> Table:
     """One row a cut joint."""
     sizes = {closure.joint: len(closure.names) for closure in equations.closures}
     rows = [
-        (code(c.name), line_of(c), c.kind, _cut_by(c), code(c.base), code(c.follower), str(sizes[c.name]))
+        (
+            code(c.name), line_of(c), c.kind, "the model" if c.cut else "the compiler", code(c.base), code(c.follower), str(sizes[c.name]),
+        )
         for c in equations.topology.cuts
     ]  # fmt: skip
     return make_table(("cut joint", "line", "kind", "cut by", "base", "follower", "equations"), rows)
-
-
-def _cut_by(joint: Joint) -> str:
-    return "the model" if joint.cut else "the compiler"
 
 
 def loop_table(topology: Topology) -> Table:

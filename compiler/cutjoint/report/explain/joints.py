@@ -1,7 +1,5 @@
 """Every tree joint's kernel: rotation, displacement, motion subspace and drift."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import sympy

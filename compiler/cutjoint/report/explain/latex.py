@@ -4,8 +4,6 @@ GitHub takes backslashes before punctuation and underscores behind brackets for 
 ``\\cr``, underscores follow letters, and a parameter's name is text with spaces.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

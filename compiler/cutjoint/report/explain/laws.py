@@ -1,7 +1,5 @@
 """Force laws for reading: polynomials written out, partial derivatives case by case."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import sympy

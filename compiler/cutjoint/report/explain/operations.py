@@ -1,7 +1,5 @@
 """The cost of the equations: operations by element and stage, and the price of every parameter that stays open."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Views of an explanation: groups of elements explained together, the records that the template prints, and the printing."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The axles of a model: wheels in pairs, the chassis that carries both, and the joint that steers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain

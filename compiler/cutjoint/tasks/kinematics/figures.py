@@ -3,8 +3,6 @@
 x is forward, y to the left, z up, all fixed in the chassis; the road is the plane along x through both contact centres.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import chain
 

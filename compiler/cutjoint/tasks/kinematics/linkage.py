@@ -1,7 +1,5 @@
 """The linkage of an axle as numbers: poses at given heights of the wheels and a given place of the steering joint, and motions there."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -9,8 +9,6 @@ A ball follows by its Rodrigues parameters g, the tangent of half its angle time
 velocity 2/(1 + g^2) (g' + g x g').
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias

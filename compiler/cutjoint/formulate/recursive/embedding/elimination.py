@@ -13,8 +13,6 @@ with the wrenches W_j that they would carry alone and J = A S::
     J^T lambda = tau_j - S_j^T W_j
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce

@@ -10,8 +10,6 @@ The coefficients are the symbol ``series:independent``, known when parameters ar
 not close over the range.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast

@@ -1,7 +1,5 @@
 """Model -> what the explanation of a Lagrangian formulation is about, and the forms of nodes as text."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import sympy
@@ -87,7 +85,6 @@ def form_text(form: Form, model: Model) -> str:
 
 
 def _term(e: Scalar, name: str, model: Model) -> str:
-    """A term with its sign."""
     sign = "-" if e.could_extract_minus_sign() else "+"
     factor = text(-e if sign == "-" else e, model).strip("`")
     if factor == "1":

@@ -2,8 +2,6 @@
 (Cuadrado et al. 2000, sections 2.1 and 2.2).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from cutjoint.methods import METHODS

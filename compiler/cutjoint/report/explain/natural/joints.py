@@ -1,7 +1,5 @@
 """The nodes that joints share, and the equations of bodies and joints that sharing does not replace, as they are computed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from cutjoint.formulate.natural.joint_rows import joint_rows

@@ -1,7 +1,5 @@
 """The points, directions and angles that are coordinates, and the nodes that follow from them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -54,7 +52,6 @@ def kinds(nodes: Sequence[Node]) -> str:
 
 
 def _carriers(layout: Layout, node: Node, model: Model) -> str:
-    """The bodies that carry a node."""
     groups = layout.carriers.get(node, set())
     return code(b for b in (GROUND, *(body.name for body in model.bodies)) if layout.group_of[b] in groups)
 
@@ -84,7 +81,6 @@ def _combinations(d: Derivation) -> Entry:
 
 
 def _bases(d: Derivation) -> Entry:
-    """Every body with its basis."""
     groups = list(d.full.layout.groups.values())
     widest = max((len(g.basis) for g in groups), default=0)
     rows = [
@@ -147,7 +143,6 @@ def _masses(model: Model) -> Iterator[_Part]:
 
 
 def _parts(force: Force) -> Iterator[_Part]:
-    """Points and directions of a force."""
     places = [place for place in force.places if not isinstance(place, Frame)]
     fields = [place.field for place in places]
     for place in places:

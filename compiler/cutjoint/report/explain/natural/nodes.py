@@ -1,7 +1,5 @@
 """Every rigid body's mass matrix over its basis, and the way from four nodes of each body to the remaining ones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
