@@ -31,7 +31,7 @@ _ARGUMENTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     SAMPLE: (("q", "v", "vdot", "lambda"), ("held",)),
 }
 
-#: Functions that close loops, and the one that has the accelerations of a mechanism without: with loops these follow from the residual of forces.
+#: Functions that close loops, and the one of accelerations without loops: with these they follow from the residual of forces.
 _OF_LOOPS, _OF_CHAINS = frozenset({"constraint_residual", "project"}), frozenset({"evaluate"})
 
 #: Arrays of what is summed over a run.
