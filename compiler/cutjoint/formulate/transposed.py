@@ -29,8 +29,8 @@ _ARGUMENTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     SAMPLE: (("q", "v", "vdot", "lambda"), ("held",)),
 }
 
-#: Functions that close loops.
-_OF_LOOPS = frozenset({"constraint_residual", "project"})
+#: Functions that close loops, and the one of accelerations without loops: with these they follow from the residual of forces.
+_OF_LOOPS, _OF_CHAINS = frozenset({"constraint_residual", "project"}), frozenset({"evaluate"})
 
 #: Arrays of what is summed over a run.
 _SUMMED = ("loaded", "input")
@@ -51,26 +51,22 @@ class Derived:
 def transpose(equations: RecursiveEquations, program: Program) -> Derived:
     """The transposed functions of a program of the equations.
 
-    ``evaluate_transposed`` has the derivatives by coordinates, speeds and multipliers, ``evaluate_summed`` those by all else.
-
     Raises:
         ValueError: an operation has no derivative.
     """
     work = replace(program, graph=program.graph.copy())
-    functions = [f for f in program.functions if f.name in _ARGUMENTS and (equations.closures or f.name not in _OF_LOOPS)]
+    others = _OF_CHAINS if equations.closures else _OF_LOOPS
+    functions = [f for f in program.functions if f.name in _ARGUMENTS and f.name not in others]
     loaded = _loaded(work, functions)
     lowered: list[tuple[str, Sequence[Result]]] = [(f.name, f.results) for f in program.functions if f.name.startswith(_KEPT)]
     made: list[Function] = [f for f in equations.functions if f.name.startswith(_KEPT)]
     for function in functions:
         arguments, results = _ARGUMENTS[function.name]
         derivatives = _derivatives(work.graph, equations, function, loaded)
-        parts = {f"{function.name}_transposed": arguments, f"{function.name}_summed": _SUMMED}
-        if function.name != "evaluate":
-            parts = {f"{function.name}_transposed": (*arguments, *_SUMMED)}
-        for name, wanted in parts.items():
-            lowered.append((name, [r for r in derivatives if _array(equations, r.target) in wanted]))
-            given = [f"const Real* {a}" for a in (*arguments, *(f"by_{r}" for r in results))]
-            made.append(Function(name=name, arguments=(*given, *(f"Real* by_{a}" for a in wanted)), results={}))
+        name, wanted = f"{function.name}_transposed", (*arguments, *_SUMMED)
+        lowered.append((name, [r for r in derivatives if _array(equations, r.target) in wanted]))
+        given = [f"const Real* {a}" for a in (*arguments, *(f"by_{r}" for r in results))]
+        made.append(Function(name=name, arguments=(*given, *(f"Real* by_{a}" for a in wanted)), results={}))
     lowered.append(("load_transposed", _by_parameters(work.graph, equations, loaded)))
     arrays = ("Real* by_parameters", *(["Real* by_series"] if equations.fits else []))
     made.append(Function(name="load_transposed", arguments=("const Real* by_loaded", *arrays), results={}))

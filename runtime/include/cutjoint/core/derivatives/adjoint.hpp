@@ -87,7 +87,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
   static constexpr std::size_t unknowns = n + m;
-  using ByColumns = Fixed<double, is_explicit ? 0 : ForceResidual::first_acceleration>;  ///< by all that the force residual reads
+  using ByColumns = Fixed<double, ForceResidual::first_acceleration>;  ///< by all that the force residual reads
   using Unknowns = Fixed<double, unknowns>;
 
   /// A state without its time, or derivatives by one.
@@ -288,7 +288,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     be_within(at);
     begin_step(at.t, at.values);
     put(at.from, at.t);
-    if (!this->enter(simulation_->mechanism(), stage_)) return false;
+    if (!enter_stage()) return false;
     Point of = by_;
     by_.vdot.fill(0.0), by_.lambda.fill(0.0);
     return accelerations_vjp(of.vdot, of.lambda, by_);
@@ -643,41 +643,32 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return begun;
   }
 
-  /// More derivatives by the stage's coordinates, speeds and multipliers, from those by accelerations and then by corrections of multipliers.
-  void evaluate_transposed(const double* solution) {
-    transposed_.evaluate_transposed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), solution, solution + n, more_.q.data(), more_.v.data(),
-                                    more_.lambda.data());
-  }
-
-  /// Those by all else, which are summed.
-  void sum_up(const double* solution) {
-    transposed_.evaluate_summed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), solution, solution + n, more_loaded_.data(), more_input_.data());
-    add_sums();
-  }
-
   // Accelerations as functions of states
 
-  /// Add to derivatives by the stage's coordinates and speeds what those by its accelerations and multipliers make.
+  /// Accelerations and multipliers of the stage; false where one is no number.
+  bool enter_stage() {
+    if (!this->enter(simulation_->mechanism(), stage_)) return false;
+    for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] = this->still_[i];
+    for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] = this->force_[i] + this->left_[i];
+    return true;
+  }
+
+  /// Add to derivatives by the stage's coordinates and speeds what those by its accelerations and multipliers make: with loops by the matrix of the residual there,
+  /// without by the transposed evaluation, which takes less.
   bool accelerations_vjp(const Numbers& by_vdot, const Fixed<double, m>& by_lambda, Point& to) {
-    std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
-    Unknowns solution;
-    std::copy(by_vdot.begin(), by_vdot.end(), solution.begin());
-    double before = std::numeric_limits<double>::infinity();
-    for (int iteration = 0; iteration < 200; ++iteration) {
-      evaluate_transposed(solution.data());
-      double left = 0.0, size = 0.0;
-      for (std::size_t i = 0; i < m; ++i) {
-        const double more = by_lambda[i] + more_.lambda[i];
-        if (!(std::abs(more) <= left)) left = std::abs(more);
-        solution[n + i] += more;
-        size = std::max(size, std::abs(solution[n + i]));
-      }
-      if (!(left - left == 0.0)) return false;
-      if (left <= 1e-14 * size || (left <= 1e-9 * size && !(left < before / 2))) break;
-      before = left;
+    if constexpr (m > 0) {
+      Unknowns by_accelerations;
+      ByColumns by;
+      std::copy(by_lambda.begin(), by_lambda.end(), std::copy(by_vdot.begin(), by_vdot.end(), by_accelerations.begin()));
+      this->force_residual_.find(stage_.t, stage_.q, stage_.v, stage_.vdot, stage_.lambda, this->u_);
+      if (!this->force_residual_.accelerations_vjp(by_accelerations, by)) return false;
+      add_columns(by, to.q, to.v);
+    } else {
+      transposed_.evaluate_transposed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), by_vdot.data(), by_lambda.data(), more_.q.data(), more_.v.data(), more_.lambda.data(),
+                                      more_loaded_.data(), more_input_.data());
+      add(more_.q, to.q), add(more_.v, to.v);
+      add_sums();
     }
-    add(more_.q, to.q), add(more_.v, to.v);
-    sum_up(solution.data());
     return true;
   }
 
@@ -688,7 +679,6 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     constexpr std::size_t stages = Table::stages - 1;
     const double h = record_.h;
     const bool begins_with_derivative = carries_derivative && record_.number == 1;
-    M& mechanism = simulation_->mechanism();
     std::array<Point, stages> points;
     std::array<Fixed<double, coordinates>, stages> rates, by_rates{};
     std::array<Numbers, stages> accelerations, by_accelerations{};
@@ -703,10 +693,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
         continue;
       }
       begin_step(stage_.t, record_.values);
-      if (!this->enter(mechanism, stage_)) return false;
-      std::copy(this->still_.begin(), this->still_.end(), accelerations[stage].begin());
-      std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
+      if (!enter_stage()) return false;
       points[stage].take(stage_);
+      accelerations[stage] = points[stage].vdot;
       coordinate_rates<double>(charts(), stage_.q.data(), stage_.v.data(), rates[stage].data());
     }
     begin_step(stage_.t, record_.values);
@@ -721,7 +710,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     if (owes_derivative_) {
       stage_ = end;
       begin_step(stage_.t, record_.values);
-      if (!this->enter(mechanism, stage_) || !derivatives_vjp(by_coordinate_rates_, by_derivative_, by_)) return false;
+      if (!enter_stage() || !derivatives_vjp(by_coordinate_rates_, by_derivative_, by_)) return false;
     }
     owes_derivative_ = begins_with_derivative;
     Point by = by_;
@@ -734,7 +723,6 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       }
       by.clear();
       put(points[stage], time(stage));
-      std::copy(stage_.lambda.begin(), stage_.lambda.end(), this->force_.begin());
       begin_step(stage_.t, record_.values);
       if (!derivatives_vjp(by_rates[stage], by_accelerations[stage], by)) return false;
       add(by.q, by_.q), add(by.v, by_.v);
@@ -896,7 +884,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   bool owes_derivative_ = false;
   Fixed<double, loaded> by_loaded_, more_loaded_;
   Fixed<double, parameters> by_parameter_;  ///< by events
-  Fixed<double, is_explicit ? 0 : ForceResidual::loaded> by_rows_;  ///< by values of parameters in force residual
+  Fixed<double, ForceResidual::loaded> by_rows_;  ///< by values of parameters in force residual
   Fixed<double, given> by_input_, more_input_;
   Fixed<double, held> by_held_;
   Fixed<double, Base::columns> by_columns_;

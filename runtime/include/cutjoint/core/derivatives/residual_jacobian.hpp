@@ -232,6 +232,9 @@ class ResidualJacobian {
     return true;
   }
 
+  /// The same of `solve`.
+  bool accelerations_vjp(Numbers& by_accelerations, Fixed<double, first_acceleration>& by) { return decompose_plain(at_[now_]) && end_vjp(by_accelerations, by); }
+
   /// Decompose r_vdot + h/2 r_v + h^2/4 r_q of the end of a trapezoidal step, to which `delta` leads from coordinates; false where it is singular.
   bool decompose_end(double h, std::span<const Chart> charts, [[maybe_unused]] const double* from, [[maybe_unused]] const double* delta) {
     At& x = at_[now_];

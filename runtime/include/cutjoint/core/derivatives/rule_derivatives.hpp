@@ -22,7 +22,6 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   using typename Base::M;
 
  protected:
-  using typename Base::Progress;
   using Base::joints, Base::m, Base::n;
   using Base::charts, Base::delta_, Base::du_, Base::lambda_, Base::mechanism_, Base::phi_, Base::phid_, Base::place_, Base::q_,
       Base::v_, Base::values_, Base::vdot_;
@@ -31,7 +30,6 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   static constexpr bool is_explicit = requires { typename Simulation::Steps::Method; };
   static constexpr bool has_stages = is_stepped && !is_explicit;  ///< that are coupled
   static constexpr bool seeks_multipliers = Base::has_system && m > 0 && !has_stages;
-  static constexpr int most_iterations = 30;
 
   void enter_end(M& mechanism, const StateOf<M>& end) {
     mechanism.begin_step(end.t, 1.0);
@@ -97,7 +95,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     from_values_ = from.q;
     stage_ = end;
     double before = std::numeric_limits<double>::infinity();
-    for (int iteration = 0; iteration < most_iterations; ++iteration) {
+    for (int iteration = 0; iteration < 30; ++iteration) {
       lead_stage(h);
       mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), values_.data(), this->violation_.data());
       for (std::size_t i = 0; i < n; ++i) values_[i] -= stage_.vdot[i];
