@@ -78,8 +78,11 @@ def test_a_tyre_never_makes_energy(linear: int, speed: float) -> None:
 
 
 #: Constants of the Calspan tyre of the Iltis.
-CALSPAN = {"A0": 2625, "A1": 14.47, "A2": 12930, "A3": 2.29, "A4": 18175, "B1": -4.64e-5, "B3": 1.216, "B4": 2.18e-11, "SN": 1.0274, "AF1": -1.71e-5, "AF2": 1.71e-5}  # fmt: skip
-#: The wheel of the bench, and a force in its place whose wheel has no spin of its own, as wide as its parameters go.
+CALSPAN = {
+    "A0": 2625, "A1": 14.47, "A2": 12930, "A3": 2.29, "A4": 18175, "B1": -4.64e-5, "B3": 1.216, "B4": 2.18e-11, "SN": 1.0274,
+    "AF1": -1.71e-5, "AF2": 1.71e-5,
+}  # fmt: skip
+#: Its words in a file, and a force in place of the wheel whose own has no spin.
 TURNING = ", ".join(f"{name}: {value}" for name, value in CALSPAN.items())
 STANDING = f"""forces:
   t: {{kind: tyre, body: hub, centre: [0, 0, 0.3], axis: [0, cos(lean), -sin(lean)], radius: 0.3, stiffness: 2e5, calspan: {{{TURNING}}}}}
@@ -100,7 +103,8 @@ def calspan(turning: bool) -> Artifact:
         text = text.replace("wheel_brush", "wheel_calspan").replace("w.rolling", "w").replace("cornering_stiffness: 5e4", TURNING)
         text = text.replace(", linear: LINEAR", "")
     else:
-        text = re.sub(r"submodels:.*outputs: \[[^]]*\]", STANDING, text, flags=re.DOTALL).replace("  torque: {value: 0, binding: param}\n", "")
+        text = re.sub(r"submodels:.*outputs: \[[^]]*\]", STANDING, text, flags=re.DOTALL)
+        text = text.replace("  torque: {value: 0, binding: param}\n", "")
     model = read_model_text(text, "bench.yaml")
     return compile_scene(model, find_scene(model, None), CompileOptions(method="recursive-newton" if turning else "recursive"))
 
