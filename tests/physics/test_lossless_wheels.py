@@ -77,6 +77,63 @@ def test_a_tyre_never_makes_energy(linear: int, speed: float) -> None:
         assert of(run, "Fx")[-1] == pytest.approx(torque / RADIUS, abs=1e-4), given  # force times rolling radius
 
 
+#: Constants of the Calspan tyre of the Iltis.
+CALSPAN = {
+    "A0": 2625, "A1": 14.47, "A2": 12930, "A3": 2.29, "A4": 18175, "B1": -4.64e-5, "B3": 1.216, "B4": 2.18e-11, "SN": 1.0274,
+    "AF1": -1.71e-5, "AF2": 1.71e-5,
+}  # fmt: skip
+#: Its words in a file, and a force in place of the wheel whose own has no spin.
+TURNING = ", ".join(f"{name}: {value}" for name, value in CALSPAN.items())
+STANDING = f"""forces:
+  t: {{kind: tyre, body: hub, centre: [0, 0, 0.3], axis: [0, cos(lean), -sin(lean)], radius: 0.3, stiffness: 2e5, calspan: {{{TURNING}}}}}
+outputs: [t.Fy, t.slip, t.Fz]"""
+
+
+def thrust(load: float, lean: float, speed: float) -> float:
+    """The largest power of a thrust D = -(C a + G g) along a slip a under it, v (G g)^2/(4 C), tan(a) by a beside."""
+    C = CALSPAN["A0"] + CALSPAN["A1"] * load * (1 - load / CALSPAN["A2"])
+    most = CALSPAN["A3"] * (1 - load / CALSPAN["A4"]) * load * abs(lean)
+    return abs(speed) * most**2 / (4 * C) * (1 + (most / C) ** 2)
+
+
+@cache
+def calspan(turning: bool) -> Artifact:
+    text = BENCH.replace("OUTPUTS", ", ".join(f"w.rolling.contact.{name}" for name in _READ))
+    if turning:
+        text = text.replace("wheel_brush", "wheel_calspan").replace("w.rolling", "w").replace("cornering_stiffness: 5e4", TURNING)
+        text = text.replace(", linear: LINEAR", "")
+    else:
+        text = re.sub(r"submodels:.*outputs: \[[^]]*\]", STANDING, text, flags=re.DOTALL)
+        text = text.replace("  torque: {value: 0, binding: param}\n", "")
+    model = read_model_text(text, "bench.yaml")
+    return compile_scene(model, find_scene(model, None), CompileOptions(method="recursive-newton" if turning else "recursive"))
+
+
+@pytest.mark.parametrize("speed", [10.0, -10.0])
+def test_a_driven_calspan_wheel_makes_no_energy_but_by_its_thrust_of_camber(speed: float) -> None:
+    for torque, drift, lean, sunk in product((-300.0, 0.0, 300.0), (0.0, 0.05, 0.5), (0.0, 0.1), (0.01, 0.03)):
+        given = {"speed": speed, "torque": torque, "drift": drift, "lean": lean, "sunk": sunk}
+        run = completed(simulate(calspan(True), error=False, parameters=given)).columns
+        read = {name: run[f"w.contact.{name}"][-1] for name in _READ}
+        turning = read["My"] * np.cos(read["camber"]) + read["Mz"] * np.sin(read["camber"]) - read["loaded_radius"] * read["Fx"]
+        made = read["Fx"] * read["vx"] + read["Fy"] * read["vy"] + turning * read["spin"]
+        assert made <= thrust(read["Fz"], lean, speed) + 1e-9, given
+        assert read["Fx"] == pytest.approx(torque / RADIUS, abs=1e-3), given
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.1])
+def test_a_tyre_without_spin_makes_no_energy_but_by_its_thrust_of_camber(lean: float) -> None:
+    """At 10 m/s, 4 kN and 0.1 rad at most 30 W, of 40 kW of load times speed; the largest is nearly met."""
+    made, most = [], thrust(4000, lean, 10)
+    for slip in np.linspace(-0.03, 0.03, 13):
+        given = {"speed": 10.0, "drift": 10 * slip, "lean": lean, "sunk": 0.02}
+        run = completed(simulate(calspan(False), error=False, parameters=given)).columns
+        made.append(run["t.Fy"][-1] * 10 * slip)
+    assert max(made) <= most + 1e-9
+    assert max(made) >= 0.9 * most
+    assert not lean or most == pytest.approx(29.9, abs=0.2)
+
+
 MAGIC_FORMULA = """wheel_mf62}}
 instances:
   w:
