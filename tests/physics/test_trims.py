@@ -136,7 +136,8 @@ def found_by(text: str, **parameters: float) -> dict[str, float]:
 
 def run(text: str, **parameters: float) -> Trajectory:
     model = read_model_text(text, "m.yaml")
-    found = simulate(compile_scene(model, next(iter(model.scenes.values()))), error=False, parameters=parameters)
+    artifact = compile_scene(model, next(iter(model.scenes.values())))
+    found = simulate(artifact, error=False, parameters=parameters, tolerance=1e-9)
     assert found.failure is None
     return found
 
