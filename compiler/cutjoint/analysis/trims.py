@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 
@@ -124,8 +125,8 @@ class TrimmedStart(AimedStart):
             raise self._error(words, "give one of them a value, or hold one condition more", loose[0])
         return search.result(found)
 
-    def follows(self, parameter: str, given: Given) -> bool:  # type: ignore[override]
-        """Return whether conditions follow from a tunable parameter, or from what depends on it."""
+    def follows(self, parameter: str, given: Any) -> bool:
+        """Return whether conditions follow from a tunable parameter; ``given`` is that of `trim`."""
         search = _Search(self, replace(given, parameters={**given.parameters, parameter: np.nan}))
         return bool(np.isnan(search.residuals(search.begin)).any())
 
@@ -158,6 +159,7 @@ class _Search:
         self._names, self._first, self._system, self._start = of._names, of._first, of._system, of._equations
         self._held = np.array(given.held)
         self._q, _ = of._given(given.positions)
+        self._begins = dict(zip(self._start.coordinate_names, self._q.tolist(), strict=True))
         guessed = {*of._scene.near, *(unknown.entry for unknown in of._trim.find)}
         _, moves = of._given({name: value for name, value in given.positions.items() if name not in guessed})
         y, system = np.zeros(self._first[-1]), self._system
@@ -192,8 +194,9 @@ class _Search:
         self._is_guided = any(joint.guide is not None for joint in system.topology.model.joints)
         self._lower, self._upper = np.full(len(y), -np.inf), np.full(len(y), np.inf)
         for name, (lower, upper) in given.bounds.items():
-            index = self._listed[name]
-            self._lower[index], self._upper[index], self._sizes[index] = lower, upper, upper - lower
+            index, begin = self._listed[name], self._begins.get(name, 0.0)
+            self._lower[index], self._upper[index] = lower - begin, upper - begin
+            self._sizes[index] = upper - lower
 
     def _part(self, part: int) -> slice:
         return slice(self._first[part], self._first[part + 1])
@@ -333,14 +336,9 @@ class _Search:
         listed = np.isin(free, [*self._listed.values()])
         _, shares, combined = np.linalg.svd(null[listed], full_matrices=False)
         moved = np.abs(null @ combined[shares > _LOOSE].T).max(axis=1, initial=0.0) > 0.05
-        names = dict(self._every_name())
+        names, first = [name.removesuffix(".value") for part in self._names for name in part], self._first
         order = [*free[moved & listed].tolist(), *free[moved & ~listed].tolist()]
-        return [f"'{names[index]}'" for index in order if index in names]
-
-    def _every_name(self) -> Iterator[tuple[int, str]]:
-        """The indices of all numbers but rates and multipliers, with their names."""
-        for part in (_MOVES, _SPEEDS, _PARAMETERS, _INPUTS):
-            yield from enumerate((name.removesuffix(".value") for name in self._names[part]), self._first[part])
+        return [f"'{names[index]}'" for index in order if not first[_RATES] <= index < first[_PARAMETERS]]
 
     def said(self, at: _Tried) -> tuple[str, str]:
         """What no start meets, and the remedy."""
@@ -351,7 +349,8 @@ class _Search:
         aims = missed[missed >= len(shares) - len(self._held)]
         conditions = [*self._conditions(at)]
         words = [conditions[i] for i in (aims if aims.size and not self._counts.all() else missed)]
-        at_bounds = [f"'{n}' = {at.y[i]:.6g}" for n, i in self._listed.items() if at.y[i] in (self._lower[i], self._upper[i])]
+        stopped = [(n, i) for n, i in self._listed.items() if at.y[i] in (self._lower[i], self._upper[i])]
+        at_bounds = [f"'{n}' = {at.y[i] + self._begins.get(n, 0.0):.6g}" for n, i in stopped]
         bound = f", with {join_and(at_bounds)} at the bound" if at_bounds else ""
         nearest = f"no start meets all conditions{bound}; the nearest has {join_and(list(dict.fromkeys(words))[:4])}"
         A = self._columns(self._tried(self.begin))
