@@ -14,7 +14,7 @@ from cutjoint import find_equilibrium, find_modes, read_model_text
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import trimmed
+from cutjoint.run.run_file import require_same_start, trimmed
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import simulate_batch
 from tests.physics.simulation import compile_model, compile_scene
@@ -136,7 +136,8 @@ def found_by(text: str, **parameters: float) -> dict[str, float]:
 
 def run(text: str, **parameters: float) -> Trajectory:
     model = read_model_text(text, "m.yaml")
-    found = simulate(compile_scene(model, next(iter(model.scenes.values()))), error=False, parameters=parameters)
+    artifact = compile_scene(model, next(iter(model.scenes.values())))
+    found = simulate(artifact, error=False, parameters=parameters, tolerance=1e-9)
     assert found.failure is None
     return found
 
@@ -318,3 +319,21 @@ def test_redundant_values_are_named() -> None:
     state = find_equilibrium(read_model_text(text, "m.yaml"))
     assert state.trim is not None
     assert state.trim.redundant == ("a.angle", "2*a.angle")
+
+
+def test_bounds_of_a_coordinate_that_is_drawn_elsewhere() -> None:
+    """Of the two angles at which a current of 1 A balances the weight the bounds choose one, whatever the guess is."""
+    text = MOTOR.replace("positions: {hinge.angle: 30 deg}, trim: {find: [voltage, current]}", (
+        "positions: {hinge.angle: -0.5}, states: {current: -2 A}, trim: {find: [hinge.angle, voltage], bounds: {hinge.angle: [ENDS]}}"
+    ))  # fmt: skip
+    angle = np.arccos(5 * 2 / (3 * G * 0.5))
+    for ends, sign in (("-80 deg, -10 deg", -1), ("10 deg, 80 deg", 1)):
+        assert found_by(text.replace("ENDS", ends))["hinge.angle"] == pytest.approx(sign * angle, rel=1e-9)
+
+
+def test_sweeps_vary_what_the_start_does_not_follow_from() -> None:
+    model = read_model_text(SLED.replace("outputs:", "  spare: {start: 0, rate: -gain*spare}\noutputs:").replace(
+        "  target:", "  gain: {value: 1, unit: Hz, binding: param}\n  target:"), "m.yaml")  # fmt: skip
+    require_same_start(model, model.scenes["steady"], [])
+    with pytest.raises(RunError, match="its start is trimmed once, and follows from the parameter 'target'; use cutjoint batch"):
+        require_same_start(model, model.scenes["steady"], ["target"])

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 
@@ -35,10 +36,12 @@ _KINDS = {"position": _MOVES, "rate": _SPEEDS, "state": _SPEEDS, "input": _INPUT
 #: Differences as a share of an unknown's size; residuals below `_MET`, as shares of what a change of that size makes, are met.
 _DIFFERENCE, _MET = 1e-5, 1e-9
 #: A row's largest derivative below this share of those of its kind, and a column's below `_IDLE`, is rounding.
-_ROUNDING, _IDLE = 1e-10, 1e-9
+_ROUNDING, _IDLE = 1e-7, 1e-9
 #: Singular values of derivatives with columns of length one that are rounding of differences.
 _LOOSE = 1e-6
-_ITERATIONS, _TRIALS = 60, 5
+_ITERATIONS, _SLOW, _TRIALS = 60, 4, 5
+#: The least damping, and the share of the largest singular value below which one is rounding: numbers on which nothing depends stay.
+_DAMPING, _SINGULAR = 1e-10, 1e-8
 #: Trials that end as far away as the best, by this share: after so many there is nothing nearer.
 _ALIKE, _ENOUGH = 1e-2, 2
 #: The farthest step and the farthest random start, rad or extents; conditions with less than this share of the worst are not named.
@@ -122,8 +125,8 @@ class TrimmedStart(AimedStart):
             raise self._error(words, "give one of them a value, or hold one condition more", loose[0])
         return search.result(found)
 
-    def follows(self, parameter: str, given: Given) -> bool:  # type: ignore[override]
-        """Return whether conditions follow from a tunable parameter, or from what depends on it."""
+    def follows(self, parameter: str, given: Any) -> bool:
+        """Return whether conditions follow from a tunable parameter; ``given`` is that of `trim`."""
         search = _Search(self, replace(given, parameters={**given.parameters, parameter: np.nan}))
         return bool(np.isnan(search.residuals(search.begin)).any())
 
@@ -156,6 +159,7 @@ class _Search:
         self._names, self._first, self._system, self._start = of._names, of._first, of._system, of._equations
         self._held = np.array(given.held)
         self._q, _ = of._given(given.positions)
+        self._begins = dict(zip(self._start.coordinate_names, self._q.tolist(), strict=True))
         guessed = {*of._scene.near, *(unknown.entry for unknown in of._trim.find)}
         _, moves = of._given({name: value for name, value in given.positions.items() if name not in guessed})
         y, system = np.zeros(self._first[-1]), self._system
@@ -190,8 +194,9 @@ class _Search:
         self._is_guided = any(joint.guide is not None for joint in system.topology.model.joints)
         self._lower, self._upper = np.full(len(y), -np.inf), np.full(len(y), np.inf)
         for name, (lower, upper) in given.bounds.items():
-            index = self._listed[name]
-            self._lower[index], self._upper[index], self._sizes[index] = lower, upper, upper - lower
+            index, begin = self._listed[name], self._begins.get(name, 0.0)
+            self._lower[index], self._upper[index] = lower - begin, upper - begin
+            self._sizes[index] = upper - lower
 
     def _part(self, part: int) -> slice:
         return slice(self._first[part], self._first[part + 1])
@@ -274,39 +279,42 @@ class _Search:
         return best
 
     def _approach(self, y: Array) -> _Tried:
-        """The nearest least squares by damped steps (Levenberg, Q. Appl. Math. 2, 1944) between the bounds."""
-        at, damping = self._tried(np.clip(y, self._lower, self._upper)), 1e-12
+        """The nearest least squares by damped steps (Levenberg, Q. Appl. Math. 2, 1944) between the bounds.
+
+        A step is good if the one after it with the same derivatives is shorter, however residuals are weighted (Deuflhard, Newton Methods
+        for Nonlinear Problems, 2011, ch. 3).
+        """
+        at, damping, slow = self._tried(np.clip(y, self._lower, self._upper)), 0.0, 0
         for _ in range(_ITERATIONS):
-            if not np.isfinite(at.left).all() or not np.abs(at.left).any():
+            if not np.isfinite(at.left).all() or not at.left.any():
                 break
-            y = self._stepped(at, damping)
-            before, after = np.linalg.norm(at.left / at.rows), np.linalg.norm(self.residuals(y) / at.rows)
-            if after < before:
-                at, damping = self._tried(y), damping / 8
-                if after > (1 - 1e-4) * before:
+            moving, step = self._step(at, damping)
+            moves, free = np.flatnonzero(self._free) < self._first[_MOVES + 1], self._free
+            share = min(1.0, _FARTHEST / max(np.abs(step[moves]).max(initial=0.0), 1e-300))
+            y = at.y.copy()
+            y[free] += share * step * at.columns
+            y = np.clip(y, self._lower, self._upper)
+            left, length = self.residuals(y), float(np.linalg.norm(step))
+            after = np.linalg.norm(_shortest(at.A[:, moving], left / at.rows, damping)) if np.isfinite(left).all() else np.inf
+            if after < length * (1 - share / 1e4):
+                at, damping, slow = self._tried(y), damping / 8 if damping > _DAMPING else 0.0, slow + 1 if after > 0.99 * length else 0
+                if slow == _SLOW:
                     break
-            elif (damping := 8 * max(damping, 1e-5)) > 1e3 or before < _MET * 1e-4:
+            elif (damping := 8 * max(damping, _DAMPING)) > 1e3 or at.worst < _MET / 100:
                 break
         return at
 
-    def _stepped(self, at: _Tried, damping: float) -> Array:
-        """The point after a step; numbers at a bound that the step would cross stay there."""
-        free, left = np.flatnonzero(self._free), at.left / at.rows
+    def _step(self, at: _Tried, damping: float) -> tuple[Array, Array]:
+        """The columns that move, and the step (columns,) in their sizes; numbers at a bound that it would cross stay there."""
+        y, lower, upper = at.y[self._free], self._lower[self._free], self._upper[self._free]
         moving = at.A.any(axis=0)
         while True:
-            A = np.vstack([at.A[:, moving], np.sqrt(damping) * np.eye(int(moving.sum()))])
-            step = np.zeros(len(free))
-            step[moving] = -np.linalg.lstsq(A, np.concatenate([left, np.zeros(len(A) - len(left))]), rcond=1e-14)[0] * at.columns[moving]
-            moves = free < self._first[_MOVES + 1]
-            farthest = np.abs(step[moves] / at.columns[moves]).max(initial=0.0)
-            step *= min(1.0, _FARTHEST / max(farthest, 1e-300))
-            stopped = moving & (((at.y[free] <= self._lower[free]) & (step < 0)) | ((at.y[free] >= self._upper[free]) & (step > 0)))
+            step = np.zeros(len(moving))
+            step[moving] = _shortest(at.A[:, moving], at.left / at.rows, damping)
+            stopped = moving & (((y <= lower) & (step < 0)) | ((y >= upper) & (step > 0)))
             if not stopped.any():
-                break
+                return moving, step
             moving &= ~stopped
-        y = at.y.copy()
-        y[free] += step
-        return np.clip(y, self._lower, self._upper)
 
     def _columns(self, at: _Tried) -> Array:
         """The derivatives with all columns of length one, but for those of zeros."""
@@ -328,14 +336,9 @@ class _Search:
         listed = np.isin(free, [*self._listed.values()])
         _, shares, combined = np.linalg.svd(null[listed], full_matrices=False)
         moved = np.abs(null @ combined[shares > _LOOSE].T).max(axis=1, initial=0.0) > 0.05
-        names = dict(self._every_name())
+        names, first = [name.removesuffix(".value") for part in self._names for name in part], self._first
         order = [*free[moved & listed].tolist(), *free[moved & ~listed].tolist()]
-        return [f"'{names[index]}'" for index in order if index in names]
-
-    def _every_name(self) -> Iterator[tuple[int, str]]:
-        """The indices of all numbers but rates and multipliers, with their names."""
-        for part in (_MOVES, _SPEEDS, _PARAMETERS, _INPUTS):
-            yield from enumerate((name.removesuffix(".value") for name in self._names[part]), self._first[part])
+        return [f"'{names[index]}'" for index in order if not first[_RATES] <= index < first[_PARAMETERS]]
 
     def said(self, at: _Tried) -> tuple[str, str]:
         """What no start meets, and the remedy."""
@@ -346,7 +349,8 @@ class _Search:
         aims = missed[missed >= len(shares) - len(self._held)]
         conditions = [*self._conditions(at)]
         words = [conditions[i] for i in (aims if aims.size and not self._counts.all() else missed)]
-        at_bounds = [f"'{n}' = {at.y[i]:.6g}" for n, i in self._listed.items() if at.y[i] in (self._lower[i], self._upper[i])]
+        stopped = [(n, i) for n, i in self._listed.items() if at.y[i] in (self._lower[i], self._upper[i])]
+        at_bounds = [f"'{n}' = {at.y[i] + self._begins.get(n, 0.0):.6g}" for n, i in stopped]
         bound = f", with {join_and(at_bounds)} at the bound" if at_bounds else ""
         nearest = f"no start meets all conditions{bound}; the nearest has {join_and(list(dict.fromkeys(words))[:4])}"
         A = self._columns(self._tried(self.begin))
@@ -396,3 +400,9 @@ class _Search:
                 held={name: float(value) for name, value in held.items()},
             ),
         )  # fmt: skip
+
+
+def _shortest(A: Array, left: Array, damping: float) -> Array:
+    """The short x of small |A x + left|."""
+    damped = np.vstack([A, np.sqrt(damping) * np.eye(A.shape[1])])
+    return np.asarray(-np.linalg.lstsq(damped, np.concatenate([left, np.zeros(A.shape[1])]), rcond=_SINGULAR)[0])

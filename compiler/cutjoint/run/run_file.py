@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from math import fmod, isfinite
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import sympy
@@ -17,7 +17,7 @@ from cutjoint.model.errors import nearest
 from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_state
-from cutjoint.model.records import Binding, Body, Controller, Model, Scalar, Scene
+from cutjoint.model.records import Binding, Body, Controller, Model, Scalar, Scene, Unknown
 from cutjoint.model.scenes.starts import fault_of_quaternion, normalised
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import InputLike, input_entries, require_unit
@@ -26,9 +26,6 @@ from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.road_field import surface_of
 from cutjoint.run.roads import road_pieces
 from cutjoint.run.settings import Options, find_settings, with_options
-
-if TYPE_CHECKING:
-    from cutjoint.analysis.aims import AimedStart
 
 _NOTHING_ASKED = Options()
 
@@ -187,7 +184,7 @@ def placed(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Scene
     value = Evaluator(model, parameters)
     given = {name: value(e, _place(model, scene, "positions", name)) for name, e in scene.positions.items()}
     wanted = [value(aim.value, f"{aim.span}: assemble: '{aim.name}'") for aim in scene.assemble]
-    found = _aimed_start(model, scene).find(parameters, _checked_states(model, scene, "positions", given), wanted)
+    found: dict[str, float] = formulated_start(model, scene).find(parameters, _checked_states(model, scene, "positions", given), wanted)
     return replace(scene, positions={name: sympy.Float(place) for name, place in found.items()}, assemble=())
 
 
@@ -197,31 +194,36 @@ def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> No
     Raises:
         RunError: one has.
     """
-    values = parameter_values(model, {})
+    values, parts = parameter_values(model, {}), sources_of_parts(model, scene)
+    trim = (*scene.trim.hold, *scene.trim.find) if scene.trim else ()
+    ends = [e for of in (*scene.assemble, *trim) for e in (of.bounds if isinstance(of, Unknown) else (of.value,))]
+    asked = sympy.Tuple(*parts["positions"].values(), *(parts["rates"].values() if scene.trim else ()), *ends).free_symbols
+    given = {p.name for p in model.parameters if p.symbol in asked}
     for name in changed if scene.trim or (scene.assemble and scene.pose != "equilibrium") else ():
-        if name in values and _follows(model, scene, name, values):
+        if name in given or (name in values and formulated_start(model, scene).follows(name, _numbers_of(model, scene, values))):
             words = ("trimmed", "trims") if scene.trim else ("assembled", "assembles")
             reason = f"scene '{scene.name}': its start is {words[0]} once, and follows from the parameter '{name}'"
             raise RunError(f"{scene.span}: {reason}; use cutjoint batch, which {words[1]} each run's")
 
 
-def _follows(model: Model, scene: Scene, parameter: str, values: Mapping[str, float]) -> bool:
+def _numbers_of(model: Model, scene: Scene, values: Mapping[str, float]) -> Any:
     if scene.trim is None:
-        return _aimed_start(model, scene).follows(parameter, values)
-    from cutjoint.run.trims import follows
+        return values
+    from cutjoint.run.trims import given_numbers
 
-    return follows(model, scene, parameter)
+    return given_numbers(model, scene, {})
 
 
 #: The last start that was formulated: the runs of a batch ask for the same with other parameters.
-_LAST: "list[tuple[Model, Scene, AimedStart]]" = []
+_LAST: list[tuple[Model, Scene, Any]] = []
 
 
-def _aimed_start(model: Model, scene: Scene) -> "AimedStart":
-    from cutjoint.analysis.aims import AimedStart  # others do not wait for what this imports
+def formulated_start(model: Model, scene: Scene) -> Any:
+    """The `TrimmedStart` of a scene with a trim, the `AimedStart` of others."""
+    from cutjoint.analysis.trims import AimedStart, TrimmedStart  # others do not wait for what this imports
 
     if not any(model is known and scene == of for known, of, _ in _LAST):
-        _LAST[:] = [(model, scene, AimedStart(model, scene))]
+        _LAST[:] = [(model, scene, (AimedStart if scene.trim is None else TrimmedStart)(model, scene))]
     return _LAST[0][2]
 
 

@@ -7,23 +7,13 @@ from dataclasses import replace
 
 import sympy
 
-from cutjoint.analysis.trims import Given, Trimmed, TrimmedStart
+from cutjoint.analysis.trims import Given, Trimmed
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.road_field import surface_of
 from cutjoint.run.roads import WheelRoad
-from cutjoint.run.run_file import Evaluator, following, parameter_values
-
-#: The last start that was formulated: the runs of a batch ask for the same with other parameters.
-_LAST: list[tuple[Model, Scene, TrimmedStart]] = []
-
-
-def trimmed_start(model: Model, scene: Scene) -> TrimmedStart:
-    """The conditions of a scene's trim."""
-    if not any(model is known and scene == of for known, of, _ in _LAST):
-        _LAST[:] = [(model, scene, TrimmedStart(model, scene))]
-    return _LAST[0][2]
+from cutjoint.run.run_file import Evaluator, following, formulated_start, parameter_values
 
 
 def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple[Model, Scene, Trimmed]:
@@ -36,9 +26,9 @@ def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple
     if found := [unknown.name for unknown in scene.trim.find if unknown.name in changes]:
         words = f"trim: '{found[0]}' is to be found; leave out its value, or take it out of 'find'"
         raise RunError(f"{scene.trim.span}: scene '{scene.name}': {words}")
-    given = _given(model, scene, changes)
+    given = given_numbers(model, scene, changes)
     begun, _ = with_held_inputs(model, scene, changes)
-    trimmed = trimmed_start(model, begun).trim(given)
+    trimmed: Trimmed = formulated_start(model, begun).trim(given)
     inputs = {u.name: trimmed.unknowns[u.name] for u in scene.trim.find if u.kind == "input"}
     parameters = tuple(replace(p, value=trimmed.unknowns.get(p.name, given.parameters.get(p.name, p.value))) for p in model.parameters)
     start = replace(
@@ -48,13 +38,7 @@ def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple
     return replace(model, parameters=parameters), start, trimmed
 
 
-def follows(model: Model, scene: Scene, parameter: str) -> bool:
-    """Return whether what a trim finds may follow from a tunable parameter: without a number there its conditions have none."""
-    given = _given(model, scene, {})
-    return trimmed_start(model, scene).follows(parameter, given)
-
-
-def _given(model: Model, scene: Scene, changes: Mapping[str, float]) -> Given:
+def given_numbers(model: Model, scene: Scene, changes: Mapping[str, float]) -> Given:
     """The numbers of a scene that is trimmed."""
     assert scene.trim is not None
     values = parameter_values(model, changes)

@@ -26,19 +26,7 @@ from cutjoint.model.expressions.quantities import Element as Quantified
 from cutjoint.model.expressions.scope import FAILED, Element
 from cutjoint.model.expressions.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, Dimension, measure, unit_written
 from cutjoint.model.ranges import fault_of_state
-from cutjoint.model.records import (
-    COORDINATES,
-    SPEEDS,
-    Aim,
-    Binding,
-    FirstOrderState,
-    Joint,
-    Parameter,
-    Scalar,
-    Signal,
-    Trim,
-    Unknown,
-)
+from cutjoint.model.records import COORDINATES, SPEEDS, Aim, Binding, FirstOrderState, Joint, Parameter, Scalar, Signal, Trim, Unknown
 
 # Attitudes
 
