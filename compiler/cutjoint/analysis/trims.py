@@ -44,10 +44,8 @@ _ITERATIONS, _SLOW, _TRIALS = 60, 4, 5
 _DAMPING, _SINGULAR = 1e-10, 1e-8
 #: Trials that end as far away as the best, by this share: after so many there is nothing nearer.
 _ALIKE, _ENOUGH = 1e-2, 2
-#: The farthest step and the farthest random start, rad or extents; conditions with less than this share of the worst are not named.
-_FARTHEST, _STRAY, _NAMED = 0.3, 0.6, 0.2
-#: The weight of loops beside held values, of which the nearest start shall open none.
-_LOOPS = 10.0
+#: The farthest step and random start, rad or extents; the share of the worst below which conditions are not named; the weight of loops.
+_FARTHEST, _STRAY, _NAMED, _LOOPS = 0.3, 0.6, 0.2, 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,8 +180,7 @@ class _Search:
         known = self._free[self._part(_SPEEDS)] | np.array([name in given.rates for name in self._names[_SPEEDS]], dtype=bool)
         self._following = np.flatnonzero(~known[: self._start.speeds])
         self._sizes = np.where(y == 0.0, 1.0, np.abs(y))
-        self._sizes[self._part(_MOVES)] = np.where(of._is_length, of._extent, 1.0)
-        self.begin = y
+        self._sizes[self._part(_MOVES)], self.begin = np.where(of._is_length, of._extent, 1.0), y
         rows = len(system.speed_names) * [1] + 2 * len(system.equation_names) * [0] + len(system.equation_names) * [1]
         self._forces = np.array(rows + len(self._held) * [0])
         self._counts = np.ones(len(self._forces), dtype=bool)
@@ -224,8 +221,7 @@ class _Search:
         return v
 
     def residuals(self, y: Array) -> Array:
-        """What is left at points (..., numbers) of the conditions that count now: forces and rates of states, loops and their rates, held
-        values."""
+        """What is left at points (..., numbers) of conditions that count now: of forces and states, loops with their rates, held values."""
         found = evaluate_results(self._system, self._results, *self._point(y))
         columns = [np.broadcast_to(column, (*y.shape[:-1], column.shape[-1])) for column in found.values()]
         left = np.concatenate([np.zeros((*y.shape[:-1], 0)), *columns], axis=-1)
@@ -258,8 +254,7 @@ class _Search:
         return _Tried(y=y, left=left, A=A, rows=rows, columns=sizes[free])
 
     def best(self) -> _Tried:
-        """The point that meets the conditions, else the nearest of several tries; where loops and held values alone cannot be met, that of
-        these."""
+        """The point that meets the conditions, else the nearest of several tries, of loops and held values first."""
         self._counts = self._forces == 0
         found = self._nearest(self.begin)
         if found.worst <= _MET:
@@ -279,11 +274,8 @@ class _Search:
         return best
 
     def _approach(self, y: Array) -> _Tried:
-        """The nearest least squares by damped steps (Levenberg, Q. Appl. Math. 2, 1944) between the bounds.
-
-        A step is good if the one after it with the same derivatives is shorter, however residuals are weighted (Deuflhard, Newton Methods
-        for Nonlinear Problems, 2011, ch. 3).
-        """
+        """The nearest least squares by damped steps between the bounds; one is good if the next with the same derivatives is shorter,
+        however residuals are weighted (Deuflhard, Newton Methods for Nonlinear Problems, 2011, ch. 3)."""
         at, damping, slow = self._tried(np.clip(y, self._lower, self._upper)), 0.0, 0
         for _ in range(_ITERATIONS):
             if not np.isfinite(at.left).all() or not at.left.any():
@@ -304,10 +296,10 @@ class _Search:
                 break
         return at
 
-    def _step(self, at: _Tried, damping: float) -> tuple[Array, Array]:
+    def _step(self, at: _Tried, damping: float) -> tuple[Any, Array]:
         """The columns that move, and the step (columns,) in their sizes; numbers at a bound that it would cross stay there."""
         y, lower, upper = at.y[self._free], self._lower[self._free], self._upper[self._free]
-        moving = at.A.any(axis=0)
+        moving: Any = at.A.any(axis=0)
         while True:
             step = np.zeros(len(moving))
             step[moving] = _shortest(at.A[:, moving], at.left / at.rows, damping)

@@ -17,7 +17,7 @@ from cutjoint.model.errors import nearest
 from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_state
-from cutjoint.model.records import Binding, Body, Controller, Model, Scalar, Scene, Unknown
+from cutjoint.model.records import Binding, Body, Controller, Model, Scalar, Scene
 from cutjoint.model.scenes.starts import fault_of_quaternion, normalised
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import InputLike, input_entries, require_unit
@@ -195,9 +195,10 @@ def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> No
         RunError: one has.
     """
     values, parts = parameter_values(model, {}), sources_of_parts(model, scene)
-    trim = (*scene.trim.hold, *scene.trim.find) if scene.trim else ()
-    ends = [e for of in (*scene.assemble, *trim) for e in (of.bounds if isinstance(of, Unknown) else (of.value,))]
-    asked = sympy.Tuple(*parts["positions"].values(), *(parts["rates"].values() if scene.trim else ()), *ends).free_symbols
+    numbers = [*parts["positions"].values(), *(aim.value for aim in scene.assemble)]
+    if scene.trim is not None:
+        numbers += [*parts["rates"].values(), *(aim.value for aim in scene.trim.hold), *(x for u in scene.trim.find for x in u.bounds)]
+    asked = sympy.Tuple(*numbers).free_symbols
     given = {p.name for p in model.parameters if p.symbol in asked}
     for name in changed if scene.trim or (scene.assemble and scene.pose != "equilibrium") else ():
         if name in given or (name in values and formulated_start(model, scene).follows(name, _numbers_of(model, scene, values))):
@@ -220,7 +221,8 @@ _LAST: list[tuple[Model, Scene, Any]] = []
 
 def formulated_start(model: Model, scene: Scene) -> Any:
     """The `TrimmedStart` of a scene with a trim, the `AimedStart` of others."""
-    from cutjoint.analysis.trims import AimedStart, TrimmedStart  # others do not wait for what this imports
+    from cutjoint.analysis.aims import AimedStart  # others do not wait for what this imports
+    from cutjoint.analysis.trims import TrimmedStart
 
     if not any(model is known and scene == of for known, of, _ in _LAST):
         _LAST[:] = [(model, scene, (AimedStart if scene.trim is None else TrimmedStart)(model, scene))]
