@@ -315,12 +315,6 @@ class Force:
         """Return whether a quantity follows from the law: forces, torques and their derivatives."""
         return self.quantities[quantity].startswith("N")
 
-    def without_laws(self) -> Self:
-        """The force with laws of zero."""
-        laws = {name: getattr(self, name) for name in self.element.laws}
-        changed: dict[str, Any] = {name: tuple(law * 0 for law in x) if isinstance(x, tuple) else x * 0 for name, x in laws.items()}
-        return replace(self, **changed)
-
 
 @dataclass(frozen=True, kw_only=True)
 class LawForce(Force):

@@ -364,14 +364,9 @@ def read_held(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
 def read_statistics(summary: Mapping[str, Any]) -> RunStatistics:
     """The statistics that a simulator's summary reports."""
     residuals = {name: nan if value is None else value for name, value in summary.get("residuals", {}).items()}
-    return RunStatistics(
-        solver=summary.get("solver", ""), penalty=summary.get("penalty", nan), iterations=summary.get("iterations", 0),
-        factorisations=summary.get("factorisations", 0),
-        pivoting_fallbacks=summary.get("pivoting_fallbacks", 0), substeps=summary.get("substeps", 0),
-        residuals=Residuals(**residuals), rejected=summary.get("rejected", 0),
-        stiff_steps=summary.get("stiff_steps", 0), events=summary.get("events", 0),
-        events_by_element=summary.get("events_by_element", {}), impacts=tuple(_impact(each) for each in summary.get("impacts", ())),
-    )  # fmt: skip
+    plain = {name: summary[name] for name in RunStatistics.__dataclass_fields__ if name in summary}
+    impacts = tuple(_impact(each) for each in summary.get("impacts", ()))
+    return RunStatistics(**{**plain, "residuals": Residuals(**residuals), "impacts": impacts})
 
 
 def _impact(summary: Mapping[str, Any]) -> Impact:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from cutjoint.elements.gear import NAMES as GEAR_NAMES
@@ -61,7 +61,14 @@ def placed_forces(model: Model, scene: Scene, outputs: tuple[Output, ...]) -> It
     """The forces that act, and without their laws those that are switched off and of which outputs ask where their parts are."""
     for force in model.forces:
         if needs_place(force, model, scene, outputs):
-            yield force if is_active(force, scene) else force.without_laws()
+            yield force if is_active(force, scene) else _without_laws(force)
+
+
+def _without_laws(force: Force) -> Force:
+    """A force with laws of zero."""
+    laws = {name: getattr(force, name) for name in force.element.laws}
+    changed: dict[str, Any] = {name: tuple(law * 0 for law in x) if isinstance(x, tuple) else x * 0 for name, x in laws.items()}
+    return replace(force, **changed)
 
 
 def force_source(output: Output, force: Force, scene: Scene) -> Json:
