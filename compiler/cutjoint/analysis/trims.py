@@ -35,10 +35,8 @@ _ROWS = ("force_residual", "residual", "rate", "curvature", "column")
 _KINDS = {"position": _MOVES, "rate": _SPEEDS, "state": _SPEEDS, "input": _INPUTS, "parameter": _PARAMETERS}
 #: Differences as a share of an unknown's size; residuals below `_MET`, as shares of what a change of that size makes, are met.
 _DIFFERENCE, _MET = 1e-5, 1e-9
-#: A row's largest derivative below this share of those of its kind, and a column's below `_IDLE`, is rounding.
-_ROUNDING, _IDLE = 1e-7, 1e-9
-#: Singular values of derivatives with columns of length one that are rounding of differences.
-_LOOSE = 1e-6
+#: Rounding: a row's largest derivative as a share of others, a column's, singular values where columns have length one.
+_ROUNDING, _IDLE, _LOOSE = 1e-7, 1e-9, 1e-6
 _ITERATIONS, _SLOW, _TRIALS = 60, 4, 5
 #: The least damping, and the share of the largest singular value below which one is rounding: numbers on which nothing depends stay.
 _DAMPING, _SINGULAR = 1e-10, 1e-8
@@ -52,9 +50,8 @@ _FARTHEST, _STRAY, _NAMED, _LOOPS = 0.3, 0.6, 0.2, 10.0
 class Trimmed:
     """What a trim has found: ``unknowns`` with their ``units``, by name, and all ``coordinates``, ``rates`` and ``states`` by place.
 
-    ``unsteady`` are rates, with units, of what may change.  ``residual`` is the largest residual of a condition as a share of what changes
-    of full size make.  ``redundant`` are held values that follow from other conditions.  A motion is ``steady`` if no condition feels
-    what changes.
+    ``unsteady`` are rates, with units, of what may change.  ``residual`` the largest share to which a condition is not met, ``redundant``
+    are held values that follow from other conditions.  A motion is ``steady`` if no condition feels what changes.
     """
 
     unknowns: Mapping[str, float]
@@ -71,8 +68,7 @@ class Trimmed:
 
 @dataclass(frozen=True, kw_only=True)
 class Given:
-    """The numbers of a scene, SI units: tunable parameters, positions, rates and states by place, the values that are held, bounds of
-    unknowns by name, and the roads of tyres."""
+    """The numbers of a scene, SI units; ``rates`` are those of speeds with the states, ``held`` the wanted values."""
 
     parameters: Mapping[str, float]
     positions: Mapping[str, float]

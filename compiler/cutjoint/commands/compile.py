@@ -17,8 +17,8 @@ from cutjoint.report.tables import trim_facts
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_files
+from cutjoint.run.run_file import find_trim
 from cutjoint.run.scenes import find_case, with_default_closure
-from cutjoint.run.trims import find_trim
 from cutjoint.toolchain.build import simulator_of
 from cutjoint.toolchain.wasm import require_zig
 from cutjoint.topology.reading import read_model

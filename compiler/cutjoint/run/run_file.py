@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from math import fmod, isfinite
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy
@@ -20,12 +20,15 @@ from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_st
 from cutjoint.model.records import Binding, Body, Controller, Model, Scalar, Scene
 from cutjoint.model.scenes.starts import fault_of_quaternion, normalised
 from cutjoint.package.errors import RunError
-from cutjoint.run.inputs import InputLike, input_entries, require_unit
+from cutjoint.run.inputs import InputLike, input_entries, require_unit, with_held_inputs
 from cutjoint.run.inputs import given_inputs as given_inputs
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.road_field import surface_of
-from cutjoint.run.roads import road_pieces
+from cutjoint.run.roads import WheelRoad, road_pieces
 from cutjoint.run.settings import Options, find_settings, with_options
+
+if TYPE_CHECKING:
+    from cutjoint.analysis.trims import Given, Trimmed
 
 _NOTHING_ASKED = Options()
 
@@ -108,18 +111,53 @@ def make_run_file(
 def trimmed(
     model: Model, scene: Scene, changes: Mapping[str, float], inputs: Mapping[str, InputLike] = MappingProxyType({})
 ) -> tuple[Model, Scene, Mapping[str, InputLike]]:  # fmt: skip
-    """The model and the scene with what the scene's trim finds, and found inputs beside those that are given; ``changes`` (SI units) are of
-    parameters and inputs.
-
-    Raises:
-        RunError: there is no such start, or it is not determined.
-    """
+    """The model and the scene with what the scene's trim finds, and found inputs beside the given ones; arguments as of `find_trim`."""
     if scene.trim is None:
         return model, scene, inputs
-    from cutjoint.run.trims import find_trim  # others do not wait for what this imports
-
     model, found, _ = find_trim(model, scene, {**changes, **{name: _at_start(x) for name, x in inputs.items()}})
     return model, found, {**inputs, **{u.name: float(found.inputs[u.name]) for u in scene.trim.find if u.kind == "input"}}
+
+
+def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple[Model, Scene, Trimmed]:
+    """The model and the scene with what the scene's trim finds, where ``changes`` are values (SI units) of parameters and inputs.
+
+    Raises:
+        RunError: there is no such start, it is not determined, or a change is one of what is to be found.
+    """
+    assert scene.trim is not None
+    if asked := [unknown.name for unknown in scene.trim.find if unknown.name in changes]:
+        words = f"trim: '{asked[0]}' is to be found; leave out its value, or take it out of 'find'"
+        raise RunError(f"{scene.trim.span}: scene '{scene.name}': {words}")
+    given = _given_numbers(model, scene, changes)
+    begun, _ = with_held_inputs(model, scene, changes)
+    found: Trimmed = formulated_start(model, begun).trim(given)
+    inputs = {u.name: found.unknowns[u.name] for u in scene.trim.find if u.kind == "input"}
+    parameters = tuple(replace(p, value=found.unknowns.get(p.name, given.parameters.get(p.name, p.value))) for p in model.parameters)
+    start = replace(
+        begun, trim=None, assemble=(), near=(), positions=_numbers(found.coordinates), rates=_numbers(found.rates),
+        starts=_numbers(found.states), inputs={**begun.inputs, **_numbers(inputs)},
+    )  # fmt: skip
+    return replace(model, parameters=parameters), start, found
+
+
+def _given_numbers(model: Model, scene: Scene, changes: Mapping[str, float]) -> Given:
+    """The numbers of a scene that is found."""
+    assert scene.trim is not None
+    from cutjoint.analysis.trims import Given  # others do not wait for what this imports
+
+    values = parameter_values(model, changes)
+    value, plain = Evaluator(model, values), replace(scene, trim=None, assemble=())
+    parts = following(model, plain, values, ("positions", "rates", "roads"))
+    return Given(
+        parameters=values, positions=parts["positions"], rates=parts["rates"],
+        roads={tyre: WheelRoad.of(**road, on_it=surface_of(scene.road)) for tyre, road in parts["roads"].items()},
+        held=[value(aim.value, f"{aim.span}: trim: '{aim.name}'") for aim in (*scene.assemble, *scene.trim.hold)],
+        bounds={u.name: (value(u.bounds[0], u.name), value(u.bounds[1], u.name)) for u in scene.trim.find if u.bounds},
+    )  # fmt: skip
+
+
+def _numbers(values: Mapping[str, float]) -> dict[str, sympy.Float]:
+    return {name: sympy.Float(value, 17) for name, value in values.items()}
 
 
 def _at_start(given: InputLike) -> float:
@@ -195,24 +233,17 @@ def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> No
         RunError: one has.
     """
     values, parts = parameter_values(model, {}), sources_of_parts(model, scene)
-    numbers = [*parts["positions"].values(), *(aim.value for aim in scene.assemble)]
+    read = [*parts["positions"].values(), *(aim.value for aim in scene.assemble)]
     if scene.trim is not None:
-        numbers += [*parts["rates"].values(), *(aim.value for aim in scene.trim.hold), *(x for u in scene.trim.find for x in u.bounds)]
-    asked = sympy.Tuple(*numbers).free_symbols
+        read += [*parts["rates"].values(), *(aim.value for aim in scene.trim.hold), *(x for u in scene.trim.find for x in u.bounds)]
+    asked = sympy.Tuple(*read).free_symbols
     given = {p.name for p in model.parameters if p.symbol in asked}
     for name in changed if scene.trim or (scene.assemble and scene.pose != "equilibrium") else ():
-        if name in given or (name in values and formulated_start(model, scene).follows(name, _numbers_of(model, scene, values))):
+        numbers = _given_numbers(model, scene, {}) if scene.trim else values
+        if name in given or (name in values and formulated_start(model, scene).follows(name, numbers)):
             words = ("trimmed", "trims") if scene.trim else ("assembled", "assembles")
             reason = f"scene '{scene.name}': its start is {words[0]} once, and follows from the parameter '{name}'"
             raise RunError(f"{scene.span}: {reason}; use cutjoint batch, which {words[1]} each run's")
-
-
-def _numbers_of(model: Model, scene: Scene, values: Mapping[str, float]) -> Any:
-    if scene.trim is None:
-        return values
-    from cutjoint.run.trims import given_numbers
-
-    return given_numbers(model, scene, {})
 
 
 #: The last start that was formulated: the runs of a batch ask for the same with other parameters.

@@ -27,13 +27,12 @@ from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.failures import IncompleteError, describe_failure, is_impossible
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Array, Columns, FailureReport, MechanismState, read_held
-from cutjoint.run.run_file import make_run_file
+from cutjoint.run.run_file import find_trim, make_run_file
 from cutjoint.run.scenes import ModelLike, load_model, with_closure, with_loops
 from cutjoint.run.settings import PLAIN_STEPS, require_settings
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.run.simulator_run import start
-from cutjoint.run.trims import find_trim
 from cutjoint.topology.build import build_topology
 
 _SPEEDS = ("vx", "vy", "vz", "wx", "wy", "wz")
