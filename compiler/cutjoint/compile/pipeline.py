@@ -66,13 +66,8 @@ def compile_scene(
         return compile_interpreted(model, scene, method=options.method, outputs=options.outputs, scheduled=scheduled)
     # Model -> Source
     begin = perf_counter()
-    if generated is None:
-        outputs = scene.outputs if options.outputs is None else options.outputs
-        generated = generate(
-            model, scene, outputs, method=options.method, lanes=options.lanes, precision=options.precision, poses=options.poses,
-            load_events=_needs_load_events(scene, options),
-        )  # fmt: skip
-    made, delivery = generated, plan_delivery(_for_hosts(generated, model, scene, options), options)
+    made = _generate(model, scene, options) if generated is None else generated
+    delivery = plan_delivery(_for_hosts(made, model, scene, options), options)
     seconds, written = perf_counter() - begin, perf_counter()
 
     # Source -> Binary
@@ -97,17 +92,16 @@ def compile_scene(
 def _for_hosts(generated: Generated, model: Model, scene: Scene, options: CompileOptions) -> Generated:
     """Parts of a C export."""
     hosted = for_hosts(model, scene) if options.out is not None and options.precision == DEFAULT_PRECISION else model
-    if not hosted.frozen:
-        return generated
-    outputs = scene.outputs if options.outputs is None else options.outputs
-    load_events = _needs_load_events(scene, options)
-    return generate(hosted, scene, outputs, method=options.method, lanes=options.lanes, poses=options.poses, load_events=load_events)
+    return _generate(hosted, scene, options) if hosted.frozen else generated
 
 
-def _needs_load_events(scene: Scene, options: CompileOptions) -> bool:
-    """Return whether a C export with derivatives needs them."""
-    asked = options.out is not None and (options.linearise or options.adjoint)
-    return asked and needs_load_events(scene, options.method, options.integrator, equal_steps=True)
+def _generate(model: Model, scene: Scene, options: CompileOptions) -> Generated:
+    derives = options.out is not None and (options.linearise or options.adjoint)
+    return generate(
+        model, scene, scene.outputs if options.outputs is None else options.outputs, method=options.method, lanes=options.lanes,
+        precision=options.precision, poses=options.poses,
+        load_events=derives and needs_load_events(scene, options.method, options.integrator, equal_steps=True),
+    )  # fmt: skip
 
 
 def generate(

@@ -114,7 +114,8 @@ class LeftOut:
 
 @dataclass(frozen=True, kw_only=True)
 class Equations:
-    """The symbolic mechanics of one model in one scene, by any formulation; ``domains`` describe the margins of the function of that name.
+    """The symbolic mechanics of one model in one scene, by any formulation; ``domains`` describe the margins of the function of that name,
+    ``indicators`` the values of ``events``.
 
     ``parameters`` are those that stay open until the binary loads them, ``roads`` the tyres in the order of their road tables, ``columns``
     the outputs with their units, ``state`` the layout of the state, ``slots`` the places of inputs and results, ``load_arguments`` the
@@ -134,6 +135,7 @@ class Equations:
     state: StateLayout
     slots: Mapping[str, Slot]
     load_arguments: tuple[str, ...]
+    indicators: tuple[IndicatorPlace, ...] = ()
     domains: tuple[DomainPlace, ...] = ()
     inputs: tuple[Parameter, ...] = ()
     input_values: int = 0
@@ -193,7 +195,6 @@ class RecursiveEquations(Equations):
     ``dz:joint``, ``column:name``, ``value:number``.  Vectors, of residuals too, are resolved in the axes of the body ``axes``.
     """
 
-    indicators: tuple[IndicatorPlace, ...]
     axes: str
 
     @property
@@ -236,12 +237,11 @@ class SystemEquations(Equations):
 
     ``start`` are the recursive equations that find where a run begins.  The results ``tangent:row,column`` are the tangent's candidates,
     of a symmetric tangent the lower triangle; their slots follow from its pattern, and ``plan`` is its factorisation's, once there is
-    one.  ``indicators`` are the values of ``events``, in an order of their own.
+    one.
     """
 
     method: str
     start: RecursiveEquations
-    indicators: tuple[IndicatorPlace, ...] = ()
     plan: Plan | None = None
 
     @property

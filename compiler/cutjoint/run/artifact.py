@@ -178,7 +178,7 @@ def make_simulator_run(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
         description=artifact.description, goal=goal, method=artifact.method, closes_loops=bool(artifact.mechanism.equation_names),
         is_asked=options.accuracy is not None or artifact.scene.accuracy is not None, leading=_leading_joints(artifact.topology),
-        indeterminate=artifact.indeterminate,
+        indeterminate=artifact.indeterminate, switches=bool(artifact.equations.indicators),
         others=tuple(_other_settings(artifact, options, run_file.settings.integrator)),
         is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,
         jumps=jump_times(artifact.topology.model, artifact.scene), balances=not artifact.implementation.is_twin,

@@ -17,6 +17,8 @@ _OPEN = (
     "the run stands still: its steps have become too short for it to reach its end",
 )  # fmt: skip
 _BEYOND = "the guide of {} may lead further than the links reach: look at the last pose by `cutjoint simulate --view`"
+#: What a step that goes over events may have met, where steps that end there help.
+_OVER = "a force may change its formula within the step, as at the first touch of a contact: use an integrator that locates it"
 #: The message of a run whose other integrators may go on, but not with its accuracy: other methods cross the pose.
 _SINGULAR = "the pose is singular, or nearly: equations depend on each other for a moment"
 #: Seconds that trials take together, if the run itself took no longer.
@@ -101,6 +103,7 @@ def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | Non
     reach = (crosses or failure.message in _OPEN) and plan.leading and not trials.helped
     goes = "goes" if len(trials.helped) == 1 else "go"
     words = (
+        _OVER if not settings.events and any(c.plan.switches and c.plan.run_file.settings.events for c in trials.helped) else "",
         _BEYOND.format(join_or([f"'{name}'" for name in plan.leading])) if reach else "",
         known,
         f"tried up to {trials.past:.6g} s: {_listed(trials.helped)} {goes} on" if trials.helped else "",
@@ -144,10 +147,13 @@ def _fallbacks(plan: SimulatorRun) -> Iterator[Fallback]:
 
 
 def _by_other_methods(plan: SimulatorRun) -> Iterator[Fallback]:
-    """The other methods that may go on, where trying them takes no minutes."""
+    """The other methods that may go on, where trying them takes no minutes, with their adaptive integrators too."""
     for name in METHODS[plan.method].instead if plan.by_method else ():
         if plan.by_method and (other := plan.by_method(name)):
             yield Fallback(words=f"method {name}", plan=other)
+            for more in (each for each in other.others if INTEGRATORS[each.integrator].adaptive):
+                by_steps = replace(other, run_file=replace(other.run_file, settings=more))
+                yield Fallback(words=f"method {name} with integrator {more.integrator}", plan=by_steps)
 
 
 def _goes_past(plan: SimulatorRun, past: float, seconds: float) -> bool | None:

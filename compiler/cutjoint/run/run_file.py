@@ -118,7 +118,7 @@ def trimmed(
     return model, found, {**inputs, **{u.name: float(found.inputs[u.name]) for u in scene.trim.find if u.kind == "input"}}
 
 
-def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple[Model, Scene, Trimmed]:
+def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple[Model, Scene, "Trimmed"]:
     """The model and the scene with what the scene's trim finds, where ``changes`` are values (SI units) of parameters and inputs.
 
     Raises:
@@ -140,7 +140,7 @@ def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple
     return replace(model, parameters=parameters), start, found
 
 
-def _given_numbers(model: Model, scene: Scene, changes: Mapping[str, float]) -> Given:
+def _given_numbers(model: Model, scene: Scene, changes: Mapping[str, float]) -> "Given":
     """The numbers of a scene that is found."""
     assert scene.trim is not None
     from cutjoint.analysis.trims import Given  # others do not wait for what this imports

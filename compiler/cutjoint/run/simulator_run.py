@@ -52,6 +52,7 @@ class SimulatorRun:
     coordinates.  ``jumps`` are times (s) at which an input or a guide goes over to another formula: a row there has the values of one side.
     ``balances`` is whether the program has work and energy, ``onward`` what goes on where loop embeddings end, None if nothing does.
     ``by_method`` makes the run by another method, None where that takes minutes.  ``leading`` are the joints of loops whose guides move.
+    ``switches`` is whether forces change their formulas.
     """
 
     simulator: Path
@@ -71,6 +72,7 @@ class SimulatorRun:
     onward: Onward | None = field(default=None, repr=False, compare=False)
     by_method: "Callable[[str], SimulatorRun | None] | None" = field(default=None, repr=False, compare=False)
     leading: Sequence[str] = ()
+    switches: bool = False
 
     def with_checks(self) -> "SimulatorRun":
         """The run with a balance of work and energy, if its program has one, and a look at the jumps beside its rows."""
