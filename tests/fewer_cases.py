@@ -14,6 +14,23 @@ _METHODS = ("recursive", "augmented")
 #: Tests, or cases of them, that are for `make full` alone, by file: they compile for long what a test beside them compiles in another way,
 #: or say of the vehicle what others say of small models.
 _FULL: Mapping[str, tuple[str, ...]] = {
+    "tests/standalone/test_wasm.py": (
+        "test_a_reproducible_folder_has_the_bits_of_the_module[press-recursive-newton-*]",
+        "test_a_reproducible_folder_has_the_bits_of_the_module[four_bar-*]",
+        "test_a_reproducible_folder_has_the_bits_of_the_module[slider_crank-*]",
+        "test_a_reproducible_folder_has_the_bits_of_the_module[press-recursive-trapezoidal-*]",
+        "test_a_module_moves_as_the_native_core[slider_crank-*]", "test_a_module_moves_as_the_native_core[delta-*]",
+    ),
+    "tests/standalone/test_event_derivatives.py": (
+        "test_guides_and_loops_at_forces_that_jump[rk4-text1-*]", "test_a_ball_that_bounces[text0-*]", "test_a_ball_that_bounces[text2-*]",
+        "test_a_ball_that_bounces[text4-*]", "test_a_ball_that_bounces[text5-*]", "test_a_force_that_ends_at_a_time[dormand-prince]",
+    ),
+    "tests/standalone/test_radau_derivatives.py": (
+        "test_loops_near_a_dead_centre_come_nearer_with_shorter_steps", "test_a_ball_that_bounces[radau5-fixed-0.001-None-text1-sprung]",
+        "test_a_ball_that_bounces[radau5-0.01-1e-09-text0-thrown]", "test_loops_at_a_force_that_jumps[radau5-fixed]",
+    ),
+    "tests/standalone/test_inputs_over_time.py": ("test_coupled_stages[held-radau5-fixed]", "test_events_that_move[rk4]"),
+    "tests/view/test_drive.py": ("test_a_lap_of_a_car_replays_bit_by_bit",),
     "tests/analysis/test_kinematics.py": ("test_the_command_draws_a_picture_of_each_sweep",),
     "tests/analysis/test_linearisation.py": ("test_trees_in_motion",),
     "tests/bench/test_reductions.py": ("test_lines_are_named_by_reduced_model",),
@@ -148,7 +165,10 @@ _FULL: Mapping[str, tuple[str, ...]] = {
     "tests/standalone/test_step_derivatives.py": (
         "test_methods_have_the_same_without_loops", "test_adaptive_steps_have_the_derivatives_of_the_motion[dop853]",
     ),
-    "tests/standalone/test_run_derivatives.py": ("test_a_loop_by_a_hardpoint[compiled]",),
+    "tests/standalone/test_run_derivatives.py": (
+        "test_a_loop_by_a_hardpoint[compiled]", "test_a_loop_by_a_hardpoint[embedded]", "test_a_slope_that_is_no_number_beside_others[rk4]",
+        "test_loops_by_explicit_steps_near_a_dead_centre[rk4]",
+    ),
     "tests/coupling/test_systems.py": ("test_ports_that_a_system_does_not_connect_stay",),
     "tests/analysis/test_modes.py": ("test_shimmy_of_a_caster[2.0-20.0]",),
 }  # fmt: skip
