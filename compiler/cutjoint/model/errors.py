@@ -1,7 +1,5 @@
 """Problems in a model file: collected while reading, raised together, each with its place and a way out."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -41,7 +39,7 @@ class ModelError(CutjointError):
     of bodies and joints, else None.
     """
 
-    def __init__(self, problems: Iterable[Problem], model: Model | None = None) -> None:
+    def __init__(self, problems: Iterable[Problem], model: "Model | None" = None) -> None:
         self.problems: tuple[Problem, ...] = tuple(sorted(problems, key=lambda problem: problem.span))
         self.model = model
         super().__init__("\n".join(map(str, self.problems)))
@@ -71,7 +69,7 @@ class Problems:
     def __bool__(self) -> bool:
         return bool(self._found)
 
-    def error(self, model: Model | None = None) -> ModelError:
+    def error(self, model: "Model | None" = None) -> ModelError:
         """All problems noted so far, to be raised, with the ``model`` whose graph can still be judged."""
         return ModelError(self._found.values(), model)
 

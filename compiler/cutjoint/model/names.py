@@ -1,7 +1,5 @@
 """The names that a model may give its elements.  They become parts of names in generated code, so words of C++ are names like others."""
 
-from __future__ import annotations
-
 import re
 from keyword import kwlist
 

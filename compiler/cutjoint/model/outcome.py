@@ -1,7 +1,5 @@
 """The result of a pass on a model and a scene, and its notes; elements that change hands when a body is taken out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias

@@ -1,7 +1,5 @@
 """Ranges of settings, on the command line, from Python and in a model file; the number of steps in a run, and in a row of its table."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil, inf

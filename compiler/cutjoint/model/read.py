@@ -4,8 +4,6 @@ Problems are collected over all steps and raised together; only a text that is n
 frame is wrong, ends the reading early.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from os.path import isfile
 from pathlib import Path

@@ -6,8 +6,6 @@ stay open until the binary loads it.  Points and directions are given in the des
 global frame; every body frame is parallel to it there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -594,7 +592,7 @@ class Numerics:
         """The length of equal steps, s."""
         return STEP if self.dt is None else self.dt
 
-    def of_method(self, method: str) -> Numerics:
+    def of_method(self, method: str) -> "Numerics":
         """The settings of one method, at its step; NaN where an expression has no value there."""
         from cutjoint.model.expressions.evaluate import evaluate
 

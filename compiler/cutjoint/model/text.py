@@ -1,7 +1,5 @@
 """Texts of other people made safe to print, and the notation of numbers in files, tables and on the command line."""
 
-from __future__ import annotations
-
 import re
 
 # Text

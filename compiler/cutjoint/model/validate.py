@@ -1,7 +1,5 @@
 """Checks of the whole model: unique names, physical masses, and a way from every body to the ground."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence

@@ -128,7 +128,8 @@ def show_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> V
         RunError: the scene has no start, or a parameter cannot be set.
         SimulatorError, ToolchainError: as for a run.
     """
-    if scene.pose == "design" and not (scene.positions or scene.assemble) and all(joint.guide is None for joint in model.joints):
+    given = scene.positions or scene.assemble or scene.trim
+    if scene.pose == "design" and not given and all(joint.guide is None for joint in model.joints):
         poses, q = {body.name: BodyPose(rotation=np.eye(3)[np.newaxis], shift=np.zeros((1, 3))) for body in model.bodies}, None
     else:
         starts, values = find_start(build_topology(model), scene, parameters)
@@ -137,12 +138,6 @@ def show_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> V
         q = coordinates_of(Mover(model=model, scene=scene, parameters=parameters).equations, poses, scalars)
     sliders = make_sliders(model, scene, parameters, q)
     return ViewSpec(model=model, scene=scene, parameters=parameters, t=np.zeros(1), poses=poses, sliders=sliders)
-
-
-def _is_as_designed(model: Model, scene: Scene) -> bool:
-    """Return whether a scene starts where the file places the bodies: nothing else is given and no guide moves them."""
-    given = scene.positions or scene.assemble or scene.trim
-    return scene.pose == "design" and not given and all(joint.guide is None for joint in model.joints)
 
 
 def write_view(

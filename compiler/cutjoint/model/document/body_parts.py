@@ -1,7 +1,5 @@
 """The shapes of bodies in a model file."""
 
-from __future__ import annotations
-
 import re
 from typing import Annotated, TypeAlias
 
@@ -22,7 +20,7 @@ class Solid(Part):
     hole: StrictBool = False
 
     @model_validator(mode="after")
-    def _density_or_mass(self) -> Solid:
+    def _density_or_mass(self) -> "Solid":
         if (self.density is None) == (self.mass is None):
             raise shape_error("needs either density or mass")
         return self
@@ -108,7 +106,7 @@ class Visual(Part):
     z: Direction | None = None
 
     @model_validator(mode="after")
-    def _drawable(self) -> Visual:
+    def _drawable(self) -> "Visual":
         if self.mesh is None and (self.colour is None or any(x is not None for x in (self.at, self.scale, self.x, self.y, self.z))):
             raise shape_error("needs a mesh, or a colour alone")
         if self.mesh is not None:
@@ -141,7 +139,7 @@ class Body(Part):
     visual: Visual | None = None
 
     @model_validator(mode="after")
-    def _one_form(self) -> Body:
+    def _one_form(self) -> "Body":
         given = {name for name in ("mass", "centre_of_mass", "inertia", "about") if getattr(self, name) is not None}
         if self.shapes is not None and (given or self.massless):
             raise shape_error("its shapes give mass, centre and inertia", f"remove {', '.join(sorted(given)) or 'massless'}")

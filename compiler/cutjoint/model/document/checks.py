@@ -3,8 +3,6 @@
 Elements of the wrong shape are left out, and references to them are not judged, so that the problems of the others come in the same go.
 """
 
-from __future__ import annotations
-
 import types
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
@@ -80,7 +78,7 @@ def check_part(source: Source, problems: Problems, part: type[_P], element_of: N
     return document
 
 
-def _validate(source: Source, problems: Problems, part: type[_P], element_of: Names) -> tuple[_P | None, list[_Flaw]]:
+def _validate(source: Source, problems: Problems, part: type[_P], element_of: Names) -> "tuple[_P | None, list[_Flaw]]":
     """The document, or None and its flaws, which are noted."""
     try:
         return part.model_validate(source.data), []
@@ -106,7 +104,7 @@ class _Flaw:
     def kind(self) -> str:
         return self.detail["type"]
 
-    def is_inside(self, other: _Flaw) -> bool:
+    def is_inside(self, other: "_Flaw") -> bool:
         """Return whether this flaw explains the other: items that fail make their list look too short."""
         return len(self.path) > len(other.path) and self.path[: len(other.path)] == other.path
 

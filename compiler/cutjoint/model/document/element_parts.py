@@ -1,7 +1,5 @@
 """The shapes of joints and force elements in a model file, from the catalogue of their kinds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from keyword import iskeyword
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
@@ -45,7 +43,7 @@ class JointLimits(Part):
     coordinate: StrictStr | None = None
 
     @model_validator(mode="after")
-    def _one_end(self) -> JointLimits:
+    def _one_end(self) -> "JointLimits":
         if self.lower is None and self.upper is None:
             raise shape_error("limits need lower, upper or both")
         return self

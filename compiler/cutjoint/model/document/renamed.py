@@ -1,7 +1,5 @@
 """Fields and words of earlier versions in files: they still work, and the new ones are told."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias

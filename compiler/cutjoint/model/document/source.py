@@ -4,8 +4,6 @@ Sequences become tuples, mappings become dicts in the file's order.  Numbers fol
 ``1e3`` is a number, ``010`` is ten, ``yes`` and dates are text.
 """
 
-from __future__ import annotations
-
 import math
 import pathlib
 import re

@@ -1,7 +1,5 @@
 """Bodies, joints, sensors, states, signals and controllers: from the document's parts to records, not yet mirrored."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ A controller computes its signals at a sample, each behind those that it reads, 
 samples is a row of n values behind each signal, which move on by one at each sample.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ Laws of forces, rates of states, signals and controllers read quantities of elem
 twice where one does: first to see which there are, then with the names of their quantities.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
@@ -83,7 +81,7 @@ def _read(scope: Scope, model: model_file.Document, machine: Machine) -> Element
     return _joined([own, *(_group(use, inner) for use in inner.get("", ()))])
 
 
-def _group(of: _Scoped, inner: Mapping[str, list[_Scoped]]) -> Elements:
+def _group(of: "_Scoped", inner: "Mapping[str, list[_Scoped]]") -> Elements:
     """The elements of an instance and of those inside it, in its mirror; ``inner`` are the instances by the one around them."""
     own = read_elements(of.scope, of.submodel)
     elements = _joined([own, *(_group(use, inner) for use in inner.get(of.use.name, ()))])

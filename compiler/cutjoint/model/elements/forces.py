@@ -1,7 +1,5 @@
 """Forces, those of joints included: from the document's parts to records, not yet mirrored."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce

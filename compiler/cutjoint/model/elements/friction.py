@@ -15,8 +15,6 @@ mu_s g times the load, and under a load that stays it takes energy beyond what t
 1/settling at most.  Beyond its limit it gives way, so that nothing rests there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Coordinates of joints that other elements name, and gears: from the document's parts to records, not yet mirrored."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

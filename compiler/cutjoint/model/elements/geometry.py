@@ -1,7 +1,5 @@
 """Points, directions and frames of the design position, as exact as their expressions allow."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

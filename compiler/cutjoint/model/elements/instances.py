@@ -3,8 +3,6 @@
 The name of a submodel is looked up where its instance stands, then in what is around that in the document, the model last.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sized
 from dataclasses import dataclass
 from typing import TypeAlias

@@ -1,7 +1,5 @@
 """Massless links made slender rods, for comparison with simulators in which every body needs mass."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

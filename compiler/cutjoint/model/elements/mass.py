@@ -3,8 +3,6 @@
 An inertia is a symmetric 3x3 SymPy matrix in global design axes; :func:`moments_problem` says whether one can exist.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias

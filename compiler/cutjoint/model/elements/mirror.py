@@ -4,8 +4,6 @@ Points, translation axes and forces mirror as vectors; axes of rotation and torq
 so that a positive angle of the image is the image of a positive angle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

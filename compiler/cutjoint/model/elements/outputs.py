@@ -1,7 +1,5 @@
 """Outputs: quantities of elements, and expressions of them with a name and a unit of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias

@@ -3,8 +3,6 @@
 SymPy's own Piecewise folds the cases inside a condition into ever more conditions, which takes exponential time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ Curves: straight from point to point, or monotone cubics.  Surfaces over a grid:
 slopes of parabolas through three points next to each other, so that slopes are continuous.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any

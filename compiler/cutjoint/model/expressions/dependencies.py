@@ -4,8 +4,6 @@ A signal follows from the quantities of its expression, a force from those of it
 from the past.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 

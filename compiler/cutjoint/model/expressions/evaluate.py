@@ -1,7 +1,5 @@
 """Values of expressions in floats, one or many at once, without SymPy's arithmetic: fast, and bounded in time."""
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Callable, Mapping

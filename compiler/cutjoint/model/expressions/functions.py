@@ -4,8 +4,6 @@ A model file names functions and their arguments, never code.  The code comes wi
 memory reads it and never writes it; its update makes the next memory of one, where a controller samples.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Laws of forces and functions of time: every form the file allows becomes one expression."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace

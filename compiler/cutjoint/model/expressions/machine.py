@@ -1,7 +1,5 @@
 """The quantities of a whole model, as laws of forces, rates of states, signals and controllers read them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property

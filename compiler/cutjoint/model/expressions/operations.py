@@ -4,8 +4,6 @@ Constants are tried in plain floats before SymPy sees them, so that nothing over
 Functions with non-smooth points (min, max, abs, sign, where) become cases, so that derivatives are exact.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 import operator

@@ -1,7 +1,5 @@
 """Parameters: numbers, and expressions of other parameters, which are put in wherever these stand."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

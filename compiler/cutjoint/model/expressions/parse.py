@@ -3,8 +3,6 @@
 Text is never evaluated as code.  Its length, depth, numbers and the size of what it expands to are bounded.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 import re

@@ -1,7 +1,5 @@
 """The quantities of each element, with units, for outputs and expressions, and the bodies to which an element belongs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TypeAlias
 

@@ -1,7 +1,5 @@
 """The meaning of names while elements are read, in the model or in one instance of a submodel."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, MutableMapping
 from dataclasses import dataclass, field, replace
@@ -87,7 +85,7 @@ class Scope:
     given: Mapping[str, Vector] = field(default_factory=dict)
     tunables: TunableNumbers = field(default_factory=TunableNumbers)
     own: frozenset[str] = frozenset()
-    read: Callable[[Scope, str], Term] | None = None
+    read: "Callable[[Scope, str], Term] | None" = None
     sensed: frozenset[Scalar] = frozenset()
     sampled: bool = False
     mirrors: tuple[str, ...] = ()

@@ -4,8 +4,6 @@ Constants that are tunable become parameters of the names of their places, which
 that are pushed have forces and torques from outside: loads of inputs.  Wheels have ground from a host, inputs too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, MutableMapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase

@@ -3,8 +3,6 @@
 Lines that are empty or start with ``#`` do not count.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping

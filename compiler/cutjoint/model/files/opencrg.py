@@ -1,7 +1,5 @@
 """Files in OpenCRG: the heights of a road along its reference line, with the file's options and modifiers."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -70,7 +68,7 @@ class _Strip:
         """All heights, (n, m)."""
         return self.grid + self.z[:, None] + self.banking[:, None] * self.v
 
-    def moved(self, turn: float, about: tuple[float, float], to: tuple[float, float, float]) -> _Strip:
+    def moved(self, turn: float, about: tuple[float, float], to: tuple[float, float, float]) -> "_Strip":
         """The strip turned about a place, which is then at another and higher."""
         x, y = self.x - about[0], self.y - about[1]
         c, s = cos(turn), sin(turn)

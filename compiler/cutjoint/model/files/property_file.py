@@ -3,8 +3,6 @@
 Comments begin with ``$`` or ``!``.  Texts stand in quotes.  Numbers come in SI.  Coefficients have no units.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ Later steps see one document.  Values keep the places that they have in their ow
 links followed, or it is one of the package's ``library``.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any

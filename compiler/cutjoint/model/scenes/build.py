@@ -1,7 +1,5 @@
 """Scenes: what is done with the model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase

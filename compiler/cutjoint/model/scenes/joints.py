@@ -1,7 +1,5 @@
 """Joints that a scene locks, drives or releases: their guides in that scene."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Roads of scenes: their profiles, surfaces and patches of friction."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import pairwise
 from math import isnan, nan

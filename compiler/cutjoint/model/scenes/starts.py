@@ -3,8 +3,6 @@
 Attitudes come as rotation vectors, Euler angles or quaternions.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
