@@ -5,6 +5,8 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from importlib import import_module
 
 import cutjoint
 
@@ -14,6 +16,15 @@ HEAD = """# Python reference
 [Use cutjoint from Python](../how-to/python.md) shows them at work. Members of a `Simulation` that need a
 state raise `SimulationError` before its first `reset`.
 """
+
+#: Records that functions return or take, by the modules that have them.
+RECORDS = {
+    "cutjoint.run.artifact": ("Artifact",), "cutjoint.compile.options": ("CompileOptions",),
+    "cutjoint.run.results": ("Trajectory", "Batch"),
+    "cutjoint.tasks.states": ("MechanismState",), "cutjoint.analysis.modes": ("Modes", "Mode"), "cutjoint.tasks.inverse": ("Drives",),
+    "cutjoint.tasks.kinematics.sweep": ("AxleKinematics", "AxleCompliance"), "cutjoint.tasks.realtime": ("StepTimes",),
+    "cutjoint.sweeps.run": ("Indices",),
+}  # fmt: skip
 
 #: What the head says once, with what takes its place in each entry.
 _NO_RESET = {"; or there was no `reset`": "", ", ([^,;:]+), or there was no `reset`": r" or \1", ",?(?: or)? there was no `reset`": ""}
@@ -34,6 +45,10 @@ def page() -> str:
         for member, value in _members(found, public):
             if not member.startswith("_") and (callable(value) or _is_property(value)):
                 lines += _entry("####", f"{name}.{member}", value)
+    lines.append("## Records\n\nWhat the functions above return or take.\n")
+    for module, names in RECORDS.items():
+        for name in names:
+            lines += _record(getattr(import_module(module), name), public)
     lines.append("## Exceptions\n\n| class | base | raised when |\n|---|---|---|")
     for name, error in errors.items():
         text = " ".join(_first_paragraph(error).split()).replace("|", "\\|")
@@ -46,6 +61,18 @@ def _members(found: type, public: Mapping[str, object]) -> Iterator[tuple[str, o
     for kind in reversed(found.__mro__):
         if kind is found or (kind.__module__.startswith("cutjoint.") and kind not in public.values()):
             yield from vars(kind).items()
+
+
+def _record(found: type, public: Mapping[str, object]) -> Iterator[str]:
+    """The section of a record: its fields, then its docstring and the first lines of its methods."""
+    yield f"### {found.__name__}\n"
+    if given := [f"`{field.name}`" for field in fields(found)]:  # type: ignore[arg-type]
+        yield f"Fields: {', '.join(given)}.\n"
+    yield _prose(found)
+    for member, value in _members(found, public):
+        if not member.startswith("_") and (inspect.isfunction(value) or _is_property(value)):
+            yield f"* `{member}`: {' '.join(_first_paragraph(value).split())}"
+    yield ""
 
 
 def _entry(level: str, name: str, found: object) -> Iterator[str]:

@@ -13,12 +13,18 @@ from cutjoint.toolchain.build import FLAGS
 class CompileOptions:
     """The choices of a compilation besides a model and its scene.
 
-    ``outputs`` are instead of the scene's.  With ``lanes``, isomorphic subtrees are evaluated side by side.  ``precision`` is one of
-    PRECISIONS, the number type of the run; the start is found in double.  ``additions`` are solvers and integrators of other packages that
-    the simulator has too.  ``out`` receives a folder (`folders.Delivery`), which may have steps by another ``integrator`` than the scene's,
-    with ``linearise`` derivatives at a state, with ``adjoint`` also those from the end of a run, and with ``poses`` those of all bodies,
-    markers and wheels.  Bodies and markers that are ``external_wrenches`` have inputs of a force and a torque, wheels that are ``terrain``,
-    by patterns of their names, those of a ground (`model.tunable`).  A folder that is ``reproducible`` has its own mathematical library.
+    Attributes:
+        method, precision: names of METHODS and PRECISIONS; the start is always found in double.
+        flags: compiler flags.
+        outputs: instead of those of the scene.
+        lanes: whether isomorphic subtrees are evaluated side by side.
+        additions: solvers and integrators of other packages that the simulator has too.
+        out: a folder for a C export, which the choices below are of.
+        integrator: another one than the scene's.
+        linearise, adjoint, poses: whether it has derivatives, adjoint sensitivities, poses of bodies, markers and wheels.
+        external_wrenches: patterns of bodies and markers that get a force and a torque as inputs.
+        terrain: patterns of wheels whose ground is an input.
+        reproducible: whether it brings its own mathematical library, for the same bits on all processors.
     """
 
     method: str = DEFAULT_METHOD

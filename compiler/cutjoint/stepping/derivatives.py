@@ -78,10 +78,10 @@ class Derivatives(Linear):
             initial_sensitivities: (states, by) derivatives of the initial states by parameters; default: none.
             events: number of events to record.
             inputs: input trajectories for this run: arrays (zero-order hold) or tables as of `simulate`.  Such an input in ``by``
-                stands for all its values, ``name[0]`` on; ``name.rate`` for the rates of its table.
+                expands to all its values ``name[0]``, ``name[1]``, ...; ``name.rate`` to the rates of its table.
 
         Raises:
-            TypeError: the model was loaded without derivatives, its steps have none, or go over events that are asked for.
+            TypeError: the model was loaded without derivatives, its integrator has none, or steps over events that are asked for.
             KeyError: there is no such output, parameter or input, or the coordinate is not independent.
             ValueError: ``every`` does not divide the steps, steps are negative, or ``events`` > 0 and ``by`` is empty.
             SimulationError: a step failed, an event has no derivative, or there was no `reset`; the state before the step stays.

@@ -75,7 +75,7 @@ class Handle:
         """Continue from a snapshot of this or another simulation of the same model and scene.
 
         Raises:
-            ValueError: the bytes are none.
+            ValueError: the bytes are no snapshot of this model and version.
         """
         room = ctypes.create_string_buffer(snapshot, len(snapshot))
         if self.library.restore(self.address, ctypes.addressof(room), len(snapshot)):

@@ -38,7 +38,7 @@ class Motion(Handle):
         Raises:
             TypeError: the integrator has no iterations, or no tolerance.
             KeyError: there is no such coordinate or speed.
-            RunError: no pose has what the scene assembles.
+            RunError: no pose has the values of the scene's `assemble`.
             SimulationError: a setting is out of its range, or no consistent state was found.
         """
         call, library = self._call, self.library
@@ -119,7 +119,7 @@ class Motion(Handle):
 
     @with_old_words
     def set_limits(self, **limits: float) -> None:
-        """Limit statistics of `last_step`: a minimum of the pivot, maxima of the others; infinity, for the pivot 0, is none.
+        """Limit statistics of `last_step`: a minimum of the pivot, maxima of the others; infinity, for the pivot 0, removes a limit.
 
         A step beyond a limit is made and raises a `SimulationError`; the motion may continue.  Snapshots do not contain limits.
 

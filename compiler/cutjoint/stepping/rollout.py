@@ -30,7 +30,7 @@ def rollout(
         threads: default: all processors.
 
     Raises:
-        ValueError: the numbers of simulations or steps differ, or there is nothing to tell the first by.
+        ValueError: the numbers of simulations or steps differ, or no argument says the number of simulations.
         KeyError: there is no such parameter or input.
         SimulationError: there was no `Simulation.reset`.
         ToolchainError: the compiler failed.

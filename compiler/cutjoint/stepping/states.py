@@ -192,7 +192,7 @@ class States(Motion):
     def states(self) -> Values:
         """Independent coordinates, their rates, then first-order states, by name.
 
-        A ball has its rotation from the pose in which they were chosen.
+        The state of a ball is its rotation relative to the pose in which the coordinates were chosen.
 
         Raises:
             TypeError: the model was loaded without derivatives.

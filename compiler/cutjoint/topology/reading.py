@@ -24,8 +24,8 @@ def read_model(path: AnyPath, *, tunable: Sequence[str] = (), functions: AnyPath
         functions: C++ file with the functions that the model declares.
 
     Raises:
-        ModelError: the file is wrong, with all its problems and those of its loops; where the file is right, `build_topology` finds
-            these.  Or the code of a function is not in the C++ file.
+        ModelError: the file has problems, of which the error lists all, those of loops included; or the code of a function is not in
+            the C++ file.
     """
     with _problems_of_loops():
         model = _read_foreign(Path(path), tunable) if is_foreign(path) else read.read_model(path, tunable=tunable)
