@@ -17,11 +17,11 @@ from cutjoint.cli import main
 from cutjoint.commands.export import command
 from cutjoint.compile import prepared
 from cutjoint.compile.prepared import Request
-from cutjoint.export.exporters import Export, Exporter
 from cutjoint.methods import IMPLEMENTATIONS, INTEGRATORS, PRECISIONS, SOLVERS, Implementation
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package import extensions
 from cutjoint.package.extensions import COMMANDS, EXPORTERS, Door, MissingPackageError
+from cutjoint.run.additions import Export, Exporter
 from cutjoint.toolchain.drivers import Kind
 from cutjoint_bench import driver
 from cutjoint_bench.twin import backend

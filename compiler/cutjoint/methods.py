@@ -319,7 +319,7 @@ CLOSURES: Mapping[str, Closure] = _catalogue(
     Closure(name="solved", penalty_of_each_cut=True, refinements=2, fixed_cost=True),
 )
 
-#: Of the names of `Implementation`: records of `run/implementations.py`.
+#: Of the names of `Implementation`: records of `run/additions.py`.
 IMPLEMENTATIONS: Door[Any] = Door(group="cutjoint.implementations", what="an implementation", packages={"generic": BENCH})
 
 #: The emitted factorisation, and libraries.

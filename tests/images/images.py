@@ -19,19 +19,7 @@ from cutjoint.elements.interaction import Frame, Point
 from cutjoint.elements.joint import Direction
 from cutjoint.model.elements.build import Elements
 from cutjoint.model.elements.mirror import coordinate_signs, mirror_along, mirror_elements
-from cutjoint.model.records import (
-    AxialForce,
-    Body,
-    Bushing,
-    Force,
-    Joint,
-    JointForce,
-    Model,
-    Numerics,
-    Output,
-    PointSpring,
-    Scene,
-)
+from cutjoint.model.records import AxialForce, Body, Bushing, Force, Joint, JointForce, Model, Numerics, Output, PointSpring, Scene
 
 Array = np.ndarray
 #: Forces whose images are known, and their laws' fields.

@@ -11,17 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, Self, cast
 
 from cutjoint.elements.force import Force, ForceElement, ForceField, Law, LawForce, Reader, Shape
 from cutjoint.elements.forces import FORCES
-from cutjoint.elements.interaction import (
-    Arrow,
-    Axis,
-    Carrier,
-    Coil,
-    Interaction,
-    Mechanics,
-    Point,
-    Visual,
-    VisualContext,
-)
+from cutjoint.elements.interaction import Arrow, Axis, Carrier, Coil, Interaction, Mechanics, Point, Visual, VisualContext
 from cutjoint.elements.terms import Scalar, Vector
 
 if TYPE_CHECKING:

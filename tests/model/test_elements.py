@@ -13,17 +13,7 @@ from cutjoint.elements.joints import JOINTS
 from cutjoint.model.document.model_file import json_schema
 from cutjoint.model.expressions import quantities
 from cutjoint.model.expressions.evaluate import evaluate
-from cutjoint.model.records import (
-    COORDINATES,
-    SPEEDS,
-    Binding,
-    BodyLoad,
-    JointKind,
-    Output,
-    Road,
-    RoadSegment,
-    SegmentKind,
-)
+from cutjoint.model.records import COORDINATES, SPEEDS, Binding, BodyLoad, JointKind, Output, Road, RoadSegment, SegmentKind
 from tests.mechanisms.joint_examples import EXAMPLES
 
 from .pendulum import PENDULUM, check, read

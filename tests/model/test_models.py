@@ -10,17 +10,7 @@ import sympy
 from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.parse import variable
 from cutjoint.model.read import read_model
-from cutjoint.model.records import (
-    AxialForce,
-    Binding,
-    BodyLoad,
-    JointKind,
-    Model,
-    PointSpring,
-    SegmentKind,
-    Span,
-    Tyre,
-)
+from cutjoint.model.records import AxialForce, Binding, BodyLoad, JointKind, Model, PointSpring, SegmentKind, Span, Tyre
 
 MODELS = Path(__file__).parents[2] / "models"
 

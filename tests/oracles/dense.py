@@ -20,16 +20,7 @@ from functools import cached_property
 import numpy as np
 import sympy
 
-from cutjoint.model.records import (
-    COORDINATES,
-    GROUND,
-    Binding,
-    Body,
-    Gear,
-    Joint,
-    JointKind,
-    Scene,
-)
+from cutjoint.model.records import COORDINATES, GROUND, Binding, Body, Gear, Joint, JointKind, Scene
 from cutjoint.topology.records import Topology, TreeJoint
 from tests.oracles.dense_forces import TINY, Array, DenseForces, Poses
 from tests.oracles.joints import BALLS, ROWS, SCALARS, VECTORS, apply, quaternion_product, relative_motion, residual, vector_of

@@ -23,17 +23,7 @@ from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology
 from cutjoint.topology.spanning_tree import cost_of
 from tests.conftest import MODELS
-from tests.mechanisms.random_models import (
-    NOWHERE,
-    SIZE,
-    K,
-    chosen_loops,
-    floating_loops,
-    random_loops,
-    scene,
-    tree_with,
-    workshop,
-)
+from tests.mechanisms.random_models import NOWHERE, SIZE, K, chosen_loops, floating_loops, random_loops, scene, tree_with, workshop
 
 #: Ways to cut a suspension's two loops at other joints, the leaf link's loop first.
 SUSPENSIONS = [

@@ -33,8 +33,8 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.program.records import Program
 from cutjoint.report.tables import topology_facts
+from cutjoint.run.additions import Backend
 from cutjoint.run.artifact import Artifact, make_simulator_run
-from cutjoint.run.implementations import Backend
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
 from cutjoint.run.scenes import find_case, with_closure, with_default_closure, with_loops

@@ -11,15 +11,7 @@ from typing import Any
 import sympy
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.emit.classes import (
-    LANES,
-    Beginning,
-    SimulationCode,
-    derived_classes,
-    sized_mechanism_class,
-    sized_system_class,
-    sizes_of,
-)
+from cutjoint.emit.classes import LANES, Beginning, SimulationCode, derived_classes, sized_mechanism_class, sized_system_class, sizes_of
 from cutjoint.emit.sizes import record_length, seed_rows, simulation_size
 from cutjoint.emit.source import (
     SPACE,

@@ -12,18 +12,7 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.elements.joint import (
-    DESIGN_FRAME,
-    SPIN,
-    Ball,
-    Direction,
-    JointElement,
-    Motion,
-    Offset,
-    Slide,
-    Turn,
-    rate_name,
-)
+from cutjoint.elements.joint import DESIGN_FRAME, SPIN, Ball, Direction, JointElement, Motion, Offset, Slide, Turn, rate_name
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model.elements.geometry import GLOBAL_AXES, least_component
 from cutjoint.model.errors import ModelError, Problem

@@ -54,8 +54,7 @@ class DriverExtension(Generic[R_co]):
 
 @dataclass(frozen=True, kw_only=True)
 class Door(Generic[C]):
-    """A kind of additions: its ``group`` of entry points, the word ``what`` for each in a message, and the package of each known
-    addition."""
+    """A kind of additions: its ``group`` of entry points, the word ``what`` of messages, and the package of each known one."""
 
     group: str
     what: str
@@ -90,7 +89,5 @@ def _entry_points() -> EntryPoints:
 #: Commands of click.
 COMMANDS: Door[Any] = Door(group="cutjoint.commands", what="a command", packages={"bench": BENCH})
 
-#: Records of `export/exporters.py`.
-EXPORTERS: Door[Any] = Door(
-    group="cutjoint.exporters", what="an export", packages=dict.fromkeys(("mujoco", "exudyn", "pinocchio"), BENCH)
-)
+#: Records of `run/additions.py`.
+EXPORTERS: Door[Any] = Door(group="cutjoint.exporters", what="an export", packages=dict.fromkeys(("mujoco", "exudyn", "pinocchio"), BENCH))

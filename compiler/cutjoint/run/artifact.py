@@ -12,17 +12,7 @@ from cutjoint.emit.source import Source
 from cutjoint.formulate.events import jump_times
 from cutjoint.formulate.inputs import TIME, input_parameters
 from cutjoint.formulate.records import Equations, RecursiveEquations
-from cutjoint.methods import (
-    DEFAULT_METHOD,
-    DEFAULT_PRECISION,
-    INTEGRATORS,
-    METHODS,
-    PRECISIONS,
-    SOLVERS,
-    Implementation,
-    join_or,
-    names_of,
-)
+from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, INTEGRATORS, METHODS, PRECISIONS, SOLVERS, Implementation, join_or, names_of
 from cutjoint.model.records import Joint, Model, Scene
 from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.program.records import Program

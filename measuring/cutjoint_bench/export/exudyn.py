@@ -8,11 +8,11 @@ from textwrap import fill
 
 import sympy
 
-from cutjoint.export.exporters import Export
 from cutjoint.export.laws import Numbers
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import GROUND, JointKind, Model, Output, Scene
+from cutjoint.run.additions import Export
 from cutjoint_bench.export.chains import gear_problems, joint_force_problems
 from cutjoint_bench.export.columns import make_columns
 from cutjoint_bench.export.exudyn_forces import ForceWriter, road_statements

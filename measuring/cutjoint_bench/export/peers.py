@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cutjoint.export.exporters import Exporter
+from cutjoint.run.additions import Exporter
 from cutjoint_bench.export import exudyn, mujoco, pinocchio
 from cutjoint_bench.export.columns import known_outputs
 

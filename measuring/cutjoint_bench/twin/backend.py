@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cutjoint.run.implementations import Backend
+from cutjoint.run.additions import Backend
 from cutjoint_bench.twin import ADDITIONS, FOLDER, RUNTIME
 
 if TYPE_CHECKING:

@@ -13,15 +13,7 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.formulate.inputs import (
-    INPUT_ORDERS,
-    INPUTS,
-    TIME,
-    guide_rates,
-    input_functions,
-    input_parameters,
-    make_translator,
-)
+from cutjoint.formulate.inputs import INPUT_ORDERS, INPUTS, TIME, guide_rates, input_functions, input_parameters, make_translator
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.expressions.parse import variable
 from cutjoint.model.records import BodyLoad, Force, Model, Scalar, Scene, Tyre

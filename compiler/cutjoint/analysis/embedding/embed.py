@@ -196,9 +196,8 @@ def _require_simple(model: Model, block: Block) -> None:
     if any(len(drive.guide or ()) > 1 for drive in block.drives):
         raise NoAssemblyError(f"'{block.drives[0].name}' moves it by several guided coordinates")
     for joint in (j for j in model.joints if not degrees(j) and {j.base, j.follower} & bodies):
-        if joint.guide is None:
-            raise NoAssemblyError(f"'{joint.name}' fixes a body to one of its bodies: make the two one body")
-        raise NoAssemblyError(f"its bodies are guided by '{joint.name}'")
+        does = "guides one of its bodies" if joint.guide is not None else "fixes a body to one of its bodies: make the two one body"
+        raise NoAssemblyError(f"'{joint.name}' {does}")
     if any(joint.armature != 0 for joint in block.joints):
         raise NoAssemblyError("a joint in it has an armature")
     if any(names & set(gear.joints) for gear in model.gears):

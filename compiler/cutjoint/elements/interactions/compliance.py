@@ -5,16 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from cutjoint.elements.interaction import (
-    Arrow,
-    Frame,
-    Interaction,
-    Mechanics,
-    Point,
-    Ring,
-    Visual,
-    VisualContext,
-)
+from cutjoint.elements.interaction import Arrow, Frame, Interaction, Mechanics, Point, Ring, Visual, VisualContext
 
 if TYPE_CHECKING:
     from cutjoint.elements.force import Force

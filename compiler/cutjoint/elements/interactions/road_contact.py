@@ -15,17 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from cutjoint.elements.interaction import (
-    Arrow,
-    Axis,
-    Interaction,
-    Mechanics,
-    Motion,
-    Point,
-    Visual,
-    VisualContext,
-    Wheel,
-)
+from cutjoint.elements.interaction import Arrow, Axis, Interaction, Mechanics, Motion, Point, Visual, VisualContext, Wheel
 
 if TYPE_CHECKING:
     from cutjoint.elements.forces.on_road import OnRoad

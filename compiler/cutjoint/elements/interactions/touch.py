@@ -16,15 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from cutjoint.elements.interaction import (
-    Arrow,
-    Axis,
-    Carrier,
-    Interaction,
-    Mechanics,
-    Point,
-    VisualContext,
-)
+from cutjoint.elements.interaction import Arrow, Axis, Carrier, Interaction, Mechanics, Point, VisualContext
 
 if TYPE_CHECKING:
     from cutjoint.elements import forces

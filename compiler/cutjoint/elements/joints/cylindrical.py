@@ -1,16 +1,6 @@
 """A slider that turns."""
 
-from cutjoint.elements.joint import (
-    ABOUT_AXIS,
-    ON_LINE,
-    Direction,
-    JointElement,
-    JointField,
-    Operations,
-    SameDirection,
-    Slide,
-    Turn,
-)
+from cutjoint.elements.joint import ABOUT_AXIS, ON_LINE, Direction, JointElement, JointField, Operations, SameDirection, Slide, Turn
 from cutjoint.elements.terms import JointKind
 
 ELEMENT = JointElement(

@@ -1,16 +1,6 @@
 """A contact of planes."""
 
-from cutjoint.elements.joint import (
-    ABOUT_AXIS,
-    IN_PLANE,
-    Direction,
-    JointElement,
-    JointField,
-    Operations,
-    SameDirection,
-    Slide,
-    Turn,
-)
+from cutjoint.elements.joint import ABOUT_AXIS, IN_PLANE, Direction, JointElement, JointField, Operations, SameDirection, Slide, Turn
 from cutjoint.elements.terms import JointKind
 
 ELEMENT = JointElement(

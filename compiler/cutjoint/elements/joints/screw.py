@@ -1,16 +1,6 @@
 """A screw."""
 
-from cutjoint.elements.joint import (
-    ABOUT_AXIS,
-    ON_LINE,
-    Advance,
-    Direction,
-    JointElement,
-    JointField,
-    Operations,
-    SameDirection,
-    Turn,
-)
+from cutjoint.elements.joint import ABOUT_AXIS, ON_LINE, Advance, Direction, JointElement, JointField, Operations, SameDirection, Turn
 from cutjoint.elements.terms import JointKind
 
 ELEMENT = JointElement(

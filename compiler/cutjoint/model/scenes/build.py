@@ -21,17 +21,7 @@ from cutjoint.model.expressions.quantities import Element as Quantified
 from cutjoint.model.expressions.scope import FAILED, Element, element
 from cutjoint.model.expressions.units import NONE, TIME, Dimension
 from cutjoint.model.ranges import RANGES, SOLVER_TOLERANCE, StepsError, count_steps
-from cutjoint.model.records import (
-    STEP,
-    Binding,
-    Joint,
-    Numerics,
-    Output,
-    Plot,
-    Scalar,
-    Scene,
-    Signal,
-)
+from cutjoint.model.records import STEP, Binding, Joint, Numerics, Output, Plot, Scalar, Scene, Signal
 from cutjoint.model.scenes.joints import held_where_it_starts, read_drives, read_locks, with_guides
 from cutjoint.model.scenes.roads import read_road
 from cutjoint.model.scenes.starts import read_aims, read_near, read_starts, read_states, read_trim

@@ -143,7 +143,6 @@ class Bordered {
     }
   }
 
-
   /// Where all entries may be other than 0.
   static constexpr Pattern everywhere = [] {
     Pattern all{};

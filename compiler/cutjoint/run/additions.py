@@ -1,13 +1,15 @@
-"""The contract of an export to another simulator, which another package adds."""
+"""The contracts of what other packages add: exports to other simulators, and implementations of models beside generated code."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Model, Output, Scene
+    from cutjoint.run.artifact import Artifact
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,3 +31,18 @@ class Exporter:
     name: str
     export: Callable[[Model, Scene, Mapping[str, float], Sequence[Output]], Export]
     known_outputs: Callable[[Model, Sequence[Output]], tuple[Output, ...]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Backend:
+    """An implementation of models beside generated code and its interpreter.
+
+    ``compile`` makes a simulator ready for a model in a scene by a method.  ``code`` are the folders of all that it is made of, besides the
+    product: cached runs follow from them.  ``solvers`` are the linear solvers of methods that have one.  It is imported for cached runs
+    too, and so imports modules that compile at their first use.
+    """
+
+    name: str
+    compile: Callable[[Model, Scene, str], Artifact]
+    code: tuple[Path, ...]
+    solvers: Mapping[str, str]
