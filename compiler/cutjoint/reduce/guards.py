@@ -48,7 +48,7 @@ def guard_forces(model: Model, scene: Scene, names: Collection[str] | None = Non
     )  # fmt: skip
 
 
-def speculate(model: Model, scene: Scene) -> tuple[Outcome, Trajectory]:
+def speculate(model: Model, scene: Scene, run: Callable[[Model, Scene], Trajectory]) -> tuple[Outcome, Trajectory]:
     """Run without the forces that can be guarded, and again with the forces of violated guards, until none is violated.
 
     A run without them that fails otherwise is repeated in full.  Returns the last run and the model that it ran.
@@ -56,7 +56,7 @@ def speculate(model: Model, scene: Scene) -> tuple[Outcome, Trajectory]:
     out = set(guardable(model, scene))
     while True:
         outcome = guard_forces(model, scene, out)
-        result = run_scene(outcome.model, outcome.scene)
+        result = run(outcome.model, outcome.scene)
         if result.failure is None or not out:
             return outcome, result
         out -= set(result.failure.guards) or out
@@ -66,7 +66,7 @@ def guard_idle(model: Model, scene: Scene) -> Outcome:
     """The pass: the forces without action in the scene at its step, found by runs that put the acting ones back."""
     if not guardable(model, scene):
         return Outcome(model=model, scene=scene)
-    outcome, run = speculate(model, scene)
+    outcome, run = speculate(model, scene, run_scene)
     if run.failure is not None:
         return Outcome(model=model, scene=scene)
     acting = set(guardable(model, scene)) - {note.element for note in outcome.done}
