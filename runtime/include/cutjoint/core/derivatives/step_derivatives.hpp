@@ -341,7 +341,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     cut_ = {};
     for (std::size_t i = 0; i < indicators; ++i) {
       const long number = stepper.counts().by_indicator[i];
-      if (number != counted_[i] && !M::indicators[i].is_continuous) cut_.which[cut_.left++] = i;
+      if (number != counted_[i] && !Base::Subject::indicators[i].is_continuous) cut_.which[cut_.left++] = i;
       counted_[i] = number;
     }
   }
