@@ -6,7 +6,6 @@ import pytest
 
 from cutjoint.analysis.mobility import GuideError
 from cutjoint.compile.pipeline import generate
-from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions.parse import POSITION
 from cutjoint.model.read import read_model_text
@@ -14,6 +13,7 @@ from cutjoint.model.records import Model
 from cutjoint.report.explain.document import explain
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.spanning_tree import TopologyError
+from cutjoint_bench.mechanics_alone import require_mechanics_alone
 
 TEXT = """
 cutjoint: 1

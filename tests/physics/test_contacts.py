@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Contact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint.topology.reading import read_model
+from cutjoint_bench.mechanics_alone import require_mechanics_alone
 from tests.conftest import needs_cpp
 from tests.physics.simulation import CompileOptions, compile_scene
 
