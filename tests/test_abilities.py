@@ -12,12 +12,12 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.elements.force import Force as ForceElement
 from cutjoint.elements.interactions import LineForce
-from cutjoint.export.laws import KNOWN
 from cutjoint.methods import STEPS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Force, PointSpring
 from cutjoint.topology.reading import read_model
 from cutjoint_bench.export.mechanism import build_mechanism
+from cutjoint_bench.mechanics_alone import KNOWN
 from cutjoint_bench.twin import artifact
 from cutjoint_bench.twin.artifact import compile_generic
 from cutjoint_bench.twin.mechanism import _KINDS

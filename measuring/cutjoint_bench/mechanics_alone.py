@@ -7,7 +7,7 @@ from cutjoint.model.expressions.quantities import reading_elements
 from cutjoint.model.records import BallSpring, Contact, FirstOrderState, Force, JointFriction, Model, Signal, Wheel
 
 #: The interactions whose equations others have too: those that stand in the twin and in programs of peers by hand.
-_KNOWN = (AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench)
+KNOWN = (AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench)
 
 
 def require_mechanics_alone(model: Model) -> None:
@@ -20,7 +20,7 @@ def require_mechanics_alone(model: Model) -> None:
     problems = [Problem(span=e.span, element=f"'{e.name}'", message=message, hint="leave it out") for e in found]
     problems += [
         Problem(span=f.span, element=f"'{f.name}'", message=f"only cutjoint has {_words(f)}", hint="leave it out")
-        for f in model.forces if type(f.interaction) not in _KNOWN or (f.has_road and f.expressions and f not in found)
+        for f in model.forces if type(f.interaction) not in KNOWN or (f.has_road and f.expressions and f not in found)
     ]  # fmt: skip
     problems += [
         Problem(span=g.span, element=f"gear '{g.name}'", message=f"only cutjoint has gears {what}", hint="give it a ratio")
