@@ -58,7 +58,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.dofs + 2 * len(equations.state.states) + 15 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 13 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
-        stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n + 2 * state + 3 * q + 64  # of a step's derivatives
+        stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n * n + 6 * n + 2 * state + 3 * q + 64  # of a step's derivatives
         if steps.stages and equations.indicators:  # at events
             stored += 2 * len(equations.indicators) + q + n + 64
         stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
@@ -76,7 +76,8 @@ def _size_of_adjoint(parts: SimulationCode, transposed: Derived) -> int:
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
     fitted = 12 * (sum(fit.length for fit in parts.mechanism.fits) + len(parts.mechanism.parameters))
     numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
-    return numbers + len(parts.mechanism.parameters) + n + 4 * m + 7 * state + 8 * seed_rows(parts) + transposed.equations.input_values + 64
+    numbers += len(parts.mechanism.parameters) + (n + 10) * (n + 16) + 4 * m
+    return numbers + (n + m + 10) * (n + m + 16) + 7 * state + 8 * seed_rows(parts) + transposed.equations.input_values + 64
 
 
 def _size_of_residual(parts: SimulationCode, force_residual: Linearised) -> int:
