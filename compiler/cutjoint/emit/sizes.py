@@ -61,7 +61,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n * n + 6 * n + 2 * state + 3 * q + 64  # of a step's derivatives
         if steps.stages and equations.indicators:  # at events
             stored += 2 * len(equations.indicators) + q + n + 64
-        stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
+        stored += stored // 8 if parts.transposed is None else stored // 8 + _size_of_adjoint(parts, parts.transposed)
         stored += 0 if parts.force_residual is None else _size_of_residual(parts, parts.force_residual)
         stored += 0 if parts.force_residual is None or parts.system is None else _size_of_ends(parts, parts.force_residual, steps)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
