@@ -46,7 +46,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
     else:
         stored += _stored(parts.system.program) + _size_of_newton(parts.system)
         if steps.finds_events:  # a second iteration, for single states, and what stages and the step between them hold
-            stored += _size_of_newton(parts.system) + 40 * n + 16 * m + 4 * q + 10 * state + 12 * len(equations.indicators) + 64
+            stored += stored // 8 + 9 * _size_of_newton(parts.system) // 8 + 40 * n + 16 * m + 4 * q + 10 * state + 12 * len(equations.indicators) + 64
     if parts.guides_jump:  # impulses, and of Newton's iteration a second one, for single states
         stored += n * n + (n + m) ** 2 + 6 * (n + m) + 12 * n + 9 * m + q + 5 * state + 2 * len(equations.indicators) + 64
         stored += 0 if parts.system is None else _size_of_newton(parts.system)
