@@ -15,7 +15,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.toolchain.compiler import find_compiler
 from tests.conftest import with_heavy
-from tests.mechanisms.random_models import CUT_KINDS, TREE_KINDS, loop_with, scene
+from tests.mechanisms.random_models import CLOSINGS, CUT_KINDS, loop_with, scene
 from tests.mechanisms.rods import rods_text
 from tests.standalone.c_exports import folder_of_model
 
@@ -32,7 +32,7 @@ def model_of(seed: int, method: str) -> Model:
     """A random loop, or plates on massless rods, of which four have more than 24 equations."""
     rng = np.random.default_rng(seed)
     if seed % 2 and METHODS[method].formulation is not Formulation.NATURAL:  # which has not the coordinates of all kinds
-        return replace(loop_with(rng.choice(TREE_KINDS), rng.choice(CUT_KINDS), seed), scenes={"run": scene()})
+        return replace(loop_with(rng.choice(CUT_KINDS), rng.choice(CLOSINGS), seed), scenes={"run": scene()})
     return read_model_text(rods_text(int(rng.integers(2, 6)), plates=1 + seed // 2 % 3, seed=seed), "rods.yaml")
 
 

@@ -45,8 +45,10 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += 0 if steps.stages else 12 * n + 8  # accelerations of steps and iterations before
     else:
         stored += _stored(parts.system.program) + _size_of_newton(parts.system)
-        if steps.finds_events:  # a second iteration, for single states, and what stages and the step between them hold
-            stored += stored // 8 + 9 * _size_of_newton(parts.system) // 8 + 40 * n + 16 * m + 4 * q + 10 * state + 12 * len(equations.indicators) + 64
+        if steps.finds_events:  # a second iteration, for single states, the complex tangent of stages, and what they and the step hold
+            pattern = parts.system.plan.pattern
+            stored += 2 * pattern.size**2 + 8 * pattern.size + 5 * len(pattern.row)
+            stored += _size_of_newton(parts.system) + 40 * n + 16 * m + 4 * q + 10 * state + 12 * len(equations.indicators) + 64
     if parts.guides_jump:  # impulses, and of Newton's iteration a second one, for single states
         stored += n * n + (n + m) ** 2 + 6 * (n + m) + 12 * n + 9 * m + q + 5 * state + 2 * len(equations.indicators) + 64
         stored += 0 if parts.system is None else _size_of_newton(parts.system)
@@ -58,10 +60,10 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.dofs + 2 * len(equations.state.states) + 15 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 13 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
-        stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n * n + 6 * n + 2 * state + 3 * q + 64  # of a step's derivatives
+        stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n + 2 * state + 3 * q + 64  # of a step's derivatives
         if steps.stages and equations.indicators:  # at events
             stored += 2 * len(equations.indicators) + q + n + 64
-        stored += stored // 8 if parts.transposed is None else stored // 8 + _size_of_adjoint(parts, parts.transposed)
+        stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
         stored += 0 if parts.force_residual is None else _size_of_residual(parts, parts.force_residual)
         stored += 0 if parts.force_residual is None or parts.system is None else _size_of_ends(parts, parts.force_residual, steps)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
@@ -76,8 +78,7 @@ def _size_of_adjoint(parts: SimulationCode, transposed: Derived) -> int:
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
     fitted = 12 * (sum(fit.length for fit in parts.mechanism.fits) + len(parts.mechanism.parameters))
     numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
-    numbers += len(parts.mechanism.parameters) + (n + 10) * (n + 16) + 4 * m
-    return numbers + (n + m + 10) * (n + m + 16) + 7 * state + 8 * seed_rows(parts) + transposed.equations.input_values + 64
+    return numbers + len(parts.mechanism.parameters) + n + 4 * m + 7 * state + 8 * seed_rows(parts) + transposed.equations.input_values + 64
 
 
 def _size_of_residual(parts: SimulationCode, force_residual: Linearised) -> int:
