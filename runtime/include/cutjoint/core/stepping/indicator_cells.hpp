@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <limits>
 #include <span>
 #include <utility>
@@ -30,6 +31,12 @@ class IndicatorCells {
 
   /// Whether there can be any indicators.
   static constexpr bool has_indicators = !Sized<M> || static_sizes<M>().indicators > 0;
+
+  /// Whether there are indicators at whose zeros forces only get another derivative.
+  static constexpr bool has_continuous = [] {
+    if constexpr (!Sized<M>) return false;
+    else return std::any_of(std::begin(M::indicators), std::end(M::indicators), [](const IndicatorPlace& place) { return place.is_continuous; });
+  }();
 
   /// `roads` are those of the tyres.
   IndicatorCells(IndicatorPlaces<M> places, const Road<Real>* roads) : places_(std::move(places)), roads_(roads), now_(places_.size()), shift_(places_.size()) {}
@@ -79,6 +86,8 @@ class IndicatorCells {
     while (i < now_.cells.size() && !is_sought_out(i)) ++i;
     return i;
   }
+
+  bool is_continuous(std::size_t i) const { return i < places_.size() && places_[i].is_continuous; }
 
   /// How many of those sought are out of their cells.
   std::size_t count_out() const {

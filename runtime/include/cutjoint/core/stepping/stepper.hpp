@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <type_traits>
 #include <utility>
 
 #include "cutjoint/core/numbers/arrays.hpp"
@@ -331,6 +332,10 @@ class Stepper {
       return {};
     }
     if (const Real more = share_together(high, h); out_at(high + more) > out_at(high)) high += more;
+    if constexpr (std::remove_cvref_t<decltype(scheme_.cells())>::has_continuous) {  // the first stage behind has the derivative of its side
+      scheme_.follow(high);
+      if (scheme_.cells().is_continuous(scheme_.found())) high += Real(1e-6);
+    }
     if (scheme_.follow(high) > limit + shortest()) {
       scheme_.follow_to(limit);
       if (const Fault fault = scheme_.finish()) return fault;
