@@ -9,6 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cutjoint.methods import METHODS
+from cutjoint.model.read import read_model_text
+from cutjoint.run.scenes import find_scene
+from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, with_heavy
 from tests.mechanisms.four_bar import four_bar_text
 from tests.physics.simulation import compile_model, compile_text, completed, simulate
@@ -149,3 +152,41 @@ def test_attitudes_near_which_a_start_is_sought_are_those_of_followers_too(tmp_p
     assert np.linalg.norm(np.array([1, 0, 2 + run["slide.displacement"][0]]) - tip) == pytest.approx(2, abs=1e-12)
     kept = Rotation.from_euler("YZX", [0.3, 0.2, -0.1]).apply([1, 0, 0])
     assert 1e-3 < np.linalg.norm(tip - kept) < 0.5  # the shortest way turns the foot too
+
+
+LEG = """
+cutjoint: 1
+name: leg
+gravity: [0, 0, -9.81]
+bodies:
+  thigh: {mass: 1, centre_of_mass: [0, 0, 0.85], inertia: [0.0075, 0.0075, 0.0001]}
+  shank: {mass: 0.6, centre_of_mass: [0, 0, 0.55], inertia: [0.0045, 0.0045, 0.0001]}
+  crank: {mass: 0.1, centre_of_mass: [0.03, 0, 1], inertia: [0.00001, 0.00003, 0.00003]}
+  coupler: {mass: 0.15, centre_of_mass: [0.06, 0, 0.85], inertia: [0.0011, 0.0011, 0.0001]}
+joints:
+  hip: {kind: revolute, bodies: [ground, thigh], at: [0, 0, 1], axis: y}
+  knee: {kind: revolute, bodies: [thigh, shank], at: [0, 0, 0.7], axis: y}
+  shaft: {kind: revolute, bodies: [ground, crank], at: [0, 0, 1], axis: y}
+  pin: {kind: revolute, bodies: [crank, coupler], at: [0.06, 0, 1], axis: y}
+  end: {kind: spherical, bodies: [coupler, shank], at: [0.06, 0, 0.7]}
+outputs: [hip.angle, knee.angle, shaft.angle]
+scenes: {still: {end: 0.1}}
+"""
+
+
+def test_given_coordinates_keep_the_assembly_of_the_design_position() -> None:
+    """A parallelogram's crank turns as the shank does; from far away the shortest way led to the crossed one."""
+    model = read_model_text(LEG, "leg.yaml")
+    sim = load_scene(model, find_scene(model, None), linearise=True)
+    for hip, knee in np.random.default_rng(3).uniform([-1.5, -1.4], [1.5, 1.4], (40, 2)):
+        sim.reset(coordinates={"hip.angle": hip, "knee.angle": knee})
+        assert sim.coordinates["shaft.angle"] == pytest.approx(hip + knee, abs=1e-8)
+
+
+def test_a_choice_of_independent_coordinates_outlasts_a_reset() -> None:
+    model = read_model_text(LEG, "leg.yaml")
+    sim = load_scene(model, find_scene(model, None), linearise=True).reset()
+    for names in (["hip.angle", "shaft.angle"], ["knee.angle", "shaft.angle"]):
+        sim.choose_independent([f"{name}_rate" for name in names])
+        sim.reset(coordinates={"hip.angle": 0.1})
+        assert list(sim.states)[:2] == names

@@ -41,6 +41,7 @@ class Handle:
         self.parameters = Values(library.names["parameter"], self._view("parameters", "parameter"), library.units["parameter"])
         self.inputs = Values(library.names["input"], self._view("inputs", "input"), library.units.get("input"))
         self._is_started = False
+        self._independent: ctypes.Array[ctypes.c_int] | None = None  # the speeds that the user chose
         self._limits: dict[str, float] = {}
         self._settings = library.settings
 

@@ -160,7 +160,7 @@ class States(Motion):
     def choose_independent(self, speeds: Sequence[str] | None = None) -> None:
         """Choose the independent coordinates by the names of their ``speeds``, one for each degree of freedom.
 
-        Without ``speeds`` the choice is the one by which the dependent coordinates change least.
+        Without ``speeds`` the choice is the one by which the dependent coordinates change least.  A choice by ``speeds`` outlasts `reset`.
 
         Raises:
             TypeError: the model was loaded without derivatives.
@@ -171,12 +171,15 @@ class States(Motion):
         dofs = self._require_dofs()
         if speeds is None:
             self._call(self.library.choose_independent)
+            self._independent = None
             return
         names = self.library.names["speed"]
         numbers = [find_place({each: i for i, each in enumerate(names)}, name) for name in speeds]
         if len(set(numbers)) != dofs or len(numbers) != dofs:
             raise ValueError(f"there are {dofs} degrees of freedom, and so many different speeds to choose, not {', '.join(speeds)}")
-        self._call(self.library.choose_independent_speeds, (ctypes.c_int * dofs)(*numbers))
+        chosen = (ctypes.c_int * dofs)(*numbers)
+        self._call(self.library.choose_independent_speeds, chosen)
+        self._independent = chosen
 
     @property
     def is_ill_conditioned(self) -> bool:

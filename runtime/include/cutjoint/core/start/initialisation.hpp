@@ -65,7 +65,8 @@ class Initialisation {
   Fault place(StateOf<M>& state, const Coordinates<M, unsigned char>& given) {
     turn_reversed(state, given);
     find_placed(given);
-    if (const Fault fault = starter_.assemble(state, placed_, Real(0))) return fault;
+    const bool is_guessed = std::find(given.begin(), given.end(), given_as_guess) != given.end();
+    if (const Fault fault = is_guessed ? starter_.assemble(state, placed_, Real(0)) : starter_.assemble_from_design(state, placed_, Real(0))) return fault;
     if (finds_penalties() && !penalties_.empty()) weigh(state);
     if (settings_.equilibrium)
       if (const Fault fault = starter_.equilibrate(state, placed_)) return fault;

@@ -78,6 +78,24 @@ class Starter {
     return {};
   }
 
+  /// Close the loops from the given coordinates as `assemble` does, or over poses between the design position and these, where the other coordinates
+  /// move less so: from far away the shortest way may lead to another assembly.
+  Fault assemble_from_design(StateOf<M>& state, const SpeedFlags<M>& held, Real motion) {
+    constexpr int stages = 16;
+    const StateOf<M>& given = other_ = state;
+    const Fault fault = assemble(state, held, motion);
+    if (std::find(held.begin(), held.end(), true) == held.end() || std::equal(state.q.begin(), state.q.end(), given.q.begin())) return fault;
+    probe_.t = state.t;
+    std::fill(probe_.q.begin(), probe_.q.end(), Real(0));
+    probe_.set_balls(charts_of(mechanism_));
+    for (int stage = 0; stage <= stages; ++stage) {
+      put_between(given, Real(stage) / stages, held);
+      if (assemble(probe_, held, motion)) return fault;
+    }
+    if (fault || moves_less(probe_, state)) state.q = probe_.q;
+    return {};
+  }
+
   /// Change the speeds that are not held, least in the mean square, so that the loops stay closed.
   Fault make_consistent(StateOf<M>& state, const SpeedFlags<M>& held, Real motion) {
     mechanism_.begin_step(state.t, motion);
@@ -160,6 +178,37 @@ class Starter {
   }
 
  private:
+  /// Give held coordinates of the probe a share of their way from the design position.
+  void put_between(const StateOf<M>& given, Real share, const SpeedFlags<M>& held) {
+    using std::sqrt;
+    for (const Chart& chart : charts_of(mechanism_)) {
+      const auto q = static_cast<std::size_t>(chart.q), v = static_cast<std::size_t>(chart.v), scalars = static_cast<std::size_t>(chart.scalars);
+      for (std::size_t i = 0; i < scalars; ++i)
+        if (held[v + i]) probe_.q[q + i] = share * given.q[q + i];
+      if (!chart.ball || !held[v + scalars]) continue;
+      Real square(0);
+      for (std::size_t i = q + scalars; i < q + scalars + 4; ++i) {
+        probe_.q[i] = share * given.q[i];
+        if (i == q + scalars) probe_.q[i] += given.q[i] < Real(0) ? share - Real(1) : Real(1) - share;
+        square += probe_.q[i] * probe_.q[i];
+      }
+      for (std::size_t i = q + scalars; i < q + scalars + 4; ++i) probe_.q[i] /= sqrt(square);
+    }
+  }
+
+  /// Whether coordinates of one state are nearer to the design position than those of another, each compared with itself, whatever its unit.
+  bool moves_less(const StateOf<M>& one, const StateOf<M>& other) const {
+    using std::abs;
+    Real more(0);
+    for (const Chart& chart : charts_of(mechanism_))
+      for (int i = 0; i < chart.scalars + (chart.ball ? 4 : 0); ++i) {
+        if (i == chart.scalars) continue;  // the scalar part of a quaternion
+        const Real a = abs(one.q[static_cast<std::size_t>(chart.q + i)]), b = abs(other.q[static_cast<std::size_t>(chart.q + i)]);
+        if (a + b > Real(1e-7)) more += (a - b) / (a + b);
+      }
+    return more < Real(-1e-3);
+  }
+
   static constexpr std::size_t n = static_sizes<M>().speeds, m = static_sizes<M>().equations;
 
   static constexpr Real closed() { return Real(1e-14); }
