@@ -16,6 +16,7 @@ from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.formulate.recursive.embedding.dependent import fitted_inputs
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import RoadTable, interpret_blocks
+from cutjoint.program.tangents import interpret_tangents
 from cutjoint.topology.geometry import TOLERANCE
 
 Array: TypeAlias = NDArray[np.float64]
@@ -134,6 +135,20 @@ def evaluate_scene_inputs(equations: Equations, parameters: Array, t: float) -> 
     results = equations.function("scene_inputs").results
     values = interpret_blocks(results.values(), {LAW_TIME: np.full(1, t), "parameters": parameters}, {})
     numbers = np.stack(np.broadcast_arrays(*(values[block][..., 0, 0] for block in results.values())), axis=-1)
+    return _by_input(equations, numbers)
+
+
+def scene_input_changes(equations: Equations, parameters: Array, changes: Array, t: float) -> dict[str, Array]:
+    """The changes (directions, length) of `evaluate_scene_inputs` by ``changes`` (directions, parameters) of parameters (length,)."""
+    if not equations.input_values or not changes.any():
+        return {}
+    results = equations.function("scene_inputs").results
+    _, moved = interpret_tangents(results.values(), {LAW_TIME: np.full(1, t), "parameters": parameters}, {"parameters": changes}, {})
+    still = np.zeros((len(changes), 1, 1))
+    return _by_input(equations, np.concatenate([moved.get(block, still)[:, 0] for block in results.values()], axis=-1))
+
+
+def _by_input(equations: Equations, numbers: Array) -> dict[str, Array]:
     given = len(equations.slots[INPUTS].names)
     begun = given + equations.held
     return {INPUTS: numbers[..., :given], HELD: numbers[..., given:begun], LAW_VALUES: numbers[..., begun:]}
@@ -178,12 +193,29 @@ def retract(equations: Charted, q: Array, delta: Array) -> Array:
         ball = chart.q + chart.scalars
         result[..., chart.q : ball] += delta[..., chart.v : chart.v + chart.scalars]
         if chart.ball:
-            x, y, z = np.moveaxis(delta[..., chart.v + chart.scalars : chart.v + chart.scalars + 3] / 2, -1, 0)
-            one = np.ones_like(x)
-            turn = np.array([[one, -x, -y, -z], [x, one, -z, y], [y, z, one, -x], [z, -y, x, one]])
-            e = np.einsum("ij...,...j->...i", turn, q[..., ball : ball + 4])
+            e = _turned_ball(q[..., ball : ball + 4], delta[..., chart.v + chart.scalars : chart.v + chart.scalars + 3])
             result[..., ball : ball + 4] = e / np.linalg.norm(e, axis=-1, keepdims=True)
     return result
+
+
+def retract_changes(equations: Charted, q: Array, delta: Array, changes: Array) -> Array:
+    """The changes (directions, coordinates) of ``retract(q, delta)`` by ``changes`` (directions, speeds) of delta (speeds,)."""
+    result = np.zeros((len(changes), len(q)))
+    for chart in equations.charts:
+        ball, first = chart.q + chart.scalars, chart.v + chart.scalars
+        result[:, chart.q : ball] = changes[:, chart.v : first]
+        if chart.ball:
+            e, was = _turned_ball(q[ball : ball + 4], delta[first : first + 3]), q[ball : ball + 4]
+            length, moved = np.linalg.norm(e), _turned_ball(np.broadcast_to(was, (len(changes), 4)), changes[:, first : first + 3]) - was
+            result[:, ball : ball + 4] = moved / length - np.outer(moved @ e, e) / length**3
+    return result
+
+
+def _turned_ball(e: Array, theta: Array) -> Array:
+    """A quaternion (..., 4), turned by (1, theta/2), not of length one."""
+    x, y, z = np.moveaxis(theta / 2, -1, 0)
+    one = np.ones_like(x)
+    return np.asarray(np.einsum("ij...,...j->...i", np.array([[one, -x, -y, -z], [x, one, -z, y], [y, z, one, -x], [z, -y, x, one]]), e))
 
 
 #: The number of wanted poses besides the design position, and of trials for one.

@@ -1,17 +1,18 @@
 """Systems in natural coordinates as numbers: states that satisfy their equations, Jacobians, tangents, equations that depend on others."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array, FlatRoad, Pose, evaluate_scene_inputs, explore, make_inputs, retract
+from cutjoint.analysis.closing import Array, FlatRoad, Pose, evaluate_scene_inputs, explore, make_inputs, retract, scene_input_changes
 from cutjoint.formulate.inputs import HELD, INPUT_ORDERS, INPUTS, held_name
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.records import SystemEquations
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import RoadTable, interpret_blocks
+from cutjoint.program.tangents import interpret_tangents
 from cutjoint.topology.geometry import TOLERANCE
 
 #: The arrays of a call that input symbols' columns stand in.
@@ -54,6 +55,33 @@ def evaluate_results(
     flat: dict[str, RoadTable] = {name: FlatRoad() for name in equations.roads}
     values = interpret_blocks(results.values(), _inputs(equations, arrays, held), flat if roads is None else roads)
     return {name: values[block][..., 0] for name, block in results.items()}
+
+
+def evaluate_changes(
+    equations: SystemEquations, results: Mapping[str, Block], arrays: Mapping[str, Array], changes: Mapping[str, Array],
+    roads: Mapping[str, RoadTable], held: Mapping[str, float | Array], by_input: Mapping[str, Array], touching: Collection[Block] = (),
+) -> dict[str, tuple[Array, Array]]:  # fmt: skip
+    """Results (length,) by name and their exact changes (directions, length) by ``changes`` (directions, length) of arrays (length,) and
+    ``by_input`` (directions,) of held inputs; other arguments as of `evaluate_results` and `interpret_tangents`."""
+    by_parameters, count = changes["parameters"], len(changes["parameters"])
+    laws = scene_input_changes(equations, arrays["parameters"], by_parameters, float(arrays["t"][0]))
+    seeds = {"parameters": by_parameters, **laws}
+    if by_input and INPUTS not in seeds:
+        seeds[INPUTS] = np.zeros((count, len(equations.slots[INPUTS].names)))
+    for i, parameter in enumerate(equations.inputs):
+        if parameter.name in held:
+            first = len(INPUT_ORDERS) * i
+            seeds[INPUTS][:, first : first + len(INPUT_ORDERS)] = 0.0
+            seeds[INPUTS][:, first] = by_input[parameter.name]
+    for symbol, slot in equations.slots.items():
+        if slot.array in changes and slot.array in _ARRAYS:
+            seeds[symbol] = changes[slot.array][:, slot.offset : slot.offset + len(slot.names)]
+    seeds = {name: seed for name, seed in seeds.items() if seed.any()}
+    values, moved = interpret_tangents(results.values(), _inputs(equations, arrays, held), seeds, roads, touching)
+    return {
+        name: (values[block][..., 0], moved[block][..., 0] if block in moved else np.zeros((count, block.shape[0])))
+        for name, block in results.items()
+    }
 
 
 def _joined(parts: Sequence[Array]) -> Array:

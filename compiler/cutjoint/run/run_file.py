@@ -28,7 +28,8 @@ from cutjoint.run.roads import WheelRoad, road_pieces
 from cutjoint.run.settings import Options, find_settings, with_options
 
 if TYPE_CHECKING:
-    from cutjoint.analysis.trims import Given, Trimmed
+    from cutjoint.analysis.trim_equations import Given
+    from cutjoint.analysis.trims import Trimmed
 
 _NOTHING_ASKED = Options()
 
@@ -143,7 +144,7 @@ def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple
 def _given_numbers(model: Model, scene: Scene, changes: Mapping[str, float]) -> "Given":
     """The numbers of a scene that is found."""
     assert scene.trim is not None
-    from cutjoint.analysis.trims import Given  # others do not wait for what this imports
+    from cutjoint.analysis.trim_equations import Given  # others do not wait for what this imports
 
     values = parameter_values(model, changes)
     value, plain = Evaluator(model, values), replace(scene, trim=None, assemble=())
