@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from scipy.optimize import fsolve
 
 from cutjoint import find_equilibrium, find_modes, read_model_text
+from cutjoint.analysis.trim_equations import TrimEquations
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import require_same_start, trimmed
+from cutjoint.run.run_file import formulated_start, given_numbers, require_same_start, trimmed
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import simulate_batch
+from tests.mechanisms.starts import CRANE, LOADER, MOTORCYCLE
 from tests.physics.simulation import compile_model, compile_scene
 
 G = 9.81
@@ -337,3 +339,28 @@ def test_sweeps_vary_what_the_start_does_not_follow_from() -> None:
     require_same_start(model, model.scenes["steady"], [])
     with pytest.raises(RunError, match="its start is trimmed once, and follows from the parameter 'target'; use cutjoint batch"):
         require_same_start(model, model.scenes["steady"], ["target"])
+
+
+SPINNING_BAR = FIVE_BAR.replace(
+    "trim: {find: [preload, moment], hold: {a.angle: 5 deg, spring.length: 0.69 m}}",
+    "rates: {a.angle_rate: 2}, trim: {find: [e.angle_rate]}",
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "scene"),
+    [(FIVE_BAR, "held"), (SPINNING_BAR, "held"), (MOTOR, "held"), (CRANE, "slewing"), (LOADER, "hold"), (MOTORCYCLE, "leans")],
+)
+def test_derivatives_are_exact(text: str, scene: str) -> None:
+    """Beside central differences of the conditions, of which each errs by its step squared and rounding over it."""
+    model = read_model_text(text, "m.yaml")
+    of = formulated_start(model, model.scenes[scene])
+    equations = TrimEquations(of, given_numbers(model, model.scenes[scene], {}))
+    free, sizes = np.flatnonzero(equations._free), equations._sizes
+    y = equations.begin + np.where(equations._free, 1e-2 * np.random.default_rng(1).standard_normal(len(sizes)) * sizes, 0)
+    tried = equations.tried(y)
+    exact = tried.A * tried.rows[:, np.newaxis] / tried.columns
+    steps = 1e-6 * sizes[free, np.newaxis] * np.eye(len(y))[free]
+    differences = np.array([(equations.residuals(y + h) - equations.residuals(y - h)) / (2 * h.sum()) for h in steps]).T
+    error = np.abs(differences - exact) * sizes[free] / np.maximum(tried.rows, 1e-3)[:, np.newaxis]
+    assert error.max() < 1e-6

@@ -242,7 +242,8 @@ class TrimEquations:
         left[..., left.shape[-1] - len(self._held) :] -= self._held
         return np.where(self._counts, left, 0.0)
 
-    def _tried(self, y: Array) -> Tried:
+    def tried(self, y: Array) -> Tried:
+        """What is left and its derivatives at a point."""
         sizes = np.maximum(self._sizes, np.abs(y))
         sizes[self._part(MOVES)] = self._sizes[self._part(MOVES)]
         free, point = np.flatnonzero(self._free), self._point(y)

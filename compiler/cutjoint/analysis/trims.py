@@ -128,11 +128,11 @@ class _Search(TrimEquations):
         y, every, span = np.clip(begin, self._lower, self._upper), self._free, 0.0
         states = np.flatnonzero(every[self._first[SPEEDS] + self._start.speeds : self._first[RATES]]) + self._start.speeds
         if not len(states):
-            return self._tried(begin)
+            return self.tried(begin)
         at = self._first[SPEEDS] + states
         self._touching, self._free = self._gates, np.isin(np.arange(len(every)), at)
         for _ in range(_ITERATIONS):
-            here = self._tried(y)
+            here = self.tried(y)
             rates = here.left[states] / self._sizes[at]
             if not np.isfinite(rates).all() or np.abs(rates).max() * span > 1 / ROUNDING or not (fastest := np.abs(rates).max()):
                 break
@@ -157,7 +157,7 @@ class _Search(TrimEquations):
             else:
                 step /= 2
         self._held = wanted
-        return self._tried(self.begin if at is None else at.y)
+        return self.tried(self.begin if at is None else at.y)
 
     def _moved(self, at: Tried, step: Array) -> tuple[Array, float]:
         """The point after a step, between the bounds, and the share of the step that is not too far."""
@@ -170,7 +170,7 @@ class _Search(TrimEquations):
     def _approach(self, y: Array) -> Tried:
         """The nearest least squares by damped steps between the bounds; one is good if the next with the same derivatives is shorter,
         however residuals are weighted (Deuflhard, Newton Methods for Nonlinear Problems, 2011, ch. 3)."""
-        at, damping, slow = self._tried(np.clip(y, self._lower, self._upper)), 0.0, 0
+        at, damping, slow = self.tried(np.clip(y, self._lower, self._upper)), 0.0, 0
         for _ in range(_ITERATIONS):
             if not np.isfinite(at.left).all() or not at.left.any():
                 break
@@ -181,7 +181,7 @@ class _Search(TrimEquations):
             left = self.residuals(y)
             after = np.linalg.norm(at.shortest(moving, left, damping)) if np.isfinite(left).all() else np.inf
             if after < length * (1 - share / 1e4):
-                at, damping, slow = self._tried(y), damping / 8 if damping > _DAMPING else 0.0, slow + 1 if after > 0.99 * length else 0
+                at, damping, slow = self.tried(y), damping / 8 if damping > _DAMPING else 0.0, slow + 1 if after > 0.99 * length else 0
                 if slow == _SLOW:
                     break
             elif (damping := 8 * max(damping, _DAMPING)) > 1e3 or at.worst < _MET / 100:
@@ -209,7 +209,7 @@ class _Search(TrimEquations):
         """The listed unknowns on which no condition depends."""
         if not self._counts.all():
             counts, self._counts = self._counts, np.ones_like(self._counts)
-            at, self._counts = self._tried(at.y), counts
+            at, self._counts = self.tried(at.y), counts
         still = {*np.flatnonzero(self._free)[~at.A.any(axis=0)].tolist()}
         return [f"'{name}'" for name, index in self._listed.items() if index in still]
 
@@ -238,7 +238,7 @@ class _Search(TrimEquations):
         at_bounds = [f"'{n}' = {at.y[i] + self._begins.get(n, 0.0):.6g}" for n, i in stopped]
         bound = f", with {join_and(at_bounds)} at the bound" if at_bounds else ""
         nearest = f"no start meets all conditions{bound}; the nearest has {join_and(list(dict.fromkeys(words))[:4])}"
-        A = self._columns(self._tried(self.begin))
+        A = self._columns(self.tried(self.begin))
         rows = int(np.sum(np.abs(A).max(axis=1, initial=0.0) > 0))
         if at_bounds:
             return nearest, "widen the bounds, or hold less"

@@ -129,7 +129,7 @@ def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple
     if asked := [unknown.name for unknown in scene.trim.find if unknown.name in changes]:
         words = f"trim: '{asked[0]}' is to be found; leave out its value, or take it out of 'find'"
         raise RunError(f"{scene.trim.span}: scene '{scene.name}': {words}")
-    given = _given_numbers(model, scene, changes)
+    given = given_numbers(model, scene, changes)
     begun, _ = with_held_inputs(model, scene, changes)
     found: Trimmed = formulated_start(model, begun).trim(given)
     inputs = {u.name: found.unknowns[u.name] for u in scene.trim.find if u.kind == "input"}
@@ -141,7 +141,7 @@ def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple
     return replace(model, parameters=parameters), start, found
 
 
-def _given_numbers(model: Model, scene: Scene, changes: Mapping[str, float]) -> "Given":
+def given_numbers(model: Model, scene: Scene, changes: Mapping[str, float]) -> "Given":
     """The numbers of a scene that is found."""
     assert scene.trim is not None
     from cutjoint.analysis.trim_equations import Given  # others do not wait for what this imports
@@ -240,7 +240,7 @@ def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> No
     asked = sympy.Tuple(*read).free_symbols
     given = {p.name for p in model.parameters if p.symbol in asked}
     for name in changed if scene.trim or (scene.assemble and scene.pose != "equilibrium") else ():
-        numbers = _given_numbers(model, scene, {}) if scene.trim else values
+        numbers = given_numbers(model, scene, {}) if scene.trim else values
         if name in given or (name in values and formulated_start(model, scene).follows(name, numbers)):
             words = ("trimmed", "trims") if scene.trim else ("assembled", "assembles")
             reason = f"scene '{scene.name}': its start is {words[0]} once, and follows from the parameter '{name}'"
