@@ -288,3 +288,32 @@ scenes:
           t2.l.rolling.bearing.angle_rate, t2.r.rolling.bearing.angle_rate, t3.l.rolling.bearing.angle_rate,
           t3.r.rolling.bearing.angle_rate]}
 """
+
+TABLE = """
+cutjoint: 1
+name: table
+gravity: [0, 0, -9.81]
+parameters: {k: {value: 1e7, binding: param}, gap: {value: 0, unit: m}}
+bodies: {top: {mass: 20, centre_of_mass: [0.05, 0.02, 0.7], inertia: [2, 2, 3]}}
+joints: {moves: {kind: free, bodies: [ground, top], at: [0, 0, 0.7]}}
+submodels:
+  contact_law: {include: library/contact_law}
+  leg:
+    connectors: [top]
+    parameters: [x, y]
+    points: {P: [x, y, gap]}
+    forces: {sole: {kind: contact, bodies: [ground, top], at: [0, 0, 0], normal: z, centre: P, force: [grip.Fx, grip.Fy, grip.Fz]}}
+    instances:
+      grip:
+        use: contact_law
+        with: {deflection: sole.deflection, deflection_rate: sole.deflection_rate, vx: sole.vx, vy: sole.vy,
+          stiffness: k, exponent: 1.5, damping: 0.5, friction: 0.6}
+instances:
+  a: {use: leg, connect: {top: top}, with: {x: 0.5, y: 0.3}}
+  b: {use: leg, connect: {top: top}, with: {x: 0.5, y: -0.3}}
+  c: {use: leg, connect: {top: top}, with: {x: -0.5, y: 0.3}}
+  d: {use: leg, connect: {top: top}, with: {x: -0.5, y: -0.3}}
+outputs: [top.x, top.y, top.z, top.yaw, top.roll, top.pitch]
+scenes:
+  rest: {end: 0.5, trim: {}}
+"""

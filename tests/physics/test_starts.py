@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq, fsolve
+from scipy.spatial.transform import Rotation
 
 from cutjoint import find_equilibrium, read_model_text
 from cutjoint.model.read import read_model
 from cutjoint.run.results import MechanismState, Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import ROOT
-from tests.mechanisms.starts import CAR, CLOCK, CRANE, LOADER, MOTORCYCLE, PRESS_BRAKE, QUARTER_CAR, TRUCK
+from tests.mechanisms.starts import CAR, CLOCK, CRANE, LOADER, MOTORCYCLE, PRESS_BRAKE, QUARTER_CAR, TABLE, TRUCK
 from tests.physics.simulation import compile_scene
 
 G = 9.81
@@ -221,3 +222,22 @@ def test_the_iltis_on_softer_tyres() -> None:
     stiffness = found(text + scene, "lower")["tyre_stiffness"]
     rest = find_equilibrium(model, scene="iavsd_equilibrium", parameters={"tyre_stiffness": stiffness})
     assert rest["chassis.z"] == pytest.approx(0.558, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("gap", "stiffness", "exponent"), [(0.0, 1e7, 1.5), (1e-6, 1e10, 1.0), (0.1, 1e5, 1.2), (0.3, 1e10, 1.5), (0.3, 1e3, 1.0)]
+)
+def test_a_table_on_feet_that_stick(gap: float, stiffness: float, exponent: float) -> None:
+    """Four feet, of any gap, stiffness and exponent, and a centre of mass beside the middle: an own balance; it stays where it was put down."""
+    text = TABLE.replace("gap: {value: 0,", f"gap: {{value: {gap!r},").replace("exponent: 1.5", f"exponent: {exponent}")
+    state = start(text, "rest", k=stiffness)
+    weight, centre = 20 * G, np.array([0.05, 0.02, 0.7])
+    attitude = Rotation.from_euler("xyz", [state["top.roll"], state["top.pitch"], state["top.yaw"]])
+    arms = attitude.apply(np.array([[x, y, gap] for x in (0.5, -0.5) for y in (0.3, -0.3)]) - centre)
+    force = stiffness * np.maximum(-state["top.z"] - arms[:, 2], 0) ** exponent
+    rough = 1e-8 + 1e-15 / (weight / 4 / stiffness) ** (1 / exponent)  # places have sixteen digits
+    assert force.sum() == pytest.approx(weight, rel=rough)
+    assert (force @ arms)[:2] == pytest.approx([0, 0], abs=rough * weight)
+    assert state.trim is not None
+    assert not state.trim.strayed
+    assert [state[f"top.{name}"] for name in ("x", "y", "yaw")] == pytest.approx([0.05, 0.02, 0.0], abs=0.05)

@@ -296,7 +296,7 @@ scenes:
         (MOTOR, "positions: {hinge.angle: 30 deg}, trim: {", "trim: {hold: {bob.z: 0.8 m}, ", "m.yaml:17:18: scene 'held': trim: no start "
          "meets all conditions; the nearest has 'bob.z' = 0.5 in place of 0.8 m; write other values, or begin nearer"),
         (FIVE_BAR, "a.angle: 5 deg", "a.angle: 5 deg, 2*a.angle: 11 deg", "the nearest has 'a.angle' = 5.2"),
-        (MOTOR, "[voltage, current]}", "[voltage], hold: {hinge.angle: 20 deg}}", "the nearest has 'hinge.angle' = 30 in place of 20 deg"),
+        (MOTOR, "[voltage, current]}", "[voltage], hold: {hinge.angle: 20 deg}}", "nothing that is found changes 'hinge.angle' = 30 in place of 20 deg"),
         (SLED, "[0, 1]", "[0, 0.1]", "with 'throttle' = 0.1 at the bound"),
         (SLED, "unsteady: [far], ", "", "'far' changing by "),
         (SPRING, ", binding: param", "", "the parameter 'preload' has binding const; give it 'binding: param'"),

@@ -272,7 +272,7 @@ class TrimEquations:
         A /= rows[:, np.newaxis]
         largest = np.abs(A).max(axis=0, initial=0.0)
         A[:, largest <= _IDLE] = 0.0
-        largest = np.where(largest > _IDLE, largest, 1.0)
+        largest = np.where((largest > _IDLE) & (free >= self._first[SPEEDS] + joints), largest, 1.0)  # joints' sizes are rad and m
         return Tried(y=y, left=left, A=A / largest, rows=rows, columns=sizes[free] / largest)
 
 

@@ -30,8 +30,8 @@ _ROUNDED = 1e-13
 _LONGER, _DAMPING = 10.0, 1e-10
 #: Trials that end as far away as the best, by this share: after so many there is nothing nearer.
 _ALIKE, _ENOUGH = 1e-2, 2
-#: The farthest step and random start, rad or extents; the share of the worst below which conditions are not named.
-_FARTHEST, _STRAY, _NAMED = 0.3, 0.6, 0.2
+#: The farthest step, random start and find from one, rad or extents; the share of the worst below which conditions are not named.
+_FARTHEST, _STRAY, _LOST, _NAMED = 0.3, 0.6, 1.5, 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,8 @@ class Trimmed:
     """What a trim has found: ``unknowns`` with their ``units``, by name, and all ``coordinates``, ``rates`` and ``states`` by place.
 
     ``unsteady`` are rates, with units, of what may change.  ``residual`` the largest share to which a condition is not met, ``redundant``
-    are held values that follow from other conditions.  A motion is ``steady`` if no condition feels what changes.
+    are held values that follow from other conditions.  A motion is ``steady`` if no condition feels what changes.  One that has ``strayed``
+    was found from random coordinates, since none was near the given ones.
     """
 
     unknowns: Mapping[str, float]
@@ -48,6 +49,7 @@ class Trimmed:
     residual: float
     redundant: tuple[str, ...]
     steady: bool
+    strayed: bool
     coordinates: Mapping[str, float] = field(repr=False)
     rates: Mapping[str, float] = field(repr=False)
     states: Mapping[str, float] = field(repr=False)
@@ -65,6 +67,9 @@ class TrimmedStart(TrimParts):
         """
         search = _Search(self, given)
         found = search.best()
+        if found.worst > _MET and (unmoved := search.unmoved(found)):
+            words = f"too few unknowns: nothing that is found changes {join_and(unmoved)}"
+            raise self._error(words, "list under 'find' what does, or give and hold less")
         if idle := search.idle(found):
             raise self._error(f"nothing that holds depends on {join_and(idle)}", "leave it out of 'find', or hold what it changes", idle[0])
         if found.worst > _MET:
@@ -83,6 +88,8 @@ class TrimmedStart(TrimParts):
 class _Search(TrimEquations):
     """Looks for a point at which all conditions are met."""
 
+    _strayed = False
+
     def best(self) -> Tried:
         """The point that meets the conditions, else the nearest of several tries, of loops and held values first."""
         self._counts = self._forces == 0
@@ -97,11 +104,15 @@ class _Search(TrimEquations):
         for search in (self._relaxed, self._touched, self._led):
             if best.worst > _MET:
                 best = min(best, search(begin), key=lambda tried: tried.worst)
-        for _ in range(_TRIALS - 1):
+        listed = np.isin(np.arange(len(begin)), [*self._listed.values()])
+        for trial in range(_TRIALS):
             if best.worst <= _MET or alike == _ENOUGH:
                 break
-            stray = np.where(self._free, rng.uniform(-_STRAY, _STRAY, len(begin)) * self._sizes, 0.0)
+            stray = np.where(self._free & (listed | (trial > 0)), rng.uniform(-_STRAY, _STRAY, len(begin)) * self._sizes, 0.0)
             found = self._approach(begin + stray)
+            if found.worst <= _MET and np.abs(((found.y - begin) / self._sizes)[self._part(MOVES)]).max(initial=0.0) > _LOST:
+                continue
+            self._strayed |= found.worst <= _MET and trial > 0
             alike += abs(found.worst - best.worst) <= _ALIKE * best.worst
             best = min(best, found, key=lambda tried: tried.worst)
         return best
@@ -213,6 +224,11 @@ class _Search(TrimEquations):
         still = {*np.flatnonzero(self._free)[~at.A.any(axis=0)].tolist()}
         return [f"'{name}'" for name, index in self._listed.items() if index in still]
 
+    def unmoved(self, at: Tried) -> list[str]:
+        """The conditions that are not met and that no unknown changes."""
+        missed = (np.abs(at.left / at.rows) > _MET) & ~at.A.any(axis=1)
+        return list(dict.fromkeys(words for words, is_missed in zip(self._conditions(at), missed, strict=True) if is_missed))[:4]
+
     def loose(self, at: Tried) -> list[str]:
         """The listed unknowns that can change while all conditions stay met, then what changes with them."""
         free, A = np.flatnonzero(self._free), self._columns(at)
@@ -278,7 +294,7 @@ class _Search(TrimEquations):
                 unknown.name: (float(at.y[i]), f"{unknown.unit or '1'}/s".replace("/s/s", "/s^2"))
                 for unknown in self._of._trim.unsteady for i in self._of._at(RATES, [unknown.entry])
             },
-            steady=not felt,
+            steady=not felt, strayed=self._strayed,
             redundant=tuple(aim.name for aim, is_so in zip(self._of._scene.assemble, follows, strict=True) if is_so),
             point=Point(
                 t=0.0, q=arrays["q"], v=arrays["v"], vdot=arrays["vdot"], parameters=arrays["parameters"], roads=self._given.roads,

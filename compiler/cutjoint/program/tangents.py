@@ -11,6 +11,10 @@ from cutjoint.program.differentiate import partial_derivatives
 from cutjoint.program.interpret import Array, RoadTable, _call, _evaluate, _in_order, _skew, _turned
 
 
+#: Powers of contacts grow at least as fast as at this deflection, m.
+_TOUCHED = 1e-6
+
+
 @dataclass(frozen=True)
 class _Number:
     """A scalar with its value."""
@@ -70,10 +74,11 @@ def interpret_tangents(
                 values[block] = value = args[chosen]
                 if block.args[chosen] in changes:
                     changes[block] = changes[block.args[chosen]]
-            elif touching and block.op == "call" and block.data[0] == "pow" and np.isnan(value).any():  # type: ignore[index]
-                values[block] = -(np.abs(args[0]) ** args[1])
+            elif touching and block.op == "call" and _is_root(block, args):
+                x, n = args[0], float(args[1].item())
+                values[block] = np.sign(x) * np.abs(x) ** n
                 if block.args[0] in changes:
-                    changes[block] = args[1] * values[block] / args[0] * changes[block.args[0]]
+                    changes[block] = n * np.maximum(np.abs(x), _TOUCHED) ** (n - 1) * changes[block.args[0]]
             elif block.op == "symbol":
                 if (seed := seeds.get(str(block.data))) is not None:
                     changes[block] = seed[..., np.newaxis]
@@ -82,6 +87,11 @@ def interpret_tangents(
                 if change is not None:
                     changes[block] = change
     return values, changes
+
+
+def _is_root(block: Block, args: list[Array]) -> bool:
+    """Return whether a block is a power that is not whole, of nothing or less."""
+    return block.data[0] == "pow" and args[0].item() <= _TOUCHED and not float(args[1].item()).is_integer()  # type: ignore[index]
 
 
 def gate(block: Block) -> int:

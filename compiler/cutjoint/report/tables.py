@@ -223,6 +223,8 @@ def trim_facts(found: Trimmed) -> list[tuple[str, str]]:
     changing = [f"{name} by {rate:.4g} {unit}" for name, (rate, unit) in found.unsteady.items()]
     several = {"found": numbers, "follow from other conditions": found.redundant, "change at the start": changing}
     facts = [(name, ", ".join(values)) for name, values in several.items() if values]
+    if found.strayed:
+        facts.append(("warning", "no start was near the given one; this one was found from random coordinates: check its poses"))
     return [*facts, ("largest residual", f"{found.residual:.1e} of what a change of full size makes")]
 
 
