@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from cutjoint.tasks.kinematics.sweep import find_compliance, find_kinematics
     from cutjoint.tasks.realtime import FailedRealTimeError, run_in_real_time
     from cutjoint.tasks.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes
+    from cutjoint.tasks.trims import find_trim
     from cutjoint.topology.build import build_topology
     from cutjoint.topology.reading import read_model, read_model_text
     from cutjoint.topology.spanning_tree import TopologyError
@@ -61,8 +62,8 @@ __all__ = [
     "MissingLibraryError", "MissingPackageError", "ModelError", "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError",
     "Simulation", "SimulationError", "SimulatorError", "StateSensitivities", "StateSpace", "StepDerivatives", "Sweep", "ToolchainError",
     "TopologyError", "build_topology", "compile_batch", "compile_model", "find_compliance", "find_equilibrium", "find_initial_state",
-    "find_kinematics", "find_modes", "inverse_dynamics", "load", "read_model", "read_model_text", "rollout", "run_in_real_time",
-    "simulate", "simulate_batch", "sweep", "write_view",
+    "find_kinematics", "find_modes", "find_trim", "inverse_dynamics", "load", "read_model", "read_model_text", "rollout",
+    "run_in_real_time", "simulate", "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
 _HOMES = {
@@ -82,6 +83,7 @@ _HOMES = {
     "cutjoint.run.simulator": ("SimulatorError",),
     "cutjoint.sparse.ordering": ("MissingLibraryError",),
     "cutjoint.tasks.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes"),
+    "cutjoint.tasks.trims": ("find_trim",),
     "cutjoint.stepping.load": ("load",),
     "cutjoint.stepping.rollout": ("rollout",),
     "cutjoint.stepping.handle": ("SimulationError",),

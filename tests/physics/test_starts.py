@@ -228,7 +228,7 @@ def test_the_iltis_on_softer_tyres() -> None:
     ("gap", "stiffness", "exponent"), [(0.0, 1e7, 1.5), (1e-6, 1e10, 1.0), (0.1, 1e5, 1.2), (0.3, 1e10, 1.5), (0.3, 1e3, 1.0)]
 )
 def test_a_table_on_feet_that_stick(gap: float, stiffness: float, exponent: float) -> None:
-    """Four feet, of any gap, stiffness and exponent, and a centre of mass beside the middle: an own balance; it stays where it was put down."""
+    """Four feet, of any gap, stiffness and exponent, a centre of mass beside the middle: an own balance; it stays where it is put."""
     text = TABLE.replace("gap: {value: 0,", f"gap: {{value: {gap!r},").replace("exponent: 1.5", f"exponent: {exponent}")
     state = start(text, "rest", k=stiffness)
     weight, centre = 20 * G, np.array([0.05, 0.02, 0.7])

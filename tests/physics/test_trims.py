@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import fsolve
 
-from cutjoint import find_equilibrium, find_modes, read_model_text
+from cutjoint import find_equilibrium, find_modes, find_trim, read_model_text
 from cutjoint.analysis.trim_equations import TrimEquations
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import RunError
@@ -296,7 +296,8 @@ scenes:
         (MOTOR, "positions: {hinge.angle: 30 deg}, trim: {", "trim: {hold: {bob.z: 0.8 m}, ", "m.yaml:17:18: scene 'held': trim: no start "
          "meets all conditions; the nearest has 'bob.z' = 0.5 in place of 0.8 m; write other values, or begin nearer"),
         (FIVE_BAR, "a.angle: 5 deg", "a.angle: 5 deg, 2*a.angle: 11 deg", "the nearest has 'a.angle' = 5.2"),
-        (MOTOR, "[voltage, current]}", "[voltage], hold: {hinge.angle: 20 deg}}", "nothing that is found changes 'hinge.angle' = 30 in place of 20 deg"),
+        (MOTOR, "[voltage, current]}", "[voltage], hold: {hinge.angle: 20 deg}}", "nothing that is found changes "
+         "'hinge.angle' = 30 in place of 20 deg"),
         (SLED, "[0, 1]", "[0, 0.1]", "with 'throttle' = 0.1 at the bound"),
         (SLED, "unsteady: [far], ", "", "'far' changing by "),
         (SPRING, ", binding: param", "", "the parameter 'preload' has binding const; give it 'binding: param'"),
@@ -364,3 +365,29 @@ def test_derivatives_are_exact(text: str, scene: str) -> None:
     differences = np.array([(equations.residuals(y + h) - equations.residuals(y - h)) / (2 * h.sum()) for h in steps]).T
     error = np.abs(differences - exact) * sizes[free] / np.maximum(tried.rows, 1e-3)[:, np.newaxis]
     assert error.max() < 1e-6
+
+
+def test_gradients_of_what_is_found() -> None:
+    """By closed forms: a current by the arm's length, drag by the speed; a car's steering angle beside differences of trims."""
+    motor = find_trim(read_model_text(MOTOR, "m.yaml"), by=["length"])
+    assert motor.gradients["length"] == pytest.approx({name: value / 0.5 for name, value in motor.unknowns.items()}, rel=1e-8)
+    sled = find_trim(read_model_text(SLED, "m.yaml"), parameters={"target": 15.0}, by=["target"])
+    assert sled.gradients["target"] == pytest.approx({"throttle": 2 * 0.7 * 15 / 900}, rel=1e-8)
+    bike = read_model_text(MOTORCYCLE, "m.yaml")
+    less, more = (find_trim(bike, scene="leans", parameters={"speed": 15 + x}).unknowns for x in (-0.01, 0.01))
+    differences = {name: (more[name] - less[name]) / 0.02 for name in less}
+    assert find_trim(bike, scene="leans", by=["speed"]).gradients["speed"] == pytest.approx(differences, rel=1e-4, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("by", "said"), [("voltage", "no gradient by 'voltage'; name a tunable parameter that is given"), ("lenght", "did you mean 'length'?")]
+)
+def test_gradients_by_what_has_none(by: str, said: str) -> None:
+    with pytest.raises(RunError) as error:
+        find_trim(read_model_text(MOTOR, "m.yaml"), by=[by])
+    assert said in str(error.value)
+
+
+def test_scenes_without_a_trim() -> None:
+    with pytest.raises(RunError, match="scene 'held' has no 'trim'; write one, or use find_equilibrium"):
+        find_trim(read_model_text(MOTOR.replace(", trim: {find: [voltage, current]}", ""), "m.yaml"))

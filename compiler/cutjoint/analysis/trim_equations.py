@@ -166,6 +166,14 @@ class TrimEquations:
             self._lower[index], self._upper[index] = lower - begin, upper - begin
             self._sizes[index] = upper - lower
 
+    def keep_guesses(self, of: TrimEquations) -> None:
+        """Count moves of free coordinates from where those of other equations begin."""
+        for chart in self._start.charts:
+            balls = [chart.scalars] * (4 * chart.ball)
+            for at, speed in enumerate([*range(chart.scalars), *balls], chart.q):
+                if self._free[chart.v + speed]:
+                    self._q[at] = of._q[at]
+
     def _part(self, part: int) -> slice:
         return slice(self._first[part], self._first[part + 1])
 

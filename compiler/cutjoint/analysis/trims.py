@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ class Trimmed:
 
     ``unsteady`` are rates, with units, of what may change.  ``residual`` the largest share to which a condition is not met, ``redundant``
     are held values that follow from other conditions.  A motion is ``steady`` if no condition feels what changes.  One that has ``strayed``
-    was found from random coordinates, since none was near the given ones.
+    was found from random coordinates, since none was near the given ones.  ``gradients`` have by parameter the derivatives of the unknowns.
     """
 
     unknowns: Mapping[str, float]
@@ -50,6 +51,7 @@ class Trimmed:
     redundant: tuple[str, ...]
     steady: bool
     strayed: bool
+    gradients: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     coordinates: Mapping[str, float] = field(repr=False)
     rates: Mapping[str, float] = field(repr=False)
     states: Mapping[str, float] = field(repr=False)
@@ -59,8 +61,8 @@ class Trimmed:
 class TrimmedStart(TrimParts):
     """The conditions of a trimmed scene, met."""
 
-    def trim(self, given: Given) -> Trimmed:
-        """The trimmed start.
+    def trim(self, given: Given, changed: Mapping[str, tuple[float, Given, Given]] = MappingProxyType({})) -> Trimmed:
+        """The trimmed start, with gradients by parameters: ``changed`` has by name a small change and the numbers with less and with more.
 
         Raises:
             RunError: an unknown is not determined, or no start meets all conditions.
@@ -77,7 +79,7 @@ class TrimmedStart(TrimParts):
         if loose := search.loose(found):
             words = f"too many unknowns: {join_and(loose)} can change together and all still holds"
             raise self._error(words, "give one of them a value, or hold one condition more", loose[0])
-        return search.result(found)
+        return replace(search.result(found), gradients={name: search.gradient(found, *of) for name, of in changed.items()})
 
     def follows(self, parameter: str, given: Any) -> bool:
         """Return whether conditions follow from a tunable parameter; ``given`` is that of `trim`."""
@@ -273,6 +275,19 @@ class _Search(TrimEquations):
             yield from (f"the loop of '{name}' {words}" for name in self._names[MULTIPLIERS])
         for aim, wanted, left in zip(self._of._scene.assemble, self._held, at.left[len(at.left) - len(self._held) :], strict=True):
             yield f"'{aim.name}' = {(wanted + left) / aim.size:.4g} in place of {wanted / aim.size:.6g} {aim.unit}".rstrip()
+
+    def gradient(self, at: Tried, change: float, less: Given, more: Given) -> dict[str, float]:
+        """The derivatives of the listed unknowns by a number that the conditions follow from: the implicit function theorem."""
+        left = []
+        for given in (less, more):
+            other = type(self)(self._of, given)
+            other.keep_guesses(self)
+            left.append(other.residuals(np.where(self._free, at.y, other.begin)))
+        moving: Any = at.A.any(axis=0)
+        step = np.zeros(len(moving))
+        step[moving] = at.shortest(moving, (left[1] - left[0]) / (2 * change), 0.0)
+        moved = dict(zip(np.flatnonzero(self._free).tolist(), step * at.columns, strict=True))
+        return {name: float(moved[index]) for name, index in self._listed.items()}
 
     def result(self, at: Tried) -> Trimmed:
         """The start, and the held values that follow from other conditions."""

@@ -10,7 +10,6 @@ from cutjoint.program.blocks import Block, is_zero
 from cutjoint.program.differentiate import partial_derivatives
 from cutjoint.program.interpret import Array, RoadTable, _call, _evaluate, _in_order, _skew, _turned
 
-
 #: Powers of contacts grow at least as fast as at this deflection, m.
 _TOUCHED = 1e-6
 
@@ -68,10 +67,10 @@ def interpret_tangents(
     with np.errstate(all="ignore"):
         for block in others:
             args = [values[a] for a in block.args]
-            values[block] = value = _evaluate(block, args, inputs, roads)
+            values[block] = _evaluate(block, args, inputs, roads)
             chosen = _chosen(block, args, touching) if touching and block.op == "call" else None
             if chosen is not None:
-                values[block] = value = args[chosen]
+                values[block] = args[chosen]
                 if block.args[chosen] in changes:
                     changes[block] = changes[block.args[chosen]]
             elif touching and block.op == "call" and _is_root(block, args):

@@ -119,8 +119,11 @@ def trimmed(
     return model, found, {**inputs, **{u.name: float(found.inputs[u.name]) for u in scene.trim.find if u.kind == "input"}}
 
 
-def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple[Model, Scene, "Trimmed"]:
-    """The model and the scene with what the scene's trim finds, where ``changes`` are values (SI units) of parameters and inputs.
+def find_trim(
+    model: Model, scene: Scene, changes: Mapping[str, float], by: Sequence[str] = ()
+) -> tuple[Model, Scene, "Trimmed"]:  # fmt: skip
+    """The model and the scene with what the scene's trim finds, where ``changes`` are values (SI units) of parameters and inputs; with its
+    gradients ``by`` tunable parameters.
 
     Raises:
         RunError: there is no such start, it is not determined, or a change is one of what is to be found.
@@ -131,7 +134,8 @@ def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple
         raise RunError(f"{scene.trim.span}: scene '{scene.name}': {words}")
     given = given_numbers(model, scene, changes)
     begun, _ = with_held_inputs(model, scene, changes)
-    found: Trimmed = formulated_start(model, begun).trim(given)
+    changed = {name: _changed(model, scene, changes, name) for name in by}
+    found: Trimmed = formulated_start(model, begun).trim(given, changed)
     inputs = {u.name: found.unknowns[u.name] for u in scene.trim.find if u.kind == "input"}
     parameters = tuple(replace(p, value=found.unknowns.get(p.name, given.parameters.get(p.name, p.value))) for p in model.parameters)
     start = replace(
@@ -139,6 +143,17 @@ def find_trim(model: Model, scene: Scene, changes: Mapping[str, float]) -> tuple
         starts=_numbers(found.states), inputs={**begun.inputs, **_numbers(inputs)},
     )  # fmt: skip
     return replace(model, parameters=parameters), start, found
+
+
+def _changed(model: Model, scene: Scene, changes: Mapping[str, float], name: str) -> "tuple[float, Given, Given]":
+    """A small change of a tunable parameter, and the numbers of a scene with less and with more of it."""
+    values = parameter_values(model, {**changes, name: changes.get(name, 0.0)})
+    value = parameter_values(model, changes).get(name)
+    if name not in values or value is None or any(unknown.name == name for unknown in scene.trim.find):  # type: ignore[union-attr]
+        raise RunError(f"scene '{scene.name}': no gradient by '{name}'; name a tunable parameter that is given")
+    step = 1e-5 * max(abs(value), 1e-3)
+    less, more = (given_numbers(model, scene, {**changes, name: value + sign * step}) for sign in (-1, 1))
+    return step, less, more
 
 
 def given_numbers(model: Model, scene: Scene, changes: Mapping[str, float]) -> "Given":
