@@ -1,12 +1,12 @@
 """A mechanism linearised about a state, by interpretation: mass, damping and stiffness are the exact tangent of its residual."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array, retract
-from cutjoint.analysis.natural import call, evaluate_results
+from cutjoint.analysis.closing import Array, retract_changes
+from cutjoint.analysis.natural import call, evaluate_changes
 from cutjoint.formulate.implicit.equations import ImplicitEquations
 from cutjoint.program.interpret import RoadTable
 from cutjoint.topology.geometry import TOLERANCE
@@ -103,13 +103,6 @@ def _kept_rates(of: Linearisation, N: Array) -> Array:
 
 # Interpretation
 
-_STEP = 1e-3
-#: Central differences of fourth order, for a unit step.
-_DIFFERENCES = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
-#: Weights of damping, stiffness and constraints that give M, M + C and M + K.
-_WEIGHTS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-
-
 @dataclass(frozen=True, kw_only=True)
 class Point:
     """A state at time ``t`` (s): coordinates ``q``, speeds ``v``, accelerations ``vdot``; zero of a mechanism at rest.
@@ -132,19 +125,21 @@ def linearise(equations: ImplicitEquations, at: Point, *, at_rest: bool) -> Line
     here = _arrays(equations, at, at_rest)
     J = _jacobian(equations, here)
     here["lambda"] = _balancing(J, _call(equations, "dynamic_residual", here, at).get("force_residual", np.zeros(0)))
-    M, damped, stiffened = _tangents(equations, here, at)
+    forces = _tangents(equations, "dynamic_residual", "force_residual", here, at)
+    G, free = np.zeros_like(J), free_directions(J)
+    if len(J) and at.v.any() and not at_rest:
+        G = _tangents(equations, "constraint_residual", "rate", here, at)[:, : len(at.v)] @ free @ free.T
+    K, C, M = np.split(forces, 3, axis=1)
     return Linearisation(
-        names=coordinate_names(equations), M=M, C=damped - M, K=stiffened - M, W=_turning(equations, at.v), J=J,
-        G=_rate_changes(equations, here, at, J) if len(J) and at.v.any() and not at_rest else np.zeros_like(J),
+        names=coordinate_names(equations), M=M, C=C, K=K, W=_turning(equations, at.v), J=J, G=G,
         q=at.q, at_rest=at_rest, states=len(equations.state.states),
     )  # fmt: skip
 
 
 def _arrays(equations: ImplicitEquations, at: Point, at_rest: bool) -> dict[str, Array]:
-    balls = sum(c.ball for c in equations.start.charts)
     return {
         "t": np.full(1, at.t), "q": at.q, "v": at.v, "vdot": at.vdot, "parameters": at.parameters,
-        "motion": np.full(1, 0.0 if at_rest else 1.0), "penalty": np.zeros(1), "weights.turns": np.tile(np.eye(3).ravel(), balls),
+        "motion": np.full(1, 0.0 if at_rest else 1.0), "penalty": np.zeros(1),
     }  # fmt: skip
 
 
@@ -165,15 +160,16 @@ def _balancing(J: Array, residual: Array) -> Array:
     return np.asarray(np.linalg.lstsq(J.T, -residual, rcond=TOLERANCE)[0]) if len(J) else np.zeros(0)
 
 
-def _tangents(equations: ImplicitEquations, here: Mapping[str, Array], at: Point) -> Array:
-    """The tangent with each of the weights, (weights, speeds, speeds)."""
-    n = equations.unknowns
-    tangents = np.zeros((len(_WEIGHTS), n, n))
-    entries = {name: block for name, block in equations.function("linearise").results.items() if name.startswith("tangent:")}
-    for name, entry in evaluate_results(equations, entries, {**here, "weights": _WEIGHTS}, at.roads, at.held).items():
-        row, column = map(int, name.removeprefix("tangent:").split(","))
-        tangents[:, row, column] = entry[..., 0]
-    return tangents
+def _tangents(equations: ImplicitEquations, function: str, array: str, here: Mapping[str, Array], at: Point) -> Array:
+    """The derivatives (rows, 3 speeds) of an array of a function's results by changes of coordinates, by speeds and by accelerations."""
+    n, slots, start = equations.unknowns, equations.slots, equations.start
+    moves, speeds, accelerations = np.split(np.eye(3 * n), 3, axis=1)
+    q = retract_changes(start, at.q, np.zeros(n), moves)
+    changes = {"q": q, "v": speeds, "vdot": accelerations, "parameters": np.zeros((3 * n, len(at.parameters)))}
+    results = {name: block for name, block in equations.function(function).results.items() if name in slots and slots[name].array == array}
+    found = evaluate_changes(equations, results, here, changes, at.roads, at.held)
+    columns = [found[name][1] for name in sorted(found, key=lambda name: slots[name].offset)]
+    return np.concatenate([np.zeros((3 * n, 0)), *columns], axis=1).T
 
 
 def coordinate_names(equations: ImplicitEquations) -> tuple[str, ...]:
@@ -191,19 +187,3 @@ def _turning(equations: ImplicitEquations, v: Array) -> Array:
             first = c.v + c.scalars
             W[first : first + 3, first : first + 3] = np.cross(v[first : first + 3], np.eye(3)).T
     return W
-
-
-def _rate_changes(equations: ImplicitEquations, here: Mapping[str, Array], at: Point, J: Array) -> Array:
-    """G in the directions that the loops leave free, zero across them: by differences, as the rates have no tangent of their own."""
-    free = free_directions(J)
-    near = np.array(list(_neighbours(equations, at.q, free))).reshape(-1, len(at.q))
-    rates = _call(equations, "constraint_residual", {**here, "q": near}, at)["rate"]
-    rates = np.broadcast_to(rates, (len(near), len(J))).reshape(free.shape[1], len(_DIFFERENCES), len(J))
-    changes: Array = np.einsum("fsm,s->mf", rates, np.array([*_DIFFERENCES.values()]) / _STEP)
-    return np.asarray(changes @ free.T)
-
-
-def _neighbours(equations: ImplicitEquations, q: Array, directions: Array) -> Iterator[Array]:
-    for direction in directions.T:
-        for steps in _DIFFERENCES:
-            yield retract(equations.start, q, steps * _STEP * direction)

@@ -59,25 +59,28 @@ def evaluate_results(
 
 def evaluate_changes(
     equations: SystemEquations, results: Mapping[str, Block], arrays: Mapping[str, Array], changes: Mapping[str, Array],
-    roads: Mapping[str, RoadTable], held: Mapping[str, float | Array], by_input: Mapping[str, Array], touching: Collection[Block] = (),
+    roads: Mapping[str, RoadTable] | None, held: Mapping[str, float | Array], by_input: Mapping[str, Array] = MappingProxyType({}),
+    touching: Collection[Block] = (),
 ) -> dict[str, tuple[Array, Array]]:  # fmt: skip
     """Results (length,) by name and their exact changes (directions, length) by ``changes`` (directions, length) of arrays (length,) and
     ``by_input`` (directions,) of held inputs; other arguments as of `evaluate_results` and `interpret_tangents`."""
     by_parameters, count = changes["parameters"], len(changes["parameters"])
     laws = scene_input_changes(equations, arrays["parameters"], by_parameters, float(arrays["t"][0]))
     seeds = {"parameters": by_parameters, **laws}
-    if by_input and INPUTS not in seeds:
-        seeds[INPUTS] = np.zeros((count, len(equations.slots[INPUTS].names)))
+    if by_input:
+        seeds.setdefault(INPUTS, np.zeros((count, len(equations.slots[INPUTS].names))))
     for i, parameter in enumerate(equations.inputs):
-        if parameter.name in held:
+        if parameter.name in held and INPUTS in seeds:
             first = len(INPUT_ORDERS) * i
             seeds[INPUTS][:, first : first + len(INPUT_ORDERS)] = 0.0
-            seeds[INPUTS][:, first] = by_input[parameter.name]
+            seeds[INPUTS][:, first] = by_input.get(parameter.name, 0.0)
     for symbol, slot in equations.slots.items():
         if slot.array in changes and slot.array in _ARRAYS:
             seeds[symbol] = changes[slot.array][:, slot.offset : slot.offset + len(slot.names)]
     seeds = {name: seed for name, seed in seeds.items() if seed.any()}
-    values, moved = interpret_tangents(results.values(), _inputs(equations, arrays, held), seeds, roads, touching)
+    flat: dict[str, RoadTable] = {name: FlatRoad() for name in equations.roads}
+    inputs = _inputs(equations, arrays, held)
+    values, moved = interpret_tangents(results.values(), inputs, seeds, flat if roads is None else roads, touching)
     return {
         name: (values[block][..., 0], moved[block][..., 0] if block in moved else np.zeros((count, block.shape[0])))
         for name, block in results.items()

@@ -238,8 +238,7 @@ class TrimEquations:
         arrays, roads, held = self._point(y)
         if self._touching:
             none = {"parameters": np.zeros((0, len(self._names[PARAMETERS])))}
-            by_input = dict.fromkeys(held, np.zeros(0))
-            moved = evaluate_changes(self._system, self._results, arrays, none, roads, held, by_input, self._touching)
+            moved = evaluate_changes(self._system, self._results, arrays, none, roads, held, touching=self._touching)
             found = {name: value for name, (value, _) in moved.items()}
         else:
             found = evaluate_results(self._system, self._results, arrays, roads, held)

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partialmethod
 from typing import Any, cast
 
 import numpy as np
@@ -36,20 +37,11 @@ class _Numbers:
     def zero(self, n: int) -> _Number:
         return self.number(0.0)
 
-    def add(self, a: _Number, b: _Number) -> _Number:
-        return _Number(a.value + b.value, "add")
-
-    def sub(self, a: _Number, b: _Number) -> _Number:
-        return _Number(a.value - b.value, "sub")
-
-    def neg(self, a: _Number) -> _Number:
-        return _Number(-a.value, "neg")
-
-    def mul(self, a: _Number, b: _Number) -> _Number:
-        return _Number(a.value * b.value, "mul")
-
     def call(self, function: str, *args: _Number, table: str | None = None) -> _Number:
         return _Number(_call(function, table, [a.value for a in args], self._roads), "call", args, (function, table))
+
+    add, sub = partialmethod(call, "add"), partialmethod(call, "sub")
+    neg, mul = partialmethod(call, "neg"), partialmethod(call, "mul")
 
 
 def interpret_tangents(
