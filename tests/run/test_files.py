@@ -200,6 +200,7 @@ def script(tmp_path: Path) -> Callable[[str], SimulatorRun]:
     def write(text: str) -> SimulatorRun:
         path = tmp_path / "simulator"
         head = "import json, os, sys, time\nrun = json.load(open(sys.argv[1]))\nout = os.fdopen(run['out']['descriptor'], 'w')\n"
+        head += "rows = os.fdopen(run['out_rows']['descriptor'], 'wb')\n"
         path.write_text(f"#!{sys.executable}\n{head}{dedent(text)}", encoding="utf-8")
         path.chmod(0o755)
         return SimulatorRun(simulator=path, run_file=any_run_file(), description=None, units={"a.x": "m"})
@@ -222,6 +223,8 @@ def test_a_table_that_is_cut_in_a_number_is_never_whole(script: Callable[[str], 
     ready = script("""
         out.write("t,a.x\\n0,1\\n1,-1.1925\\n2,-1.1")
         out.close()
+        rows.write(bytes(16 * 3 + 12))
+        rows.close()
         print(json.dumps({"status": "done", "rows": 4}))
     """)
     with pytest.raises(OutputError, match="4 rows were written and 3 are there") as error:

@@ -15,6 +15,7 @@ from cutjoint.methods import AUTO, DEFAULT_METHOD, INTEGRATORS, METHODS, Impleme
 from cutjoint.package.errors import EquationsError, RunError
 from cutjoint.report import tables
 from cutjoint.run.accuracy import run_accurately
+from cutjoint.run.binary_tables import require_writer
 from cutjoint.run.failures import describe_failure, describe_rest
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error
@@ -45,6 +46,7 @@ def command(
         {"the model": model, "the page of another run": ghost_page, **{f"the table {path}": path for path in compare}},
         tables={"--out": out, "--steps": steps}, plots=plots, documents=[("--view", view)],
     )  # fmt: skip
+    require_writer(out)
     others = _read_others(compare, plots)
     parameters = options.read_parameters(changes)
     asked = Options(

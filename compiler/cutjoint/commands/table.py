@@ -271,6 +271,8 @@ OPTIONS: Mapping[str, Row] = {
     "scheduler": click.option("--scheduler", metavar="ADDRESS",
         help="Address of a Dask scheduler, for example tcp://10.0.0.1:8786. Default: this machine's processors."),
     "out": click.option("--out", type=_FILE, required=True, help="CSV file; units are written beside it."),
+    "simulate.out": click.option("--out", type=_FILE, required=True,
+        help="Results: CSV, or by the ending .parquet, .arrow or .npy; units are written beside it."),
     "compile.out": click.option("--out", type=_FOLDER, required=True, help="Folder for the exported code and the simulator."),
     "import.out": click.option("--out", type=_FILE, help="Model file. Default: FILE's name with .yaml, in the current folder."),
     "explain.out": click.option("--out", type=_FILE, help="Markdown file. Default: standard output."),

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from cutjoint.model.records import Plot
 from cutjoint.package.errors import RunError
+from cutjoint.run.binary_tables import WRITERS
 from cutjoint.run.figures import Line, as_png, draw, labelled
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import TIME, Array, Trajectory, read_table
@@ -42,7 +43,7 @@ def read_others(paths: Iterable[Path]) -> Others:
         try:
             _require_table(path)
             t, columns = read_table(path)
-        except (ValueError, IndexError, OSError) as error:
+        except (ValueError, LookupError, OSError) as error:
             raise RunError(f"--compare {path}: this is no table of a run: {error}") from None
         found[path.stem if path.stem not in found else str(path)] = {TIME: t, **columns}
     return found
@@ -50,6 +51,8 @@ def read_others(paths: Iterable[Path]) -> Others:
 
 def _require_table(path: Path) -> None:
     """Check that a file begins as the table of a run; ValueError otherwise."""
+    if path.suffix in WRITERS:
+        return
     with path.open("rb") as file:
         if file.read(2) not in (b"t,", b"t\n"):
             raise ValueError("its first column is not t")

@@ -16,6 +16,10 @@ class OutputError(CutjointError, ValueError):
     """A file that cannot be an output, or could not be written."""
 
 
+#: The endings of files of results that are no part of the names of what stands beside them.
+ENDINGS = (".csv", ".parquet", ".arrow", ".npy")
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Written:
     """A file that a command writes: the option, as ``--out run.csv``, the file, and which part of the output that is, if not all."""
@@ -37,7 +41,7 @@ def error_of(table: Path) -> Path:
 
 def partial_of(table: Path) -> Path:
     """The file with the rows of a table that is not whole: ``run.partial.csv`` of ``run.csv``, ``run.k1.partial.csv`` of ``run.k1``."""
-    return table.with_name(f"{_stem(table)}.partial.csv")
+    return table.with_name(f"{_stem(table)}.partial{table.suffix if table.suffix in ENDINGS else '.csv'}")
 
 
 def reason_of(table: Path) -> Path:
@@ -46,7 +50,7 @@ def reason_of(table: Path) -> Path:
 
 
 def _stem(table: Path) -> str:
-    return table.name.removesuffix(".csv") or table.name
+    return (table.stem if table.suffix in ENDINGS else table.name.removesuffix(".csv")) or table.name
 
 
 def resolved(path: Path) -> Path:

@@ -13,7 +13,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, cast
 
+import numpy as np
+
 from cutjoint.package.system import IS_WINDOWS, lock, number_for_child, open_flags, set_mode
+from cutjoint.run.binary_tables import WRITERS, Array, encoded, require_writer
 from cutjoint.run.outputs import OutputError, descriptor_of, error_of, is_stream, partial_of, reason_of, resolved, units_of
 from cutjoint.run.results import ErrorEstimate
 
@@ -56,7 +59,7 @@ class TableFile:
 
     def leave(self, reason: str) -> Path | None:
         """The table does not become whole, for a ``reason``; the file with its whole rows, None if there are none."""
-        if not _cut_to_lines(self.file):
+        if not (os.fstat(self.file.fileno()).st_size if self._target.suffix in WRITERS else _cut_to_lines(self.file)):
             self._close_early()
             self._partial.unlink(missing_ok=True)
             self.file.close()
@@ -123,51 +126,75 @@ def write_table(path: Path, units: Units, text: str) -> Path:
 class RunTables:
     """The tables of one run, which its simulator writes.
 
-    Without `finish` they are not whole.  Rows are read back from ``rows``, the file of the table ``out`` or a private copy of it where it
-    goes to a stream or nowhere.
+    Without `finish` they are not whole.  The simulator writes the rows of ``out`` into a private file too, as doubles; where ``out`` is no
+    text by its ending, there alone: the table follows from them when it is whole, or left.
     """
 
     def __init__(self, units: Units | None, *, out: Path | None, **others: Path | None) -> None:
         self._tables: dict[str, TableFile | Stream] = {}
-        self._private = None
+        self._units = units
+        self._written = units is not None and out is not None and out.suffix in WRITERS
         try:
             if out is not None:
+                if self._written:
+                    require_writer(out)
                 self._tables["out"] = open_table(out, units)
             for name, path in others.items():
                 if path is not None:
                     self._tables[name] = open_table(path)
+            self._rows = cast(BinaryIO, tempfile.TemporaryFile(buffering=0))  # noqa: SIM115
         except BaseException as error:
+            self._written = False
             self.leave(str(error))
             raise
-        if not isinstance(self._tables.get("out"), TableFile):
-            self._private = cast(BinaryIO, tempfile.TemporaryFile(buffering=0))  # noqa: SIM115
 
-    @property
-    def rows(self) -> BinaryIO:
-        """The table ``out``."""
-        return self._tables["out"].file if self._private is None else self._private
+    def rows(self, columns: int) -> Array:
+        """The whole rows of the table ``out``, (rows, columns), the time first."""
+        return read_rows(self._rows, columns)
 
     @property
     def places(self) -> dict[str, Any]:
         """The part of a run file that says where the tables go."""
-        places = {name: place_of(table.file, str(table.path)) for name, table in self._tables.items()}
-        if self._private is None:
-            return places
-        copy = {"out_copy": places.pop("out")} if "out" in places else {}
-        return {**places, **copy, "out": place_of(self._private, "the temporary table")}
+        places = {name: place_of(table.file, str(table.path)) for name, table in self._tables.items() if name != "out" or not self._written}
+        return {**places, "out_rows": place_of(self._rows, "the temporary table")}
 
-    def finish(self) -> Path | None:
-        """All tables are whole; the file with ``out``."""
+    def finish(self, size: int | None = None) -> Path | None:
+        """All tables are whole; the file with ``out``, whose text has ``size`` bytes.
+
+        Raises:
+            OutputError: it has another size, or cannot be written.
+        """
         while len(self._tables) > 1:  # "out" is the last
             self._tables.popitem()[1].finish()
-        return self._tables.popitem()[1].finish() if self._tables else None
+        if not self._tables:
+            return None
+        table = self._tables["out"]
+        if self._written:
+            self._encode(table)
+        elif size is not None and isinstance(table, TableFile) and size != (found := os.fstat(table.file.fileno()).st_size):
+            raise OutputError(f"{table.path}: {size} bytes were written and {found} are there; has another program changed the table?")
+        del self._tables["out"]
+        return table.finish()
 
     def leave(self, reason: str) -> Path | None:
         """The tables do not become whole, for a ``reason``; the file with the rows of ``out``, None if there are none."""
         left = None
         while self._tables:  # "out" is the last
-            left = self._tables.popitem()[1].leave(reason)
+            name, table = self._tables.popitem()
+            if name == "out" and self._written:
+                try:
+                    self._encode(table)
+                except OutputError:  # half a table is none
+                    table.file.truncate(0)
+            left = table.leave(reason)
         return left
+
+    def _encode(self, table: TableFile | Stream) -> None:
+        """Write the rows so far as the table's ending asks, none where there are none."""
+        assert self._units is not None
+        rows = self.rows(len(self._units))
+        with naming_output(table.path):
+            write_all(table.file, encoded(table.path, self._units, rows) if rows.size else b"")
 
     def __enter__(self) -> "RunTables":
         return self
@@ -175,8 +202,14 @@ class RunTables:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         if self._tables and error is not None and (left := self.leave(str(error) or "interrupted")):
             error.add_note(f"the rows up to then are in {left}")
-        if self._private is not None:
-            self._private.close()
+        self._rows.close()
+
+
+def read_rows(file: BinaryIO, columns: int) -> Array:
+    """The whole rows of doubles in a file, (rows, columns)."""
+    file.seek(0)
+    content, row = bytearray(file.read()), 8 * columns
+    return np.frombuffer(content[: len(content) // row * row]).reshape(-1, columns)
 
 
 def write_error(table: Path, error: ErrorEstimate | None, implementation: str) -> None:

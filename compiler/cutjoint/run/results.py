@@ -7,7 +7,7 @@ from html import escape
 from math import nan
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cutjoint.model.errors import nearest
 from cutjoint.package.extensions import MissingPackageError
 from cutjoint.package.renamed import with_old_members, with_old_words
+from cutjoint.run.binary_tables import WRITERS, read_columns
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.settings import StepSettings
 
@@ -386,37 +387,23 @@ def read_near_jumps(summary: Mapping[str, Any]) -> tuple[NearJump, ...]:
 
 
 def read_table(path: Path) -> tuple[Array, dict[str, Array]]:
-    """Time and columns of a CSV with one header row."""
-    with path.open("rb") as file:
-        return _read(file)
+    """Time and columns of a table of a run: Parquet, Arrow or NumPy by its ending, else a CSV with one header row."""
+    if path.suffix in WRITERS:
+        columns = read_columns(path)
+        return columns.pop(TIME), columns
+    header, *lines = path.read_text(encoding="utf-8").splitlines() or [TIME]
+    names = header.split(",")
+    rows = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, len(names)))
+    return rows[:, 0], {name: rows[:, i] for i, name in enumerate(names) if i > 0}
 
 
-def read_run_table(file: BinaryIO, names: Sequence[str], rows: int) -> tuple[Array, dict[str, Array]]:
-    """Time and columns of a run's table, which has so many rows; these columns without rows of a run that failed before its first row.
+def columns_of(table: Array, names: Sequence[str], rows: int) -> tuple[Array, dict[str, Array]]:
+    """Time and columns of these names of a run's ``table`` (rows, 1 + names), which has to have so many rows.
 
     Raises:
         OutputError: the table has lost rows since they were written.
     """
-    file.seek(0)
-    t, columns = _read(file) if rows else (np.zeros(0), {name: np.zeros(0) for name in names})
-    if t.size != rows:
-        raise OutputError(f"{rows} rows were written and {t.size} are there; has another program changed the table?")
-    return t, columns
-
-
-def read_coordinates(file: BinaryIO) -> Array:
-    """The coordinates of a run, (rows, coordinates), from the table that its simulator has written; (0, 0) where it wrote none."""
-    file.seek(0)
-    return _read_rows(file)[1][:, 1:]
-
-
-def _read(file: BinaryIO) -> tuple[Array, dict[str, Array]]:
-    names, rows = _read_rows(file)
-    return rows[:, 0], {name: rows[:, i] for i, name in enumerate(names) if i > 0}
-
-
-def _read_rows(file: BinaryIO) -> tuple[list[str], Array]:
-    """The names of a table's columns, time first, and its rows."""
-    header, *lines = file.read().decode("utf-8").splitlines() or ["t"]
-    names = header.split(",")
-    return names, np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, len(names)))
+    if len(table) != rows:
+        raise OutputError(f"{rows} rows were written and {len(table)} are there; has another program changed the table?")
+    t, *columns = np.ascontiguousarray(table.T)
+    return t, dict(zip(names, columns, strict=True))

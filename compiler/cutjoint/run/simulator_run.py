@@ -1,5 +1,6 @@
 """The run of a simulator: its program and its run file, and the trajectory that follows, also of two parts that two programs make."""
 
+import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -7,19 +8,21 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
+import numpy as np
+
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, join_and
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.record import RunFile, Settings
-from cutjoint.run.result_files import RunTables, place_of
+from cutjoint.run.result_files import RunTables, place_of, read_rows
 from cutjoint.run.results import (
+    Array,
     Columns,
     FailureReport,
     Trajectory,
-    read_coordinates,
+    columns_of,
     read_energy,
     read_held,
     read_near_jumps,
-    read_run_table,
     read_statistics,
 )
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
@@ -127,7 +130,7 @@ def start(
     require_apart({}, tables={"out": out, "steps": steps, "tangents": tangents})
     asked = RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents)
     with asked as tables, _coordinates_file(run.with_coordinates) as file:
-        place = {} if file is None else {"coordinates_out": place_of(file, "the temporary table of coordinates")}
+        place = {} if file is None else {"coordinates_out_rows": place_of(file, "the temporary table of coordinates")}
         run_file = {**run.run_file.entries(), **tables.places, **place}
         summary = call_simulator(run.simulator, run_file, progress, seconds=seconds, description=run.description)
         ended, fallback, indeterminate = failure_of(summary), "", tuple(run.indeterminate)
@@ -138,10 +141,10 @@ def start(
             summary, indeterminate = joined(summary, rest), tuple(dict.fromkeys((*indeterminate, *other.indeterminate)))
             left = join_and([f"'{independent}'" for independent in ended.guards])
             fallback = f"the loops' equations at t = {begin['t']:g} s, since the functions of {left} end at t = {ended.time:.6g} s"
-        coordinates = None if file is None else read_coordinates(file)
-        t, columns = read_run_table(tables.rows, tuple(run.units), summary.get("rows", 0))
-        failure = failure_of(summary)
-        table = tables.finish() if failure is None else tables.leave(str(failure))
+        rows, failure = summary.get("rows", 0), failure_of(summary)
+        coordinates = None if file is None else _read_coordinates(file, rows)
+        t, columns = columns_of(tables.rows(1 + len(run.units)), tuple(run.units), rows)
+        table = tables.finish(summary.get("bytes")) if failure is None else tables.leave(str(failure))
     return Trajectory(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
@@ -156,6 +159,11 @@ def _fallback(run: SimulatorRun, ended: FailureReport, summary: Mapping[str, Any
     return onward if onward is not None and ended.guards and {*ended.guards} <= {*onward.guards} and summary.get("kept") else None
 
 
+def _read_coordinates(file: BinaryIO, rows: int) -> Array:
+    """The coordinates of a run, (rows, coordinates), from the table that its simulator has written; (0, 0) where it wrote none."""
+    return read_rows(file, os.fstat(file.fileno()).st_size // (8 * rows))[:, 1:] if rows else np.zeros((0, 0))
+
+
 @contextmanager
 def _coordinates_file(wanted: bool) -> Iterator[BinaryIO | None]:
     """A file without a name for the coordinates of a run, None where they are not wanted."""
@@ -168,8 +176,8 @@ def _coordinates_file(wanted: bool) -> Iterator[BinaryIO | None]:
 
 #: The numbers of a summary that add up; of impacts and of jumps beside rows the lists do.
 _SUMS = frozenset((
-    "steps", "rows", "seconds", "evaluations", "iterations", "factorisations", "substeps", "pivoting_fallbacks", "rejected", "events",
-    "stiff_steps", "impacts", "near_jumps",
+    "steps", "rows", "bytes", "seconds", "evaluations", "iterations", "factorisations", "substeps", "pivoting_fallbacks", "rejected",
+    "events", "stiff_steps", "impacts", "near_jumps",
 ))  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from cutjoint.package.locations import AnyPath, path_of
 from cutjoint.package.renamed import with_old_members
 from cutjoint.run.failures import IncompleteError, describe_failure, describe_rest
 from cutjoint.run.result_files import RunTables
-from cutjoint.run.results import FailureReport, read_run_table
+from cutjoint.run.results import FailureReport, columns_of
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import ModelLike
 from cutjoint.run.settings import Options
@@ -121,9 +121,9 @@ def run_in_real_time(
     with RunTables(None, out=path_of(out)) as tables:
         with _scheduled(priority, processor):
             summary = call_simulator(artifact.binary.path, {**run_file.entries(), **tables.places})
-        _, columns = read_run_table(tables.rows, ("duration", "lateness"), summary.get("rows", 0))
+        _, columns = columns_of(tables.rows(3), ("duration", "lateness"), summary.get("rows", 0))
         failure = failure_of(summary)
-        table = tables.finish() if failure is None else tables.leave(str(failure))
+        table = tables.finish(summary.get("bytes")) if failure is None else tables.leave(str(failure))
     times = StepTimes(period=run_file.settings.dt, durations=columns["duration"], lateness=columns["lateness"], failure=failure,
         table=table)
     if check and failure is not None:

@@ -165,7 +165,7 @@ class SettingsReader {
   /// The keys that a run file may have; those that are no settings are read where they are used.
   static constexpr auto keys_ = std::to_array<std::string_view>(
       {"task", "pose", "end", "output_step", "integrator", "solver", "numerics", "stabilisation", "model", "parameters", "inputs", "positions",
-       "near", "rates", "roads", "surface", "out", "out_copy", "steps_out", "steps_out_copy", "tangents_out", "coordinates_out", "state", "states", "with_state", "energy",
+       "near", "rates", "roads", "surface", "out", "out_rows", "steps_out", "steps_out_rows", "tangents_out", "coordinates_out", "coordinates_out_rows", "state", "states", "with_state", "energy",
        "jumps_within", "begin", "cases", "threads", "repetitions", "batches", "ends_with_stdin"});
   static constexpr auto numerics_keys_ = std::to_array<std::string_view>(
       {"dt", "penalty", "tolerance", "iterations", "multiplier_updates", "fixed_cost", "events", "absolute_tolerance", "spectral_radius"});

@@ -1,4 +1,4 @@
-// The driver: a run file (JSON) in, a table (CSV) and a summary (JSON) out.
+// The driver: a run file (JSON) in, a table (CSV, doubles) and a summary (JSON) out.
 #pragma once
 
 #include <algorithm>
@@ -70,6 +70,7 @@ class Run {
         if (!failure.guards.empty() && !doubtful_since()) summary["kept"] = method_.kept();
     }
     if (table_) summary["rows"] = table_->rows();
+    if (table_) summary["bytes"] = table_->end().bytes;
     close_files();
     return summary;
   }
@@ -206,11 +207,11 @@ class Run {
     values_.resize(method_.columns().size());
     if constexpr (requires { method_.report_moved(Real(0), values_.data()); })
       if (settings_.jumps_within) near_jumps_.emplace(*settings_.jumps_within, values_.size());
-    if (file_.contains("steps_out")) {
+    if (Table::is_asked(file_, "steps_out")) {
       steps_table_.emplace(file_, "steps_out");
       if (!goes_on()) steps_table_->header(std::span<const std::string_view>(Method::step_columns));
     }
-    if (file_.contains("coordinates_out")) {
+    if (Table::is_asked(file_, "coordinates_out")) {
       coordinates_.emplace(file_, "coordinates_out");
       if (!goes_on()) coordinates_->header(std::span<const std::string_view>(method_.coordinates()));
     }

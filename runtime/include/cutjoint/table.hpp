@@ -1,7 +1,7 @@
-// Tables of numbers over time, as CSV.
+// Tables of numbers over time, as CSV and as plain doubles.
 #pragma once
 
-#include <charconv>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -10,44 +10,48 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/output_file.hpp"
+#include "cutjoint/shortest_text.hpp"
 
 namespace cutjoint {
 
-/// Writes rows of numbers, shortest round trip.  Throws where a file cannot be written.
+/// Writes rows of numbers: as text, shortest round trip, as doubles, or both.  Throws where a file cannot be written.
 class Table {
  public:
-  /// The table whose place a run file has under a key, and under `key`_copy that of a second file with the same rows, if there is one.
+  /// The table whose text goes to the place that a run file has under a key, and whose doubles, row by row, to that under `key`_rows; one of them may be missing, or "".
   Table(const Json& file, const std::string& key) {
-    files_.emplace_back(file.at(key));
-    if (const auto copy = file.find(key + "_copy"); copy != file.end()) files_.emplace_back(*copy);
+    const auto rows = file.find(key + "_rows"), text = file.find(key);
+    if (rows != file.end()) doubles_.emplace(*rows);
+    if (!doubles_ || (text != file.end() && *text != "")) text_.emplace(file.at(key));
   }
+
+  static bool is_asked(const Json& file, const std::string& key) { return file.contains(key) || file.contains(key + "_rows"); }
 
   void header(std::span<const Named> columns) {
     line_ = "t";
     for (const Named& column : columns) line_.append(",").append(column.name);
-    finish_line();
+    finish_header();
   }
 
   void header(std::span<const std::string_view> columns) {
     line_ = "t";
     for (const std::string_view column : columns) line_.append(",").append(column);
-    finish_line();
+    finish_header();
   }
 
   template <class Time, class Real>
   void row(Time t, const std::vector<Real>& values) {
-    append(static_cast<double>(t));
-    for (const Real value : values) {
-      line_ += ',';
-      append(static_cast<double>(value));
-    }
-    finish_line();
+    numbers_.resize(values.size() + 1);
+    numbers_[0] = static_cast<double>(t) + 0.0;  // never -0
+    for (std::size_t i = 0; i < values.size(); ++i) numbers_[i + 1] = static_cast<double>(values[i]) + 0.0;
+    if (doubles_) doubles_->write({reinterpret_cast<const char*>(numbers_.data()), numbers_.size() * sizeof(double)});
+    if (text_) write_text();
     ++rows_;
   }
 
   /// Write what is still in memory.
   void close() {
-    for (OutputFile& file : files_) file.close();
+    for (auto* file : {&text_, &doubles_})
+      if (*file) (*file)->close();
   }
 
   long rows() const { return rows_; }
@@ -61,27 +65,38 @@ class Table {
 
   /// Take back the rows after an end that the table has had.
   void cut(const End& end) {
-    for (OutputFile& file : files_) file.cut(end.bytes);
+    if (text_) text_->cut(end.bytes);
+    if (doubles_) doubles_->cut(end.rows * static_cast<long>(numbers_.size() * sizeof(double)));
     rows_ = end.rows;
     bytes_ = end.bytes;
   }
 
  private:
-  void append(double value) {
-    char text[32];
-    line_.append(text, std::to_chars(text, text + sizeof text, value + 0.0).ptr);
+  void write_text() {
+    line_.resize(numbers_.size() * (ShortestText::longest + 1));
+    char* end = line_.data();
+    for (const double number : numbers_) {
+      end = ShortestText::write(end, number);
+      *end++ = ',';
+    }
+    end[-1] = '\n';
+    write({line_.data(), static_cast<std::size_t>(end - line_.data())});
   }
 
-  void finish_line() {
+  void finish_header() {
     line_ += '\n';
-    for (OutputFile& file : files_) file.write(line_);
-    bytes_ += static_cast<long>(line_.size());
-    line_.clear();
+    if (text_) write(line_);
   }
 
-  std::vector<OutputFile> files_;
+  void write(std::string_view text) {
+    text_->write(text);
+    bytes_ += static_cast<long>(text.size());
+  }
+
+  std::optional<OutputFile> text_, doubles_;
   std::string line_;
-  long rows_ = 0, bytes_ = 0;
+  std::vector<double> numbers_;
+  long rows_ = 0, bytes_ = 0;  ///< bytes_: of the text
 };
 
 }  // namespace cutjoint

@@ -1,0 +1,78 @@
+"""Tables of runs as Parquet, Arrow and NumPy files: the file's ending says which; all others are text."""
+
+import json
+from collections.abc import Callable, Mapping
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutjoint.run.outputs import OutputError
+
+Array = NDArray[np.float64]
+
+
+def require_writer(path: Path) -> None:
+    """Check that a table's ending is text, or one whose package is there.
+
+    Raises:
+        OutputError: PyArrow is not installed.
+    """
+    if path.suffix in (".parquet", ".arrow"):
+        _arrow(path)
+
+
+def encoded(path: Path, units: Mapping[str, str], rows: Array) -> bytes:
+    """The content of a table with this ending: ``rows`` (rows, columns) over the names in ``units``."""
+    file = BytesIO()
+    WRITERS[path.suffix](path, units, rows, file)
+    return file.getvalue()
+
+
+def read_columns(path: Path) -> dict[str, Array]:
+    """The columns of such a table, by name."""
+    if path.suffix == ".npy":
+        table = np.load(path, allow_pickle=False)
+        return {name: table[name] for name in table.dtype.names or ()}
+    pa = _arrow(path)
+    read = pa.parquet.read_table if path.suffix == ".parquet" else pa.feather.read_table
+    table = read(path)
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def _write_array(_: Path, units: Mapping[str, str], rows: Array, file: BytesIO) -> None:
+    """A record for each row, whose fields have the names of the columns."""
+    np.save(file, np.ascontiguousarray(rows).view([(name, np.float64) for name in units]).reshape(-1))
+
+
+def _write_arrow(path: Path, units: Mapping[str, str], rows: Array, file: BytesIO) -> None:
+    pa = _arrow(path)
+    fields = [pa.field(name, pa.float64(), nullable=False, metadata={"unit": unit} if unit else None) for name, unit in units.items()]
+    # pandas takes its attributes from there
+    schema = pa.schema(fields, metadata={"PANDAS_ATTRS": json.dumps({"units": dict(units)})})
+    table = pa.table([pa.array(column) for column in np.ascontiguousarray(rows.T)], schema=schema)
+    if path.suffix == ".parquet":
+        pa.parquet.write_table(table, file, compression="zstd")
+        return
+    with pa.ipc.new_file(file, schema) as writer:
+        writer.write_table(table)
+
+
+def _arrow(path: Path) -> Any:
+    try:
+        import pyarrow
+        import pyarrow.feather
+        import pyarrow.ipc
+        import pyarrow.parquet
+    except ImportError:
+        raise OutputError(f"{path}: tables in {path.suffix} need PyArrow, which is not installed; pip install 'cutjoint[data]', or write "
+                          "a table in .csv or .npy") from None  # fmt: skip
+    return pyarrow
+
+
+#: What writes a table, by its ending.
+WRITERS: Mapping[str, Callable[[Path, Mapping[str, str], Array, BytesIO], None]] = {
+    ".parquet": _write_arrow, ".arrow": _write_arrow, ".npy": _write_array,
+}  # fmt: skip
