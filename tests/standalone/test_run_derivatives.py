@@ -202,6 +202,24 @@ def test_a_loop_by_a_hardpoint(loops: Loops) -> None:
     compare(sim, ["pin.angle_rate"], ["slider.x", "spring.force"], {"stiffness": 3.0, "A.z": 1e-5}, 1e-7)
 
 
+def test_many_hardpoints_of_embedded_loops_side_by_side() -> None:
+    """More than fit side by side, whose loops stay fitted, beside one after the other in a new simulation; also when points have moved."""
+    model, scene = load_model(MODELS / "press.yaml", None, ["A.*", "B.*", "C.*"])
+    chosen = with_loops(scene, Loops.EMBEDDED)
+    sim, other = (load_scene(replace(model, scenes={scene.name: chosen}), chosen, integrator="rk4", linearise=True) for _ in range(2))
+    by = [name for name in sim.parameters if re.fullmatch(r"[ABC]\.[xyz]", name)] * 3
+    assert len(by) > 24
+    for moved in (0.0, 1e-3):
+        for each in (sim, other):
+            each.parameters["A.z"] += moved
+        found = sim.reset(dt=2e-3).forward_sensitivities(20, ["slider.x", "spring.force"], by, every=4).derivatives
+        singly = (other.reset(dt=2e-3).forward_sensitivities(20, ["slider.x", "spring.force"], [name], every=4) for name in by[:9])
+        apart = [run.derivatives for run in singly]
+        largest = np.abs(found).max(axis=(0, 2), keepdims=True)
+        assert np.abs(found).max() > 0.1
+        assert (np.abs(found - np.concatenate(apart * 3, axis=2)) <= 1e-12 * largest).all()
+
+
 @pytest.mark.heavy
 def test_embedded_loops_have_the_derivatives_of_exact_loops() -> None:
     """By a hardpoint, a spring and the start; rk4 follows both motions to some 1e-11."""

@@ -318,13 +318,17 @@ def _arrays(equations: Equations) -> list[str]:
     return [f"{name:<{width}}  {words}" for name, words in used.items()]
 
 
+def fitted_parameters(program: Program) -> list[int]:
+    """The places of parameters that loops are fitted to."""
+    closing = [program.graph.nodes[n].data for f in program.functions if f.name.startswith(CLOSE) for n in f.statements]
+    return sorted({symbol[1] for symbol in closing if isinstance(symbol, tuple) and str(symbol[0]).startswith("fitted:")})
+
+
 def _fits(program: Program, equations: Equations) -> dict[str, object] | None:
     """The tables of loops that are fitted; None where there are none."""
     if not equations.fits:
         return None
     described, names = [fit.description() for fit in equations.fits], [a.rpartition(" ")[2] for a in equations.load_arguments]
-    closing = [program.graph.nodes[n].data for f in program.functions if f.name.startswith(CLOSE) for n in f.statements]
-    places = {symbol[1] for symbol in closing if isinstance(symbol, tuple) and str(symbol[0]).startswith("fitted:")}
     lines = [", ".join(map(repr, function)) + "," for d in described for function in d["start"]]
     return {
         "independents": ", ".join(fit.assembly.independent for fit in equations.fits),
@@ -335,7 +339,7 @@ def _fits(program: Program, equations: Equations) -> dict[str, object] | None:
         "functions": [
             f"{{.terms = {len(c)}, .growth = {growth!r}}}" for d in described for c, growth in zip(d["start"], d["growth"], strict=True)
         ],
-        "start": [line for text in lines for line in wrap(text, LINE)], "parameters": ", ".join(map(str, sorted(places))),
+        "start": [line for text in lines for line in wrap(text, LINE)], "parameters": ", ".join(map(str, fitted_parameters(program))),
         "length": sum(fit.length for fit in equations.fits), "arguments": ", ".join(equations.load_arguments), "passed": ", ".join(names),
     }  # fmt: skip
 

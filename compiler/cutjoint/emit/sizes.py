@@ -1,6 +1,6 @@
 """Sizes of what a simulation and its derivatives hold."""
 
-from cutjoint.emit.classes import SimulationCode, System, is_weighed
+from cutjoint.emit.classes import SimulationCode, System, fitted_parameters, is_weighed
 from cutjoint.formulate.records import Equations
 from cutjoint.formulate.transposed import Derived, Linearised
 from cutjoint.methods import Steps
@@ -67,16 +67,25 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += 0 if parts.force_residual is None else _size_of_residual(parts, parts.force_residual)
         stored += 0 if parts.force_residual is None or parts.system is None else _size_of_ends(parts, parts.force_residual, steps)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
-    fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)
-    stored += 2 * fitted if parts.dofs is None else (2 + _NUMBERS_OF_DUAL) * fitted
+    dual = 0 if parts.dofs is None else 1
+    stored += _size_of_fits(start, parts.program, 2, dual)
+    stored += 0 if parts.system is None else _size_of_fits(equations, parts.system.program, 2, dual)
     return 8 * (stored + assembly + masses + others + 512)
+
+
+def _size_of_fits(equations: Equations, program: Program, plain: int, dual: int) -> int:
+    """Numbers that the fits of loops hold in so many classes over doubles and over numbers with derivatives, which keep several fits."""
+    if not equations.fits:
+        return 0
+    parameters = len(fitted_parameters(program))
+    return (sum(fit.length for fit in equations.fits) + parameters) * (plain + _NUMBERS_OF_DUAL * dual * (parameters // 8 + 2)) + 8
 
 
 def _size_of_adjoint(parts: SimulationCode, transposed: Derived) -> int:
     """Numbers that derivatives from the end of a run hold."""
     n, m, _, state = _lengths(parts.mechanism)
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
-    fitted = 12 * (sum(fit.length for fit in parts.mechanism.fits) + len(parts.mechanism.parameters))
+    fitted = _size_of_fits(parts.mechanism, parts.program, 3, 1)
     numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
     return numbers + len(parts.mechanism.parameters) + n + 4 * m + 7 * state + 8 * seed_rows(parts) + transposed.equations.input_values + 64
 
@@ -86,7 +95,7 @@ def _size_of_residual(parts: SimulationCode, force_residual: Linearised) -> int:
     n, m, q, _ = _lengths(parts.mechanism)
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
     classes = (1 + _NUMBERS_OF_DUAL) * (_stored(force_residual.program) + force_residual.equations.input_values + 16)
-    fitted = 12 * (sum(fit.length for fit in force_residual.equations.fits) + len(force_residual.equations.parameters))
+    fitted = _size_of_fits(force_residual.equations, force_residual.program, 3, 1)
     at_state = force_residual.length + _size_of_matrix(force_residual) + q + 2 * n + m + given + 28 * (q - parts.mechanism.speeds) + 8
     weights = 4 * q + 2 * n + m + given + force_residual.loaded
     return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * force_residual.loaded) + force_residual.loaded + weights + n + m + 64

@@ -265,15 +265,19 @@ class LoopFitting {
   int known_ = 0;                      ///< nodes on this way
 };
 
-/// The fits of a class, which has the tables `Fits`; `find` returns what `load` reads, and finds it anew where geometry has changed.
+/// The fits of a class, which has the tables `Fits`; `find` returns what `load` reads, and finds it anew where geometry has changed.  Over numbers with derivatives it keeps
+/// the fits of several sets of directions: those of a run are loaded in turn.
 template <class Real, class Fits>
 class LoopFits {
  public:
   template <class Generated>
   const Real* find(const Generated& generated, const Real* parameters) {
-    if (is_found(parameters)) return found_;
+    for (std::size_t i = 0; i < number_; ++i)
+      if (kept_[i].is_of(parameters)) return kept_[i].found;
+    if (number_ > 0 && !kept_[0].has_values_of(parameters)) number_ = 0;
+    Fit& fit = kept_[number_ < kept ? number_++ : kept - 1];
     Real work[most_work];
-    Real* found = found_;
+    Real* found = fit.found;
     const FittedFunction* functions = Fits::functions;
     const double* start = Fits::start;
     for (int block = 0; block < Fits::blocks; ++block) {
@@ -284,13 +288,36 @@ class LoopFits {
       start += coefficients_of(loops, functions);
       functions += loops.functions;
     }
-    for (std::size_t i = 0; i < count; ++i) of_[i] = parameters[Fits::parameters[i]];
-    known_ = true;
-    return found_;
+    for (std::size_t i = 0; i < count; ++i) fit.of[i] = parameters[Fits::parameters[i]];
+    return fit.found;
   }
 
  private:
   static constexpr std::size_t count = std::size(Fits::parameters);
+  static constexpr bool has_derivatives = requires(Real x) { x.derivative; };
+
+  /// Fits: all parameters in as few sets as can be, and one without changes.
+  static constexpr std::size_t kept = [] {
+    if constexpr (has_derivatives) return count * sizeof(double) / sizeof(Real::derivative) + 2;
+    else return 1;
+  }();
+
+  struct Fit {
+    Real found[Fits::length], of[count];  ///< coefficients, and the parameters that they are of
+
+    bool is_of(const Real* parameters) const {
+      for (std::size_t i = 0; i < count; ++i)
+        if (std::memcmp(&of[i], &parameters[Fits::parameters[i]], sizeof(Real)) != 0) return false;
+      return true;
+    }
+
+    /// Whether they differ in derivatives at most.
+    bool has_values_of(const Real* parameters) const {
+      for (std::size_t i = 0; i < count; ++i)
+        if (std::memcmp(&of[i], &parameters[Fits::parameters[i]], sizeof(double)) != 0) return false;
+      return has_derivatives;
+    }
+  };
 
   /// The numbers that the largest of the searches works on.
   static constexpr int most_work = [] {
@@ -304,14 +331,8 @@ class LoopFits {
     return most;
   }();
 
-  bool is_found(const Real* parameters) const {
-    for (std::size_t i = 0; i < count; ++i)
-      if (std::memcmp(&of_[i], &parameters[Fits::parameters[i]], sizeof(Real)) != 0) return false;
-    return known_;
-  }
-
-  Real found_[Fits::length], of_[count];  ///< coefficients, and the parameters that they are of
-  bool known_ = false;
+  Fit kept_[kept];
+  std::size_t number_ = 0;
 };
 
 }  // namespace cutjoint
