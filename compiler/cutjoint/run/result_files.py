@@ -164,8 +164,8 @@ class RunTables:
         Raises:
             OutputError: it has another size, or cannot be written.
         """
-        while len(self._tables) > 1:  # "out" is the last
-            self._tables.popitem()[1].finish()
+        while self._tables and (name := next(reversed(self._tables))) != "out":  # which is the last
+            self._tables.pop(name).finish()
         if not self._tables:
             return None
         table = self._tables["out"]
