@@ -516,25 +516,17 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       begin_step(record_.t + h, record_.values);
       if (!residual_loops_vjp()) return false;
       const auto find = [&](std::size_t i) { begin_step(this->points_[i].t, record_.values); };
-      if (!this->stages_.find(this->force_residual_, h, charts(), record_.from.q.data(), this->points_, find)) return false;
-      std::array<Fixed<double, coordinates>, stages> by_q{};
-      std::array<Numbers, stages> by_v{}, by_vdot{};
-      Fixed<double, stages * unknowns> solution;
-      Point by;
-      by_q.back() = by_.q, by_v.back() = by_.v, by_vdot.back() = by_.vdot;
-      this->stages_.vjp(h, charts(), record_.from.q.data(), by_q, by_v, by.q, by.v, by_vdot);
-      for (std::size_t i = 0; i < stages; ++i) std::copy(by_vdot[i].begin(), by_vdot[i].end(), solution.begin() + i * unknowns);
-      std::copy(by_.lambda.begin(), by_.lambda.end(), solution.end() - m);
-      if (!this->force_residual_.solve_transposed(this->stages_.matrix(), solution)) return false;
-      for (std::size_t i = 0; i < stages; ++i) {
-        ByColumns by_all;
-        this->force_residual_.vjp(this->stages_.derivative(i), solution.data() + i * unknowns, by_all);
-        by_q[i].fill(0.0), by_v[i].fill(0.0);
-        find(i);
-        add_columns(by_all, by_q[i], by_v[i]);
-      }
-      this->stages_.vjp(h, charts(), record_.from.q.data(), by_q, by_v, by.q, by.v, by_vdot);
-      by_ = by;
+      if (!this->stages_.find(this->force_residual_, h, record_.from, this->points_, find)) return false;
+      return step_vjp(this->stages_, [&](auto& x, auto& by_q, auto& by_v) {
+        if (!this->force_residual_.solve_transposed(this->stages_.matrix(), x)) return false;
+        for (std::size_t i = 0; i < stages; ++i) {
+          ByColumns by;
+          this->force_residual_.vjp(this->stages_.derivative(i), x.data() + i * unknowns, by);
+          find(i);
+          add_columns(by, by_q[i], by_v[i]);
+        }
+        return true;
+      });
     }
     return true;
   }
@@ -562,7 +554,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       Fixed<double, coordinates> behind = by_.q;
       Numbers by_delta;
       by_.q.fill(0.0);
-      RetractionDerivatives<balls>(charts(), open.q.data(), by_delta.data()).vjp(behind.data(), by_.q.data(), by_delta.data());
+      RetractionDerivatives<balls>(charts(), open.q.data(), by_delta.data()).vjp(charts(), behind.data(), by_.q.data(), by_delta.data());
       if (!this->force_residual_.violations_vjp(by_delta, by_violation_)) return false;
       residual_vjp(open, by_violation_, nothing_);
       add(more_.q, by_.q);
@@ -595,16 +587,16 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       add_columns(by, by_.q, by_.v);
       Point rule;
       rule.take(stage_);
-      const RetractionDerivatives<balls> turning(charts(), from.q.data(), this->ends_.delta());
-      const Point led = lead_vjp(turning);
-      add(led.vdot, by_first);
-      by.fill(0.0);
-      if (!this->ends_.rule_vjp(force_residual, by_first, by, by_violation_)) return false;
-      residual_vjp(rule, by_violation_, nothing_);
-      add(more_.q, by_.q);
-      add_sums();
-      add_columns(by, by_.q, by_.v);
-      by_ = lead_vjp(turning);
+      std::copy_n(by_first.begin(), n, by_.vdot.begin()), std::copy_n(by_first.begin() + n, m, by_.lambda.begin());
+      return step_vjp(this->lead_, [&](auto& x, auto& by_q, auto& by_v) {
+        by.fill(0.0);
+        if (!this->ends_.rule_vjp(force_residual, x, by, by_violation_)) return false;
+        residual_vjp(rule, by_violation_, nothing_);
+        add(more_.q, by_q[0]);
+        add_sums();
+        add_columns(by, by_q[0], by_v[0]);
+        return true;
+      });
     }
     return true;
   }
@@ -619,28 +611,33 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     const StateOf<M> end = stage_;
     begin_step(end.t, record_.values);
     if (!this->settle_end(simulation_->mechanism(), from, end, h) || !closed_loops_vjp()) return false;
-    const RetractionDerivatives<balls> turning(charts(), from.q.data(), this->place_.data());
-    Unknowns by_end;
-    ByColumns by;
-    std::copy(by_.lambda.begin(), by_.lambda.end(), std::copy(by_.vdot.begin(), by_.vdot.end(), by_end.begin()));
-    add(lead_vjp(turning).vdot, by_end);
-    if (!this->force_residual_.end_vjp(by_end, by)) return false;
-    add_columns(by, by_.q, by_.v);
-    by_ = lead_vjp(turning);
-    return true;
+    return step_vjp(this->lead_, [&](auto& x, auto& by_q, auto& by_v) {
+      ByColumns by;
+      if (!this->force_residual_.end_vjp(x, by)) return false;
+      add_columns(by, by_q[0], by_v[0]);
+      return true;
+    });
   }
 
-  /// From derivatives by coordinates and speeds to which accelerations at both ends of a step lead to those by its beginning; those by the accelerations are the same.
-  Point lead_vjp(const RetractionDerivatives<balls>& turning) const {
-    const double h = record_.h;
+  // Implicit steps
+
+  /// From derivatives by the end of a step to those by its beginning: by what leads to its stages, by the `solution` of transposed equations for derivatives by accelerations
+  /// and multipliers, which adds to those by coordinates and speeds of stages, and by what leads to these once more.
+  template <class Lead, class Solution>
+  bool step_vjp(const Lead& lead, Solution solution) {
+    std::array<Fixed<double, coordinates>, Lead::stages> by_q{};
+    std::array<Numbers, Lead::stages> by_v{}, by_vdot{};
+    Fixed<double, Lead::stages * unknowns> x;
     Point begun;
-    Numbers by_delta;
-    turning.vjp(by_.q.data(), begun.q.data(), by_delta.data());
-    for (std::size_t i = 0; i < n; ++i) {
-      begun.v[i] = by_.v[i] + h * by_delta[i];
-      begun.vdot[i] = h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
-    }
-    return begun;
+    by_q.back() = by_.q, by_v.back() = by_.v, by_vdot.back() = by_.vdot;
+    lead.vjp(by_q, by_v, begun, by_vdot);
+    for (std::size_t i = 0; i < Lead::stages; ++i) std::copy(by_vdot[i].begin(), by_vdot[i].end(), x.begin() + i * unknowns);
+    std::copy(by_.lambda.begin(), by_.lambda.end(), x.end() - m);
+    if (!solution(x, by_q, by_v)) return false;
+    begun.clear();
+    lead.vjp(by_q, by_v, begun, by_vdot);
+    by_ = begun;
+    return true;
   }
 
   // Accelerations as functions of states
@@ -755,7 +752,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
         Numbers by_delta;
         by_.q.fill(0.0);
         simulation_->mechanism().project(x.q.data(), violations[i].data(), found_values_.data());
-        RetractionDerivatives<balls>(charts(), x.q.data(), found_values_.data()).vjp(behind.data(), by_.q.data(), by_delta.data());
+        RetractionDerivatives<balls>(charts(), x.q.data(), found_values_.data()).vjp(charts(), behind.data(), by_.q.data(), by_delta.data());
         move_vjp(x, violations[i], by_delta);
         residual_vjp(x, by_violation_, nothing_);
         add(more_.q, by_.q);

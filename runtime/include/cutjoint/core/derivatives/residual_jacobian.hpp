@@ -46,6 +46,7 @@ class ResidualJacobian {
   static constexpr std::size_t first_speed = coordinates, first_input = first_speed + n, first_held = first_input + inputs,
                                first_loaded = first_input + given, first_acceleration = first_loaded + loaded,
                                first_multiplier = first_acceleration + n, width = first_multiplier + m;
+  static std::span<const Chart> charts() { return M::charts; }
   static constexpr bool has_balls = coordinates > M::sizes.joint_speeds();
   using OfDerivatives = Fixed<double, T::starts[n + m]>;  ///< as they are written
 
@@ -197,6 +198,23 @@ class ResidualJacobian {
       for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) by[T::columns[k]] -= derivative[T::derivatives[k]] * by_rows[i];
   }
 
+  /// Use each derivative of some rows by accelerations and multipliers: the row, the place of the derivative, and the unknown.
+  template <class Use>
+  static void visit_unknowns(std::size_t first, std::size_t end, Use use) {
+    for (std::size_t i = first; i < end; ++i)
+      for (std::size_t k = T::middles[i]; k < T::starts[i + 1]; ++k) use(i, T::derivatives[k], T::columns[k] - first_acceleration);
+  }
+
+  /// Add the entries of the first rows in a stage of a step to a matrix over unknowns of all stages: the row, the stage of the unknown, this, and the number.
+  template <class Lead, class Add>
+  static void gather(const Lead& lead, std::size_t stage, const OfDerivatives& derivative, std::size_t rows, Add add) {
+    for (std::size_t i = 0; i < rows; ++i)
+      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k)
+        for (std::size_t j = 0; T::columns[k] < first_input && j < Lead::stages; ++j)
+          lead.template visit_shares<ResidualJacobian>(T::columns[k], stage, j, [&](std::size_t unknown, double share) { add(i, j, unknown, share * derivative[T::derivatives[k]]); });
+    visit_unknowns(0, rows, [&](std::size_t i, std::size_t k, std::size_t unknown) { add(i, stage, unknown, derivative[k]); });
+  }
+
   /// How loaded values change along directions.
   const Fixed<Along, loaded>& changes() const { return changes_; }
 
@@ -235,30 +253,17 @@ class ResidualJacobian {
   /// The same of `solve`.
   bool accelerations_vjp(Numbers& by_accelerations, Fixed<double, first_acceleration>& by) { return decompose_plain(at_[now_]) && end_vjp(by_accelerations, by); }
 
-  /// Decompose r_vdot + h/2 r_v + h^2/4 r_q of the end of a trapezoidal step, to which `delta` leads from coordinates; false where it is singular.
-  bool decompose_end(double h, std::span<const Chart> charts, [[maybe_unused]] const double* from, [[maybe_unused]] const double* delta) {
+  /// Decompose r_vdot + h/2 r_v + h^2/4 r_q of the end of a trapezoidal step, with the shares of its lead; false where it is singular.
+  template <class Lead>
+  bool decompose_end(double h, const Lead& lead) {
     At& x = at_[now_];
     if (x.decomposed_for == h) return true;
-    const double by_speed = h / 2, by_place = h * h / 4;
-    double* const weights = weights_.data();
-    [[maybe_unused]] BallDerivatives* turn = x.turns.data();
-    std::fill_n(weights + first_speed, n, by_speed);
-    for (const Chart& chart : charts) {
-      const auto place = static_cast<std::size_t>(chart.q), scalars = static_cast<std::size_t>(chart.scalars);
-      std::fill_n(weights + place, scalars, by_place);
-      if constexpr (has_balls) {
-        if (!chart.ball) continue;
-        const auto at = static_cast<std::size_t>(chart.v);
-        const auto& by = (*turn++ = turn_derivatives(from + place + scalars, delta + at + scalars)).by;
-        for (std::size_t c = 0; c < 4; ++c)
-          for (std::size_t k = 0; k < 3; ++k) weights[columns.share[place + scalars + c] + k * columns.stride[place + scalars + c]] = by_place * by[c][4 + k];
-      }
+    for (std::size_t column = 0; column < first_input; ++column) {
+      std::size_t place = columns.share[column];
+      lead.template visit_shares<ResidualJacobian>(column, 0, 0, [&](std::size_t, double share) { weights_[place] = share, place += columns.stride[column]; });
     }
     return decompose(x, h);
   }
-
-  /// How the balls were turned in the step that `decompose_end` was called for last.
-  const BallDerivatives* turns() const { return at_[now_].turns.data(); }
 
   /// Whether there is the matrix of the end of a step of this length, from which `correct` goes on.
   bool knows(double h) const { return at_[now_].decomposed_for == h; }
@@ -493,7 +498,6 @@ class ResidualJacobian {
     Fixed<double, m> lambda;
     Fixed<double, given> u;
     OfDerivatives derivative;
-    Fixed<BallDerivatives, balls> turns;
     Bordered<T> matrix;
   };
 

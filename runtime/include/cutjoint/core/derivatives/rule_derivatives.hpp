@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <limits>
 #include <type_traits>
@@ -10,6 +11,80 @@
 #include "cutjoint/core/newton/closed_end_derivatives.hpp"
 
 namespace cutjoint {
+
+/// How accelerations b at the beginning of a step of length h, and a at its end, lead there: v = v_0 + h/2 (b + a), q = q_0 (+) (h v_0 + h^2/4 (b + a)).
+template <class M>
+class RuleLead {
+ public:
+  static constexpr std::size_t stages = 1, n = M::sizes.speeds, joints = M::sizes.joint_speeds(), balls = M::sizes.coordinates - joints;
+
+  void begin(const StateOf<M>& from, double h) {
+    h_ = h, by_speed_ = h / 2, by_place_ = h * h / 4;
+    from_ = from.q;
+    for (std::size_t i = 0; i < n; ++i) speeds_[i] = from.v[i] + by_speed_ * from.vdot[i], shift_[i] = h * from.v[i] + by_place_ * from.vdot[i];
+  }
+
+  /// Coordinates and speeds at the end, by accelerations there.
+  void lead(StateOf<M>& end) {
+    for (std::size_t i = 0; i < n; ++i) delta_[i] = shift_[i] + by_place_ * end.vdot[i], end.v[i] = speeds_[i] + by_speed_ * end.vdot[i];
+    retract<double>(M::charts, from_.data(), delta_.data(), end.q.data());
+  }
+
+  /// Accelerations that lead to these coordinates and states, and the speeds to which they do.
+  void find(StateOf<M>& end) {
+    displacement<double>(M::charts, from_.data(), end.q.data(), delta_.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      end.vdot[i] = i < joints ? (delta_[i] - shift_[i]) / by_place_ : (end.v[i] - speeds_[i]) / by_speed_;
+      end.v[i] = speeds_[i] + by_speed_ * end.vdot[i];
+    }
+    turn();
+  }
+
+  /// Derivatives are of the last end from here on.
+  void turn() { turning_ = {M::charts, from_.data(), delta_.data()}; }
+
+  const double* delta() const { return delta_.data(); }
+
+  /// Use each unknown by which a coordinate or speed at the end changes, and how steeply it does.
+  template <class Residual, class Use>
+  void visit_shares(std::size_t column, std::size_t, std::size_t, Use use) const {
+    if (column >= Residual::first_speed) return use(column - Residual::first_speed, by_speed_);
+    const std::size_t unknown = Residual::unknown_of(column);
+    if (!Residual::turns(column)) return use(unknown, by_place_);
+    const auto [ball, c] = Residual::ball_of(column);
+    for (std::size_t k = 0; balls > 0 && k < 3; ++k) use(unknown + k, by_place_ * turning_[ball].by[c][4 + k]);
+  }
+
+  /// Changes of coordinates and speeds at the end by those at the beginning, of accelerations there, and, if not null, of accelerations at the end.
+  template <class Q, class V>
+  void jvp(const Q& from, const V& speeds, const V& before, const Tangents&, const Along* change, Q& q, V& v) const {
+    std::array<Along, n> delta;
+    for (std::size_t i = 0; i < n; ++i) {
+      const Tangents both = change ? before[i].derivative + change[i].derivative : before[i].derivative;
+      delta[i].derivative = h_ * speeds[i].derivative + by_place_ * both;
+      v[i].derivative = speeds[i].derivative + by_speed_ * both;
+    }
+    for (std::size_t i = 0; i < q.size(); ++i) q[i].derivative = from[i].derivative;
+    turning_.jvp(M::charts, delta, q);
+  }
+
+  /// From derivatives by coordinates and speeds at the end to those by the beginning, and, added, by accelerations at the end.
+  template <class Q, class V, class Point>
+  void vjp(const std::array<Q, 1>& by_q, const std::array<V, 1>& by_v, Point& begun, std::array<V, 1>& by_vdot) const {
+    V by_delta;
+    turning_.vjp(M::charts, by_q[0].data(), begun.q.data(), by_delta.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      begun.v[i] = by_v[0][i] + h_ * by_delta[i];
+      by_vdot[0][i] += begun.vdot[i] = by_speed_ * by_v[0][i] + by_place_ * by_delta[i];
+    }
+  }
+
+ private:
+  double h_ = 0.0, by_speed_ = 0.0, by_place_ = 0.0;  ///< the last: by accelerations at the end
+  Coordinates<M> from_;
+  Fixed<double, n> speeds_, shift_, delta_;  ///< where the beginning leads but for accelerations at the end, and the way to the end
+  RetractionDerivatives<balls> turning_;
+};
 
 /// `Derivatives` of a `Simulation` with the formulas of the trapezoidal rule, whose accelerations at the end follow from those to which they lead.
 ///
@@ -22,9 +97,8 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   using typename Base::M;
 
  protected:
-  using Base::joints, Base::m, Base::n;
-  using Base::charts, Base::delta_, Base::du_, Base::lambda_, Base::mechanism_, Base::phi_, Base::phid_, Base::place_, Base::q_,
-      Base::v_, Base::values_, Base::vdot_;
+  using Base::m, Base::n;
+  using Base::charts, Base::du_, Base::lambda_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::v_, Base::values_, Base::vdot_;
   static constexpr std::size_t no_row = std::numeric_limits<std::size_t>::max();
   static constexpr bool is_stepped = requires { typename Simulation::Steps::Scheme; };   ///< steps end at events
   static constexpr bool is_explicit = requires { typename Simulation::Steps::Method; };
@@ -37,73 +111,55 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     mechanism_.begin_step(end.t, 1.0);
   }
 
+  /// An implicit step along directions, of a length that changes too: its beginning and accelerations in its stages `lead` to coordinates and speeds of these, `solve` finds
+  /// how accelerations and multipliers change with what these do.  False where they have no derivatives.
+  template <class Lead, class Solve>
+  bool go_by(Lead& lead, const StateOf<M>& end, const Tangents& length, Solve solve) {
+    std::array<Along, Lead::stages * (n + m)> change;
+    from_ = q_, speeds_ = v_, before_ = vdot_;
+    lead.jvp(from_, speeds_, before_, length, nullptr, q_, v_);
+    for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = end.q[i];
+    for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
+    if (!solve(change)) return false;
+    lead.jvp(from_, speeds_, before_, length, change.data(), q_, v_);
+    const Along* const last = change.data() + change.size() - n - m;
+    for (std::size_t i = 0; i < n; ++i) vdot_[i] = {end.vdot[i], last[i].derivative};
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], last[n + i].derivative};
+    return true;
+  }
+
   /// The end of a step by the rule along directions; false where the force residual has a derivative there that is no number.
   bool go_by_fixed_point(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     enter_end(mechanism, end);
     if (!(is_settled_ ? linearise_end(end.t, h) : settle_end(mechanism, from, end, h))) return false;  // others may have gone to the beginning
     is_settled_ = true;
-    for (std::size_t i = 0; i < n; ++i) {
-      shift_[i].derivative = h * v_[i].derivative + h * h / 4 * vdot_[i].derivative;
-      v_[i] = {stage_.v[i], v_[i].derivative + h / 2 * vdot_[i].derivative};
-    }
-    move_along(shift_, 1.0, true);
-    typename ForceResidual::Changes change;
-    if (!this->force_residual_.solve_end(q_, v_, du_, this->dheld_, change)) return false;
-    for (std::size_t i = 0; i < n; ++i) {
-      vdot_[i] = {stage_.vdot[i], change[i].derivative};
-      v_[i].derivative += h / 2 * change[i].derivative;
-    }
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {stage_.lambda[i], change[n + i].derivative};
-    move_along(change, h * h / 4, false);
-    for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = stage_.q[i];
-    return true;
+    return go_by(lead_, stage_, {}, [this](auto& change) { return this->force_residual_.solve_end(q_, v_, du_, this->dheld_, change); });
   }
 
   /// The end of a step by the rule, before its loops are closed, in the stage, with the matrix there; false where that is singular.
   bool settle_end(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    for (std::size_t i = 0; i < n; ++i) {
-      speeds_[i].value = from.v[i] + h / 2 * from.vdot[i];
-      shift_[i].value = h * from.v[i] + h * h / 4 * from.vdot[i];
-    }
-    if (!settle(mechanism, from, end, h)) return false;
-    lead_stage(h);
+    lead_.begin(from, h);
+    if (!settle(mechanism, end, h)) return false;
+    lead_.lead(stage_);
+    lead_.turn();
     return linearise_end(end.t, h);
-  }
-
-  /// Derivatives of coordinates that a way, so many times, leads to, from those where it begins, or beside those of another.
-  template <class Numbers>
-  void move_along(const Numbers& shift, double share, bool from_start) {
-    const auto* turn = this->force_residual_.turns();
-    for (const Chart& chart : charts()) {
-      for (int i = 0; i < chart.scalars; ++i) q_[static_cast<std::size_t>(chart.q + i)].derivative += share * shift[static_cast<std::size_t>(chart.v + i)].derivative;
-      if (!chart.ball) continue;
-      const auto place = static_cast<std::size_t>(chart.q + chart.scalars), at = static_cast<std::size_t>(chart.v + chart.scalars);
-      const auto& by = (turn++)->by;
-      Tangents turned[4];
-      for (std::size_t c = 0; c < 4; ++c) {
-        turned[c] = from_start ? by[c][0] * q_[place].derivative : q_[place + c].derivative;
-        for (std::size_t j = 1; j < 4 && from_start; ++j) turned[c] += by[c][j] * q_[place + j].derivative;
-        for (std::size_t j = 0; j < 3; ++j) turned[c] += share * by[c][4 + j] * shift[at + j].derivative;
-      }
-      for (std::size_t c = 0; c < 4; ++c) q_[place + c].derivative = turned[c];
-    }
   }
 
   /// The fixed point of plain accelerations and multipliers from those of the end; derivatives of an earlier step correct these as long as errors fall, then those of the
   /// present ones.
-  bool settle(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    from_values_ = from.q;
+  bool settle(M& mechanism, const StateOf<M>& end, double h) {
     stage_ = end;
     double before = std::numeric_limits<double>::infinity();
     for (int iteration = 0; iteration < 30; ++iteration) {
-      lead_stage(h);
+      lead_.lead(stage_);
       mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), values_.data(), this->violation_.data());
       for (std::size_t i = 0; i < n; ++i) values_[i] -= stage_.vdot[i];
       for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += this->violation_[i];
       const double share = this->size_of(values_) / (1.0 + this->size_of(stage_.vdot));
       if (!(share <= std::numeric_limits<double>::max())) return false;
       if (share == 0.0 || (share > before / 2 && share <= (iteration > 2 ? 1e-5 : 1e-8))) return true;
-      const bool has_matrix = this->force_residual_.knows(h) || this->force_residual_.decompose_end(h, charts(), from_values_.data(), place_.data());
+      if (!this->force_residual_.knows(h) || share > before / 2) lead_.turn();
+      const bool has_matrix = this->force_residual_.decompose_end(h, lead_);
       if ((!has_matrix || share > before / 2) && !linearise_end(end.t, h)) return false;
       if (iteration > 0) share_left_ = std::min(1.0, share / before);
       before = share;
@@ -118,36 +174,32 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   /// Derivatives of the force residual at the stage, and their matrix; false where that is singular.
   bool linearise_end(double t, double h) {
     this->force_residual_.find(t, stage_.q, stage_.v, stage_.vdot, stage_.lambda, this->u_);
-    return this->force_residual_.decompose_end(h, charts(), from_values_.data(), place_.data());
+    return this->force_residual_.decompose_end(h, lead_);
   }
 
   /// The end of a step as Newton's iteration has left it, its accelerations as its places tell them, with the derivatives of force residual there.
   bool find_rule(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     stage_ = end;
-    displacement<double>(charts(), from.q.data(), end.q.data(), place_.data());
-    for (std::size_t i = 0; i < n; ++i) {
-      stage_.vdot[i] = (i < joints ? 4 / (h * h) * (place_[i] - h * from.v[i]) : 2 / h * (end.v[i] - from.v[i])) - from.vdot[i];
-      stage_.v[i] = from.v[i] + h / 2 * (from.vdot[i] + stage_.vdot[i]);
-    }
+    lead_.begin(from, h);
+    lead_.find(stage_);
     mechanism.begin_step(end.t, 1.0);
     this->along_ = {};
     this->take_inputs(mechanism);
-    return ends_.find(this->force_residual_, h, charts(), from.q.data(), stage_, end);
+    return ends_.find(this->force_residual_, h, charts(), lead_, stage_, end);
   }
 
   /// Its end along directions, with projected speeds and accelerations.
-  bool go_by_rule(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    leave_start(from, h);
-    for (std::size_t i = 0; i < n; ++i) found_[i] = stage_.vdot[i];
+  bool go_by_rule(M& mechanism, const StateOf<M>& end) {
     enter_end(mechanism, end);
-    lead(h);
-    mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
     typename ForceResidual::Changes first, change;
     auto& held = this->dheld_;
-    if (!ends_.solve_rule(this->force_residual_, q_, v_, phi_, du_, held, first)) return false;
-    for (std::size_t i = 0; i < n; ++i) found_[i].derivative = first[i].derivative;
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], first[n + i].derivative};
-    lead(h);
+    const auto solve = [&](auto& found) {
+      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+      const bool is_found = ends_.solve_rule(this->force_residual_, q_, v_, phi_, du_, held, found);
+      first = found;
+      return is_found;
+    };
+    if (!go_by(lead_, stage_, {}, solve)) return false;
     speeds_ = v_;
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
     mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
@@ -158,39 +210,12 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     return true;
   }
 
-  /// Where the beginning leads along directions, but for accelerations at the end.
-  void leave_start(const StateOf<M>& from, double h) {
-    for (std::size_t i = 0; i < n; ++i) {
-      const Dual before(from.vdot[i], vdot_[i]);
-      speeds_[i] = v_[i] + h / 2 * before;
-      shift_[i] = h * v_[i] + h * h / 4 * before;
-    }
-    from_ = q_;
-  }
-
-  /// Coordinates and speeds to which accelerations at the end lead, of the stage as numbers; `place_` is the way to these.
-  void lead_stage(double h) {
-    for (std::size_t i = 0; i < n; ++i) {
-      stage_.v[i] = speeds_[i].value + h / 2 * stage_.vdot[i];
-      place_[i] = shift_[i].value + h * h / 4 * stage_.vdot[i];
-    }
-    retract<double>(charts(), from_values_.data(), place_.data(), stage_.q.data());
-  }
-
-  void lead(double h) {
-    for (std::size_t i = 0; i < n; ++i) {
-      v_[i] = speeds_[i] + h / 2 * found_[i];
-      delta_[i] = shift_[i] + h * h / 4 * found_[i];
-    }
-    retract<Dual>(charts(), from_.data(), delta_.data(), q_.data());
-  }
-
   std::size_t loaded_ = no_row;  ///< the first of the directions with whose changes parameters are loaded
 
   StateOf<M> stage_{M::sizes.coordinates, n, m};
+  RuleLead<M> lead_;
   Fixed<Dual, M::sizes.coordinates> from_;
-  Coordinates<M> from_values_;
-  Fixed<Dual, n> speeds_, shift_, found_;
+  Fixed<Dual, n> speeds_, before_;
   bool is_settled_ = false;  ///< the end of a part is found
   double share_left_ = 1.0;                       ///< what the last correction of a step left of its error
   [[no_unique_address]] std::conditional_t<seeks_multipliers, ClosedEndDerivatives<ForceResidual>, typename Base::None> ends_;  ///< whose multipliers close the loops

@@ -71,7 +71,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     M& mechanism = simulation.mechanism();
     if constexpr (is_explicit) return go_by_derivatives(mechanism, from, end, h, number);
     else if constexpr (has_stages) return go_by_stages(mechanism, from, end, h, number);
-    else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, from, end, h);
+    else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, end);
     else return this->go_by_fixed_point(mechanism, from, end, h);
   }
 
@@ -154,7 +154,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
   /// Derivatives of the residual of the equations of motion in the stages of a step; false where they do not determine these.
   bool find_stages(M& mechanism, const StateOf<M>& from, double h) {
     this->along_ = {};
-    return stages_.find(this->force_residual_, h, charts(), from.q.data(), points_, [&](std::size_t i) {
+    return stages_.find(this->force_residual_, h, from, points_, [&](std::size_t i) {
       mechanism.begin_step(points_[i].t, 1.0);
       this->take_inputs(mechanism);
     });
@@ -162,51 +162,33 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
 
   /// The end of a step whose stages balance forces as they do in the run.
   bool go_by_stages(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
-    using Stages = radau::StageDerivatives<ForceResidual>;
-    constexpr std::size_t last = Stages::stages - 1;
-    const Dual length(h, -begun_);
-    typename Stages::DualPlaces places;
-    typename Stages::DualSpeeds speeds, derivatives, ways;
-    typename Stages::Changes change;
-    from_ = q_;
-    speeds_ = v_;
-    const auto bent = vdot_;
-    for (std::size_t i = 0; i <= last; ++i) std::copy(points_[i].vdot.begin(), points_[i].vdot.end(), derivatives[i].begin());
-    stages_.lead(length, charts(), from_, speeds_, derivatives, ways, places, speeds);
     const bool moves = this->is_time_moving_;
-    for (std::size_t i = 0; i <= last; ++i) {
-      Along* const rows = change.data() + i * Stages::unknowns;
-      if (!moves) {
-        if (this->trajectories_) {
-          mechanism.begin_step(points_[i].t, 1.0);
-          this->take_inputs(mechanism);
+    const auto solve = [&](auto& change) {
+      for (std::size_t i = 0; i < points_.size(); ++i) {
+        Along* const rows = change.data() + i * (n + m);
+        if (moves || this->trajectories_) mechanism.begin_step(points_[i].t, 1.0);
+        if (!moves) {
+          if (this->trajectories_) this->take_inputs(mechanism);
+          this->force_residual_.lose(stages_.derivative(i), stages_.q(i), stages_.v(i), this->du_, this->dheld_, rows);
+          continue;
         }
-        this->force_residual_.lose(stages_.derivative(i), places[i], speeds[i], this->du_, this->dheld_, rows);
-        continue;
+        q_ = stages_.q(i);
+        v_ = stages_.v(i);
+        if (!this->enter(mechanism, points_[i])) return false;
+        mechanism_.begin_step(Dual(points_[i].t, (from.t + h - points_[i].t) / h * begun_), 1.0);
+        if (!this->find_accelerations(mechanism, number)) return false;
+        stages_.gain(i, vdot_, this->lambda_, rows);
       }
-      q_ = places[i];
-      v_ = speeds[i];
-      mechanism.begin_step(points_[i].t, 1.0);
-      if (!this->enter(mechanism, points_[i])) return false;
-      mechanism_.begin_step(Dual(points_[i].t, (from.t + h - points_[i].t) / h * begun_), 1.0);
-      if (!this->find_accelerations(mechanism, number)) return false;
-      stages_.gain(i, vdot_, this->lambda_, rows);
-    }
-    if (!this->force_residual_.solve(stages_.matrix(), change)) return false;
-    for (std::size_t i = 0; i <= last; ++i)
-      for (std::size_t l = 0; l < n; ++l) derivatives[i][l].derivative = change[i * Stages::unknowns + l].derivative;
-    stages_.lead(length, charts(), from_, speeds_, derivatives, ways, places, speeds);
-    q_ = places[last];
-    v_ = speeds[last];
-    vdot_ = derivatives[last];
-    for (std::size_t l = 0; l < m; ++l) this->lambda_[l] = {points_[last].lambda[l], change[last * Stages::unknowns + n + l].derivative};
+      return this->force_residual_.solve(stages_.matrix(), change);
+    };
+    if (!this->go_by(stages_, points_.back(), -begun_, solve)) return false;
     ended_ = Tangents{};
-    be_at(mechanism, points_[last].t);
+    be_at(mechanism, points_.back().t);
     if constexpr (indicators > 0)
       if (cut_.is_made) {
         StateOf<D> begin(M::sizes.coordinates, n, m);
-        begin.q = from_, begin.v = speeds_, begin.vdot = bent;
-        return close_by_force_residual(points_[last]) && cut(mechanism, end, length, begin, ways[last], number);
+        begin.q = from_, begin.v = speeds_, begin.vdot = this->before_;
+        return close_by_force_residual(points_.back()) && cut(mechanism, end, Dual(h, -begun_), begin, stages_.shift(), number);
       }
     return true;
   }
@@ -219,7 +201,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
   }
 
   /// From the end of a step to where it is cut, by the interpolant that goes on from its beginning and has found a `shift`.
-  bool cut(M& mechanism, const StateOf<M>& end, const Dual& length, StateOf<D>& begin, Fixed<Dual, n>& shift, std::size_t number) {
+  bool cut(M& mechanism, const StateOf<M>& end, const Dual& length, StateOf<D>& begin, Fixed<Dual, n> shift, std::size_t number) {
     StateOf<D> done(M::sizes.coordinates, n, m);
     done.q = q_, done.v = v_, done.vdot = vdot_;
     stepping::Interpolant<D> between(charts(), begin);

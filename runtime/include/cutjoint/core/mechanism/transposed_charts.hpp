@@ -1,4 +1,4 @@
-// From derivatives by coordinates that charts make to derivatives by what they make them of.
+// Derivatives of what charts make of coordinates, and their transposes.
 #pragma once
 
 #include <array>
@@ -62,25 +62,45 @@ inline constexpr Chart one_ball[] = {{.q = 0, .v = 0, .scalars = 0, .ball = true
 template <std::size_t balls>
 class RetractionDerivatives {
  public:
-  RetractionDerivatives(std::span<const Chart> charts, const double* q_0, const double* delta) : charts_(charts) {
+  RetractionDerivatives() = default;
+  RetractionDerivatives(std::span<const Chart> charts, const double* q_0, const double* delta) {
     std::size_t place = 0;
     for (const Chart& chart : charts)
-      if (chart.ball) derivatives_[place++] = turn_derivatives(q_0 + chart.q + chart.scalars, delta + chart.v + chart.scalars);
+      if (chart.ball) by_[place++] = turn_derivatives(q_0 + chart.q + chart.scalars, delta + chart.v + chart.scalars);
   }
 
-  void vjp(const double* by_q, double* by_q_0, double* by_delta) const {
+  const BallDerivatives& operator[](std::size_t ball) const { return by_[ball]; }
+
+  /// How q changes along directions, in place of the change of q_0, with that of delta.
+  template <class Delta, class Q>
+  void jvp(std::span<const Chart> charts, const Delta& delta, Q& q) const {
     std::size_t place = 0;
-    for (const Chart& chart : charts_) {
+    for (const Chart& chart : charts) {
+      for (int i = 0; i < chart.scalars; ++i) q[static_cast<std::size_t>(chart.q + i)].derivative += delta[static_cast<std::size_t>(chart.v + i)].derivative;
+      if (!chart.ball) continue;
+      const auto e = static_cast<std::size_t>(chart.q + chart.scalars), w = static_cast<std::size_t>(chart.v + chart.scalars);
+      Tangents turned[4];
+      for (std::size_t c = 0; c < 4; ++c) {
+        turned[c] = by_[place].by[c][0] * q[e].derivative;
+        for (std::size_t j = 1; j < 7; ++j) turned[c] += by_[place].by[c][j] * (j < 4 ? q[e + j].derivative : delta[w + j - 4].derivative);
+      }
+      for (std::size_t c = 0; c < 4; ++c) q[e + c].derivative = turned[c];
+      ++place;
+    }
+  }
+
+  void vjp(std::span<const Chart> charts, const double* by_q, double* by_q_0, double* by_delta) const {
+    std::size_t place = 0;
+    for (const Chart& chart : charts) {
       for (int i = 0; i < chart.scalars; ++i) by_q_0[chart.q + i] += by_q[chart.q + i], by_delta[chart.v + i] += by_q[chart.q + i];
       if (!chart.ball) continue;
       const int q = chart.q + chart.scalars;
-      ball_vjp(derivatives_[place++], by_q + q, by_q_0 + q, by_delta + chart.v + chart.scalars);
+      ball_vjp(by_[place++], by_q + q, by_q_0 + q, by_delta + chart.v + chart.scalars);
     }
   }
 
  private:
-  std::span<const Chart> charts_;
-  std::array<BallDerivatives, balls> derivatives_;
+  std::array<BallDerivatives, balls> by_;
 };
 
 /// Of the rates of coordinates.

@@ -30,16 +30,16 @@ class ClosedEndDerivatives {
   using Columns = Fixed<double, ForceResidual::first_acceleration>;
   using First = Fixed<double, all>;  ///< by accelerations and multipliers that lead to the end
 
-  /// Of a step from coordinates; `rule` has what leads to its end, in which the force residual is.  False where a matrix is singular.
-  template <class State>
-  bool find(ForceResidual& force_residual, double h, std::span<const Chart> charts, const double* from, const State& rule, const State& end) {
+  /// Of a step by its lead; `rule` has what leads to its end, in which the force residual is.  False where a matrix is singular.
+  template <class Lead, class State>
+  bool find(ForceResidual& force_residual, double h, std::span<const Chart> charts, const Lead& lead, const State& rule, const State& end) {
     h_ = h;
-    displacement<double>(charts, from, rule.q.data(), delta_.data());
     force_residual.find(rule, rule_);
     force_residual.find(end, end_);
-    if (!decompose(force_residual, charts, from) && !decompose(force_residual, charts, from)) return false;  // with other pivots where those of matrices before have become small
+    const auto decomposes = [&] { return decompose(force_residual, charts, lead); };
+    if (!decomposes() && !decomposes()) return false;  // with other pivots where those of matrices before have become small
     Changes pushed{}, moved{};
-    for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) {
+    ForceResidual::visit_unknowns(n, all, [&](std::size_t row, std::size_t k, std::size_t column) {
       pushed[row].derivative[0] += end_[k] * (end.vdot[column] - rule.vdot[column]);
       moved[row].derivative[0] += end_[k] * (end.v[column] - rule.v[column]);
     });
@@ -83,7 +83,7 @@ class ClosedEndDerivatives {
     Changes loops;
     lose(force_residual, accelerations_, q, v, du, held, first, change);
     force_residual.lose(end_, q, projected, du, held, loops.data());
-    for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) { loops[row].derivative -= end_[k] * first[column].derivative; });
+    ForceResidual::visit_unknowns(n, all, [&](std::size_t row, std::size_t k, std::size_t column) { loops[row].derivative -= end_[k] * first[column].derivative; });
     std::copy_n(loops.begin() + n, m, change.begin() + n);
     return force_residual.solve(projections_, change);
   }
@@ -94,7 +94,7 @@ class ClosedEndDerivatives {
     if (!vjp(force_residual, projections_, accelerations_, by_move, {}, x, by, &by_first)) return false;
     std::copy_n(x.begin() + n, m, loops.begin() + n);
     force_residual.vjp(end_, loops.data(), by_projected);
-    for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) { by_first[column] -= end_[k] * loops[row]; });
+    ForceResidual::visit_unknowns(n, all, [&](std::size_t row, std::size_t k, std::size_t column) { by_first[column] -= end_[k] * loops[row]; });
     return true;
   }
 
@@ -117,8 +117,6 @@ class ClosedEndDerivatives {
     return true;
   }
 
-  const double* delta() const { return delta_.data(); }
-
  private:
   using Places = typename ForceResidual::Places;
   using Matrix = Bordered<Places>;
@@ -127,8 +125,7 @@ class ClosedEndDerivatives {
   template <class Q, class V, class Inputs, class Held>
   void lose(ForceResidual& force_residual, const typename ForceResidual::OfDerivatives& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
     force_residual.lose(derivative, q, v, du, held, change.data());
-    for (std::size_t i = 0; i < n; ++i)
-      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) change[i].derivative -= derivative[Places::derivatives[k]] * first[Places::columns[k] - ForceResidual::first_acceleration].derivative;
+    ForceResidual::visit_unknowns(0, n, [&](std::size_t i, std::size_t k, std::size_t column) { change[i].derivative -= derivative[k] * first[column].derivative; });
   }
 
   /// The solution x of transposed equations, and from it derivatives by all that forces read, with `by_first` those by accelerations and multipliers, which are added.
@@ -139,45 +136,22 @@ class ClosedEndDerivatives {
     First forces;
     std::copy_n(x.begin(), n, forces.begin());
     force_residual.vjp(derivative, forces.data(), by);
-    for (std::size_t i = 0; by_first && i < n; ++i)
-      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) (*by_first)[Places::columns[k] - ForceResidual::first_acceleration] -= derivative[Places::derivatives[k]] * x[i];
+    if (by_first) ForceResidual::visit_unknowns(0, n, [&](std::size_t i, std::size_t k, std::size_t column) { (*by_first)[column] -= derivative[k] * x[i]; });
     return true;
   }
 
-  /// Derivatives by accelerations of the second rates of loops, which are those of loops by displacements: the row, the place of the derivative, and the acceleration.
-  template <class Use>
-  static void for_curvatures(Use use) {
-    for (std::size_t i = n; i < all; ++i)
-      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k)
-        if (Places::columns[k] < ForceResidual::first_multiplier) use(i, Places::derivatives[k], Places::columns[k] - ForceResidual::first_acceleration);
-  }
-
-  bool decompose(const ForceResidual& force_residual, std::span<const Chart> charts, const double* from) {
+  template <class Lead>
+  bool decompose(const ForceResidual& force_residual, std::span<const Chart> charts, const Lead& lead) {
     auto &rule = matrix_.entries(), &projections = projections_.entries();
     const auto at = [](std::size_t i, std::size_t j) { return Matrix::places.of(i, j); };
     rule.fill(0.0), projections.fill(0.0);
-    Fixed<double, 9 * balls> turned;
-    turn_matrices<double>(charts, delta_.data(), turned.data());
-    const double by_speed = h_ / 2, by_place = h_ * h_ / 4;
-    for (std::size_t i = 0; i < all; ++i) {
-      for (std::size_t k = Places::starts[i]; i < n && k < Places::middles[i]; ++k) {
-        const std::size_t column = Places::columns[k];
-        if (column >= ForceResidual::first_input) continue;
-        if (column < ForceResidual::first_speed && ForceResidual::turns(column)) continue;
-        const bool is_speed = column >= ForceResidual::first_speed;
-        const std::size_t place = at(i, is_speed ? column - ForceResidual::first_speed : ForceResidual::unknown_of(column));
-        const double share = (is_speed ? by_speed : by_place) * rule_[Places::derivatives[k]];
-        rule[place] += share, projections[place] += share;
-      }
-      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) {
-        const std::size_t column = Places::columns[k] - ForceResidual::first_acceleration;
-        const double derivative = (i < n ? rule_ : end_)[Places::derivatives[k]];
-        projections[at(i, column)] += derivative;
-        if (i < n || column >= n || !is_turn(charts, column)) rule[at(i, column)] += derivative;
-      }
-      if (i >= n) rule[at(i, i)] -= force_residual.yields(i - n), projections[at(i, i)] -= force_residual.yields(i - n);
-    }
-    if constexpr (balls > 0) put_balls(charts, from, turned.data());
+    force_residual.gather(lead, 0, rule_, n, [&](std::size_t i, std::size_t, std::size_t j, double x) { rule[at(i, j)] += x, projections[at(i, j)] += x; });
+    ForceResidual::visit_unknowns(n, all, [&](std::size_t i, std::size_t k, std::size_t j) {
+      projections[at(i, j)] += end_[k];
+      if (!is_turn(charts, j)) rule[at(i, j)] += end_[k];
+    });
+    for (std::size_t i = n; i < all; ++i) rule[at(i, i)] -= force_residual.yields(i - n), projections[at(i, i)] -= force_residual.yields(i - n);
+    if constexpr (balls > 0) turn_violations(charts, lead.delta());
     const bool is_regular = matrix_.decompose(Matrix::everywhere);
     return projections_.decompose(Matrix::everywhere) && is_regular;
   }
@@ -188,32 +162,24 @@ class ClosedEndDerivatives {
     return false;
   }
 
-  /// What depends on turns of balls.
-  void put_balls(std::span<const Chart> charts, const double* from, const double* turned) {
-    auto &rule = matrix_.entries(), &projections = projections_.entries();
+  /// How loops open by the rotation vectors of balls.
+  void turn_violations(std::span<const Chart> charts, const double* delta) {
+    Fixed<double, 9 * balls> turned;
+    turn_matrices<double>(charts, delta, turned.data());
+    const double* T = turned.data();
     for (const Chart& chart : charts) {
       if (!chart.ball) continue;
-      const auto e = static_cast<std::size_t>(chart.q + chart.scalars), w = static_cast<std::size_t>(chart.v + chart.scalars);
-      const BallDerivatives turn = turn_derivatives(from + e, delta_.data() + w);
-      for (std::size_t i = 0; i < n; ++i)
-        for (std::size_t k = Places::starts[i]; k < Places::middles[i]; ++k)
-          if (const std::size_t column = Places::columns[k]; column >= e && column < e + 4)
-            for (std::size_t l = 0; l < 3; ++l) {
-              const double share = h_ * h_ / 4 * rule_[Places::derivatives[k]] * turn.by[column - e][4 + l];
-              rule[Matrix::places.of(i, w + l)] += share, projections[Matrix::places.of(i, w + l)] += share;
-            }
-      for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) {
-        if (column >= w && column < w + 3)
-          for (std::size_t l = 0; l < 3; ++l) rule[Matrix::places.of(row, w + l)] += end_[k] * turned[3 * (column - w) + l];
+      const auto w = static_cast<std::size_t>(chart.v + chart.scalars);
+      ForceResidual::visit_unknowns(n, all, [&](std::size_t row, std::size_t k, std::size_t column) {
+        for (std::size_t l = 0; column >= w && column < w + 3 && l < 3; ++l) matrix_.entries()[Matrix::places.of(row, w + l)] += end_[k] * T[3 * (column - w) + l];
       });
-      turned += 9;
+      T += 9;
     }
   }
 
   static constexpr std::size_t balls = ForceResidual::balls;
 
   double h_ = 0.0;
-  Fixed<double, n> delta_;
   typename ForceResidual::OfDerivatives rule_, end_, accelerations_, speeds_;  ///< what leads to the end, there, and of tangents times the moves of projections
   Matrix matrix_, projections_;  ///< of what leads to the end, and of projections
 };

@@ -26,7 +26,7 @@ struct Decimal {
   double nearest = 0, rest = 0;
 
   template <class Real>
-  Real as() const {
+  constexpr Real as() const {
     return Real(nearest) + Real(rest);
   }
 
