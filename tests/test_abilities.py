@@ -12,7 +12,6 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.elements.force import Force as ForceElement
 from cutjoint.elements.interactions import LineForce
-from cutjoint.methods import STEPS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Force, PointSpring
 from cutjoint.topology.reading import read_model
@@ -29,16 +28,6 @@ PENDULUM = MODELS / "pendulum.yaml"
 
 def _no_work(*given: object, **more: object) -> None:
     raise AssertionError("this is work")
-
-
-@pytest.mark.parametrize("integrator", [name for name, steps in STEPS["recursive-newton"].items() if not steps.differentiable])
-@pytest.mark.parametrize("objective", ["end", "event"])
-def test_gradients_of_steps_without_derivatives(integrator: str, objective: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutjoint.commands.gradient.load_scene", _no_work)
-    words = ["gradient", str(PENDULUM), "--method", "recursive-newton", "--integrator", integrator, "--objective", objective]
-    result = CliRunner().invoke(main, words)
-    said = " ".join(result.output.split())
-    assert (result.exit_code, f"steps of '{integrator}' have no derivatives; use trapezoidal, radau5 or radau5-fixed" in said) == (1, True)
 
 
 @dataclass(frozen=True)

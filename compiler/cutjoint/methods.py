@@ -108,7 +108,8 @@ class Steps:
 
     ``stages`` is the number of slopes that an explicit one holds, with parts of its interpolant beyond five, ``finds_events`` whether its
     steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can,
-    ``differentiable`` whether steps have derivatives, ``by_residual`` whether these need the slopes of the balance of forces.
+    ``by_residual`` whether derivatives need those of the residual in coupled stages, ``averages`` whether steps go on with accelerations
+    beside those of states.
     """
 
     header: str
@@ -117,8 +118,8 @@ class Steps:
     finds_events: bool = False
     is_iterated: bool = False
     adaptive: bool = False
-    differentiable: bool = False
     by_residual: bool = False
+    averages: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,7 +258,7 @@ _NEWTON = Steps(header="cutjoint/core/newton/recursive_newton.hpp", name="Recurs
 def _explicit(name: str, table: str, *, order: str, stages: int, about: str, adaptive: bool = True) -> Integrator:
     """An explicit Runge-Kutta method by its table of core/runge_kutta/tables.hpp."""
     of_table = f"ExplicitSteps<Mechanism, cutjoint::runge_kutta::{table}>"
-    steps = Steps(header="cutjoint/core/stepping/explicit_steps.hpp", name=of_table, stages=stages, differentiable=True)
+    steps = Steps(header="cutjoint/core/stepping/explicit_steps.hpp", name=of_table, stages=stages)
     return Integrator(
         name=name, methods=("recursive",), order=order, about=about, steps={"recursive": steps},
         closures=_ALL_CLOSURES, closure="solved", adaptive=adaptive, settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY,
@@ -267,7 +268,7 @@ def _explicit(name: str, table: str, *, order: str, stages: int, about: str, ada
 def _radau(name: str, *, about: str, adaptive: bool) -> Integrator:
     """Radau IIA of order 5."""
     of_length = f"RadauSteps<Mechanism, System, {str(adaptive).lower()}>"
-    steps = Steps(header="cutjoint/core/stepping/implicit_steps.hpp", name=of_length, differentiable=True, by_residual=True)
+    steps = Steps(header="cutjoint/core/stepping/implicit_steps.hpp", name=of_length, by_residual=True)
     return Integrator(
         name=name, methods=("recursive-newton",), order="5", about=about, steps={"recursive-newton": steps},
         adaptive=adaptive, uses_solver=True, settings=("absolute_tolerance",),
@@ -280,12 +281,11 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
         name="trapezoidal", methods=tuple(METHODS), order="2", about="bounded work in a step; loops stabilised or projected",
         steps={
             "recursive": Steps(
-                header="cutjoint/core/stepping/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True,
-                differentiable=True,
+                header="cutjoint/core/stepping/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True
             ),
             "augmented": Steps(header="cutjoint/core/newton/augmented.hpp", name="AugmentedSteps<Mechanism, System>"),
             "classical": Steps(header="cutjoint/core/newton/classical.hpp", name="ClassicalSteps<Mechanism, System>"),
-            "recursive-newton": replace(_NEWTON, differentiable=True),
+            "recursive-newton": _NEWTON,
         },
         closures=_ALL_CLOSURES, twin=True, events=Events.CROSSED, uses_solver=True, fixed_cost=True, batch=True, tangents=True,
     ),
@@ -296,7 +296,8 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
     _radau("radau5-fixed", adaptive=False, about="L-stable"),
     Integrator(
         name="generalised-alpha", methods=("recursive-newton",), order="2", about="bounded work in a step; damps by `spectral_radius`",
-        steps={"recursive-newton": _NEWTON}, events=Events.CROSSED, uses_solver=True, settings=("spectral_radius",),
+        steps={"recursive-newton": replace(_NEWTON, name="GeneralisedAlphaSteps<Mechanism, System>", averages=True)},
+        events=Events.CROSSED, uses_solver=True, settings=("spectral_radius",),
     ),
     added=Door(group="cutjoint.integrators", what="an integrator", packages={"reference": BENCH}),
 )  # fmt: skip

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from scripts.derived.element_tables import DOCS, table, written
 
-from cutjoint.methods import INTEGRATORS, METHODS, STEPS, Integrator, Steps, names_of
+from cutjoint.compile.c_export import linearised_methods
+from cutjoint.methods import INTEGRATORS, METHODS, STEPS, Integrator
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -87,7 +88,7 @@ def rules() -> str:
 
 def rule(i: Integrator) -> tuple[str, ...]:
     """The row of an integrator."""
-    derived = names_of(i.steps, lambda steps: steps.differentiable)
+    derived = tuple(method for method in i.steps if method in linearised_methods())
     methods, derivatives = ("all" if len(names) == len(METHODS) else marked(names) for names in (i.methods, derived))
     return (
         f"`{i.name}`", methods, "adaptive" if i.adaptive else "`dt`", i.order, str(i.events),
@@ -97,9 +98,7 @@ def rule(i: Integrator) -> tuple[str, ...]:
 
 def differentiable() -> Iterable[tuple[str, ...]]:
     """The rows of methods with integrators whose steps have derivatives."""
-    able: Callable[[Steps], bool] = lambda steps: steps.differentiable  # noqa: E731
-    found = {method: names_of(steps, able) for method, steps in STEPS.items()}
-    return [(f"`{method}`", marked(names)) for method, names in found.items() if names]
+    return [(f"`{method}`", marked(STEPS[method])) for method in linearised_methods()]
 
 
 def marked(names: Iterable[str]) -> str:

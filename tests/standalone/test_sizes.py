@@ -24,7 +24,7 @@ KINDS = (
     ("recursive", "dormand-prince", {}), ("recursive-newton", "radau5", {}), ("recursive", "trapezoidal", {}),
     ("augmented", "trapezoidal", {}),
     ("recursive", "dop853", {"linearise": True}), ("recursive-newton", "radau5", {"adjoint": True}), ("classical", "trapezoidal", {}),
-    ("recursive", "rk4", {"adjoint": True}), ("recursive-newton", "generalised-alpha", {"poses": True}),
+    ("recursive", "rk4", {"adjoint": True}), ("recursive-newton", "generalised-alpha", {"poses": True, "adjoint": True}),
 )  # fmt: skip
 
 

@@ -9,7 +9,6 @@ from rich.measure import Measurement
 from rich.table import Table
 
 from cutjoint.commands import options, table
-from cutjoint.compile.c_export import choose_steps, require_differentiable
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Formulation
 from cutjoint.model.records import Binding
 from cutjoint.package.errors import RunError
@@ -42,8 +41,6 @@ def command(
     method = method or chosen.method or DEFAULT_METHOD
     if METHODS[method].formulation is Formulation.NATURAL:
         raise RunError(f"scene '{chosen.name}' has the method {method}, whose steps have no derivatives; give --method recursive")
-    if objective not in ("modes", "equilibrium", "start"):
-        require_differentiable(method, str(choose_steps(chosen, method, integrator).integrator))
     with options.progress_bar(f"compiling {model.name}"):
         many = (len(by) or sum(p.binding is not Binding.CONST for p in read.parameters)) > (len(asked) or len(chosen.outputs))
         sim = load_scene(

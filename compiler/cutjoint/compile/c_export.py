@@ -132,7 +132,7 @@ class Standalone:
     @property
     def seed_rows(self) -> int:
         """The number of rows of a matrix of directions, 0 without derivatives."""
-        return seed_rows(self.parts)
+        return seed_rows(self.parts, self.steps)
 
     @property
     def record(self) -> int:
@@ -289,9 +289,8 @@ def make_standalone(
     options = choose_steps(equations.scene, parts.method, integrator, equal_steps=equal_steps)
     chosen = str(options.integrator)
     if adjoint:
-        require_differentiable(parts.method, chosen, "adjoint: ")
         parts = replace(parts, transposed=_transposed(parts))
-    if linearise and derives_steps and STEPS[parts.method][chosen].differentiable:
+    if linearise and derives_steps:
         parts = replace(parts, force_residual=_force_residual(parts, equations.scene))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
     alone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
@@ -321,7 +320,7 @@ def choose_steps(scene: Scene, method: str, integrator: str | None, *, equal_ste
 def needs_load_events(scene: Scene, method: str, integrator: str | None, *, equal_steps: bool = False) -> bool:
     """Return whether derivatives of steps are only exact where these end as loads of friction pass zero: of adaptive ones."""
     chosen = str(choose_steps(scene, method, integrator, equal_steps=equal_steps).integrator)
-    return INTEGRATORS[chosen].adaptive and STEPS[method][chosen].differentiable
+    return INTEGRATORS[chosen].adaptive
 
 
 def _simulated(scene: Scene, method: str) -> str:
@@ -363,17 +362,6 @@ def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCod
     assert equations.plan is not None
     system = System(equations=equations, program=program, plan=equations.plan)
     return SimulationCode(mechanism=start, program=schedule_recursive(start, lanes=lanes), system=system)
-
-
-def require_differentiable(method: str, integrator: str, asked: str = "") -> None:
-    """Check that steps have derivatives; ``asked`` stands before the message.
-
-    Raises:
-        RunError: they have none.
-    """
-    if not STEPS[method][integrator].differentiable:
-        able = join_or(names_of(STEPS[method], lambda steps: steps.differentiable))
-        raise RunError(f"{asked}steps of '{integrator}' have no derivatives; use {able}")
 
 
 def _transposed(parts: SimulationCode) -> Derived:

@@ -11,19 +11,19 @@ from cutjoint.program.records import Program
 _NUMBERS_OF_DUAL = 9
 
 
-def seed_rows(parts: SimulationCode) -> int:
+def seed_rows(parts: SimulationCode, steps: Steps) -> int:
     """The number of rows of a matrix of directions: states, held values, and the memory of steps; 0 without derivatives."""
     q, v, mechanism = len(parts.mechanism.coordinate_names), len(parts.mechanism.speed_names), parts.mechanism
     states = 2 * (parts.dofs or 0) + len(mechanism.state.states)
     loops = len(mechanism.equation_names)
-    return 0 if parts.dofs is None else states + mechanism.held + q + 2 * v + (max(loops, q) if loops else 0)
+    return 0 if parts.dofs is None else states + mechanism.held + q + (2 + steps.averages) * v + (max(loops, q) if loops else 0)
 
 
 def record_length(parts: SimulationCode, steps: Steps) -> int:
     """The numbers of a record of a run; 0 without transposed functions."""
-    _, _, _, state = _lengths(parts.mechanism)
+    n, _, _, state = _lengths(parts.mechanism)
     stages = 3 * (state - 2) if steps.by_residual else 0
-    return 0 if parts.transposed is None else 2 * state + stages + parts.mechanism.held
+    return 0 if parts.transposed is None else 2 * (state + steps.averages * n) + stages + parts.mechanism.held
 
 
 def simulation_size(parts: SimulationCode, steps: Steps) -> int:
@@ -61,9 +61,10 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.dofs + 2 * len(equations.state.states) + 15 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 13 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
         stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n + 2 * state + 3 * q + 64  # of a step's derivatives
+        stored += (2 + _NUMBERS_OF_DUAL) * n if steps.averages else 0
         if steps.stages and equations.indicators:  # at events
             stored += 2 * len(equations.indicators) + q + n + 64
-        stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
+        stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed, steps)
         stored += 0 if parts.force_residual is None else _size_of_residual(parts, parts.force_residual)
         stored += 0 if parts.force_residual is None or parts.system is None else _size_of_ends(parts, parts.force_residual, steps)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
@@ -81,13 +82,14 @@ def _size_of_fits(equations: Equations, program: Program, plain: int, dual: int)
     return (sum(fit.length for fit in equations.fits) + parameters) * (plain + _NUMBERS_OF_DUAL * dual * (parameters // 8 + 2)) + 8
 
 
-def _size_of_adjoint(parts: SimulationCode, transposed: Derived) -> int:
+def _size_of_adjoint(parts: SimulationCode, transposed: Derived, steps: Steps) -> int:
     """Numbers that derivatives from the end of a run hold."""
     n, m, _, state = _lengths(parts.mechanism)
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
     fitted = _size_of_fits(parts.mechanism, parts.program, 3, 1)
     numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
-    return numbers + len(parts.mechanism.parameters) + n + 4 * m + 7 * state + 8 * seed_rows(parts) + transposed.equations.input_values + 64
+    numbers += 6 * steps.averages * n + transposed.equations.input_values + 64
+    return numbers + len(parts.mechanism.parameters) + n + 4 * m + 7 * state + 8 * seed_rows(parts, steps)
 
 
 def _size_of_residual(parts: SimulationCode, force_residual: Linearised) -> int:

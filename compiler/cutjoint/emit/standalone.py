@@ -162,7 +162,7 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
     has_derivatives = parts.dofs is not None
     lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
     poses = [] if not parts.poses else [_POSES, *([_DYNAMICS] if has_derivatives else [])]
-    of_steps = [_STEP_DERIVATIVES, *([_ADJOINT] if parts.transposed is not None else [])] if _derives_steps(parts, steps) else []
+    of_steps = [_STEP_DERIVATIVES, *([_ADJOINT] if parts.transposed is not None else [])] if parts.derives_steps else []
     derivatives = [_DERIVATIVES, *of_steps] if has_derivatives else []
     more = [*derivatives, *poses, *([_SIDE_BY_SIDE] if parts.lanes else [])]
     supplied = [_SUPPLIED] if parts.mechanism.topology.model.functions else []
@@ -186,7 +186,8 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     return {
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "dofs": parts.dofs, "poses": parts.poses,
         "poses_digest": digest_of_poses(model.name, parts.poses),
-        "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps), "seed_rows": seed_rows(parts),
+        "joint_speeds": start.speeds, "step_derivatives": parts.dofs is not None and parts.derives_steps,
+        "seed_rows": seed_rows(parts, steps),
         "transposed": parts.transposed and name_of_transposed(class_name),
         "force_residual": parts.force_residual and _residual_view(parts.force_residual, name_of_residual(class_name)),
         "loaded": parts.transposed and parts.transposed.loaded, "tape": record_length(parts, steps), "fitted": bool(parts.mechanism.fits),
@@ -227,11 +228,6 @@ def _residual_view(force_residual: Linearised, name: str) -> dict[str, object]:
 def mark_of(digest: str, integrator: str) -> str:
     """The digest in a header and in snapshots: of the model, its scene's steps and the version."""
     return sha256(f"{digest} {integrator}".encode()).hexdigest()[:16]
-
-
-def _derives_steps(parts: SimulationCode, steps: Steps) -> bool:
-    """Return whether the interface has derivatives of steps."""
-    return parts.dofs is not None and parts.derives_steps and steps.differentiable
 
 
 def _statuses(parts: SimulationCode, steps: Steps) -> list[Status]:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from cutjoint.emit.statuses import STATUSES
-from cutjoint.methods import describe_steps
 from cutjoint.package.renamed import renamed
 from cutjoint.stepping.handle import require_list, require_whole
 from cutjoint.stepping.library import TrajectoryRecord
@@ -31,7 +30,6 @@ from cutjoint.stepping.values import (
 )
 
 _WITHOUT_ADJOINT = "load the model with adjoint=True"
-_WITHOUT_STEP_DERIVATIVES = f"derivatives of steps are of {describe_steps(lambda s: s.differentiable)}"
 
 #: How many records a run may take.
 _MOST_RECORDS = 1 << 24
@@ -49,11 +47,10 @@ class Derivatives(Linear):
         Outputs of controllers and inputs that follow the scene stay constant.
 
         Raises:
-            TypeError: the model was loaded without derivatives, or its steps have none.
+            TypeError: the model was loaded without derivatives.
             SimulationError: the step failed, ended at an event or was taken in parts, and the state stays; or there was no `reset`.
         """
         states = self.states
-        self._require(self.library.derives_steps, _WITHOUT_STEP_DERIVATIVES)
         n, inputs, parameters = len(states), *(self.library.names[kind] for kind in ("input", "parameter"))
         by_state, by_input, by_parameter = matrices = [np.zeros((n, width)) for width in (n, len(inputs), len(parameters))]
         self._call(self.library.step_derivatives, *(matrix.ctypes.data for matrix in matrices))
@@ -81,13 +78,12 @@ class Derivatives(Linear):
                 expands to all its values ``name[0]``, ``name[1]``, ...; ``name.rate`` to the rates of its table.
 
         Raises:
-            TypeError: the model was loaded without derivatives, its integrator has none, or steps over events that are asked for.
+            TypeError: the model was loaded without derivatives, or steps go over events that are asked for.
             KeyError: there is no such output, parameter or input, or the coordinate is not independent.
             ValueError: ``every`` does not divide the steps, steps are negative, or ``events`` > 0 and ``by`` is empty.
             SimulationError: a step failed, an event has no derivative, or there was no `reset`; the state before the step stays.
         """
         states = self.states
-        self._require(self.library.derives_steps, _WITHOUT_STEP_DERIVATIVES)
         require_list("by", by)
         require_whole("events", events, 0)
         if events:
@@ -199,7 +195,7 @@ class Derivatives(Linear):
         The present state has to be that start.  States are differentiated by fourth-order differences of starts, outputs exactly.
 
         Raises:
-            TypeError: the model was loaded without derivatives, or its steps have none.
+            TypeError: the model was loaded without derivatives.
             KeyError: there is no such output, parameter or input.
             ValueError: the present state is not the start, or a number is at a non-smooth point.
             SimulationError: no start was found, or the pose is singular.

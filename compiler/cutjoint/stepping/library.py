@@ -156,8 +156,6 @@ class Library:
             if self.moves_joints:
                 self.linearise_rates = self._function("linearise_rates", index, sim, *[ctypes.c_void_p] * 4)
             self.linearise_parameters = self._function("linearise_parameters", index, sim, *[ctypes.c_void_p] * 2)
-        self.derives_steps = hasattr(self._library, f"{model}_step_derivatives")
-        if self.derives_steps:
             self.step_derivatives = self._function("step_derivatives", index, sim, *[ctypes.c_void_p] * 3)
             lists = (index, ctypes.c_void_p, ctypes.c_void_p), (index, ctypes.c_void_p, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p)
             self.forward_sensitivities = self._function("forward_sensitivities", index, sim, ctypes.c_long, *lists[0], *lists[1])

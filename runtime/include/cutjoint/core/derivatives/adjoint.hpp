@@ -34,8 +34,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   using Base::inputs, Base::parameters, Base::states;
 
  private:
-  using Base::m, Base::n, Base::indicators, Base::is_explicit, Base::has_stages, Base::carries_derivative, Base::is_derivative_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
-  static constexpr std::size_t orders = InputTrajectories<inputs>::orders, coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + 2 * n + m;
+  using Base::m, Base::n, Base::averages, Base::indicators, Base::is_explicit, Base::has_stages, Base::carries_derivative, Base::is_derivative_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
+  static constexpr std::size_t orders = InputTrajectories<inputs>::orders, coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + (averages ? 3 : 2) * n + m;
 
  public:
   /// Doubles of a record: a part of a step, a sample or a row.
@@ -95,8 +95,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     Fixed<double, coordinates> q;
     Numbers v, vdot;
     Fixed<double, m> lambda;
+    Fixed<double, averages ? n : 0> mean;
 
-    void clear() { q.fill(0.0), v.fill(0.0), vdot.fill(0.0), lambda.fill(0.0); }
+    void clear() { q.fill(0.0), v.fill(0.0), vdot.fill(0.0), lambda.fill(0.0), mean.fill(0.0); }
 
     template <class State>
     void take(const State& state) {
@@ -108,7 +109,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
     const double* read(const double* x) {
       const auto all = [&x](auto& numbers) { std::copy_n(x, numbers.size(), numbers.begin()), x += numbers.size(); };
-      all(q), all(v), all(vdot), all(lambda);
+      all(q), all(v), all(vdot), all(lambda), all(mean);
       return x;
     }
 
@@ -116,11 +117,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       x = std::copy(q.begin(), q.end(), x);
       x = std::copy(v.begin(), v.end(), x);
       x = std::copy(vdot.begin(), vdot.end(), x);
-      return std::copy(lambda.begin(), lambda.end(), x);
+      x = std::copy(lambda.begin(), lambda.end(), x);
+      return std::copy(mean.begin(), mean.end(), x);
     }
   };
 
-  static constexpr int anew = 2;  ///< more of a part's number, where it begins anew
+  static constexpr int anew = 2, averaged_anew = 4;  ///< more of a part's number, where it begins anew, or the rule does with accelerations of the state
 
   struct Record {
     Kind kind;
@@ -129,7 +131,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     Point from, end;            ///< in place of the end of such a part the derivative, as rates of coordinates and accelerations
     std::array<Point, stages> between;
     Fixed<double, held> values;  ///< that controllers hold meanwhile
-    bool begins_anew = false;    ///< a part
+    bool begins_anew = false, averages_anew = false;  ///< a part
   };
 
   // The record
@@ -168,7 +170,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       x.record_.number = x.is_known(from);
       for (std::size_t i = 0; i < stages; ++i) x.record_.between[i].take(x.points_[i]);
     }
-    if (x.begins_anew(from)) x.record_.number += anew;
+    if constexpr (averages) x.record_.from.mean = x.means_;
+    x.record_.number += (x.begins_anew(from) ? anew : 0) + (x.is_averaged_anew_ ? averaged_anew : 0);
     if (const Fault fault = x.write(Kind::part, from.t, h)) return fault;
     return x.cut_.is_made ? x.write_cut(end) : Fault{};
   }
@@ -217,8 +220,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     record_.h = *x++, record_.first = static_cast<int>(record_.h);
     record_.t = *x++;
     record_.number = static_cast<int>(*x++);
-    record_.begins_anew = record_.kind == Kind::part && record_.number >= anew;
-    if (record_.begins_anew) record_.number -= anew;
+    const int number = record_.kind == Kind::part ? record_.number : 0;
+    record_.begins_anew = number & anew, record_.averages_anew = number & averaged_anew;
+    record_.number -= number & (anew | averaged_anew);
     x = record_.from.read(x);
     x = record_.end.read(x);
     for (Point& stage : record_.between) x = stage.read(x);
@@ -357,8 +361,23 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   bool go_over_part() {
     if constexpr (is_explicit) return go_over_derivatives<typename Simulation::Steps::Method>();
     else if constexpr (has_stages) return go_over_stages();
-    else if constexpr (seeks_multipliers) return go_over_closed_end();
+    else if constexpr (averages) return go_over_means([this] { return go_over_rule(); });
     else return go_over_rule();
+  }
+
+  /// From derivatives also by the accelerations that a rule averages at the end of a step to those at its beginning.
+  template <class Rest>
+  bool go_over_means(Rest rest) {
+    const Numbers by_mean = by_.mean;
+    this->means_ = record_.from.mean;
+    put(record_.from, record_.t);
+    this->begin_rule(stage_, record_.h);
+    const auto share = this->lead_.by_mean();
+    for (std::size_t i = 0; i < n; ++i) by_.vdot[i] += share.end * by_mean[i];
+    if (!rest()) return false;
+    for (std::size_t i = 0; i < n; ++i) by_.vdot[i] += share.begin * by_mean[i], by_.mean[i] += share.mean * by_mean[i];
+    if (record_.averages_anew) add(by_.mean, by_.vdot), by_.mean.fill(0.0);
+    return true;
   }
 
   // Parts up to events, and those behind them
@@ -565,45 +584,42 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   // The trapezoidal rule with multipliers that close the loops
 
-  bool go_over_closed_end() {
-    if constexpr (seeks_multipliers) {
-      const double h = record_.h;
-      put(record_.from, record_.t);
-      const StateOf<M> from = stage_;
-      put(record_.end, record_.t + h);
-      const StateOf<M> end = stage_;
-      begin_step(end.t, record_.values);
-      if (!this->find_rule(simulation_->mechanism(), from, end, h)) return false;
-      const auto& force_residual = this->force_residual_;
-      ByColumns by, projected;
-      Unknowns by_first;
-      std::copy(by_.lambda.begin(), by_.lambda.end(), std::copy(by_.vdot.begin(), by_.vdot.end(), by_first.begin()));
-      if (!this->ends_.accelerations_vjp(force_residual, by_.vdot, by, projected, by_first)) return false;
-      add_columns(projected, by_.q, by_.v);
-      if (!this->ends_.speeds_vjp(force_residual, by_.v, by, by_first, by_violation_)) return false;
-      residual_vjp(record_.end, nothing_, by_violation_);
-      add(more_.q, by_.q), add(more_.v, by_.v);
+  bool go_over_rule() requires seeks_multipliers {
+    const double h = record_.h;
+    put(record_.from, record_.t);
+    const StateOf<M> from = stage_;
+    put(record_.end, record_.t + h);
+    const StateOf<M> end = stage_;
+    begin_step(end.t, record_.values);
+    if (!this->find_rule(simulation_->mechanism(), from, end, h)) return false;
+    const auto& force_residual = this->force_residual_;
+    ByColumns by, projected;
+    Unknowns by_first;
+    std::copy(by_.lambda.begin(), by_.lambda.end(), std::copy(by_.vdot.begin(), by_.vdot.end(), by_first.begin()));
+    if (!this->ends_.accelerations_vjp(force_residual, by_.vdot, by, projected, by_first)) return false;
+    add_columns(projected, by_.q, by_.v);
+    if (!this->ends_.speeds_vjp(force_residual, by_.v, by, by_first, by_violation_)) return false;
+    residual_vjp(record_.end, nothing_, by_violation_);
+    add(more_.q, by_.q), add(more_.v, by_.v);
+    add_sums();
+    add_columns(by, by_.q, by_.v);
+    Point rule;
+    rule.take(stage_);
+    std::copy_n(by_first.begin(), n, by_.vdot.begin()), std::copy_n(by_first.begin() + n, m, by_.lambda.begin());
+    return step_vjp(this->lead_, [&](auto& x, auto& by_q, auto& by_v) {
+      by.fill(0.0);
+      if (!this->ends_.rule_vjp(force_residual, x, by, by_violation_)) return false;
+      residual_vjp(rule, by_violation_, nothing_);
+      add(more_.q, by_q[0]);
       add_sums();
-      add_columns(by, by_.q, by_.v);
-      Point rule;
-      rule.take(stage_);
-      std::copy_n(by_first.begin(), n, by_.vdot.begin()), std::copy_n(by_first.begin() + n, m, by_.lambda.begin());
-      return step_vjp(this->lead_, [&](auto& x, auto& by_q, auto& by_v) {
-        by.fill(0.0);
-        if (!this->ends_.rule_vjp(force_residual, x, by, by_violation_)) return false;
-        residual_vjp(rule, by_violation_, nothing_);
-        add(more_.q, by_q[0]);
-        add_sums();
-        add_columns(by, by_q[0], by_v[0]);
-        return true;
-      });
-    }
-    return true;
+      add_columns(by, by_q[0], by_v[0]);
+      return true;
+    });
   }
 
   // The trapezoidal rule
 
-  bool go_over_rule() {
+  bool go_over_rule() requires(!seeks_multipliers) {
     const double h = record_.h;
     put(record_.from, record_.t);
     const StateOf<M> from = stage_;
@@ -827,7 +843,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
           for (const double derivative : derivatives) sum += derivative * *row, row += number;
         };
         for (std::size_t i = 0; series && i < by_series_.size(); ++i) sum += by_series_[i] * series[i].derivative[k];
-        add_rows(by_.q), add_rows(by_.v), add_rows(by_.vdot), add_rows(by_.lambda);
+        add_rows(by_.q), add_rows(by_.v), add_rows(by_.vdot), add_rows(by_.lambda), add_rows(by_.mean);
         put(k, sum);
       }
       return Fault{};

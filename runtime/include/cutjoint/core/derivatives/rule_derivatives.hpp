@@ -9,24 +9,38 @@
 
 #include "cutjoint/core/derivatives/derivatives.hpp"
 #include "cutjoint/core/newton/closed_end_derivatives.hpp"
+#include "cutjoint/core/newton/step_rule.hpp"
 
 namespace cutjoint {
 
-/// How accelerations b at the beginning of a step of length h, and a at its end, lead there: v = v_0 + h/2 (b + a), q = q_0 (+) (h v_0 + h^2/4 (b + a)).
-template <class M>
+/// How the beginning of a step of length h, and accelerations at its end, lead there by a rule (StepRule), the trapezoidal one unless it `averages`.
+template <class M, bool averages>
 class RuleLead {
  public:
   static constexpr std::size_t stages = 1, n = M::sizes.speeds, joints = M::sizes.joint_speeds(), balls = M::sizes.coordinates - joints;
 
-  void begin(const StateOf<M>& from, double h) {
-    h_ = h, by_speed_ = h / 2, by_place_ = h * h / 4;
+  /// What speeds or coordinates change by: accelerations a of the rule at the beginning, those of the state there, and those at the end.
+  struct Shares {
+    double mean, begin, end;
+  };
+
+  template <class Numbers>
+  void begin(const StateOf<M>& from, const Numbers& means, double h, const StepRule& of = {}) {
+    const StepRule rule = averages ? of : StepRule{};
     from_ = from.q;
-    for (std::size_t i = 0; i < n; ++i) speeds_[i] = from.v[i] + by_speed_ * from.vdot[i], shift_[i] = h * from.v[i] + by_place_ * from.vdot[i];
+    h_ = h;
+    mean_ = {-rule.alpha_m / (1 - rule.alpha_m), rule.alpha_f / (1 - rule.alpha_m), (1 - rule.alpha_f) / (1 - rule.alpha_m)};
+    const auto shares = [&](double scale, double all, double by_end) { return Shares{scale * (all - by_end + by_end * mean_.mean), scale * by_end * mean_.begin, scale * by_end * mean_.end}; };
+    by_speed_ = shares(h, 1.0, rule.gamma), by_place_ = shares(h * h, 0.5, rule.beta);
+    for (std::size_t i = 0; i < n; ++i) {
+      speeds_[i] = from.v[i] + by_speed_.mean * means[i], shift_[i] = h * from.v[i] + by_place_.mean * means[i];
+      if (averages) speeds_[i] += by_speed_.begin * from.vdot[i], shift_[i] += by_place_.begin * from.vdot[i];
+    }
   }
 
   /// Coordinates and speeds at the end, by accelerations there.
   void lead(StateOf<M>& end) {
-    for (std::size_t i = 0; i < n; ++i) delta_[i] = shift_[i] + by_place_ * end.vdot[i], end.v[i] = speeds_[i] + by_speed_ * end.vdot[i];
+    for (std::size_t i = 0; i < n; ++i) delta_[i] = shift_[i] + by_place_.end * end.vdot[i], end.v[i] = speeds_[i] + by_speed_.end * end.vdot[i];
     retract<double>(M::charts, from_.data(), delta_.data(), end.q.data());
   }
 
@@ -34,8 +48,8 @@ class RuleLead {
   void find(StateOf<M>& end) {
     displacement<double>(M::charts, from_.data(), end.q.data(), delta_.data());
     for (std::size_t i = 0; i < n; ++i) {
-      end.vdot[i] = i < joints ? (delta_[i] - shift_[i]) / by_place_ : (end.v[i] - speeds_[i]) / by_speed_;
-      end.v[i] = speeds_[i] + by_speed_ * end.vdot[i];
+      end.vdot[i] = i < joints ? (delta_[i] - shift_[i]) / by_place_.end : (end.v[i] - speeds_[i]) / by_speed_.end;
+      end.v[i] = speeds_[i] + by_speed_.end * end.vdot[i];
     }
     turn();
   }
@@ -44,28 +58,38 @@ class RuleLead {
   void turn() { turning_ = {M::charts, from_.data(), delta_.data()}; }
 
   const double* delta() const { return delta_.data(); }
+  const Shares& by_speed() const { return by_speed_; }
+  const Shares& by_place() const { return by_place_; }
+  const Shares& by_mean() const { return mean_; }  ///< of accelerations a of the rule at the end
 
   /// Use each unknown by which a coordinate or speed at the end changes, and how steeply it does.
   template <class Residual, class Use>
   void visit_shares(std::size_t column, std::size_t, std::size_t, Use use) const {
-    if (column >= Residual::first_speed) return use(column - Residual::first_speed, by_speed_);
+    if (column >= Residual::first_speed) return use(column - Residual::first_speed, by_speed_.end);
     const std::size_t unknown = Residual::unknown_of(column);
-    if (!Residual::turns(column)) return use(unknown, by_place_);
+    if (!Residual::turns(column)) return use(unknown, by_place_.end);
     const auto [ball, c] = Residual::ball_of(column);
-    for (std::size_t k = 0; balls > 0 && k < 3; ++k) use(unknown + k, by_place_ * turning_[ball].by[c][4 + k]);
+    for (std::size_t k = 0; balls > 0 && k < 3; ++k) use(unknown + k, by_place_.end * turning_[ball].by[c][4 + k]);
   }
 
-  /// Changes of coordinates and speeds at the end by those at the beginning, of accelerations there, and, if not null, of accelerations at the end.
+  /// In place of changes of coordinates and speeds at the beginning those that they, and accelerations there, make at the end.
   template <class Q, class V>
-  void jvp(const Q& from, const V& speeds, const V& before, const Tangents&, const Along* change, Q& q, V& v) const {
+  void leave(Q& q, V& v, const V& means, const V& before, const Tangents&) const {
     std::array<Along, n> delta;
     for (std::size_t i = 0; i < n; ++i) {
-      const Tangents both = change ? before[i].derivative + change[i].derivative : before[i].derivative;
-      delta[i].derivative = h_ * speeds[i].derivative + by_place_ * both;
-      v[i].derivative = speeds[i].derivative + by_speed_ * both;
+      delta[i].derivative = h_ * v[i].derivative + by_place_.mean * means[i].derivative;
+      v[i].derivative += by_speed_.mean * means[i].derivative;
+      if (averages) delta[i].derivative += by_place_.begin * before[i].derivative, v[i].derivative += by_speed_.begin * before[i].derivative;
     }
-    for (std::size_t i = 0; i < q.size(); ++i) q[i].derivative = from[i].derivative;
-    turning_.jvp(M::charts, delta, q);
+    turning_.jvp(M::charts, delta, q, true);
+  }
+
+  /// What accelerations at the end add.
+  template <class Q, class V>
+  void arrive(const Along* change, Q& q, V& v) const {
+    std::array<Along, n> delta;
+    for (std::size_t i = 0; i < n; ++i) delta[i] = by_place_.end * change[i], v[i].derivative += by_speed_.end * change[i].derivative;
+    turning_.jvp(M::charts, delta, q, false);
   }
 
   /// From derivatives by coordinates and speeds at the end to those by the beginning, and, added, by accelerations at the end.
@@ -75,12 +99,16 @@ class RuleLead {
     turning_.vjp(M::charts, by_q[0].data(), begun.q.data(), by_delta.data());
     for (std::size_t i = 0; i < n; ++i) {
       begun.v[i] = by_v[0][i] + h_ * by_delta[i];
-      by_vdot[0][i] += begun.vdot[i] = by_speed_ * by_v[0][i] + by_place_ * by_delta[i];
+      const auto by = [&](double Shares::* share) { return by_speed_.*share * by_v[0][i] + by_place_.*share * by_delta[i]; };
+      by_vdot[0][i] += by(&Shares::end);
+      begun.vdot[i] = by(averages ? &Shares::begin : &Shares::mean);
+      if constexpr (averages) begun.mean[i] = by(&Shares::mean);
     }
   }
 
  private:
-  double h_ = 0.0, by_speed_ = 0.0, by_place_ = 0.0;  ///< the last: by accelerations at the end
+  double h_ = 0.0;
+  Shares by_speed_{}, by_place_{}, mean_{};
   Coordinates<M> from_;
   Fixed<double, n> speeds_, shift_, delta_;  ///< where the beginning leads but for accelerations at the end, and the way to the end
   RetractionDerivatives<balls> turning_;
@@ -103,6 +131,10 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   static constexpr bool is_stepped = requires { typename Simulation::Steps::Scheme; };   ///< steps end at events
   static constexpr bool is_explicit = requires { typename Simulation::Steps::Method; };
   static constexpr bool has_stages = is_stepped && !is_explicit;  ///< that are coupled
+  static constexpr bool averages = [] {
+    if constexpr (requires { Simulation::Steps::averages; }) return Simulation::Steps::averages;
+    return false;
+  }();
   static constexpr bool seeks_multipliers = Base::has_system && m > 0 && !has_stages;
 
   void enter_end(M& mechanism, const StateOf<M>& end) {
@@ -116,16 +148,34 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   template <class Lead, class Solve>
   bool go_by(Lead& lead, const StateOf<M>& end, const Tangents& length, Solve solve) {
     std::array<Along, Lead::stages * (n + m)> change;
-    from_ = q_, speeds_ = v_, before_ = vdot_;
-    lead.jvp(from_, speeds_, before_, length, nullptr, q_, v_);
+    before_ = vdot_;
+    lead.leave(q_, v_, means(), before_, length);
     for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = end.q[i];
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
     if (!solve(change)) return false;
-    lead.jvp(from_, speeds_, before_, length, change.data(), q_, v_);
+    lead.arrive(change.data(), q_, v_);
     const Along* const last = change.data() + change.size() - n - m;
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = {end.vdot[i], last[i].derivative};
     for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], last[n + i].derivative};
     return true;
+  }
+
+  /// The accelerations a of a rule that averages, else those of the state, where a step begins.
+  const auto& means() const {
+    if constexpr (averages) return mean_;
+    else return before_;
+  }
+
+  /// Those at the end.
+  void average() {
+    for (std::size_t i = 0; averages && i < n; ++i)
+      mean_[i].derivative = lead_.by_mean().mean * mean_[i].derivative + lead_.by_mean().begin * before_[i].derivative + lead_.by_mean().end * vdot_[i].derivative;
+  }
+
+  /// Get ready for a step by the rule.
+  void begin_rule(const StateOf<M>& from, double h) {
+    if constexpr (averages) lead_.begin(from, means_, h, rule_);
+    else lead_.begin(from, from.vdot, h);
   }
 
   /// The end of a step by the rule along directions; false where the force residual has a derivative there that is no number.
@@ -138,7 +188,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
 
   /// The end of a step by the rule, before its loops are closed, in the stage, with the matrix there; false where that is singular.
   bool settle_end(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    lead_.begin(from, h);
+    begin_rule(from, h);
     if (!settle(mechanism, end, h)) return false;
     lead_.lead(stage_);
     lead_.turn();
@@ -180,12 +230,12 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   /// The end of a step as Newton's iteration has left it, its accelerations as its places tell them, with the derivatives of force residual there.
   bool find_rule(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     stage_ = end;
-    lead_.begin(from, h);
+    begin_rule(from, h);
     lead_.find(stage_);
     mechanism.begin_step(end.t, 1.0);
     this->along_ = {};
     this->take_inputs(mechanism);
-    return ends_.find(this->force_residual_, h, charts(), lead_, stage_, end);
+    return ends_.find(this->force_residual_, lead_, stage_, end);
   }
 
   /// Its end along directions, with projected speeds and accelerations.
@@ -213,7 +263,10 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   std::size_t loaded_ = no_row;  ///< the first of the directions with whose changes parameters are loaded
 
   StateOf<M> stage_{M::sizes.coordinates, n, m};
-  RuleLead<M> lead_;
+  RuleLead<M, averages> lead_;
+  StepRule rule_;
+  Fixed<double, averages ? n : 0> means_;  ///< accelerations a of the rule where a part begins
+  Fixed<Dual, averages ? n : 0> mean_;
   Fixed<Dual, M::sizes.coordinates> from_;
   Fixed<Dual, n> speeds_, before_;
   bool is_settled_ = false;  ///< the end of a part is found

@@ -37,8 +37,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   }
 
   /// How many rows a matrix of directions has: states, values that controllers hold, and what goes on from step to step, the changes of coordinates and speeds, and by
-  /// how much those of accelerations and multipliers differ from what states give them; with loops room for a derivative.
-  static constexpr std::size_t rows = states + M::sizes.held + M::sizes.coordinates + 2 * M::sizes.speeds +
+  /// how much those of accelerations, also those that a rule averages, and multipliers differ from what states give them; with loops room for a derivative.
+  static constexpr std::size_t rows = states + M::sizes.held + M::sizes.coordinates + (Base::averages ? 3 : 2) * M::sizes.speeds +
                                       (Base::m == 0 ? 0 : std::max(M::sizes.equations, M::sizes.coordinates));
 
   /// Directions of a run: how states change along each, behind them what controllers hold and what goes on, a matrix (rows, number) by rows, and what
@@ -84,7 +84,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
 
  protected:
   using Base::n, Base::joints, Base::is_explicit, Base::goes_on, Base::carries_derivative, Base::no_row, Base::loaded_, Base::is_derivative_known_, Base::coordinate_rates_;
-  using Base::indicators, Base::begun_, Base::cut_, Base::ended_, Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
+  using Base::averages, Base::indicators, Base::begun_, Base::cut_, Base::ended_, Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
   using typename Base::Steps;
 
   /// What takes down parts, samples and rows in place of following them.
@@ -116,6 +116,12 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     this->trajectories_ = simulation.trajectories();
     this->along_ = {};
     simulation.complete_state();
+    if constexpr (averages) {
+      const auto& newton = simulation.steps().newton();
+      this->rule_ = newton_settings(simulation.settings()).rule;
+      next_means_ = newton.means(), restarts_ = newton.restarts();
+      is_averaged_anew_ = was_short_ = false;
+    }
     load_all();
   }
 
@@ -216,8 +222,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
       const Fault fault = enter_row(state, first, number);
       carried_ = carried;
       if (fault) return fault;
-      visit_carried(first, [&](Dual& x, const double* row, bool is_rest) {
-        for (std::size_t k = 0; k < number && is_rest; ++k) x.derivative[k] += row[k];
+      visit_carried(first, [&](Dual& x, const double* row, Carried kind) {
+        for (std::size_t k = 0; k < number && kind != Carried::state; ++k) x.derivative[k] += row[k];
       });
       keep_row(first, number);
       return {};
@@ -234,27 +240,37 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
       if (const Fault fault = enter_row(state, first, number)) return fault;
       end_row(first, number);
       if (!this->enter(simulation_->mechanism(), state) || !this->find_accelerations(simulation_->mechanism(), number)) return this->not_finite();
-      visit_carried(first, [&](const Dual& x, double* row, bool is_rest) {
-        for (std::size_t k = 0; k < number && is_rest; ++k) row[k] = goes_on ? row[k] - x.derivative[k] : 0.0;
+      average_anew();
+      visit_carried(first, [&](const Dual& x, double* row, Carried kind) {
+        for (std::size_t k = 0; k < number && kind != Carried::state; ++k) row[k] = goes_on || kind == Carried::mean ? row[k] - x.derivative[k] : 0.0;
       });
       return {};
     });
   }
 
-  /// Visit numbers that go on from step to step, with their changes along directions from one on, and whether these are a rest that states do not tell.
+  /// What goes on from step to step: states, a rest that they do not tell, and accelerations that a rule averages.
+  enum class Carried { state, rest, mean };
+
+  /// Visit numbers that go on from step to step, with their changes along directions from one on.
   template <class Visit>
   void visit_carried(std::size_t first, Visit use) {
     double* row = carried_ + first;
-    const auto all = [&](auto& numbers, bool is_rest) {
-      for (Dual& x : numbers) use(x, row, is_rest), row += blocks_[0].width;
+    const auto all = [&](auto& numbers, Carried kind) {
+      for (Dual& x : numbers) use(x, row, kind), row += blocks_[0].width;
     };
-    all(q_, false), all(v_, false), all(vdot_, true);
-    if constexpr (carries_derivative) all(coordinate_rates_, true);
-    else all(lambda_, true);
+    all(q_, Carried::state), all(v_, Carried::state), all(vdot_, Carried::rest);
+    if constexpr (carries_derivative) all(coordinate_rates_, Carried::rest);
+    else all(lambda_, Carried::rest);
+    if constexpr (averages) all(this->mean_, Carried::mean);
+  }
+
+  /// The rule goes on with the accelerations of the state.
+  void average_anew() {
+    if constexpr (averages) this->mean_ = vdot_;
   }
 
   void keep_row(std::size_t first, std::size_t number) {
-    visit_carried(first, [number](const Dual& x, double* row, bool) { copy_derivatives(reinterpret_cast<const double*>(&x.derivative), number, row); });
+    visit_carried(first, [number](const Dual& x, double* row, Carried) { copy_derivatives(reinterpret_cast<const double*>(&x.derivative), number, row); });
   }
 
   /// So many derivatives, mostly all.
@@ -361,6 +377,12 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   Fault follow(const StateOf<M>& from, const StateOf<M>& end, double h) {
     if (cut_.left > 0 && !carried_ && !recorder_.part) return cut_.fault(Cause::step_subdivided, from.t);
     if (begins_anew(from)) forget_carried();
+    if constexpr (averages) {
+      const auto& newton = simulation_->steps().newton();
+      is_averaged_anew_ = was_short_ || newton.restarts() - is_short(h) != restarts_;
+      this->means_ = is_averaged_anew_ ? from.vdot : next_means_;
+      next_means_ = newton.means(), restarts_ = newton.restarts(), was_short_ = is_short(h);
+    }
     const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, h) : follow_rows(from, end, h); };
     const auto goes_on_to_event = [&] {
       const Fault fault = go();
@@ -437,7 +459,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   }
 
   /// Whether accelerations at the end of a part of this length are found anew by Newton's iteration.
-  bool is_short(double h) const { return Base::seeks_multipliers && h < simulation_->settings().dt / 100; }
+  bool is_short(double h) const { return (Base::seeks_multipliers || averages) && h < simulation_->settings().dt / 100; }
 
   static Fault no_end(const StateOf<M>& end) { return {.cause = Cause::accelerations_not_finite, .t = end.t}; }
 
@@ -454,7 +476,9 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     if (!carried_) {
       if (first == 0)
         if (const Fault fault = minimal_->decompose(simulation_->starter(), state)) return fault;
-      return this->derive_motion(mechanism, *minimal_, number) ? Fault{} : this->not_finite();
+      if (!this->derive_motion(mechanism, *minimal_, number)) return this->not_finite();
+      average_anew();
+      return {};
     }
     return take_row(mechanism, state, first, number) ? Fault{} : this->not_finite();
   }
@@ -480,12 +504,14 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     } else if (is_carried) {
       take(state.vdot, vdot_), take(state.lambda, lambda_);
     }
-    visit_carried(first, [&](Dual& x, const double* row, bool is_rest) {
-      if (!is_carried && is_rest) return;
+    visit_carried(first, [&](Dual& x, const double* row, Carried kind) {
+      if (!is_carried && kind == Carried::rest) return;
       if (number < directions) x.derivative = Tangents{};
       copy_derivatives(row, number, reinterpret_cast<double*>(&x.derivative));
     });
-    return is_carried || this->find_accelerations(mechanism, number);
+    if (!is_carried && !this->find_accelerations(mechanism, number)) return false;
+    if (is_averaged_anew_) average_anew();
+    return true;
   }
 
   /// Visit columns of the matrices as if they stood side by side: the direction, the matrix, and the column in it.
@@ -541,6 +567,9 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   double* carried_ = nullptr;  ///< rows of a run's matrix that go on from step to step
   Fixed<double, n> known_;     ///< the accelerations whose changes these have
   Fixed<double, carries_derivative ? M::sizes.coordinates + n : 0> first_derivative_, last_derivative_;  ///< of an explicit part, and of the one before at its end
+  Fixed<double, averages ? n : 0> next_means_;  ///< accelerations that the rule of the next part averages
+  long restarts_ = 0;                            ///< as Newton's iteration counts them
+  bool is_averaged_anew_ = false, was_short_ = false;  ///< a part begins with accelerations of the state in their place; the last one was short
   bool is_loaded_ = false;     ///< what stays during the steps, as the first one takes it
   long parts_ = 0;  ///< as they are counted by the integrator
   StateOf<M> last_{M::sizes.coordinates, n, Base::m};  ///< of an adaptive method, where its last step ended

@@ -71,8 +71,13 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     M& mechanism = simulation.mechanism();
     if constexpr (is_explicit) return go_by_derivatives(mechanism, from, end, h, number);
     else if constexpr (has_stages) return go_by_stages(mechanism, from, end, h, number);
-    else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, end);
-    else return this->go_by_fixed_point(mechanism, from, end, h);
+    else {
+      bool is_found = false;
+      if constexpr (seeks_multipliers) is_found = this->go_by_rule(mechanism, end);
+      else is_found = this->go_by_fixed_point(mechanism, from, end, h);
+      this->average();
+      return is_found;
+    }
   }
 
   /// The projection of the part's end; false where loops stay open.
@@ -162,6 +167,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
 
   /// The end of a step whose stages balance forces as they do in the run.
   bool go_by_stages(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+    from_ = q_, speeds_ = v_;
     const bool moves = this->is_time_moving_;
     const auto solve = [&](auto& change) {
       for (std::size_t i = 0; i < points_.size(); ++i) {

@@ -71,18 +71,18 @@ class RetractionDerivatives {
 
   const BallDerivatives& operator[](std::size_t ball) const { return by_[ball]; }
 
-  /// How q changes along directions, in place of the change of q_0, with that of delta.
+  /// How q changes along directions with delta: in place of the change of q_0, or beside what another change of delta has made.
   template <class Delta, class Q>
-  void jvp(std::span<const Chart> charts, const Delta& delta, Q& q) const {
+  void jvp(std::span<const Chart> charts, const Delta& delta, Q& q, bool from_start) const {
     std::size_t place = 0;
     for (const Chart& chart : charts) {
       for (int i = 0; i < chart.scalars; ++i) q[static_cast<std::size_t>(chart.q + i)].derivative += delta[static_cast<std::size_t>(chart.v + i)].derivative;
-      if (!chart.ball) continue;
+      if (balls == 0 || !chart.ball) continue;
       const auto e = static_cast<std::size_t>(chart.q + chart.scalars), w = static_cast<std::size_t>(chart.v + chart.scalars);
       Tangents turned[4];
       for (std::size_t c = 0; c < 4; ++c) {
-        turned[c] = by_[place].by[c][0] * q[e].derivative;
-        for (std::size_t j = 1; j < 7; ++j) turned[c] += by_[place].by[c][j] * (j < 4 ? q[e + j].derivative : delta[w + j - 4].derivative);
+        turned[c] = from_start ? by_[place].by[c][0] * q[e].derivative : q[e + c].derivative;
+        for (std::size_t j = from_start ? 1 : 4; j < 7; ++j) turned[c] += by_[place].by[c][j] * (j < 4 ? q[e + j].derivative : delta[w + j - 4].derivative);
       }
       for (std::size_t c = 0; c < 4; ++c) q[e + c].derivative = turned[c];
       ++place;

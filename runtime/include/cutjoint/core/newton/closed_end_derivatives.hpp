@@ -15,7 +15,7 @@
 
 namespace cutjoint {
 
-/// Derivatives by `ForceResidual` of all that Newton's iteration leaves at the end of a step of length h.  With accelerations a and multipliers that lead to coordinates q
+/// Derivatives by `ForceResidual` of all that Newton's iteration leaves at the end of a step.  With accelerations a and multipliers that lead to coordinates q
 /// and speeds v, and the projections of speeds and accelerations in the norm of the tangent A there, these are
 ///
 ///     f(q, v, a, lambda) = 0     Phi(q) = 0         A (v_1 - v) + Phi_q^T mu = 0     Phid(q, v_1) = 0         A (vdot - a) + Phi_q^T nu = 0     Phidd(q, v_1, vdot) = 0
@@ -32,11 +32,11 @@ class ClosedEndDerivatives {
 
   /// Of a step by its lead; `rule` has what leads to its end, in which the force residual is.  False where a matrix is singular.
   template <class Lead, class State>
-  bool find(ForceResidual& force_residual, double h, std::span<const Chart> charts, const Lead& lead, const State& rule, const State& end) {
-    h_ = h;
+  bool find(ForceResidual& force_residual, const Lead& lead, const State& rule, const State& end) {
+    by_place_ = lead.by_place().end;
     force_residual.find(rule, rule_);
     force_residual.find(end, end_);
-    const auto decomposes = [&] { return decompose(force_residual, charts, lead); };
+    const auto decomposes = [&] { return decompose(force_residual, lead); };
     if (!decomposes() && !decomposes()) return false;  // with other pivots where those of matrices before have become small
     Changes pushed{}, moved{};
     ForceResidual::visit_unknowns(n, all, [&](std::size_t row, std::size_t k, std::size_t column) {
@@ -49,14 +49,14 @@ class ClosedEndDerivatives {
       Fixed<double, n> shift;
       for (std::size_t i = 0; i < n; ++i) {
         const double x = scale * by[i].derivative[0];
-        at.vdot[i] += x, at.v[i] += h / 2 * x, shift[i] = h * h / 4 * x;
+        at.vdot[i] += x, at.v[i] += lead.by_speed().end * x, shift[i] = by_place_ * x;
       }
-      retract<double>(charts, rule.q.data(), shift.data(), at.q.data());
+      retract<double>(ForceResidual::charts(), rule.q.data(), shift.data(), at.q.data());
       for (std::size_t i = 0; i < m; ++i) at.lambda[i] += scale * by[n + i].derivative[0];
       force_residual.find(at, derivative);
       for (std::size_t k = 0; k < derivative.size(); ++k) derivative[k] = (derivative[k] - rule_[k]) / scale;
     };
-    move(2 / h, moved, speeds_);
+    move(1 / lead.by_speed().end, moved, speeds_);
     move(1.0, pushed, accelerations_);
     return true;
   }
@@ -65,7 +65,7 @@ class ClosedEndDerivatives {
   template <class Q, class V, class Inputs, class Held>
   bool solve_rule(ForceResidual& force_residual, const Q& q, const V& v, const Fixed<Dual, m>& violations, const Inputs& du, const Held& held, Changes& change) const {
     force_residual.lose(rule_, q, v, du, held, change.data());
-    for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -4 / (h_ * h_) * violations[i].derivative;
+    for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -1 / by_place_ * violations[i].derivative;
     return force_residual.solve(matrix_, change);
   }
 
@@ -113,7 +113,7 @@ class ClosedEndDerivatives {
     Fixed<double, m> by_lambda;
     std::copy_n(by_first.begin(), n, by_a.begin()), std::copy_n(by_first.begin() + n, m, by_lambda.begin());
     if (!vjp(force_residual, matrix_, rule_, by_a, by_lambda, x, by, nullptr)) return false;
-    for (std::size_t i = 0; i < m; ++i) by_violation[i] = -4 / (h_ * h_) * x[n + i];
+    for (std::size_t i = 0; i < m; ++i) by_violation[i] = -1 / by_place_ * x[n + i];
     return true;
   }
 
@@ -141,33 +141,33 @@ class ClosedEndDerivatives {
   }
 
   template <class Lead>
-  bool decompose(const ForceResidual& force_residual, std::span<const Chart> charts, const Lead& lead) {
+  bool decompose(const ForceResidual& force_residual, const Lead& lead) {
     auto &rule = matrix_.entries(), &projections = projections_.entries();
     const auto at = [](std::size_t i, std::size_t j) { return Matrix::places.of(i, j); };
     rule.fill(0.0), projections.fill(0.0);
     force_residual.gather(lead, 0, rule_, n, [&](std::size_t i, std::size_t, std::size_t j, double x) { rule[at(i, j)] += x, projections[at(i, j)] += x; });
     ForceResidual::visit_unknowns(n, all, [&](std::size_t i, std::size_t k, std::size_t j) {
       projections[at(i, j)] += end_[k];
-      if (!is_turn(charts, j)) rule[at(i, j)] += end_[k];
+      if (!is_turn(j)) rule[at(i, j)] += end_[k];
     });
     for (std::size_t i = n; i < all; ++i) rule[at(i, i)] -= force_residual.yields(i - n), projections[at(i, i)] -= force_residual.yields(i - n);
-    if constexpr (balls > 0) turn_violations(charts, lead.delta());
+    if constexpr (balls > 0) turn_violations(lead.delta());
     const bool is_regular = matrix_.decompose(Matrix::everywhere);
     return projections_.decompose(Matrix::everywhere) && is_regular;
   }
 
-  static bool is_turn(std::span<const Chart> charts, std::size_t speed) {
-    for (const Chart& chart : charts)
+  static bool is_turn(std::size_t speed) {
+    for (const Chart& chart : ForceResidual::charts())
       if (chart.ball && speed >= static_cast<std::size_t>(chart.v + chart.scalars) && speed < static_cast<std::size_t>(chart.v + chart.scalars + 3)) return true;
     return false;
   }
 
   /// How loops open by the rotation vectors of balls.
-  void turn_violations(std::span<const Chart> charts, const double* delta) {
+  void turn_violations(const double* delta) {
     Fixed<double, 9 * balls> turned;
-    turn_matrices<double>(charts, delta, turned.data());
+    turn_matrices<double>(ForceResidual::charts(), delta, turned.data());
     const double* T = turned.data();
-    for (const Chart& chart : charts) {
+    for (const Chart& chart : ForceResidual::charts()) {
       if (!chart.ball) continue;
       const auto w = static_cast<std::size_t>(chart.v + chart.scalars);
       ForceResidual::visit_unknowns(n, all, [&](std::size_t row, std::size_t k, std::size_t column) {
@@ -179,7 +179,7 @@ class ClosedEndDerivatives {
 
   static constexpr std::size_t balls = ForceResidual::balls;
 
-  double h_ = 0.0;
+  double by_place_ = 0.0;  ///< coordinates at the end by accelerations there
   typename ForceResidual::OfDerivatives rule_, end_, accelerations_, speeds_;  ///< what leads to the end, there, and of tangents times the moves of projections
   Matrix matrix_, projections_;  ///< of what leads to the end, and of projections
 };

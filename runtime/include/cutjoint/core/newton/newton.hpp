@@ -9,28 +9,10 @@
 #include <optional>
 #include <span>
 
+#include "cutjoint/core/newton/step_rule.hpp"
 #include "cutjoint/core/newton/workspace.hpp"
 
 namespace cutjoint {
-
-/// The rule of a step.  With accelerations a beside vdot,
-///
-///     (1 - alpha_m) a + alpha_m a_n = (1 - alpha_f) vdot + alpha_f vdot_n
-///     v = v_n + dt ((1 - gamma) a_n + gamma a)         q = q_n + dt v_n + dt^2 ((1/2 - beta) a_n + beta a)
-///
-/// The trapezoidal rule has a = vdot.
-struct StepRule {
-  double alpha_m = 0.0, alpha_f = 0.0, beta = 0.25, gamma = 0.5;
-
-  bool averages() const { return alpha_m != 0.0 || alpha_f != 0.0; }
-};
-
-/// The generalised-alpha method, of order 2.  Each step leaves the share `radius` (0 to 1) of motions that are fast beside it, and damps slow ones
-/// as little as that allows.  Source: Chung, Hulbert, J. Appl. Mech. 60 (1993) 371-375.
-inline StepRule generalised_alpha(double radius) {
-  const double alpha_m = (2 * radius - 1) / (radius + 1), alpha_f = radius / (radius + 1), gamma = 0.5 - alpha_m + alpha_f;
-  return {.alpha_m = alpha_m, .alpha_f = alpha_f, .beta = (gamma + 0.5) * (gamma + 0.5) / 4, .gamma = gamma};
-}
 
 /// Settings of a Lagrangian method.  `tolerance` and `iterations` mean what they mean to the fixed point (trapezoidal.hpp); the augmented
 /// method corrects its multipliers in the first `multiplier_updates` iterations of a step and has the `penalty` alpha, or finds one.
@@ -122,7 +104,7 @@ class Newton : public Workspace<S, Solver> {
     get_ready(state, Real(1));
     own().choose_weights(state);
     stay(state);
-    mean_ = state.vdot;
+    take_means(state.vdot);
   }
 
   /// One step; `state` is that at its end.  Where it fails `state` is the last one that converged, and the system is at its time.
@@ -149,7 +131,10 @@ class Newton : public Workspace<S, Solver> {
 
   /// The accelerations a, which rules that average go on with, and a step back to others.
   const Speeds<S>& means() const { return mean_; }
-  void take_means(const Speeds<S>& means) { mean_ = means; }
+  void take_means(const Speeds<S>& means) { mean_ = means, ++restarts_; }
+
+  /// How often these have become other ones than those of the last step.
+  long restarts() const { return restarts_; }
 
   /// Weights of the tangent of a step.
   Weights<Real> step_weights() const { return own().weights(); }
@@ -297,7 +282,7 @@ class Newton : public Workspace<S, Solver> {
     if (const Fault fault = iterate_start(state)) return fault;
     lambda_before_ = lambda_;
     state.lambda = lambda_;
-    mean_ = state.vdot;
+    take_means(state.vdot);
     residuals_ = measure();
     return {};
   }
@@ -542,7 +527,7 @@ class Newton : public Workspace<S, Solver> {
   bool slow_ = false;            ///< whether the factors in use would not end the step with its third iteration, or then with the next
   Real contraction_{1};          ///< the share of a change that the next one has, as last seen
   int growing_ = 0, idle_ = 0;   ///< iterations in a row whose change grew, and since it last fell by half
-  long iterations_ = 0, substeps_ = 0;
+  long iterations_ = 0, substeps_ = 0, restarts_ = 0;
 };
 
 }  // namespace cutjoint

@@ -120,4 +120,8 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
 template <class M, class S>
 using RecursiveNewtonSteps = NewtonSteps<M, S, RecursiveNewton<S, GuardedSolver<S, DenseSolver<S>>>, GuardedSolver<S, DenseSolver<S>>>;
 
+/// The same by the generalised-alpha method.
+template <class M, class S>
+using GeneralisedAlphaSteps = NewtonSteps<M, S, RecursiveNewton<S, GuardedSolver<S, DenseSolver<S>>>, GuardedSolver<S, DenseSolver<S>>, true>;
+
 }  // namespace cutjoint

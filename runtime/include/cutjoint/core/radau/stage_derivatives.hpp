@@ -103,28 +103,27 @@ class StageDerivatives {
     return decompose(balance) || decompose(balance);  // with other pivots where those of a matrix before have become small
   }
 
-  /// Changes of coordinates and speeds of the stages, and, as results, of the last one, by those of the step's start, of its length and, if not null, of accelerations.
+  /// Changes of coordinates and speeds of the stages by those of the step's start and of its length.
   template <class Q, class V>
-  void jvp(const Q& from, const V& speeds, const V&, const Tangents& length, const Along* change, Q& q, V& v) {
+  void leave(const Q& q, const V& v, const V&, const V&, const Tangents& length) {
+    shift_ = Fixed<Dual, n>();
+    for (std::size_t i = 0; i < stages; ++i) {
+      for (std::size_t l = 0; l < n; ++l) v_[i][l].derivative = v[l].derivative + means_[i][l] * length;
+      for (std::size_t l = 0; l < coordinates; ++l) q_[i][l].derivative = q[l].derivative;
+    }
+    move(v_, length, true);
+  }
+
+  /// What accelerations add; coordinates and speeds become those of the last stage.
+  template <class Q, class V>
+  void arrive(const Along* change, Q& q, V& v) {
+    std::array<Fixed<Along, n>, stages> more;
     for (std::size_t i = 0; i < stages; ++i)
       for (std::size_t l = 0; l < n; ++l) {
-        v_[i][l].derivative = speeds[l].derivative + means_[i][l] * length;
-        for (std::size_t j = 0; change && j < stages; ++j) v_[i][l].derivative += h_ * weight(i, j) * change[j * unknowns + l].derivative;
+        for (std::size_t j = 0; j < stages; ++j) more[i][l] += h_ * weight(i, j) * change[j * unknowns + l];
+        v_[i][l].derivative += more[i][l].derivative;
       }
-    for (std::size_t i = 0; i < stages; ++i) {
-      for (std::size_t l = 0; l < n; ++l) {
-        shift_[l] = {delta_[i][l], delta_[i][l] / h_ * length};
-        for (std::size_t j = 0; j < stages; ++j) shift_[l].derivative += h_ * weight(i, j) * v_[j][l].derivative;
-      }
-      for_balls([&](auto place, std::size_t at) {
-        for (std::size_t k = 0; k < 3; ++k) {
-          Tangents& theta = shift_[at + k].derivative = balls_[place].by_length[3 * i + k] * length;
-          for (std::size_t j = 0; j < BallStages::size; ++j) theta += balls_[place].by_omega[3 * i + k][j] * v_[j / 3][at + j % 3].derivative;
-        }
-      });
-      for (std::size_t l = 0; l < coordinates; ++l) q_[i][l].derivative = from[l].derivative;
-      turning_[i].jvp(Balance::charts(), shift_, q_[i]);
-    }
+    move(more, {}, false);
     q = q_.back(), v = v_.back();
   }
 
@@ -188,6 +187,26 @@ class StageDerivatives {
   using Matrix = Bordered<Stacked>;
 
   static constexpr std::size_t balls = Balance::has_balls ? Balance::balls : 0;
+
+  /// Changes of coordinates of the stages by those of speeds in all of them, and of the length.
+  template <class Speeds>
+  void move(const Speeds& speeds, const Tangents& length, bool from_start) {
+    for (std::size_t i = 0; i < stages; ++i) {
+      std::array<Along, n> delta;
+      for (std::size_t l = 0; l < n; ++l) {
+        delta[l].derivative = delta_[i][l] / h_ * length;
+        for (std::size_t j = 0; j < stages; ++j) delta[l].derivative += h_ * weight(i, j) * speeds[j][l].derivative;
+      }
+      for_balls([&](auto place, std::size_t at) {
+        for (std::size_t k = 0; k < 3; ++k) {
+          Tangents& theta = delta[at + k].derivative = balls_[place].by_length[3 * i + k] * length;
+          for (std::size_t j = 0; j < BallStages::size; ++j) theta += balls_[place].by_omega[3 * i + k][j] * speeds[j / 3][at + j % 3].derivative;
+        }
+      });
+      turning_[i].jvp(Balance::charts(), delta, q_[i], from_start);
+      for (std::size_t l = 0; i + 1 == stages && l < n; ++l) shift_[l] = {delta_[i][l], shift_[l].derivative + delta[l].derivative};
+    }
+  }
 
   /// Each ball: its number, and where its angular velocity begins.
   template <class Use>

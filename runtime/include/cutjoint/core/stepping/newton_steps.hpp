@@ -69,7 +69,7 @@ struct SingleStatesOfDriven {
 
 /// The integrator of a simulation (simulation.hpp) by the trapezoidal rule of a `Method` with its solver, over a system S in whatever coordinates;
 /// the mechanism M starts.  Steps go over events.
-template <class M, class S, class Method, class LinearSolver>
+template <class M, class S, class Method, class LinearSolver, bool with_means = false>
 class NewtonSteps {
  public:
   using Subject = S;
@@ -80,6 +80,7 @@ class NewtonSteps {
 
   static constexpr bool adaptive = false;
   static constexpr bool finds_events = false, knows_residuals = true;
+  static constexpr bool averages = with_means;  ///< by a rule with accelerations beside those of states, for derivatives
 
   /// The length of steps with a fixed point, which the penalties of the start follow: as for a run of the command line.
   static Real fixed_point_step(const SimulationSettings& settings) { return Real(settings.dt); }
