@@ -3,6 +3,7 @@
 
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "cutjoint/interpreter/program.hpp"
@@ -79,50 +80,14 @@ inline Description read_description(const Json& d) {
   return found;
 }
 
-/// Runs what the compiler has described (`describe_mechanism` of emit/interpreted.py) as generated code of the same program would; sums of
-/// products are rounded twice.  The document must outlive it.
-class InterpretedMechanism final : public AnyMechanism<double> {
+/// What runs what the compiler has described (emit/interpreted.py) as generated code of the same program would; sums of products are rounded twice.  The document must
+/// outlive it.
+template <class Any, class D>
+class Interpreted : public Any {
  public:
-  explicit InterpretedMechanism(const Json& document)
-      : description_(read_description(document.at("description"))), program_(document, description_.roads.size()),
-        inputs_(program_, document, description_.inputs.size(), description_.held()),
-        fits_(program_, document, description_.parameters.size()) {
-    const Argument q{"q", description_.coordinates.size()}, v{"v", description_.speeds.size()}, vdot{"vdot", v.length};
-    const std::size_t m = description_.equations.size();
-    const Argument lambda{"lambda", m}, parameters{"parameters", description_.parameters.size()};
-    const Argument stabilisation{"stabilisation", 3}, penalties{"penalties", description_.cuts.size()};
-    load_ = program_.read("load", {parameters, stabilisation, penalties}, {});
-    if (fits_.size() > 0) load_ = program_.read("load", {parameters, stabilisation, penalties, {"series", fits_.size()}}, {});
-    evaluate_ = program_.read("evaluate", {q, v, lambda}, {vdot, {"correction", m}});
-    constraint_residual_ = program_.read("constraint_residual", {q, v}, {{"residual", m}, {"rate", m}});
-    report_ = program_.read("report", {q, v, vdot, lambda}, {{"column", description_.columns.size()}});
-    if (program_.has("energy")) energy_ = program_.read("energy", {q, v, vdot, lambda}, {{"energy", 2}});
-    if (program_.has("project")) project_ = program_.read("project", {q, {"gap", m}}, {{"dz", v.length}});
-    if (program_.has("sample")) sample_ = program_.read("sample", {q, v, vdot, lambda}, {{"held", description_.held()}});
-    guard_ = program_.read_if_any("guard", {q, v}, {"margin", description_.guards.size()});
-    events_ = program_.read_if_any("events", {q, v}, {"value", description_.indicators.size()});
-    domains_ = program_.read_if_any("domains", {q, v, lambda}, {"inside", description_.domains.size()});
-  }
-
-  const Description& description() const override { return description_; }
-
-  void load(const double* parameters, const Stabilisation<double>& stabilisation, const Road<double>* roads) override {
-    const double numbers[] = {stabilisation.penalty, stabilisation.damping_ratio, stabilisation.frequency};
-    program_.use_roads(roads);
-    if (fits_.size() > 0) return program_.call(load_, {parameters, numbers, stabilisation.penalties, fits_.find(program_, parameters)}, {});
-    program_.call(load_, {parameters, numbers, stabilisation.penalties}, {});
-  }
-
+  const D& description() const override { return description_; }
   void drive_by(const InputSource<double>& source) override { inputs_.drive_by(source); }
   void begin_step(double t, double motion) override { inputs_.begin_step(program_, t, motion); }
-
-  void evaluate(const double* q, const double* v, const double* lambda, double* vdot, double* correction) const override {
-    program_.call(evaluate_, {q, v, lambda}, {vdot, correction});
-  }
-
-  void constraint_residual(const double* q, const double* v, double* residual, double* rate) const override {
-    program_.call(constraint_residual_, {q, v}, {residual, rate});
-  }
 
   void report(const double* q, const double* v, const double* vdot, const double* lambda, double* column) const override {
     program_.call(report_, {q, v, vdot, lambda}, {column});
@@ -130,11 +95,6 @@ class InterpretedMechanism final : public AnyMechanism<double> {
 
   void energy(const double* q, const double* v, const double* vdot, const double* lambda, double* energy) const override {
     if (!energy_.results.empty()) program_.call(energy_, {q, v, vdot, lambda}, {energy});
-  }
-
-  void project(const double* q, const double* violation, double* dz) const override {
-    if (project_.results.empty()) throw_no_projection();
-    program_.call(project_, {q, violation}, {dz});
   }
 
   void sample(const double* q, const double* v, const double* vdot, const double* lambda, double* held) const override {
@@ -147,12 +107,68 @@ class InterpretedMechanism final : public AnyMechanism<double> {
     program_.call(domains_, {q, v, lambda}, {inside});
   }
 
- private:
-  Description description_;
+ protected:
+  /// Of a description with so many speeds.
+  Interpreted(const Json& document, D description, std::size_t n)
+      : description_(std::move(description)), q_{"q", description_.coordinates.size()}, v_{"v", n}, vdot_{"vdot", n}, lambda_{"lambda", description_.equations.size()},
+        program_(document, description_.roads.size()), inputs_(program_, document, description_.inputs.size(), description_.held()),
+        fits_(program_, document, description_.parameters.size()) {
+    report_ = program_.read("report", {q_, v_, vdot_, lambda_}, {{"column", description_.columns.size()}});
+    if (program_.has("energy")) energy_ = program_.read("energy", {q_, v_, vdot_, lambda_}, {{"energy", 2}});
+    if (program_.has("sample")) sample_ = program_.read("sample", {q_, v_, vdot_, lambda_}, {{"held", description_.held()}});
+    guard_ = program_.read_if_any("guard", {q_, v_}, {"margin", description_.guards.size()});
+    events_ = program_.read_if_any("events", {q_, v_}, {"value", description_.indicators.size()});
+    domains_ = program_.read_if_any("domains", {q_, v_, lambda_}, {"inside", description_.domains.size()});
+  }
+
+  D description_;
+  Argument q_, v_, vdot_, lambda_;
   mutable Program program_;  ///< its memory has the values of the last call
   StepBeginning inputs_;
   LoopFitsOfProgram fits_;
-  Function load_, evaluate_, constraint_residual_, report_, energy_, project_, sample_, guard_, events_, domains_;
+  Function load_;
+
+ private:
+  Function report_, energy_, sample_, guard_, events_, domains_;
+};
+
+/// A mechanism (`describe_mechanism`).
+class InterpretedMechanism final : public Interpreted<AnyMechanism<double>, Description> {
+ public:
+  explicit InterpretedMechanism(const Json& document) : InterpretedMechanism(document, read_description(document.at("description"))) {}
+
+  void load(const double* parameters, const Stabilisation<double>& stabilisation, const Road<double>* roads) override {
+    const double numbers[] = {stabilisation.penalty, stabilisation.damping_ratio, stabilisation.frequency};
+    program_.use_roads(roads);
+    if (fits_.size() > 0) return program_.call(load_, {parameters, numbers, stabilisation.penalties, fits_.find(program_, parameters)}, {});
+    program_.call(load_, {parameters, numbers, stabilisation.penalties}, {});
+  }
+
+  void evaluate(const double* q, const double* v, const double* lambda, double* vdot, double* correction) const override {
+    program_.call(evaluate_, {q, v, lambda}, {vdot, correction});
+  }
+
+  void constraint_residual(const double* q, const double* v, double* residual, double* rate) const override {
+    program_.call(constraint_residual_, {q, v}, {residual, rate});
+  }
+
+  void project(const double* q, const double* violation, double* dz) const override {
+    if (project_.results.empty()) throw_no_projection();
+    program_.call(project_, {q, violation}, {dz});
+  }
+
+ private:
+  InterpretedMechanism(const Json& document, const Description& description) : Interpreted(document, description, description.speeds.size()) {
+    const std::size_t m = lambda_.length;
+    const Argument parameters{"parameters", description_.parameters.size()}, stabilisation{"stabilisation", 3}, penalties{"penalties", description_.cuts.size()};
+    load_ = program_.read("load", {parameters, stabilisation, penalties}, {});
+    if (fits_.size() > 0) load_ = program_.read("load", {parameters, stabilisation, penalties, {"series", fits_.size()}}, {});
+    evaluate_ = program_.read("evaluate", {q_, v_, lambda_}, {vdot_, {"correction", m}});
+    constraint_residual_ = program_.read("constraint_residual", {q_, v_}, {{"residual", m}, {"rate", m}});
+    if (program_.has("project")) project_ = program_.read("project", {q_, {"gap", m}}, {{"dz", v_.length}});
+  }
+
+  Function evaluate_, constraint_residual_, project_;
 };
 
 }  // namespace cutjoint::interpreter

@@ -44,48 +44,17 @@ inline SystemDescription read_system_description(const Json& d) {
   return found;
 }
 
-/// Runs a system that the compiler has described, as `InterpretedMechanism` does a mechanism; its factorisation is a loop over index data.
-class InterpretedSystem final : public AnySystem<double> {
+/// A system; its factorisation is a loop over index data.
+class InterpretedSystem final : public Interpreted<AnySystem<double>, SystemDescription> {
  public:
   /// `start` is what the mechanism that finds where runs begin says of itself.
-  InterpretedSystem(const Json& document, const Description& start)
-      : description_(read_system_description(document.at("description"))), program_(document, description_.roads.size()),
-        factorisation_(document.at("tables"), description_.pattern.symmetric, description_.pattern.size,
-                       static_cast<int>(description_.pattern.row.size()), description_.factors),
-        inputs_(program_, document, description_.inputs.size(), description_.held()),
-        fits_(program_, document, description_.parameters.size()) {
-    const std::size_t n = description_.unknowns().size(), m = description_.equations.size();
-    const Argument q{"q", description_.coordinates.size()}, v{"v", n}, vdot{"vdot", n}, lambda{"lambda", m}, penalty{"penalty", 1};
-    const Argument force_residual{"force_residual", n}, residual{"residual", m};
-    const Argument relative_q{"relative_q", start.coordinates.size()}, relative_v{"relative_v", start.speeds.size()};
-    const Argument parameters{"parameters", description_.parameters.size()};
-    load_ = program_.read("load", {parameters}, {});
-    if (fits_.size() > 0) load_ = program_.read("load", {parameters, {"series", fits_.size()}}, {});
-    initial_coordinates_ = program_.read("initial_coordinates", {relative_q, relative_v}, {q, v});
-    dynamic_residual_ = program_.read("dynamic_residual", {q, v, vdot, lambda, penalty}, {force_residual, residual});
-    linearise_ = program_.read("linearise", {q, v, vdot, lambda, penalty, {"weights", 3}, {"weights.turns", turns_of(description_.charts)}},
-                               {force_residual, residual, {"tangent", description_.pattern.row.size()}});
-    constraint_residual_ = program_.read("constraint_residual", {q, v, vdot}, {residual, {"rate", m}, {"curvature", m}});
-    apply_jacobian_transposed_ = program_.read("apply_jacobian_transposed", {q, {"w", m}}, {{"force", n}});
-    apply_jacobian_ = program_.read("apply_jacobian", {q, vdot}, {{"change", m}});
-    report_ = program_.read("report", {q, v, vdot, lambda}, {{"column", description_.columns.size()}});
-    energy_ = program_.read("energy", {q, v, vdot, lambda}, {{"energy", 2}});
-    if (program_.has("sample")) sample_ = program_.read("sample", {q, v, vdot, lambda}, {{"held", description_.held()}});
-    guard_ = program_.read_if_any("guard", {q, v}, {"margin", description_.guards.size()});
-    events_ = program_.read_if_any("events", {q, v}, {"value", description_.indicators.size()});
-    domains_ = program_.read_if_any("domains", {q, v, lambda}, {"inside", description_.domains.size()});
-  }
-
-  const SystemDescription& description() const override { return description_; }
+  InterpretedSystem(const Json& document, const Description& start) : InterpretedSystem(document, start, read_system_description(document.at("description"))) {}
 
   void load(const double* parameters, const Road<double>* roads) override {
     program_.use_roads(roads);
     if (fits_.size() > 0) return program_.call(load_, {parameters, fits_.find(program_, parameters)}, {});
     program_.call(load_, {parameters}, {});
   }
-
-  void drive_by(const InputSource<double>& source) override { inputs_.drive_by(source); }
-  void begin_step(double t, double motion) override { inputs_.begin_step(program_, t, motion); }
 
   void initial_coordinates(const double* relative_q, const double* relative_v, double* q, double* v) const override {
     program_.call(initial_coordinates_, {relative_q, relative_v}, {q, v});
@@ -113,34 +82,28 @@ class InterpretedSystem final : public AnySystem<double> {
 
   void apply_jacobian(const double* q, const double* x, double* change) const override { program_.call(apply_jacobian_, {q, x}, {change}); }
 
-  void report(const double* q, const double* v, const double* vdot, const double* lambda, double* column) const override {
-    program_.call(report_, {q, v, vdot, lambda}, {column});
-  }
-
-  void energy(const double* q, const double* v, const double* vdot, const double* lambda, double* energy) const override {
-    program_.call(energy_, {q, v, vdot, lambda}, {energy});
-  }
-
-  void sample(const double* q, const double* v, const double* vdot, const double* lambda, double* held) const override {
-    program_.call(sample_, {q, v, vdot, lambda}, {held});
-  }
-
-  void guard(const double* q, const double* v, double* margin) const override { program_.call(guard_, {q, v}, {margin}); }
-  void events(const double* q, const double* v, double* value) const override { program_.call(events_, {q, v}, {value}); }
-  void domains(const double* q, const double* v, const double* lambda, double* inside) const override {
-    program_.call(domains_, {q, v, lambda}, {inside});
-  }
   int factor(const double* tangent, double* factors) const override { return factorisation_.factor(tangent, factors); }
   void solve(const double* factors, double* x) const override { factorisation_.solve(factors, x); }
 
  private:
-  SystemDescription description_;
-  mutable Program program_;  ///< its memory has the values of the last call
+  InterpretedSystem(const Json& document, const Description& start, const SystemDescription& description)
+      : Interpreted(document, description, description.unknowns().size()),
+        factorisation_(document.at("tables"), description.pattern.symmetric, description.pattern.size, static_cast<int>(description.pattern.row.size()), description.factors) {
+    const std::size_t n = v_.length, m = lambda_.length;
+    const Argument penalty{"penalty", 1}, force_residual{"force_residual", n}, residual{"residual", m}, parameters{"parameters", description_.parameters.size()};
+    load_ = program_.read("load", {parameters}, {});
+    if (fits_.size() > 0) load_ = program_.read("load", {parameters, {"series", fits_.size()}}, {});
+    initial_coordinates_ = program_.read("initial_coordinates", {{"relative_q", start.coordinates.size()}, {"relative_v", start.speeds.size()}}, {q_, v_});
+    dynamic_residual_ = program_.read("dynamic_residual", {q_, v_, vdot_, lambda_, penalty}, {force_residual, residual});
+    linearise_ = program_.read("linearise", {q_, v_, vdot_, lambda_, penalty, {"weights", 3}, {"weights.turns", turns_of(description_.charts)}},
+                               {force_residual, residual, {"tangent", description_.pattern.row.size()}});
+    constraint_residual_ = program_.read("constraint_residual", {q_, v_, vdot_}, {residual, {"rate", m}, {"curvature", m}});
+    apply_jacobian_transposed_ = program_.read("apply_jacobian_transposed", {q_, {"w", m}}, {{"force", n}});
+    apply_jacobian_ = program_.read("apply_jacobian", {q_, vdot_}, {{"change", m}});
+  }
+
   Factorisation factorisation_;
-  StepBeginning inputs_;
-  LoopFitsOfProgram fits_;
-  Function load_, initial_coordinates_, dynamic_residual_, linearise_, constraint_residual_, apply_jacobian_transposed_, apply_jacobian_;
-  Function report_, energy_, sample_, guard_, events_, domains_;
+  Function initial_coordinates_, dynamic_residual_, linearise_, constraint_residual_, apply_jacobian_transposed_, apply_jacobian_;
 };
 
 }  // namespace cutjoint::interpreter
