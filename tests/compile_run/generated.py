@@ -12,11 +12,12 @@ import numpy as np
 from cutjoint.analysis.closing import design_coordinates, make_inputs
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Model, Scene
-from cutjoint.program.interpret import interpret_blocks, interpret_scalars
+from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.records import Program
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator import call_simulator
+from tests.oracles.scalars import interpret_scalars
 
 Inputs: TypeAlias = Mapping[str, np.ndarray]
 

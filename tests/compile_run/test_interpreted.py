@@ -19,7 +19,6 @@ from cutjoint.elements.joints import JOINTS
 from cutjoint.methods import INTEGRATORS, METHODS, names_of
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Numerics, Road, Scene
-from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
 from cutjoint.run.artifact import Artifact, make_simulator_run
@@ -32,6 +31,7 @@ from tests.conftest import MODELS, needs_cpp
 from tests.hash_seeds import outputs
 from tests.mechanisms import random_models
 from tests.mechanisms.bouncing import bouncing_text, exact_bounces
+from tests.oracles.scalars import interpret_scalars
 from tests.physics.simulation import completed
 from tests.runtime.test_domains import MESSAGE, check, falling
 

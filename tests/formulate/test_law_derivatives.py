@@ -15,8 +15,9 @@ from cutjoint.model.read import read_model_text
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.differentiate import Differentiator
 from cutjoint.program.elimination import adjoint, derivatives
-from cutjoint.program.interpret import interpret_blocks, interpret_scalars
+from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.lower import Lowering
+from tests.oracles.scalars import interpret_scalars
 
 #: Stribeck friction, the library's contact, a driven brush wheel, and a clutch.
 LAWS = """

@@ -14,8 +14,9 @@ from cutjoint.model.expressions.operations import ExpressionError, Term
 from cutjoint.model.expressions.parse import read_term, variable
 from cutjoint.model.records import Scalar
 from cutjoint.program.blocks import BindingTime, Builder
-from cutjoint.program.interpret import interpret_blocks, interpret_scalars
+from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.lower import Lowering
+from tests.oracles.scalars import interpret_scalars
 
 from .expressions import VARIABLES, steady_value
 

@@ -18,9 +18,10 @@ from cutjoint.model.read import read_model_text
 from cutjoint.package.errors import RunError
 from cutjoint.program.blocks import Block
 from cutjoint.program.fold import fold
-from cutjoint.program.interpret import interpret_blocks, interpret_scalars
+from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.program.schedule import schedule
+from tests.oracles.scalars import interpret_scalars
 
 Node = dict[str, Any]
 

@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 
 from cutjoint.program import blocks
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_identity, is_zero
-from cutjoint.program.interpret import interpret_blocks, interpret_scalars
+from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.lower import Lowering
 from tests.oracles.joints import Array
+from tests.oracles.scalars import interpret_scalars
 
 INPUTS = 12
 

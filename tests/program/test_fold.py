@@ -14,7 +14,7 @@ from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.program.blocks import BindingTime, Block, Builder, Label
 from cutjoint.program.fold import fold
-from cutjoint.program.interpret import interpret_blocks, interpret_scalars
+from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.program.schedule import schedule
 from cutjoint.run.scenes import find_scene
@@ -22,6 +22,7 @@ from cutjoint.topology.build import build_topology
 from tests.compile_run.generated import FlatRoad, random_states
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
+from tests.oracles.scalars import interpret_scalars
 
 
 def formulate(text: str, scene: str) -> RecursiveEquations:

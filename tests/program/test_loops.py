@@ -13,7 +13,6 @@ from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model_text
-from cutjoint.program.interpret import interpret_scalar, interpret_scalars
 from cutjoint.program.loops import Given, Input, Loop, Rolled, Stored, Table, roll
 from cutjoint.program.records import LoweredFunction, Program
 from cutjoint.run.scenes import find_scene
@@ -21,6 +20,7 @@ from cutjoint.topology.build import build_topology
 from tests.compile_run.generated import random_states
 from tests.mechanisms.chains import pendulums_in_a_row
 from tests.mechanisms.four_bar import four_bar_text
+from tests.oracles.scalars import interpret_scalar, interpret_scalars
 
 CASES: dict[str, Callable[[int], str]] = {
     "four-bar": four_bar_text,

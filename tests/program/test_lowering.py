@@ -11,7 +11,7 @@ from cutjoint.formulate.inputs import INPUTS, LAW_TIME, LAW_VALUES
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene, Tyre
 from cutjoint.ops import OPERATIONS
-from cutjoint.program.interpret import interpret_blocks, interpret_scalars
+from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
 from cutjoint.topology.build import build_topology
@@ -19,6 +19,7 @@ from tests.mechanisms import random_models
 from tests.mechanisms.random_models import NOWHERE, scene
 from tests.oracles.dense import Array, Instant, Numerics
 from tests.oracles.evaluation import BlockMechanism, both
+from tests.oracles.scalars import interpret_scalars
 from tests.oracles.tyre import Flat
 
 MODELS = Path(__file__).parents[2] / "models"

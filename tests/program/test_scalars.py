@@ -12,8 +12,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from cutjoint.program.blocks import BindingTime
-from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.scalars import Graph, OverflowedConstantError
+from tests.oracles.scalars import interpret_scalars
 
 SYMBOLS = 4
 Expression = tuple[Any, ...]

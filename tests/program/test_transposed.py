@@ -15,13 +15,13 @@ from cutjoint.formulate.transposed import Derived, linearise_residual, transpose
 from cutjoint.methods import METHODS, Loops
 from cutjoint.program.blocks import FUNCTIONS, BindingTime
 from cutjoint.program.elimination import adjoint, derivatives
-from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.lower import call_scalar
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import Graph
 from cutjoint.run.scenes import load_model, with_loops
 from cutjoint.run.settings import find_closure
 from tests.conftest import MODELS
+from tests.oracles.scalars import interpret_scalars
 
 #: Functions by numbers at which they have derivatives.
 _PLACES = {name: [0.3, 0.4][:arity] for name, arity in FUNCTIONS.items() if arity < 3 and not name.startswith("road_")}

@@ -17,7 +17,6 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.program.blocks import Section
-from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
 from cutjoint.report.explain.document import explain
@@ -30,6 +29,7 @@ from tests.conftest import MODELS
 from tests.hash_seeds import outputs
 from tests.mechanisms import random_models
 from tests.model.pendulum import PENDULUM, varied
+from tests.oracles.scalars import interpret_scalars
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,4 @@
-"""Interpreters of both IRs in NumPy: the oracle of every pass and of the generated code.
-
-They share no code with the lowering or the printer: blocks are evaluated with whole-matrix NumPy, scalars one by one.
-"""
+"""The interpreter of blocks, with whole-matrix NumPy; it shares no code with the lowering or the printer."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
@@ -14,7 +11,6 @@ from cutjoint.ops import fact
 from cutjoint.package.errors import EquationsError
 from cutjoint.program.blocks import SUPPLIED, SURFACE, Block, SuppliedCall, surface_lookup
 from cutjoint.program.lower import reachable_blocks
-from cutjoint.program.scalars import Graph, Scalar
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -91,20 +87,16 @@ def _evaluate(block: Block, args: list[Array], inputs: Mapping[str, Array], road
 
 
 def _call(function: str, table: str | None, args: list[Any], roads: Mapping[str, RoadTable]) -> Array:
+    """What a function, or a table of a road, makes of numbers.  Raises EquationsError for a function that a user supplies."""
     if table is not None:
         lookup, by = surface_lookup(function) if function.startswith(SURFACE) else (function, None)
         answer, orders = getattr(roads[table], lookup.removeprefix("road_")), () if by is None else (by.count("x"), by.count("y"))
         places = np.broadcast_arrays(*args)  # a road answers for one place, not for a batch
         return np.asarray(np.vectorize(lambda x, y: answer(float(x), float(y), *orders), otypes=[float])(*places))
-    _require_own(function)
-    return np.asarray(fact(function, "numpy")(*args), dtype=float)
-
-
-def _require_own(function: str) -> None:
-    """Raise EquationsError for a function that a user supplies."""
     if function.startswith(SUPPLIED):
         name = SuppliedCall.read(function).name
         raise EquationsError(f"function '{name}': its code is C++, and here a program is interpreted; only compiled runs have it")
+    return np.asarray(fact(function, "numpy")(*args), dtype=float)
 
 
 def _stack(data: Any, args: list[Array]) -> Array:
@@ -159,37 +151,3 @@ _MATRIX: dict[str, Callable[..., Array]] = {
     "forward": lambda lower, b: _solve(lower, b),
     "backward": lambda lower, b: _solve(_turned(lower), b),
 }
-
-
-def interpret_scalars(
-    graph: Graph, roots: list[int], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]
-) -> dict[int, Any]:
-    """Evaluate the roots and all that they depend on: numbers, or arrays of one number a lane."""
-    values: dict[int, Any] = {}
-    for number in graph.reachable(roots):
-        node = graph.nodes[number]
-        values[number] = interpret_scalar(node, [values[a] for a in node.args], inputs, roads)
-    return values
-
-
-def interpret_scalar(node: Scalar, args: Sequence[Any], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]) -> Any:
-    """The value of one node, a number or an array of one number a lane."""
-    data: Any = node.data
-    with np.errstate(all="ignore"):
-        if node.op == "const":
-            return data
-        if node.op == "symbol":
-            return float(np.ravel(inputs[data[0]])[data[1]])
-        if node.op.startswith("road_"):
-            return float(_call(node.op, data, list(args), roads))
-        if node.op == "lane_const":
-            return np.array(data)
-        if node.op == "gather":
-            return np.array(args)
-        if node.op == "lane":
-            return float(args[0][data])
-        if node.op == "lane_sum":
-            return float(np.sum(args[0]))
-        _require_own(node.op)
-        result = fact(node.op, "numpy")(*args)
-        return np.asarray(result, dtype=float) if node.lanes else float(result)

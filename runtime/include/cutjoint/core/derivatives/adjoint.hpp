@@ -306,23 +306,20 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     else this->trajectories_->be_within(at.t, std::numeric_limits<double>::infinity());
   }
 
-  void put(const Point& point, double t) {
+  const StateOf<M>& put(const Point& point, double t) {
     stage_.t = t;
     std::copy(point.q.begin(), point.q.end(), stage_.q.begin());
     std::copy(point.v.begin(), point.v.end(), stage_.v.begin());
     std::copy(point.vdot.begin(), point.vdot.end(), stage_.vdot.begin());
     std::copy(point.lambda.begin(), point.lambda.end(), stage_.lambda.begin());
+    return stage_;
   }
 
   void go_over_row(std::size_t number, const double* weights) {
     begin_step(record_.t, record_.values);
     by_columns_.fill(0.0);
     for (std::size_t i = 0; i < number; ++i) by_columns_[static_cast<std::size_t>(outputs_[i])] += weights[i];
-    const Point& x = record_.from;
-    transposed_.report_transposed(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), by_columns_.data(), more_.q.data(), more_.v.data(), more_.vdot.data(),
-                                  more_.lambda.data(), more_loaded_.data(), more_input_.data());
-    add_more();
-    add_sums();
+    outputs_vjp(&T::report_transposed, by_columns_.data());
   }
 
   void go_over_sample() {
@@ -330,16 +327,18 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       begin_step(record_.t, record_.values);
       Fixed<double, held> by_next;
       for (int i = record_.first; i < record_.first + record_.number; ++i) std::swap(by_next[static_cast<std::size_t>(i)], by_held_[static_cast<std::size_t>(i)]);
-      const Point& x = record_.from;
-      transposed_.sample_transposed(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), by_next.data(), more_.q.data(), more_.v.data(), more_.vdot.data(),
-                                    more_.lambda.data(), more_loaded_.data(), more_input_.data());
-      add_more();
-      add_sums();
+      outputs_vjp(&T::sample_transposed, by_next.data());
     }
   }
 
-  void add_more() {
+  /// Derivatives by what a function makes of the state become those by the state.
+  template <class Function>
+  void outputs_vjp(Function function, const double* by) {
+    const Point& x = record_.from;
+    (transposed_.*function)(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), by, more_.q.data(), more_.v.data(), more_.vdot.data(), more_.lambda.data(),
+                            more_loaded_.data(), more_input_.data());
     add(more_.q, by_.q), add(more_.v, by_.v), add(more_.vdot, by_.vdot), add(more_.lambda, by_.lambda);
+    add_sums();
   }
 
   template <class More, class Numbers>
@@ -370,8 +369,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   bool go_over_means(Rest rest) {
     const Numbers by_mean = by_.mean;
     this->means_ = record_.from.mean;
-    put(record_.from, record_.t);
-    this->begin_rule(stage_, record_.h);
+    this->begin_rule(put(record_.from, record_.t), record_.h);
     const auto share = this->lead_.by_mean();
     for (std::size_t i = 0; i < n; ++i) by_.vdot[i] += share.end * by_mean[i];
     if (!rest()) return false;
@@ -481,8 +479,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     for (; place <= last; ++place) {
       read(place);
       be_within(record_);
-      put(record_.from, record_.t);
-      const StateOf<M> from = stage_;
+      const StateOf<M> from = put(record_.from, record_.t);
       StateOf<M> end = from;
       const double h = record_.h;
       end.t = from.t + h;
@@ -501,8 +498,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       this->wants_derivative_ = owes_derivative_ && place == last;
       if (place < last && kind_at(place + 1) == Kind::cut) {
         read(++place);
-        put(record_.from, record_.t);
-        end = stage_;
+        end = put(record_.from, record_.t);
         this->cut_ = {true, record_.h, static_cast<std::size_t>(record_.number), {}};
         for (std::size_t j = 0; j < this->cut_.left; ++j) this->cut_.which[j] = static_cast<std::size_t>(tape_.numbers[place * record + 4 + length + j]);
       }
@@ -521,10 +517,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   void put_stages([[maybe_unused]] double t, [[maybe_unused]] double h) {
     if constexpr (has_stages)
-      for (std::size_t i = 0; i < stages; ++i) {
-        put(record_.between[i], t + radau::Table::nodes[i + 1].template as<double>() * h);
-        this->points_[i] = stage_;
-      }
+      for (std::size_t i = 0; i < stages; ++i) this->points_[i] = put(record_.between[i], t + radau::Table::nodes[i + 1].template as<double>() * h);
   }
 
   /// From the end of a step to its beginning: its loops are closed as force residual have these, and its stages are one solution of transposed equations.
@@ -567,17 +560,13 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       const Point &open = record_.between.back(), &end = record_.end;
       this->force_residual_.find(record_.t + record_.h, end.q, end.v, end.vdot, end.lambda, this->u_);
       if (!this->force_residual_.violations_vjp(by_.v, by_violation_)) return false;
-      residual_vjp(open, nothing_, by_violation_);
-      add(more_.q, by_.q), add(more_.v, by_.v);
-      add_sums();
+      residual_vjp(open, nothing_, by_violation_, by_.q, by_.v);
       Fixed<double, coordinates> behind = by_.q;
       Numbers by_delta;
       by_.q.fill(0.0);
       RetractionDerivatives<balls>(charts(), open.q.data(), by_delta.data()).vjp(charts(), behind.data(), by_.q.data(), by_delta.data());
       if (!this->force_residual_.violations_vjp(by_delta, by_violation_)) return false;
-      residual_vjp(open, by_violation_, nothing_);
-      add(more_.q, by_.q);
-      add_sums();
+      residual_vjp(open, by_violation_, nothing_, by_.q, by_.v);
     }
     return true;
   }
@@ -586,10 +575,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   bool go_over_rule() requires seeks_multipliers {
     const double h = record_.h;
-    put(record_.from, record_.t);
-    const StateOf<M> from = stage_;
-    put(record_.end, record_.t + h);
-    const StateOf<M> end = stage_;
+    const StateOf<M> from = put(record_.from, record_.t), end = put(record_.end, record_.t + h);
     begin_step(end.t, record_.values);
     if (!this->find_rule(simulation_->mechanism(), from, end, h)) return false;
     const auto& force_residual = this->force_residual_;
@@ -599,9 +585,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     if (!this->ends_.accelerations_vjp(force_residual, by_.vdot, by, projected, by_first)) return false;
     add_columns(projected, by_.q, by_.v);
     if (!this->ends_.speeds_vjp(force_residual, by_.v, by, by_first, by_violation_)) return false;
-    residual_vjp(record_.end, nothing_, by_violation_);
-    add(more_.q, by_.q), add(more_.v, by_.v);
-    add_sums();
+    residual_vjp(record_.end, nothing_, by_violation_, by_.q, by_.v);
     add_columns(by, by_.q, by_.v);
     Point rule;
     rule.take(stage_);
@@ -609,9 +593,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return step_vjp(this->lead_, [&](auto& x, auto& by_q, auto& by_v) {
       by.fill(0.0);
       if (!this->ends_.rule_vjp(force_residual, x, by, by_violation_)) return false;
-      residual_vjp(rule, by_violation_, nothing_);
-      add(more_.q, by_q[0]);
-      add_sums();
+      residual_vjp(rule, by_violation_, nothing_, by_q[0], by_v[0]);
       add_columns(by, by_q[0], by_v[0]);
       return true;
     });
@@ -621,10 +603,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   bool go_over_rule() requires(!seeks_multipliers) {
     const double h = record_.h;
-    put(record_.from, record_.t);
-    const StateOf<M> from = stage_;
-    put(record_.end, record_.t + h);
-    const StateOf<M> end = stage_;
+    const StateOf<M> from = put(record_.from, record_.t), end = put(record_.end, record_.t + h);
     begin_step(end.t, record_.values);
     if (!this->settle_end(simulation_->mechanism(), from, end, h) || !closed_loops_vjp()) return false;
     return step_vjp(this->lead_, [&](auto& x, auto& by_q, auto& by_v) {
@@ -758,9 +737,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       for (std::size_t i = sped; i-- > 0;) {
         const Point& x = speeds[i];
         move_vjp(x, rates[i], by_.v);
-        residual_vjp(x, nothing_, by_violation_);
-        add(more_.q, by_.q), add(more_.v, by_.v);
-        add_sums();
+        residual_vjp(x, nothing_, by_violation_, by_.q, by_.v);
       }
       for (std::size_t i = moved; i-- > 0;) {
         const Point& x = places[i];
@@ -770,9 +747,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
         simulation_->mechanism().project(x.q.data(), violations[i].data(), found_values_.data());
         RetractionDerivatives<balls>(charts(), x.q.data(), found_values_.data()).vjp(charts(), behind.data(), by_.q.data(), by_delta.data());
         move_vjp(x, violations[i], by_delta);
-        residual_vjp(x, by_violation_, nothing_);
-        add(more_.q, by_.q);
-        add_sums();
+        residual_vjp(x, by_violation_, nothing_, by_.q, by_.v);
       }
     }
     return true;
@@ -785,10 +760,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     add_sums();
   }
 
-  /// More derivatives by coordinates and speeds, from those by the residual of loops and its rate.
-  void residual_vjp(const Point& at, const Fixed<double, m>& by_residual, const Fixed<double, m>& by_rate) {
+  /// Add to derivatives by coordinates and speeds those that derivatives by the residual of loops and its rate make.
+  void residual_vjp(const Point& at, const Fixed<double, m>& by_residual, const Fixed<double, m>& by_rate, Fixed<double, coordinates>& by_q, Numbers& by_v) {
     transposed_.constraint_residual_transposed(at.q.data(), at.v.data(), by_residual.data(), by_rate.data(), more_.q.data(), more_.v.data(),
                                                more_loaded_.data(), more_input_.data());
+    add(more_.q, by_q), add(more_.v, by_v);
+    add_sums();
   }
 
   /// The moves that close the loops of a state, or their rates; false where they stay open.

@@ -262,7 +262,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
 
   std::size_t loaded_ = no_row;  ///< the first of the directions with whose changes parameters are loaded
 
-  StateOf<M> stage_{M::sizes.coordinates, n, m};
+  StateOf<M> stage_;
   RuleLead<M, averages> lead_;
   StepRule rule_;
   Fixed<double, averages ? n : 0> means_;  ///< accelerations a of the rule where a part begins

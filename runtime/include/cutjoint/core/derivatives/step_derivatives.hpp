@@ -572,7 +572,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   bool is_averaged_anew_ = false, was_short_ = false;  ///< a part begins with accelerations of the state in their place; the last one was short
   bool is_loaded_ = false;     ///< what stays during the steps, as the first one takes it
   long parts_ = 0;  ///< as they are counted by the integrator
-  StateOf<M> last_{M::sizes.coordinates, n, Base::m};  ///< of an adaptive method, where its last step ended
+  StateOf<M> last_;  ///< of an adaptive method, where its last step ended
   Fault followed_;                                     ///< why one of its steps has no derivative
   Fixed<long, indicators> counted_;                      ///< how often indicators have left their formulas
   bool begins_at_event_ = false;                       ///< the next part does, whose time changes

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <type_traits>
 
 #include "cutjoint/core/stepping/coefficients.hpp"
 #include "cutjoint/core/derivatives/event_derivatives.hpp"
@@ -13,23 +14,6 @@
 #include "cutjoint/core/stepping/interpolant.hpp"
 
 namespace cutjoint {
-
-/// What belongs to stages that are coupled: nothing where there are none.
-template <class M, class ForceResidual, bool>
-struct StagesOf {
-  struct type {};
-  struct Points {};
-};
-
-template <class M, class ForceResidual>
-struct StagesOf<M, ForceResidual, true> {
-  using type = radau::StageDerivatives<ForceResidual>;
-
-  struct Points : std::array<StateOf<M>, type::stages> {
-    Points() : Points(StateOf<M>(M::sizes.coordinates, M::sizes.speeds, M::sizes.equations)) {}
-    explicit Points(const StateOf<M>& state) : std::array<StateOf<M>, type::stages>{state, state, state} {}
-  };
-};
 
 /// `Derivatives` of a `Simulation` with the formulas of its integrator, over numbers with derivatives, from the closed loops of a part's beginning to those of its end.
 ///
@@ -51,8 +35,8 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
   /// Whether it begins with the derivative that the one before has found where its last stage stood, before loops were closed.
   static constexpr bool carries_derivative = is_explicit && m > 0;
 
-  [[no_unique_address]] typename StagesOf<M, ForceResidual, has_stages>::type stages_;  ///< of a step, the stages of which stand at
-  [[no_unique_address]] typename StagesOf<M, ForceResidual, has_stages>::Points points_;
+  [[no_unique_address]] std::conditional_t<has_stages, radau::StageDerivatives<ForceResidual>, typename Base::None> stages_;  ///< of a step, the stages of which stand at
+  std::array<StateOf<M>, has_stages ? radau::Table::stages : 0> points_;
 
   Fixed<Dual, M::sizes.coordinates> coordinate_rates_;  ///< rates of coordinates of that derivative
   bool is_derivative_known_ = false;             ///< that derivative is there where a part begins, in `coordinate_rates_` and in accelerations
@@ -192,7 +176,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     be_at(mechanism, points_.back().t);
     if constexpr (indicators > 0)
       if (cut_.is_made) {
-        StateOf<D> begin(M::sizes.coordinates, n, m);
+        StateOf<D> begin;
         begin.q = from_, begin.v = speeds_, begin.vdot = this->before_;
         return close_by_force_residual(points_.back()) && cut(mechanism, end, Dual(h, -begun_), begin, stages_.shift(), number);
       }
@@ -208,7 +192,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
 
   /// From the end of a step to where it is cut, by the interpolant that goes on from its beginning and has found a `shift`.
   bool cut(M& mechanism, const StateOf<M>& end, const Dual& length, StateOf<D>& begin, Fixed<Dual, n> shift, std::size_t number) {
-    StateOf<D> done(M::sizes.coordinates, n, m);
+    StateOf<D> done;
     done.q = q_, done.v = v_, done.vdot = vdot_;
     stepping::Interpolant<D> between(charts(), begin);
     typename stepping::Interpolant<D>::Vector at;

@@ -44,6 +44,7 @@ struct State {
   typename Arrays::SpeedsArray v, vdot;
   typename Arrays::EquationsArray lambda;
 
+  State() = default;
   State(std::size_t coordinates, std::size_t speeds, std::size_t equations)
       : q(coordinates), v(speeds), vdot(speeds), lambda(equations) {}
 
