@@ -359,7 +359,6 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   bool go_over_part() {
     if constexpr (is_explicit) return go_over_derivatives<typename Simulation::Steps::Method>();
-    else if constexpr (has_stages) return go_over_stages();
     else if constexpr (averages) return go_over_means([this] { return go_over_rule(); });
     else return go_over_rule();
   }
@@ -515,32 +514,28 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   // Coupled stages
 
-  void put_stages([[maybe_unused]] double t, [[maybe_unused]] double h) {
-    if constexpr (has_stages)
-      for (std::size_t i = 0; i < stages; ++i) this->points_[i] = put(record_.between[i], t + radau::Table::nodes[i + 1].template as<double>() * h);
+  void put_stages(double t, double h) {
+    for (std::size_t i = 0; i < stages; ++i) this->points_[i] = put(record_.between[i], t + radau::Table::nodes[i + 1].template as<double>() * h);
   }
 
   /// From the end of a step to its beginning: its loops are closed as force residual have these, and its stages are one solution of transposed equations.
-  bool go_over_stages() {
-    if constexpr (has_stages) {
-      const double h = record_.h;
-      put_stages(record_.t, h);
-      begin_step(record_.t + h, record_.values);
-      if (!residual_loops_vjp()) return false;
-      const auto find = [&](std::size_t i) { begin_step(this->points_[i].t, record_.values); };
-      if (!this->stages_.find(this->force_residual_, h, record_.from, this->points_, find)) return false;
-      return step_vjp(this->stages_, [&](auto& x, auto& by_q, auto& by_v) {
-        if (!this->force_residual_.solve_transposed(this->stages_.matrix(), x)) return false;
-        for (std::size_t i = 0; i < stages; ++i) {
-          ByColumns by;
-          this->force_residual_.vjp(this->stages_.derivative(i), x.data() + i * unknowns, by);
-          find(i);
-          add_columns(by, by_q[i], by_v[i]);
-        }
-        return true;
-      });
-    }
-    return true;
+  bool go_over_rule() requires has_stages {
+    const double h = record_.h;
+    put_stages(record_.t, h);
+    begin_step(record_.t + h, record_.values);
+    if (!residual_loops_vjp()) return false;
+    const auto find = [&](std::size_t i) { begin_step(this->points_[i].t, record_.values); };
+    if (!this->stages_.find(this->force_residual_, h, record_.from, this->points_, find)) return false;
+    return step_vjp(this->stages_, [&](auto& x, auto& by_q, auto& by_v) {
+      if (!this->force_residual_.solve_transposed(this->stages_.matrix(), x)) return false;
+      for (std::size_t i = 0; i < stages; ++i) {
+        ByColumns by;
+        this->force_residual_.vjp(this->stages_.derivative(i), x.data() + i * unknowns, by);
+        find(i);
+        add_columns(by, by_q[i], by_v[i]);
+      }
+      return true;
+    });
   }
 
   /// Add derivatives by all that the force residual reads to those by coordinates, speeds, inputs, held values and values of parameters.
@@ -601,7 +596,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   // The trapezoidal rule
 
-  bool go_over_rule() requires(!seeks_multipliers) {
+  bool go_over_rule() requires(!seeks_multipliers && !has_stages) {
     const double h = record_.h;
     const StateOf<M> from = put(record_.from, record_.t), end = put(record_.end, record_.t + h);
     begin_step(end.t, record_.values);
