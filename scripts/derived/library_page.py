@@ -9,7 +9,8 @@ from cutjoint.package.locations import library_folder
 HEAD = """# Library
 
 Submodels of the package, for `include: library/NAME`. [Build a vehicle](../how-to/build-a-vehicle.md) shows them at work.
-Parameters without a default must be given; those in brackets have one.
+Parameters without a default must be given; those in brackets have one. Points are of the design position, in m;
+an instance sets them by `points: {NAME: [x, y, z]}`.
 """
 
 #: Parameters in capitals are coefficients of a property file.
@@ -28,6 +29,7 @@ def section(name: str, text: str) -> str:
     part = yaml.safe_load(text)
     own = {"connectors": quoted(part["connectors"]), "parameters": parameters(part["parameters"])}
     own["defaults"] = defaults(part.get("defaults", {}))
+    own["points"] = placed(part.get("points", {})) if part["connectors"][:1] == ["chassis"] else ""
     table = "\n".join(f"| {title} | {words} |" for title, words in own.items() if words)
     return f"## {name}\n\n" + "\n\n".join(paragraphs) + (f"\n\n| | |\n|---|---|\n{table}\n" if table else "\n")
 
@@ -46,3 +48,8 @@ def parameters(names: list[str]) -> str:
 def defaults(given: dict[str, object]) -> str:
     """Parameters with their defaults, without coefficients."""
     return ", ".join(f"[`{name}` = {value}]" for name, value in given.items() if not name.isupper())
+
+
+def placed(points: dict[str, list[object]]) -> str:
+    """Points that an instance may place, with their coordinates."""
+    return ", ".join(f"`{name}` = [{', '.join(map(str, place))}]" for name, place in points.items())

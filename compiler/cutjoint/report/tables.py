@@ -315,7 +315,7 @@ def error_facts(error: ErrorEstimate) -> Table:
     for name, value in error.max_error.items():
         unit = error.units[name]
         by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
-    promised = "yes: one such run in 200 at most is off by more than three times as much"
+    promised = "yes; 99.5 % of such runs are within 3 times these values"
     doubt = "no: finer steps bring the outputs no nearer, errors may be larger"
     if error.goal is not None:
         doubt = "no, accuracy not reached: the finest steps leave larger errors, or errors that fall no further"

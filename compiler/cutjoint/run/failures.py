@@ -93,7 +93,7 @@ def describe_failure(
 
 def describe_rest(table: Path | None) -> str:
     """The place of the rows of a failed run, in words."""
-    return f"the rows up to then are in {table}" if table else "no file has rows of it"
+    return f"the rows up to then are in {table}" if table else "no results were written"
 
 
 def describe_failures(batch: Batch) -> list[str]:

@@ -73,9 +73,13 @@ class FailureReport:
     guards: tuple[str, ...] = ()
 
     @property
+    def _unit(self) -> str:
+        return " m/s^2 or rad/s^2" if self.message.startswith("no static equilibrium") else ""
+
+    @property
     def what(self) -> str:
         """The message with its time and the element with the worst residual."""
-        return f"{self.message} at t = {self.time:.6g} s (step {self.step}); worst at '{self.element}' with {self.residual:.3g}"
+        return f"{self.message} at t = {self.time:.6g} s (step {self.step}); worst at '{self.element}' with {self.residual:.3g}{self._unit}"
 
     def __str__(self) -> str:
         return f"{self.what}; {self.advice}" if self.advice else self.what
