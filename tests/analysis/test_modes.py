@@ -303,6 +303,7 @@ def test_errors_say_what_to_do(tmp_path: Path) -> None:
     status, output = command(falling)
     assert status == 1
     assert "falling.yaml:5:10: scene 'fall': no static equilibrium was found near the given pose" in output
+    assert "with 9.81 m/s^2 or rad/s^2;" in output
     assert output.rstrip().endswith("or linearise about a motion with --at")
     status, output = command(MODELS / "iltis.yaml", "--at", 1)
     assert (status, output.split(": ")[1][:12]) == (1, "name a scene")

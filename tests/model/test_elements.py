@@ -11,6 +11,7 @@ import sympy
 
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model.document.model_file import json_schema
+from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions import quantities
 from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.records import COORDINATES, SPEEDS, Binding, BodyLoad, JointKind, Output, Road, RoadSegment, SegmentKind
@@ -264,6 +265,12 @@ def test_roads_have_two_tracks() -> None:
     assert read_road.left[0] == RoadSegment(kind=SegmentKind.STEP, length=0.0, rise=-0.1, **spans)
     assert (read_road.left[1].kind, read_road.left[1].length) == (SegmentKind.FLAT, 2.0)
     assert [(s.kind, s.length, s.rise) for s in read_road.right] == [(SegmentKind.RAMP, 3.0, 1.0)]
+
+
+def test_a_tyre_without_its_constants_names_a_vertical_spring() -> None:
+    tyre = "  t: {kind: tyre, body: arm, centre: [0, 0, 0], axis: y, radius: 0.3, stiffness: 2.0e+5}\n"
+    with pytest.raises(ModelError, match=r"the field 'calspan' is missing; .* kind: wheel with force: \[0, 0, 2e5\*deflection\]"):
+        read("forces:\n", f"forces:\n{tyre}")
 
 
 def test_a_model_keeps_its_text_and_needs_no_scenes() -> None:

@@ -311,7 +311,7 @@ OPTIONS: Mapping[str, Row] = {
     "steer_travel": click.option("--steer-travel", type=Setting("steer_travel"),
         help="Travel of the steering joint to either side, for example 10mm or 20deg. Default: 20 mm or 0.5 rad."),
     "points": click.option("--points", type=Setting("points"), default=21, show_default=True, help="Points of each sweep."),
-    "steer": click.option("--steer", metavar="JOINT", help="Steering joint. Default: the axle's only joint with a guide."),
+    "steer": click.option("--steer", metavar="JOINT", help="Steering joint. Default: the only guided joint, else the only rack along y."),
     "radius": click.option("--radius", type=Setting("radius"),
         help="Loaded radius of the wheels (m), for example 300mm. Default: the height of their centres above z = 0, at most "
         "that of the tyre."),

@@ -83,8 +83,8 @@ Design: TypeAlias = Annotated[
     | Annotated[Listed, Tag("<list>")],
     discriminated_by(
         {str: "<grid>", **{key: f"<{key}>" for key in ("latin_hypercube", "sobol", "sobol_indices", "csv", "list")}},
-        "needs the word grid (with a list or a count for each parameter), {latin_hypercube: runs}, {sobol: runs}, {sobol_indices: points}, {csv: file} "
-        "or {list: [...]}",
+        "needs the word grid (with a list or a count for each parameter), {latin_hypercube: runs}, {sobol: runs}, {sobol_indices: points}, "
+        "{csv: file} or {list: [...]}",
     ),
 ]
 

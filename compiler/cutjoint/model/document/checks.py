@@ -183,7 +183,7 @@ _MISSING: Mapping[tuple[Path, str | int], str] = {
     (("states",), "start"): "write its value where a run begins, such as start: 0 rad",
     (("states",), "rate"): "write an expression for its rate of change, such as rate: speed - 2*level",
     (("controllers",), "every"): "write the time between two samples, such as every: 1 ms",
-    (("forces",), "calspan"): "write the ten constants of a Calspan tyre; for a vertical spring alone use kind: wheel with force: [0, 0, 2e5*deflection]",
+    (("forces",), "calspan"): "write ten Calspan constants; for a vertical spring alone, kind: wheel with force: [0, 0, 2e5*deflection]",
     (("law",), "at"): "write the place where the stop is met, such as at: 0.25",
     (("law",), "side"): "write on which side of it the stop acts: side: above, as of a rope, or side: below, as of a bumper",
     (("memory",), "start"): "write its value before the first sample, such as start: 0",

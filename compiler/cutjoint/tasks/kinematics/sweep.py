@@ -143,7 +143,8 @@ def find_compliance(
     try:
         at = linearise_at(artifact, equations, None, changes, None)[1]
     except NotReachedError as error:
-        raise RunError(f"{chosen.span}: scene '{chosen.name}': no equilibrium: {error.report}; a chassis on one axle needs a guide: let it move along z alone") from error
+        remedy = "a free chassis cannot stand on one axle: let it move along z alone"
+        raise RunError(f"{chosen.span}: scene '{chosen.name}': no equilibrium: {error.report}; {remedy}") from error
     start = replace(equations.start, parameters=tuple(replace(p, value=numbers[p.name]) for p in equations.start.parameters))
     wheels, free = _held_wheels(found, start, at)
     figures: dict[str, float] = {}
