@@ -33,17 +33,19 @@ if TYPE_CHECKING:
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.stepping.handle import SimulationError
     from cutjoint.stepping.load import load
+    from cutjoint.stepping.response import find_linear_model
     from cutjoint.stepping.rollout import rollout
     from cutjoint.stepping.simulation import Simulation
+    from cutjoint.stepping.state_space import FrequencyResponse, SampledStateSpace, StateSpace
     from cutjoint.stepping.values import (
         AdjointSensitivities,
         EigenvalueSensitivities,
         EventSensitivities,
         ForwardSensitivities,
         StateSensitivities,
-        StateSpace,
         StepDerivatives,
     )
+    from cutjoint.stepping.vibration import RandomVibration, random_vibration
     from cutjoint.sweeps.run import Sweep, sweep
     from cutjoint.tasks.batch import compile_batch, simulate, simulate_batch
     from cutjoint.tasks.inverse import inverse_dynamics
@@ -58,12 +60,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AdjointSensitivities", "ConstantError", "CutjointError", "EigenvalueSensitivities", "EquationsError", "EventSensitivities",
-    "FailedBatchError", "FailedRealTimeError", "FailedRunError", "ForwardSensitivities", "GuideError", "IncompleteError",
-    "MissingLibraryError", "MissingPackageError", "ModelError", "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError",
-    "Simulation", "SimulationError", "SimulatorError", "StateSensitivities", "StateSpace", "StepDerivatives", "Sweep", "ToolchainError",
-    "TopologyError", "build_topology", "compile_batch", "compile_model", "find_compliance", "find_equilibrium", "find_initial_state",
-    "find_kinematics", "find_modes", "find_trim", "inverse_dynamics", "load", "read_model", "read_model_text", "rollout",
-    "run_in_real_time", "simulate", "simulate_batch", "sweep", "write_view",
+    "FailedBatchError", "FailedRealTimeError", "FailedRunError", "ForwardSensitivities", "FrequencyResponse", "GuideError",
+    "IncompleteError", "MissingLibraryError", "MissingPackageError", "ModelError", "NoEquilibriumError", "NoInertiaError", "OutputError",
+    "RandomVibration", "RunError", "SampledStateSpace", "Simulation", "SimulationError", "SimulatorError", "StateSensitivities",
+    "StateSpace", "StepDerivatives", "Sweep", "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model",
+    "find_compliance", "find_equilibrium", "find_initial_state", "find_kinematics", "find_linear_model", "find_modes", "find_trim",
+    "inverse_dynamics", "load", "random_vibration", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate",
+    "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
 _HOMES = {
@@ -85,13 +88,16 @@ _HOMES = {
     "cutjoint.tasks.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes"),
     "cutjoint.tasks.trims": ("find_trim",),
     "cutjoint.stepping.load": ("load",),
+    "cutjoint.stepping.response": ("find_linear_model",),
     "cutjoint.stepping.rollout": ("rollout",),
     "cutjoint.stepping.handle": ("SimulationError",),
     "cutjoint.stepping.simulation": ("Simulation",),
     "cutjoint.stepping.values": (
-        "EventSensitivities", "EigenvalueSensitivities", "StateSensitivities", "AdjointSensitivities", "ForwardSensitivities", "StateSpace",
+        "EventSensitivities", "EigenvalueSensitivities", "StateSensitivities", "AdjointSensitivities", "ForwardSensitivities",
         "StepDerivatives",
     ),
+    "cutjoint.stepping.state_space": ("FrequencyResponse", "SampledStateSpace", "StateSpace"),
+    "cutjoint.stepping.vibration": ("RandomVibration", "random_vibration"),
     "cutjoint.sweeps.run": ("Sweep", "sweep"),
     "cutjoint.topology.build": ("build_topology",),
     "cutjoint.topology.reading": ("read_model", "read_model_text"),

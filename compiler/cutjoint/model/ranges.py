@@ -40,6 +40,7 @@ RANGES: Mapping[str, Mapping[str, float]] = {
     "live": {"least": 1, "most": 65535},
     "radius": {"least": 1e-3, "most": 10.0},
     "share": {"least": 0.0, "most": 1.0},
+    "speed": {"above": 0.0, "most": 1e3},
 }
 
 #: Settings in s.

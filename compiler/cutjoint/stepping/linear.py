@@ -8,13 +8,13 @@ from functools import partial
 import numpy as np
 
 from cutjoint.stepping.handle import require_list
+from cutjoint.stepping.state_space import StateSpace
 from cutjoint.stepping.states import WITHOUT_POSES, States
 from cutjoint.stepping.values import (
     STEPS_BESIDE,
     Array,
     EigenvalueSensitivities,
     StateSensitivities,
-    StateSpace,
     difference,
     find_eigenvalues,
     find_place,
@@ -52,6 +52,7 @@ class Linear(States):
         return StateSpace(
             A=A, B=B, B_rate=B_rate, B_acceleration=B_acceleration, C=C, D=D, D_rate=D_rate, D_acceleration=D_acceleration,
             x=states.array, states=tuple(states), inputs=inputs, outputs=outputs,
+            units={**self.library.units.get("input", {}), **self.library.units["output"]}, y=self.outputs.array,
         )  # fmt: skip
 
     def equilibrium_sensitivities(self, outputs: Sequence[str], by: Sequence[str]) -> StateSensitivities:

@@ -133,42 +133,6 @@ class Poses:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StateSpace:
-    """Linear model x' = A x + B u, y = C x + D u about a state of a simulation; SI units.
-
-    Attributes:
-        A, B, C, D: (2f, 2f), (2f, inputs), (outputs, 2f), (outputs, inputs) with f degrees of freedom.
-        x: (2f,) the states about which it holds; `simulation.states.array - x` is the change.
-        states, inputs, outputs: names; states are independent coordinates, then their rates.
-    """
-
-    A: Array
-    B: Array
-    B_rate: Array
-    B_acceleration: Array
-    C: Array
-    D: Array
-    D_rate: Array
-    D_acceleration: Array
-    x: Array
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-
-    def __repr__(self) -> str:
-        return f"<StateSpace: states {', '.join(self.states)}, inputs {', '.join(self.inputs) or 'none'}, {len(self.outputs)} outputs>"
-
-    def transfer(self, s: complex) -> NDArray[np.complex128]:
-        """The transfer matrix (outputs, inputs) at a complex frequency s (1/s): y = transfer(s) u for u that goes with exp(s t).
-
-        Raises:
-            numpy.linalg.LinAlgError: s is an eigenvalue of A.
-        """
-        states = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B + s * self.B_rate + s * s * self.B_acceleration)
-        return np.asarray(self.C @ states + self.D + s * self.D_rate + s * s * self.D_acceleration, dtype=np.complex128)
-
-
-@dataclass(frozen=True, kw_only=True)
 class StepDerivatives:
     """Derivatives of the states at the end of a step; SI units.
 

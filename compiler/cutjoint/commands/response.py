@@ -1,0 +1,55 @@
+"""`cutjoint response`."""
+
+from pathlib import Path
+
+from cutjoint.commands import options, table
+from cutjoint.model.expressions.tunable import with_inputs
+from cutjoint.package.errors import RunError
+from cutjoint.report.response import plot_densities, plot_response, response_tables, vibration_table, write_densities, write_response
+from cutjoint.run.outputs import require_apart, require_folder
+from cutjoint.run.scenes import find_case
+from cutjoint.stepping.response import find_scene_linear_model
+from cutjoint.stepping.state_space import SampledStateSpace
+from cutjoint.stepping.vibration import random_vibration
+from cutjoint.topology.reading import read_model
+
+
+@table.command("response")
+def command(
+    model: Path, scene: str | None, at: float | None, inputs: tuple[str, ...], asked: tuple[str, ...], first: float | None,
+    last: float | None, points: int, road: str | None, speed: float | None, weight: str, external_wrenches: tuple[str, ...],
+    terrain: tuple[str, ...], tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None, plots: Path | None,
+) -> None:  # fmt: skip
+    """Find the frequency response of MODEL with poles, zeros and margins, or its random vibration on a rough road."""
+    require_apart({"the model": model}, tables={"--out": out}, plots=plots)
+    if (road is None) != (speed is None):
+        raise RunError("--road and --speed go together: a class of roads, and how fast it is driven over")
+    if plots is not None:
+        require_folder(plots)
+    read = with_inputs(read_model(model, tunable=tunable), external_wrenches=external_wrenches, terrain=terrain)
+    checked, chosen = options.take_case(read, scene) if at is None else find_case(read, scene)
+    with options.progress_bar(f"linearising {model.name}"):
+        near = find_scene_linear_model(checked, chosen, at=at, inputs=inputs, outputs=asked, parameters=options.read_parameters(changes))
+    console, title = options.console_beside(out), f"{checked.name}, scene {chosen.name}"
+    try:
+        if road is not None and speed is not None:
+            if isinstance(near, SampledStateSpace):
+                raise RunError("--road: of models with sampled controllers there is no random vibration; simulate them on the road")
+            found = random_vibration(near, road=road, speed=speed, weight=weight, points=points)
+            if not near.is_stable:
+                options.err.print("not all poles decay: the densities hold only for outputs in which nothing grows", markup=False)
+            console.print(vibration_table(found, f"road {road} at {speed:g} m/s", weight))
+            written = None if out is None else write_densities(found, out)
+            pictures = [] if plots is None else plot_densities(found, f"{title}: road {road} at {speed:g} m/s", plots)
+        else:
+            response = near.frequency_response(near.frequencies(points, first, last))
+            for made in response_tables(near, response, at):
+                console.print(made)
+            written = None if out is None else write_response(response, out)
+            pictures = [] if plots is None else plot_response(response, title, plots)
+    except ValueError as error:
+        raise RunError(str(error)) from None
+    if written is not None:
+        console.print(f"results: {written}", markup=False)
+    if pictures:
+        console.print(f"plots: {', '.join(map(str, pictures))}", markup=False)

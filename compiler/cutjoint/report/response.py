@@ -1,0 +1,169 @@
+"""Frequency responses and random vibration: tables for people, CSV files for programs, plots."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from rich.table import Table
+
+from cutjoint.report.tables import facts
+from cutjoint.run.figures import Picture, as_png, labelled
+from cutjoint.run.result_files import write_table, write_whole
+from cutjoint.stepping.state_space import FrequencyResponse, LinearModel, SampledStateSpace
+from cutjoint.stepping.values import Array
+from cutjoint.stepping.vibration import RandomVibration
+
+#: The most poles that a table has, and the most zeros.
+_POLES, _ZEROS = 40, 3
+
+
+def response_tables(model: LinearModel, response: FrequencyResponse, at: float | None) -> Iterator[Table]:
+    """What the model is about, its poles, and a row for each input and output with peak, margins and zeros."""
+    yield facts("linear model", _about(model, at))
+    sampled = isinstance(model, SampledStateSpace)
+    poles = Table(title="poles", title_justify="left", box=None)
+    for heading in ("z" if sampled else "pole\n1/s", "frequency\nHz", "damping\nratio"):
+        poles.add_column(heading, justify="right", no_wrap=True)
+    order = np.lexsort((model.poles.real, np.abs(model.rates)))
+    for pole, rate in ((model.poles[i], model.rates[i]) for i in order if model.poles[i].imag >= 0.0 and len(poles.rows) < _POLES):
+        size = abs(rate)
+        rings = bool(rate.imag) and np.isfinite(size)
+        poles.add_row(_complex(pole), f"{size / (2 * np.pi):.4f}" if rings else "-", f"{-rate.real / size:.4f}" if rings else "-")
+    yield poles
+    table = Table(title="responses, in SI units", title_justify="left", box=None)
+    for heading in ("output", "input", "peak gain", "at\nHz", "gain\nmargin", "at\nHz", "phase\nmargin deg", "at\nHz"):
+        table.add_column(heading, justify="left" if heading.endswith("put") else "right", no_wrap=True)
+    table.add_column("zeros\nz" if sampled else "zeros\n1/s")
+    for output in model.outputs:
+        for name in model.inputs:
+            peak, margins = model.peak(output, name, response.frequencies), model.margins(output, name, response.frequencies)
+            numbers = (_number(x) for x in (peak.gain, peak.at, margins.gain, margins.gain_at, margins.phase, margins.phase_at))
+            table.add_row(output, name, *numbers, _zeros(model, output, name))
+    yield table
+
+
+def _about(model: LinearModel, at: float | None) -> Iterator[tuple[str, str]]:
+    yield "about", "rest, or the trimmed start" if at is None else f"the motion at {at:g} s"
+    yield "poles", f"{len(model.poles)}, {'stable' if model.is_stable else 'not all decay'}"
+    if isinstance(model, SampledStateSpace):
+        yield "controllers", f"sampled; common period {model.period:g} s, poles and zeros of the discrete model over it"
+        for name, (before, after) in model.unsteady.items():
+            yield "unsteady", f"'{name}' is {before:.4g} and becomes {after:.4g} at the next sample: if laws are nonlinear, take --at"
+            break
+
+
+def _zeros(model: LinearModel, output: str, name: str) -> str:
+    try:
+        found = [z for z in model.zeros(output, name) if z.imag >= 0.0]
+    except ValueError:  # of a sampled loop whose output follows the input's rate
+        return "-"
+    return ", ".join(map(_complex, found[:_ZEROS])) + (f", {len(found) - _ZEROS} more" if len(found) > _ZEROS else "") or "none"
+
+
+def _complex(value: complex) -> str:
+    scale = max(abs(value), 1e-300)
+    real = 0.0 if abs(value.real) < 1e-9 * scale else value.real
+    return f"{real:.4g} ±{value.imag:.4g}i" if abs(value.imag) > 1e-9 * scale else f"{real + 0.0:.4g}"
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else "-"
+
+
+def vibration_table(found: RandomVibration, title: str, weight: str) -> Table:
+    """A row for each output: root mean squares in the band of the road and without its limits, weighted, and over the mean."""
+    table = Table(title=f"{title}: root mean squares", title_justify="left", box=None)
+    for heading in ("output", "unit", "rms", "white noise\n(Lyapunov)", f"{weight} weighted\n(ISO 2631-1)", "over mean\n%"):
+        table.add_column(heading, justify="left" if heading in ("output", "unit") else "right", no_wrap=True)
+    rows = zip(found.outputs, found.rms, found.white, found.weighted, 100 * found.variation, strict=True)
+    for name, *numbers in rows:
+        table.add_row(name, found.units.get(name, ""), *map(_number, numbers))
+    return table
+
+
+def write_response(response: FrequencyResponse, path: Path) -> Path:
+    """Write gains and phases (rad) over the frequency as a CSV file; units stand beside.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    pairs = [(i, j) for i in range(len(response.outputs)) for j in range(len(response.inputs))]
+    columns, units = [response.frequencies], {"f": "Hz"}
+    for i, j in pairs:
+        above, below = (response.units.get(n, "") for n in (response.outputs[i], response.inputs[j]))
+        name = f"{response.outputs[i]}/{response.inputs[j]}"
+        units |= {f"{name}.gain": f"({above or 1})/({below})" if below else above, f"{name}.phase": "rad"}
+        columns += [response.magnitude[:, i, j], np.radians(response.phase[:, i, j])]
+    return _write(path, units, columns)
+
+
+def write_densities(found: RandomVibration, path: Path) -> Path:
+    """Write power spectral densities over the frequency as a CSV file; units stand beside.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    units = {"f": "Hz", **{f"{name}.psd": f"({found.units.get(name) or 1})^2/Hz" for name in found.outputs}}
+    return _write(path, units, [found.frequencies, *found.densities.T])
+
+
+def _write(path: Path, units: Mapping[str, str], columns: Sequence[Array]) -> Path:
+    rows = (",".join(f"{x + 0.0:.17g}" for x in row) for row in zip(*columns, strict=True))
+    return write_table(path, units, "\n".join((",".join(units), *rows, "")))
+
+
+def plot_response(response: FrequencyResponse, title: str, folder: Path) -> list[Path]:
+    """Write a Bode and a Nyquist plot of each output as PNG files, a line for each input, and return their paths."""
+    written = []
+    for i, output in enumerate(response.outputs):
+
+        def bode(axes: Sequence[Axes], i: int = i, output: str = output) -> None:
+            for j, name in enumerate(response.inputs):
+                axes[0].loglog(response.frequencies, response.magnitude[:, i, j], linewidth=1.2, label=name)
+                axes[1].semilogx(response.frequencies, response.phase[:, i, j], linewidth=1.2, label=name)
+            axes[0].set_ylabel(labelled(output, response.units.get(output, "")) + " by input")
+            axes[1].set_ylabel("phase [deg]")
+            axes[1].set_xlabel("frequency [Hz]")
+
+        def nyquist(axes: Sequence[Axes], i: int = i) -> None:
+            for j, name in enumerate(response.inputs):
+                (line,) = axes[0].plot(response.values[:, i, j].real, response.values[:, i, j].imag, linewidth=1.2, label=name)
+                axes[0].plot(response.values[:, i, j].real, -response.values[:, i, j].imag, "--", linewidth=0.8, color=line.get_color())
+            axes[0].plot(-1.0, 0.0, "+", color="black")
+            axes[0].set_aspect("equal", adjustable="datalim")
+            axes[0].set_xlabel("real part")
+            axes[0].set_ylabel("imaginary part")
+
+        for kind, rows, draw in (("bode", 2, bode), ("nyquist", 1, nyquist)):
+            written.append(_draw(folder / f"{kind}_{output}.png", f"{title}: {output}", rows, draw))
+    return written
+
+
+def plot_densities(found: RandomVibration, title: str, folder: Path) -> list[Path]:
+    """Write the spectral densities as a PNG file with a panel for each unit, and return its path."""
+    units = list(dict.fromkeys(found.units.get(name, "") for name in found.outputs))
+
+    def draw(axes: Sequence[Axes]) -> None:
+        for panel, unit in zip(axes, units, strict=True):
+            for name, density in zip(found.outputs, found.densities.T, strict=True):
+                if found.units.get(name, "") == unit and density.any():
+                    panel.loglog(found.frequencies, density, linewidth=1.2, label=name)
+            panel.set_ylabel(f"density [({unit or 1})²/Hz]")
+        axes[-1].set_xlabel("frequency [Hz]")
+
+    return [_draw(folder / "densities.png", title, len(units), draw)]
+
+
+def _draw(path: Path, title: str, rows: int, draw: Callable[[Sequence[Axes]], None]) -> Path:
+    figure = Picture(figsize=(9, 1 + 2.6 * max(rows, 2)), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = list(figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])
+    draw(axes)
+    for panel in axes:
+        panel.grid(visible=True, which="major", linewidth=0.3)
+        if panel.lines:
+            panel.legend(loc="best", fontsize="small", edgecolor="none", framealpha=0.8)
+    figure.suptitle(title)
+    return write_whole(path, as_png(figure))

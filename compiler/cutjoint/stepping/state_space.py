@@ -1,0 +1,513 @@
+"""Linear models: state spaces and sampled loops, their frequency responses, poles, zeros and margins."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from functools import cached_property
+from math import gcd, lcm
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutjoint.package.extensions import MissingPackageError
+from cutjoint.stepping.values import Array, find_place
+
+ComplexArray: TypeAlias = NDArray[np.complex128]
+
+#: What a system's inputs may be, by the integrators that stand before them.
+ORDERS = ("value", "rate", "acceleration")
+#: Shares of a matrix below which an entry is rounding, and of the largest pole below which one is zero.
+_ROUNDING, _NOUGHT = 1e-10, 1e-7
+#: The most samples in the common period of a loop's controllers.
+_MOST_SAMPLES = 10_000
+
+
+def need(module: str) -> Any:
+    """A module of SciPy, or python-control.
+
+    Raises:
+        MissingPackageError: it is not installed.
+    """
+    from importlib import import_module
+
+    try:
+        return import_module(module)
+    except ImportError:
+        raise MissingPackageError(f"this needs {module.partition('.')[0]}: pip install 'cutjoint[control]'") from None
+
+
+class Margins(NamedTuple):
+    """Margins of a loop that is closed by -1: the factor and the phase lag (deg) that bring it to -1, infinity without one, and their
+    frequencies (Hz)."""
+
+    gain: float
+    gain_at: float
+    phase: float
+    phase_at: float
+
+
+class Peak(NamedTuple):
+    """The largest gain and its frequency (Hz)."""
+
+    gain: float
+    at: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrequencyResponse:
+    """Frequency response of a linear model; SI units.
+
+    Attributes:
+        frequencies: (points,) Hz.
+        values: (points, outputs, inputs) complex.
+        inputs, outputs: names.
+        units: by the names of inputs and outputs.
+    """
+
+    frequencies: Array
+    values: ComplexArray
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: Mapping[str, str]
+
+    @property
+    def magnitude(self) -> Array:
+        """Gains (points, outputs, inputs)."""
+        return np.abs(self.values)
+
+    @property
+    def phase(self) -> Array:
+        """Phases (points, outputs, inputs) in deg, without jumps over the frequency."""
+        return np.degrees(np.unwrap(np.angle(self.values), axis=0))
+
+    def __repr__(self) -> str:
+        return f"<FrequencyResponse: {len(self.frequencies)} frequencies, {len(self.outputs)} outputs by {', '.join(self.inputs)}>"
+
+
+class LinearModel:
+    """A linear model with a frequency response; `StateSpace` and `SampledStateSpace` are two."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: Mapping[str, str]
+
+    def evaluate(self, s: ComplexArray) -> ComplexArray:
+        """Transfer matrices (points, outputs, inputs) at complex frequencies s (points,), 1/s."""
+        raise NotImplementedError
+
+    @property
+    def poles(self) -> ComplexArray:
+        """Eigenvalues (states,) in 1/s; of a sampled loop those z of its discrete model."""
+        raise NotImplementedError
+
+    @property
+    def rates(self) -> ComplexArray:
+        """The poles as eigenvalues of motions over time, 1/s."""
+        return self.poles
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether all poles decay."""
+        return bool(np.all(self.rates.real < 0.0))
+
+    def realise(self, by: str = "value") -> tuple[Array, Array, Array, Array]:
+        """Matrices A, B, C, D of a proper realisation by values, rates or accelerations of all inputs."""
+        raise NotImplementedError
+
+    @property
+    def _dt(self) -> float | None:
+        return None
+
+    @property
+    def _highest(self) -> float:
+        """The end of the usual range of frequencies, Hz."""
+        return 10 * float(np.abs(self.rates).max(initial=0.1)) / (2 * np.pi)
+
+    def frequencies(self, points: int = 400, from_: float | None = None, to: float | None = None) -> Array:
+        """Frequencies (points,) in Hz at equal ratios, by default over a range that covers the poles.
+
+        Raises:
+            ValueError: the range is empty.
+        """
+        sizes = np.abs(self.rates[np.isfinite(self.rates)]) / (2 * np.pi)
+        slowest = sizes[sizes > _NOUGHT * sizes.max(initial=0.0)].min(initial=self._highest)
+        last = self._highest if to is None else to
+        first = min(10 ** np.floor(np.log10(slowest / 3)), last / 10) if from_ is None else from_
+        if not 0.0 < first < last:
+            raise ValueError(f"the range from {first:g} to {last:g} Hz is empty")
+        return np.geomspace(first, last, points)
+
+    def frequency_response(self, frequencies: Sequence[float] | Array | None = None) -> FrequencyResponse:
+        """Frequency response at ``frequencies`` (Hz), by default over a range that covers the poles.
+
+        Raises:
+            MissingPackageError: SciPy is not installed.
+        """
+        at = self.frequencies() if frequencies is None else np.asarray(frequencies, dtype=np.float64)
+        values = self.evaluate(np.asarray(2j * np.pi * at, dtype=np.complex128))
+        return FrequencyResponse(frequencies=at, values=values, inputs=self.inputs, outputs=self.outputs, units=self.units)
+
+    def zeros(self, output: str, input: str) -> ComplexArray:
+        """Zeros of the transfer function from an input to an output in 1/s; of a sampled loop those z of its discrete model."""
+        order, (A, column, row, D) = self._alone(output, input)
+        linalg, n = need("scipy.linalg"), len(A)
+        _, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
+        A, row, column = A * scale / scale[:, None], row * scale, column / scale[:, None]
+        found = linalg.eigvals(np.block([[A, column], [row, D]]), np.diag([1.0] * n + [0.0]))
+        found, sizes = found[np.isfinite(found)], np.abs(np.linalg.eigvals(A))
+        least = sizes[sizes > _NOUGHT * sizes.max(initial=0.0)].min(initial=1.0 if not sizes.any() else np.inf)
+
+        def gain(at: complex) -> float:
+            return float(np.abs(at**order * (row @ np.linalg.solve(at * np.eye(n) - A, column) + D))[0, 0])
+
+        ways = [max(abs(z), least) for z in found]  # towards a zero gains fall, not so towards infinite ones and those that poles cancel
+        kept = [gain(z + 1e-6 * way) < 1e-3 * gain(z + 1e-2 * way) for z, way in zip(found, ways, strict=True)]
+        return np.sort_complex(np.where(np.abs(found) < 1e-6 * least, 0.0, found)[kept].astype(np.complex128))
+
+    def peak(self, output: str, input: str, frequencies: Array | None = None) -> Peak:
+        """Largest gain from an input to an output; of a stable model over a range that covers its poles the H-infinity norm."""
+        given = self.frequencies() if frequencies is None else np.asarray(frequencies)
+        own = np.concatenate([np.abs(self.rates), np.abs(self.rates.imag)]) / (2 * np.pi)
+        grid = np.union1d(given, own[(own > given[0]) & (own < given[-1])])
+        gain = self._gain(output, input)
+        gains = np.abs(gain(grid))
+        best = int(gains.argmax())
+        found = Peak(float(gains[best]), float(grid[best]))
+        for i in np.argsort(-gains)[:3]:
+            low, high = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
+            refined = need("scipy.optimize").minimize_scalar(lambda f: -abs(gain(np.array([f]))[0]), bounds=(low, high), method="bounded",
+                options={"xatol": 1e-10 * high})
+            found = max(found, Peak(-float(refined.fun), float(refined.x)))
+        return found
+
+    def margins(self, output: str, input: str, frequencies: Array | None = None) -> Margins:
+        """Gain and phase margin of the loop in which an output comes back to an input with the factor -1."""
+        grid = self.frequencies() if frequencies is None else np.asarray(frequencies)
+        gain, margins = self._gain(output, input), Margins(np.inf, np.nan, np.inf, np.nan)
+        values = gain(grid)
+
+        def crossings(of: Callable[[ComplexArray], Array]) -> list[float]:
+            signs = np.sign(of(values))
+            solve = need("scipy.optimize").brentq
+            return [float(solve(lambda f: float(of(gain(np.array([f])))[0]), grid[i], grid[i + 1], xtol=1e-14 * grid[i + 1], rtol=1e-14))
+                    for i in np.flatnonzero(signs[1:] * signs[:-1] < 0)]  # fmt: skip
+
+        for f in crossings(lambda g: np.asarray(g.imag)):
+            value = complex(gain(np.array([f]))[0])
+            if value.real < 0.0 and abs(value.imag) < 1e-3 * abs(value) and abs(np.log(-value.real)) < abs(np.log(margins.gain)):
+                margins = margins._replace(gain=-1 / value.real, gain_at=f)
+        for f in crossings(lambda g: np.log(np.abs(g))):
+            lag = (np.degrees(np.angle(complex(gain(np.array([f]))[0]))) + 360.0) % 360.0 - 180.0
+            if abs(lag) < abs(margins.phase):
+                margins = margins._replace(phase=float(lag), phase_at=f)
+        return margins
+
+    def to_scipy(self, by: str = "value") -> Any:
+        """The model as ``scipy.signal.StateSpace``, by values, rates or accelerations of all inputs; sampled loops are discrete.
+
+        Raises:
+            ValueError: an output follows derivatives of an input that are higher than ``by``.
+            MissingPackageError: SciPy is not installed.
+        """
+        more = {} if self._dt is None else {"dt": self._dt}
+        return need("scipy.signal").StateSpace(*self.realise(by), **more)
+
+    def to_control(self, by: str = "value") -> Any:
+        """The model as ``control.StateSpace``, as of `to_scipy`; dots in names become underscores.
+
+        Raises:
+            ValueError: as of `to_scipy`.
+            MissingPackageError: python-control is not installed.
+        """
+        names = {key: [name.replace(".", "_") for name in of] for key, of in (("inputs", self.inputs), ("outputs", self.outputs))}
+        return need("control").ss(*self.realise(by), 0 if self._dt is None else self._dt, **names)
+
+    def _pair(self, output: str, input: str) -> tuple[int, int]:
+        rows, columns = ({name: i for i, name in enumerate(names)} for names in (self.outputs, self.inputs))
+        return find_place(rows, output), find_place(columns, input)
+
+    def _gain(self, output: str, input: str) -> Callable[[Array], ComplexArray]:
+        i, j = self._pair(output, input)
+        return lambda f: self.evaluate(np.asarray(2j * np.pi * f, dtype=np.complex128))[:, i, j]
+
+    def _alone(self, output: str, input: str) -> tuple[int, tuple[Array, Array, Array, Array]]:
+        """The order of the derivative of an input that an output follows, and matrices A, B, C, D by that derivative of these two alone."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateSpace(LinearModel):
+    """Linear model x' = A x + B u, y = C x + D u about a state of a simulation; SI units.
+
+    Attributes:
+        A, B, C, D: (2f, 2f), (2f, inputs), (outputs, 2f), (outputs, inputs) with f degrees of freedom.
+        x, y: (2f,), (outputs,) the states and outputs about which it holds; `simulation.states.array - x` is the change.
+        states, inputs, outputs: names; states are independent coordinates, then their rates.
+        units: by the names of inputs and outputs.
+        places: x and y (m) of inputs that are heights at one place.
+    """
+
+    A: Array
+    B: Array
+    B_rate: Array
+    B_acceleration: Array
+    C: Array
+    D: Array
+    D_rate: Array
+    D_acceleration: Array
+    x: Array
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: Mapping[str, str] = field(default_factory=dict)
+    y: Array = field(default_factory=lambda: np.zeros(0))
+    places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"<StateSpace: states {', '.join(self.states)}, inputs {', '.join(self.inputs) or 'none'}, {len(self.outputs)} outputs>"
+
+    def transfer(self, s: complex) -> ComplexArray:
+        """The transfer matrix (outputs, inputs) at a complex frequency s (1/s): y = transfer(s) u for u that goes with exp(s t).
+
+        Raises:
+            numpy.linalg.LinAlgError: s is an eigenvalue of A.
+        """
+        states = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B + s * self.B_rate + s * s * self.B_acceleration)
+        return np.asarray(self.C @ states + self.D + s * self.D_rate + s * s * self.D_acceleration, dtype=np.complex128)
+
+    def choose(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> "StateSpace":
+        """The model with some of its inputs and outputs, in the order of their names.
+
+        Raises:
+            KeyError: there is no such input or output.
+        """
+        given = ((self.inputs, inputs), (self.outputs, outputs))
+        columns, rows = ([find_place({n: i for i, n in enumerate(of)}, name) for name in (of if to is None else to)] for of, to in given)
+        parts = {key: getattr(self, key)[:, columns] for key in ("B", "B_rate", "B_acceleration")}
+        parts |= {key: getattr(self, key)[np.ix_(rows, columns)] for key in ("D", "D_rate", "D_acceleration")}
+        parts |= {"C": self.C[rows], "y": self.y[rows]}
+        return replace(self, **parts, inputs=tuple(self.inputs[j] for j in columns), outputs=tuple(self.outputs[i] for i in rows))
+
+    @cached_property
+    def poles(self) -> ComplexArray:
+        """Eigenvalues of A, 1/s."""
+        return np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
+
+    @cached_property
+    def _triangular(self) -> tuple[ComplexArray, list[ComplexArray], ComplexArray]:
+        """Schur form of A in balanced coordinates, with the matrices of inputs and of outputs there."""
+        linalg = need("scipy.linalg")
+        balanced, (scale, _) = linalg.matrix_balance(self.A, permute=False, separate=True)
+        T, Q = linalg.schur(balanced, output="complex") if len(self.A) else (np.zeros((0, 0), complex), np.zeros((0, 0)))
+        B = [Q.conj().T @ (of / scale[:, None]) for of in (self.B, self.B_rate, self.B_acceleration)]
+        return np.asarray(T), B, np.asarray((self.C * scale) @ Q)
+
+    def evaluate(self, s: ComplexArray) -> ComplexArray:
+        """Transfer matrices (points, outputs, inputs) at complex frequencies s (points,), by substitution in the Schur form of A.
+
+        Raises:
+            MissingPackageError: SciPy is not installed.
+        """
+        T, B, C = self._triangular
+        at = np.asarray(s, dtype=np.complex128)[None, :, None]
+        X = B[0][:, None, :] + at * B[1][:, None, :] + at * at * B[2][:, None, :]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for i in reversed(range(len(T))):
+                X[i] = (X[i] + np.tensordot(T[i, i + 1 :], X[i + 1 :], 1)) / (at[0] - T[i, i])
+        Y = np.tensordot(C, X, 1) + self.D[:, None, :] + at * self.D_rate[:, None, :] + at * at * self.D_acceleration[:, None, :]
+        return np.asarray(Y.transpose(1, 0, 2))
+
+    def _reduced(self, order: int) -> tuple[list[Array], list[Array]]:
+        """Matrices of inputs' values, rates and accelerations in x' and in y, with other states, so that x' has none above an order."""
+        P, Q = [self.B, self.B_rate, self.B_acceleration], [self.D, self.D_rate, self.D_acceleration]
+        for k in range(2, order, -1):
+            P[k - 1], Q[k - 1] = P[k - 1] + self.A @ P[k], Q[k - 1] + self.C @ P[k]
+            size = np.abs(self.C) @ np.abs(P[k]) + np.abs([self.D, self.D_rate, self.D_acceleration][k - 1])
+            Q[k - 1] = np.where(np.abs(Q[k - 1]) <= _ROUNDING * size, 0.0, Q[k - 1])
+            P[k] = np.zeros_like(P[k])
+        return P, Q
+
+    def _alone(self, output: str, input: str) -> tuple[int, tuple[Array, Array, Array, Array]]:
+        one = self.choose([input], [output])
+        order = next(k for k in range(len(ORDERS)) if not any(q.any() for q in one._reduced(k)[1][k + 1 :]))
+        return order, one.realise(ORDERS[order])
+
+    def realise(self, by: str = "value") -> tuple[Array, Array, Array, Array]:
+        """Matrices A, B, C, D of a proper realisation by values, rates or accelerations of all inputs, with integrators before the inputs.
+
+        Raises:
+            ValueError: an output follows higher derivatives of an input.
+        """
+        if by not in ORDERS:
+            raise ValueError(f"by: '{by}' is not one of {', '.join(ORDERS)}")
+        order, n, m = ORDERS.index(by), len(self.A), len(self.inputs)
+        P, Q = self._reduced(order)
+        for k in range(order + 1, 3):
+            for i, j in np.argwhere(Q[k]):
+                words = f"take by='{ORDERS[k]}', or other outputs"
+                raise ValueError(f"'{self.outputs[i]}' follows the {ORDERS[k]} of '{self.inputs[j]}': {words}")
+        A, B = np.zeros((n + order * m, n + order * m)), np.zeros((n + order * m, m))
+        A[:n, :n], B[:n] = self.A, P[order]
+        for k in range(order):
+            A[:n, n + k * m : n + (k + 1) * m] = P[k]
+            (A[n + k * m : n + k * m + m, n + k * m + m : n + k * m + 2 * m] if k + 1 < order else B[n + k * m :])[:] = np.eye(m)
+        return A, B, np.hstack([self.C, *Q[:order]]), Q[order]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sampler:
+    """The times of a controller, ``offset`` + k ``every`` (s), and the ``number`` of values that it holds."""
+
+    every: float
+    offset: float
+    number: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampledStateSpace(LinearModel):
+    """Linear model of a loop with sampled controllers, exact for zero-order hold.
+
+    The ``plant`` has the inputs and outputs, then as inputs the values that controllers hold, and as outputs their next values.  A
+    frequency response is the component at the input's own frequency, as of a long run's Fourier transform: a sampled loop adds
+    components at other frequencies, too.  ``held`` are the values about which it holds.
+    """
+
+    plant: StateSpace
+    samplers: tuple[Sampler, ...]
+    held: Array
+
+    @property
+    def unsteady(self) -> dict[str, tuple[float, float]]:
+        """Held values that the next sample changes, by name: the values before and after."""
+        pairs = zip(self.plant.inputs[len(self.inputs) :], self.held, self.plant.y[len(self.outputs) :], strict=True)
+        return {name: (float(a), float(b)) for name, a, b in pairs if abs(a - b) > 1e-6 * max(abs(a), abs(b), 1e-3)}
+
+    def __repr__(self) -> str:
+        return f"<SampledStateSpace: period {self.period:g} s, inputs {', '.join(self.inputs) or 'none'}, {len(self.outputs)} outputs>"
+
+    @property
+    def _held(self) -> int:
+        return sum(each.number for each in self.samplers)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the inputs."""
+        return self.plant.inputs[: len(self.plant.inputs) - self._held]
+
+    @property
+    def outputs(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the outputs."""
+        return self.plant.outputs[: len(self.plant.outputs) - self._held]
+
+    @property
+    def units(self) -> Mapping[str, str]:  # type: ignore[override]
+        """Units by the names of inputs and outputs."""
+        return self.plant.units
+
+    @cached_property
+    def period(self) -> float:
+        """The common period of all controllers, s."""
+        times = [Fraction(f"{each.every:.12g}") for each in self.samplers]
+        common = Fraction(lcm(*(t.numerator for t in times)), gcd(*(t.denominator for t in times)))
+        if sum(common / t for t in times) > _MOST_SAMPLES:
+            raise ValueError(f"the controllers have no common period below {_MOST_SAMPLES} samples; take intervals that divide each other")
+        return float(common)
+
+    @cached_property
+    def _samples(self) -> list[tuple[float, slice, float]]:
+        """Samples of a common period in the order in which they are taken: time, places of the values, time until the next one."""
+        ends = np.cumsum([each.number for each in self.samplers])
+        found = sorted(
+            (round((each.offset + k * each.every) % self.period, 12) % self.period, i, slice(int(end) - each.number, int(end)))
+            for i, (each, end) in enumerate(zip(self.samplers, ends, strict=True)) for k in range(round(self.period / each.every))
+        )  # fmt: skip
+        times = [t for t, *_ in found]
+        return [(t, places, end - t) for (t, _, places), end in zip(found, [*times[1:], times[0] + self.period], strict=True)]
+
+    def _flow(self, B: Array, seconds: float) -> Array:
+        """The change of states in a time in which inputs, further states, stay."""
+        n, m = B.shape
+        return np.asarray(need("scipy.linalg").expm(np.vstack([np.hstack([self.plant.A, B]), np.zeros((m, n + m))]) * seconds))
+
+    def _over_period(self, B: Array, follow: Array) -> tuple[Array, Array]:
+        """States, held values and inputs that stay at the end of a period and right after its first samples, by those at its start."""
+        n, width = len(self.plant.A), follow.shape[1]
+        M, first = np.eye(width), self._samples[0][0]
+        seen, flows = M, {seconds: self._flow(B, seconds) for _, _, seconds in self._samples}
+        for t, places, seconds in self._samples:
+            M[n + places.start : n + places.stop] = follow[places] @ M
+            seen = M.copy() if t == first else seen
+            M = flows[seconds] @ M
+        return M, seen
+
+    @cached_property
+    def _discrete(self) -> tuple[Array, Array, Array, Array]:
+        A, B, C, D = self.plant.realise()
+        n, u, y = len(A) + self._held, len(self.inputs), len(self.outputs)
+        rows = np.hstack([C, D[:, u:], D[:, :u]])
+        M, seen = self._over_period(np.hstack([B[:, u:], B[:, :u]]), rows[y:])
+        Y = rows[:y] @ seen
+        return M[:n, :n], M[:n, n:], Y[:, :n], Y[:, n:]
+
+    def _alone(self, output: str, input: str) -> tuple[int, tuple[Array, Array, Array, Array]]:
+        i, j = self._pair(output, input)
+        A, B, C, D = self._discrete
+        return 0, (A, B[:, j : j + 1], C[i : i + 1], D[i : i + 1, j : j + 1])
+
+    @cached_property
+    def poles(self) -> ComplexArray:
+        """Eigenvalues z of the loop over its period; it is stable if all are below 1 in magnitude."""
+        u, y = len(self.inputs), len(self.outputs)
+        M, _ = self._over_period(self.plant.B[:, u:], np.hstack([self.plant.C[y:], self.plant.D[y:, u:]]))
+        return np.asarray(np.linalg.eigvals(M), dtype=np.complex128)
+
+    @property
+    def rates(self) -> ComplexArray:
+        """Logarithms of the poles by the period, 1/s; minus infinity of what a sample forgets."""
+        size = np.abs(self.poles)
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.log(np.where(size < 1e-9, 0.0, size)) / self.period + 1j * np.angle(self.poles) / self.period)
+
+    @property
+    def _dt(self) -> float | None:
+        return self.period
+
+    @property
+    def _highest(self) -> float:
+        return 0.5 / min(each.every for each in self.samplers)
+
+    def realise(self, by: str = "value") -> tuple[Array, Array, Array, Array]:
+        """Matrices A, B, C, D of the discrete model over the period, with held inputs, and outputs right after the samples at its start.
+
+        Raises:
+            ValueError: an output follows derivatives of an input, or the inputs are to be these.
+        """
+        if by != "value":
+            raise ValueError(f"by: the inputs of a sampled loop are held, and have no {by}; leave it out")
+        return self._discrete
+
+    def evaluate(self, s: ComplexArray) -> ComplexArray:
+        """Transfer matrices (points, outputs, inputs): the share of each output that goes with exp(s t) where an input does.
+
+        Raises:
+            MissingPackageError: SciPy is not installed.
+        """
+        plant, at = self.plant, np.asarray(s, dtype=np.complex128)[:, None, None]
+        n, u, y, h = len(plant.A), len(self.inputs), len(self.outputs), self._held
+        G, follow = plant.evaluate(s), np.hstack([plant.C[y:], plant.D[y:, u:]])
+        flows = {seconds: self._flow(plant.B[:, u:], seconds) for _, _, seconds in self._samples}
+        M, forced = np.eye(n + h), np.zeros((len(G), n + h, u), dtype=np.complex128)
+        held = list[tuple[Array, ComplexArray, Any]]()
+        start = self._samples[0][0]
+        for t, places, seconds in self._samples:  # the free motion beside what the plant alone does
+            rows, wave = slice(n + places.start, n + places.stop), np.exp(at * (t - start))
+            forced[:, rows] = follow[places] @ forced + wave * G[:, y:, :u][:, places]
+            M[rows] = follow[places] @ M
+            with np.errstate(divide="ignore", invalid="ignore"):
+                weight = np.where(at == 0, seconds, -np.expm1(-at * seconds) / at) / wave / self.period
+            held.append((M[n:].copy(), forced[:, n:].copy(), weight))
+            M, forced = flows[seconds] @ M, flows[seconds] @ forced
+        begin = np.linalg.solve(np.exp(at * self.period) * np.eye(n + h) - M, forced)
+        H = sum(weight * (by_begin @ begin + own) for by_begin, own, weight in held)
+        return np.asarray(G[:, :y, :u] + G[:, :y, u:] @ H)
