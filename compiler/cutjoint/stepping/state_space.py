@@ -92,13 +92,13 @@ class LinearModel:
     outputs: tuple[str, ...]
     units: Mapping[str, str]
 
-    def evaluate(self, s: ComplexArray) -> ComplexArray:
-        """Transfer matrices (points, outputs, inputs) at complex frequencies s (points,), 1/s."""
-        raise NotImplementedError
+    evaluate: Callable[[ComplexArray], ComplexArray]
+    realise: Callable[..., tuple[Array, Array, Array, Array]]
+    _alone: Callable[[str, str], tuple[int, tuple[Array, Array, Array, Array]]]
+    _dt: float | None = None
 
     @property
     def poles(self) -> ComplexArray:
-        """Eigenvalues (states,) in 1/s; of a sampled loop those z of its discrete model."""
         raise NotImplementedError
 
     @property
@@ -110,14 +110,6 @@ class LinearModel:
     def is_stable(self) -> bool:
         """Whether all poles decay."""
         return bool(np.all(self.rates.real < 0.0))
-
-    def realise(self, by: str = "value") -> tuple[Array, Array, Array, Array]:
-        """Matrices A, B, C, D of a proper realisation by values, rates or accelerations of all inputs."""
-        raise NotImplementedError
-
-    @property
-    def _dt(self) -> float | None:
-        return None
 
     @property
     def _highest(self) -> float:
@@ -231,10 +223,6 @@ class LinearModel:
         i, j = self._pair(output, input)
         return lambda f: self.evaluate(np.asarray(2j * np.pi * f, dtype=np.complex128))[:, i, j]
 
-    def _alone(self, output: str, input: str) -> tuple[int, tuple[Array, Array, Array, Array]]:
-        """The order of the derivative of an input that an output follows, and matrices A, B, C, D by that derivative of these two alone."""
-        raise NotImplementedError
-
 
 @dataclass(frozen=True, kw_only=True)
 class StateSpace(LinearModel):
@@ -304,11 +292,7 @@ class StateSpace(LinearModel):
         return np.asarray(T), B, np.asarray((self.C * scale) @ Q)
 
     def evaluate(self, s: ComplexArray) -> ComplexArray:
-        """Transfer matrices (points, outputs, inputs) at complex frequencies s (points,), by substitution in the Schur form of A.
-
-        Raises:
-            MissingPackageError: SciPy is not installed.
-        """
+        """Transfer matrices (points, outputs, inputs) at complex frequencies s (points,), by substitution in the Schur form of A."""
         T, B, C = self._triangular
         at = np.asarray(s, dtype=np.complex128)[None, :, None]
         X = B[0][:, None, :] + at * B[1][:, None, :] + at * at * B[2][:, None, :]
@@ -329,6 +313,7 @@ class StateSpace(LinearModel):
         return P, Q
 
     def _alone(self, output: str, input: str) -> tuple[int, tuple[Array, Array, Array, Array]]:
+        """The order of the derivative of an input that an output follows, and the matrices of these two alone by that derivative."""
         one = self.choose([input], [output])
         order = next(k for k in range(len(ORDERS)) if not any(q.any() for q in one._reduced(k)[1][k + 1 :]))
         return order, one.realise(ORDERS[order])
@@ -470,7 +455,7 @@ class SampledStateSpace(LinearModel):
             return np.asarray(np.log(np.where(size < 1e-9, 0.0, size)) / self.period + 1j * np.angle(self.poles) / self.period)
 
     @property
-    def _dt(self) -> float | None:
+    def _dt(self) -> float:  # type: ignore[override]
         return self.period
 
     @property
@@ -488,11 +473,7 @@ class SampledStateSpace(LinearModel):
         return self._discrete
 
     def evaluate(self, s: ComplexArray) -> ComplexArray:
-        """Transfer matrices (points, outputs, inputs): the share of each output that goes with exp(s t) where an input does.
-
-        Raises:
-            MissingPackageError: SciPy is not installed.
-        """
+        """Transfer matrices (points, outputs, inputs): the share of each output that goes with exp(s t) where an input does."""
         plant, at = self.plant, np.asarray(s, dtype=np.complex128)[:, None, None]
         n, u, y, h = len(plant.A), len(self.inputs), len(self.outputs), self._held
         G, follow = plant.evaluate(s), np.hstack([plant.C[y:], plant.D[y:, u:]])

@@ -74,10 +74,10 @@ def random_vibration(
     model: StateSpace, *, road: str | float, speed: float, places: Mapping[str, tuple[float, float]] = _NONE, weight: str = "Wk",
     points: int = 400,
 ) -> RandomVibration:  # fmt: skip
-    """Random vibration of a model whose inputs are heights of a road of a class of ISO 8608 (or of a roughness in m^3) at a speed (m/s).
+    """Random vibration of a model whose inputs are heights of a road, at a speed (m/s).
 
-    Wheels behind follow those ahead by the way between their ``places`` (x, y in m, by inputs; else the model's own).  Tracks have the
-    coherence of an isotropic surface, x K1(x) of x = 2 pi n d at a distance d.
+    The road is of a class of ISO 8608 or has a roughness (m^3).  Wheels behind follow those ahead by the way between their ``places`` (x, y
+    in m, by inputs; else the model's own).  Tracks have the coherence of an isotropic surface, x K1(x) of x = 2 pi n d at a distance d.
 
     Raises:
         ValueError: there is no such class, the speed is not above zero, or an input is no height.
