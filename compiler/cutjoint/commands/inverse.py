@@ -10,10 +10,13 @@ from cutjoint.topology.reading import read_model
 
 
 @table.command("inverse")
-def command(model: Path, scene: str | None, drives: str | None, end: float | None, changes: tuple[str, ...], out: Path | None) -> None:
+def command(
+    model: Path, scene: str | None, drives: str | None, end: float | None, tunable: tuple[str, ...], changes: tuple[str, ...],
+    out: Path | None,
+) -> None:  # fmt: skip
     """Find the forces with which drives move MODEL as a scene prescribes, and print the largest."""
     require_apart({"the model": model}, tables={"--out": out})
-    checked = read_model(model)
+    checked = read_model(model, tunable=tunable)
     with options.progress_bar(f"driving {model.name}"):
         found = inverse_dynamics(
             checked, scene=scene, drives=(drives or "").split(",") if drives else (), parameters=options.read_parameters(changes), end=end

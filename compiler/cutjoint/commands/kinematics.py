@@ -7,22 +7,24 @@ from cutjoint.package.errors import RunError
 from cutjoint.report.kinematics import compliance_tables, kinematics_tables, plot_kinematics, write_compliance, write_kinematics
 from cutjoint.run.outputs import require_apart, require_folder
 from cutjoint.tasks.kinematics.sweep import find_compliance, find_kinematics
+from cutjoint.topology.reading import read_model
 
 
 @table.command("kinematics")
 def command(
     model: Path, axle: str | None, travel: float, steer_travel: float | None, points: int, steer: str | None, radius: float | None,
     share: float,
-    compliance: str | None, changes: tuple[str, ...], out: Path | None, plots: Path | None,
+    compliance: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None, plots: Path | None,
 ) -> None:  # fmt: skip
     """Move the wheels of an axle of MODEL up and down and steer them; print camber, toe, steering axis, roll centre and ratios."""
     require_apart({"the model": model}, tables={"--out": out}, plots=plots)
+    read = read_model(model, tunable=tunable)
     if compliance is not None:
         if plots is not None:
             raise RunError("--plots: compliance has no plots; leave it out")
         with options.progress_bar(f"loading the axle of {model.name}"):
             loaded = find_compliance(
-                model, scene=compliance, axle=axle, steer=steer, radius=radius, parameters=options.read_parameters(changes)
+                read, scene=compliance, axle=axle, steer=steer, radius=radius, parameters=options.read_parameters(changes)
             )
         console = options.console_beside(out)
         for made in compliance_tables(loaded):
@@ -34,7 +36,7 @@ def command(
         require_folder(plots)
     with options.progress_bar(f"moving the axle of {model.name}"):
         found = find_kinematics(
-            model, axle=axle, travel=travel, steer_travel=steer_travel, points=points, steer=steer, radius=radius, share=share,
+            read, axle=axle, travel=travel, steer_travel=steer_travel, points=points, steer=steer, radius=radius, share=share,
             parameters=options.read_parameters(changes),
         )  # fmt: skip
     console = options.console_beside(out)

@@ -298,9 +298,9 @@ class StateSpace(LinearModel):
         X = B[0][:, None, :] + at * B[1][:, None, :] + at * at * B[2][:, None, :]
         with np.errstate(divide="ignore", invalid="ignore"):
             for i in reversed(range(len(T))):
-                X[i] = (X[i] + np.tensordot(T[i, i + 1 :], X[i + 1 :], 1)) / (at[0] - T[i, i])
-        Y = np.tensordot(C, X, 1) + self.D[:, None, :] + at * self.D_rate[:, None, :] + at * at * self.D_acceleration[:, None, :]
-        return np.asarray(Y.transpose(1, 0, 2))
+                X[i] = (X[i] + np.einsum("k,kfm->fm", T[i, i + 1 :], X[i + 1 :])) / (at[0] - T[i, i])
+        at = at.transpose(1, 0, 2)  # einsum: threads of a BLAS take longer than these small products
+        return np.asarray(np.einsum("on,nfm->fom", C, X) + self.D + at * self.D_rate + at * at * self.D_acceleration)
 
     def _reduced(self, order: int) -> tuple[list[Array], list[Array]]:
         """Matrices of inputs' values, rates and accelerations in x' and in y, with other states, so that x' has none above an order."""
