@@ -17,7 +17,7 @@ _CHOICES = {"peer": "exudyn"}
 LONG = ("bench",)
 #: Commands that refuse any call with the press, which has no wheels, and no scene that prescribes a motion, and what takes a package
 #: that may not be there.
-UNSUITED = ("inverse", "kinematics", *(() if find_spec("ziglang") else ("drive",)))
+UNSUITED = ("inverse", "kinematics", "response", *(() if find_spec("ziglang") else ("drive",)))
 #: Options that keep a call short, where a command has them.
 _SHORT = {"--end": "0.01", "--method": "recursive"}
 #: The command for which such an option goes with another value of its choice alone.
