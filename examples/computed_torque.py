@@ -36,4 +36,4 @@ while sim.time < 2.0:
         sim.inputs[motor] = value
     worst = max(worst, float(np.abs(angle - z).max()))
     sim.step()
-print(f"angles within {worst:.1e} rad of the motion for {sim.time:.1f} s, loop closed within {sim.last_step.gap:.0e} m")
+print(f"angles within {worst:.1e} rad of the motion for {sim.time:.1f} s, loop closed within {sim.last_step.violation:.0e} m")

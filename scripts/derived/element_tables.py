@@ -12,6 +12,8 @@ from cutjoint.elements.forces import FORCES
 from cutjoint.elements.joint import Ball, JointElement, JointField, Motion, Offset, Slide, Turn
 from cutjoint.elements.joints import JOINTS
 
+#: The kind of forces whose fields have a table of their own.
+_APART = "joint_friction"
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
@@ -19,9 +21,11 @@ def pages() -> Mapping[Path, str]:
     """The pages with their tables written anew; a table is found by its head."""
     joints = table("kind", "leaves free", "further fields", "coordinates", "speeds", rows=map(joint_row, JOINTS.values()))
     forces = table("kind", "meaning", "fields", "law", rows=(force_row(force.element) for force in FORCES.values()))
+    (apart,) = (force.element for force in FORCES.values() if force.element.kind == _APART)
+    fields = table(f"field of `{_APART}`", "meaning", rows=map(field_row, apart.fields))
     chains = table("kind", "chain", rows=map(chain_row, JOINTS.values()))
     return {
-        DOCS / "reference" / "model-file.md": written("reference/model-file.md", joints, forces),
+        DOCS / "reference" / "model-file.md": written("reference/model-file.md", joints, forces, fields),
         DOCS / "background" / "mechanics.md": written("background/mechanics.md", chains),
     }
 
@@ -54,7 +58,13 @@ def joint_row(joint: JointElement) -> tuple[str, ...]:
 def force_row(force: ForceElement) -> tuple[str, ...]:
     """The row of a force kind: its name, text, fields, and the units and variables of its laws."""
     fields = [shown(f, is_optional=f.default is not REQUIRED, default=default_of(f), unit=f.unit) for f in force.fields]
-    return f"`{force.kind}`", force.text, ", ".join(fields), laws_text(force.forms)
+    return f"`{force.kind}`", force.text, "below" if force.kind == _APART else ", ".join(fields), laws_text(force.forms)
+
+
+def field_row(field: ForceField) -> tuple[str, str]:
+    """The row of a field in a table of its own."""
+    name = shown(field, is_optional=field.default is not REQUIRED, default=default_of(field), unit=field.unit)
+    return name.removesuffix(field.words), field.words.lstrip(" :")
 
 
 def chain_row(joint: JointElement) -> tuple[str, ...]:
@@ -79,7 +89,8 @@ def laws_text(laws: Sequence[Law]) -> str:
     """The units of laws over their variables; neighbours of the same variables share them."""
     groups = ((list(group), variables) for variables, group in groupby(laws, key=lambda law: law.variables))
     return "; ".join(
-        f"{' and '.join(plain(law.unit) for law in group)} over {with_units({f'`{name}`': unit for name, unit in variables.items()})}, `t`"
+        f"{' and '.join(plain(law.unit) for law in group)} as a function of "
+        f"{with_units({f'`{name}`': unit for name, unit in variables.items()})}, `t`"
         for group, variables in groups
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from shutil import copy
 
@@ -57,3 +58,17 @@ def test_bench_takes_such_a_file() -> None:
     pytest.importorskip("cutjoint_bench")
     result = CliRunner().invoke(main, ["bench", str(LEG), "--scenes", "nothing"])
     assert "no scene 'nothing'; there is motion" in str(result.exception or "") + result.output
+
+
+@pytest.mark.parametrize(("code", "message"), [
+    ("raise ImportError('libGL.so.1 is not there')", "the package mujoco is installed but cannot be imported: libGL.so.1 is not there"),
+    ("import an_absent_package", "the package mujoco is installed but cannot be imported: No module named 'an_absent_package'"),
+    ("raise ModuleNotFoundError(name='mujoco')", "reading MJCF needs the package mujoco: pip install"),
+])  # fmt: skip
+def test_a_mujoco_that_cannot_be_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, message: str) -> None:
+    (tmp_path / "mujoco.py").write_text(code)
+    (tmp_path / "robot.xml").write_text("<mujoco/>")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "mujoco", raising=False)
+    result = CliRunner().invoke(main, ["import", str(tmp_path / "robot.xml")])
+    assert (result.exit_code, message in result.output) == (1, True), result.output

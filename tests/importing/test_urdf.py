@@ -225,3 +225,15 @@ def test_a_joint_in_gazebo_closes_a_loop(tmp_path: Path, kind: str, axis: str) -
     assert texts[0] == texts[1]
     path.write_text(robot(LINKS.replace(link("c"), ""), tree + gazebo.replace(f'"{kind}"', '"screw"')))
     assert "left out is the loop that the joint 'tie' in <gazebo> closes: it is of type 'screw'" in import_file(path).notes
+
+
+def test_elements_that_share_a_name_and_friction_of_a_fixed_joint_are_noted(tmp_path: Path) -> None:
+    dynamics = '<dynamics damping="0.1" friction="0.2"/>'
+    joint = '<joint name="{0}" type="{2}"><parent link="{1}"/><child link="{0}"/>{3}</joint>'
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(link("base") + link("crank") + link("tool"),
+                          joint.format("crank", "base", "continuous", "") + joint.format("tool", "crank", "fixed", dynamics)))
+    imported = import_file(path)
+    assert "names that are shared or not legal have been changed: joint crank is crank_joint, joint tool is tool_joint" in imported.notes
+    assert "tool is fixed: damping and friction of its <dynamics> have no effect" in imported.notes
+    assert not any(word.startswith("dynamics") for word in imported.left_out)

@@ -1,4 +1,4 @@
-"""Files and commands of pages, written and run in their order in an empty folder; the output is what the pages say."""
+"""Files and commands of pages, written and run in their order in an empty folder; the output is what the pages say, "…" for any text."""
 
 from __future__ import annotations
 

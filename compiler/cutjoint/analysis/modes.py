@@ -68,8 +68,9 @@ class Modes:
 
     ``rigid_body_modes`` are the directions, each named by the coordinate that leads it, that can be displaced for good: rigid-body motions
     and coordinates that no spring holds.  ``zeros`` counts the eigenvalues of zero, two for a direction that also drifts on, one where a
-    damper stops it.  ``undamped`` are the modes of mass and stiffness alone, of a state at rest; with a real eigenvalue, the state is
-    unstable.  ``q`` are the tree's coordinates of the state.  ``held`` names controllers, whose values are constant in small motions.
+    damper stops it.  ``undamped`` are the modes of mass and stiffness alone, of a state at rest; a positive real one there means that
+    the state is unstable.  ``q`` are the tree's coordinates of the state.  ``held`` names controllers, whose values are constant in small
+    motions.
     A ``steady`` state is trimmed without accelerations.
     """
 

@@ -288,7 +288,7 @@ OPTIONS: Mapping[str, Row] = {
     "simulate.out": click.option("--out", type=_FILE, required=True,
         help="Results: CSV, or by the ending .parquet, .arrow or .npy; units are written beside it."),
     "compile.out": click.option("--out", type=_FOLDER, required=True, help="Folder for the exported code and the simulator."),
-    "import.out": click.option("--out", type=_FILE, help="Model file. Default: FILE's name with .yaml, in the current folder."),
+    "import.out": click.option("--out", type=_FILE, help="Model file. Default: FILE and .yaml (leg.urdf.yaml), in the current folder."),
     "explain.out": click.option("--out", type=_FILE, help="Markdown file. Default: standard output."),
     "export.out": click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder of the program, or file."),
     "response.out": click.option("--out", type=_FILE, help="CSV file of gains and phases, or densities; units are written beside it."),

@@ -14,7 +14,8 @@ class CompileOptions:
     """The choices of a compilation besides a model and its scene.
 
     Attributes:
-        method, precision: names of METHODS and PRECISIONS; the start is always found in double.
+        method: recursive, recursive-newton, augmented or classical; ``precision``: double, or single,
+            extended, quad of cutjoint-bench; the start is always found in double.
         outputs: instead of those of the scene.
         lanes: whether isomorphic subtrees are evaluated side by side.
         additions: solvers and integrators of other packages that the simulator has too.
@@ -41,7 +42,7 @@ class CompileOptions:
 
     @property
     def can_be_interpreted(self) -> bool:
-        """Return whether they say nothing that only generated code has: other number types, additions and folders."""
+        """Return whether the choices allow runs without a compiler."""
         return self.precision == DEFAULT_PRECISION and not self.additions and self.out is None
 
 

@@ -131,6 +131,13 @@ class Document:
         self._taken.add(name.lower())
         return name
 
+    def _own_name(self, wanted: str, suffix: str) -> str:
+        """The name of an element of the file; another one than the file's is noted."""
+        name = self._name(wanted, suffix)
+        if name != wanted:
+            self._note("names that are shared or not legal have been changed", f"{suffix} {wanted} is {name}")
+        return name
+
     def _coordinate(self, joint: str) -> str:
         return f"{self.joints[joint]}.{_COORDINATE[self._robot.joints[joint].kind]}"
 
@@ -146,7 +153,7 @@ class Document:
         self._weld_shaft(name)
 
     def _add_body(self, link: Link) -> str:
-        name = self.bodies[link.name] = self.carriers[link.name] = self._name(link.name, "body")
+        name = self.bodies[link.name] = self.carriers[link.name] = self._own_name(link.name, "body")
         pose = self._closed.poses[link.name]
         body: dict[str, Any] = {"massless": True} if link.mass == 0 else {"mass": link.mass}
         if link.mass:
@@ -213,7 +220,7 @@ class Document:
                 self._sections["markers"][marker] = {"body": parent, "at": _vector(self._closed.poses[link.name].place)}
             return
         child = self._add_body(link)
-        name = self.joints[joint.name] = self._name(joint.name, "joint")
+        name = self.joints[joint.name] = self._own_name(joint.name, "joint")
         element: dict[str, Any] = {"kind": joint.kind, "bodies": [parent, child], "at": _vector(pose.place)}
         if joint.kind in _COORDINATE:
             element["axis"] = _direction(pose.rotation @ joint.axis)
@@ -297,7 +304,7 @@ class Document:
         element: dict[str, Any] = {"kind": loop.kind, "bodies": [first, second], "at": _vector(here.place)}
         if loop.kind in _COORDINATE:
             element["axis"] = _direction(here.rotation @ loop.axis)
-        name = self._name(loop.name, "loop")
+        name = self._own_name(loop.name, "loop")
         self._sections["joints"][name] = element
         if loop.stiffness and any(q.any() for q in self._closed.q.values()):
             loop.node.refuse("has a spring where a loop closes, whose zero is not known there", "put it on another joint of the loop")
@@ -323,7 +330,7 @@ class Document:
         if any(joint.kind not in _COORDINATE or joint.name not in self.joints for joint in joints):
             self._note("drives left out, since their joint has no coordinate of its own", drive.name)
             return
-        name = self._name(drive.name, "input") if drive.gain else drive.name
+        name = self._own_name(drive.name, "input") if drive.gain else drive.name
         unit = {"unit": "N*m" if joints[0].kind == "revolute" else "N"} if drive.is_plain and not drive.pulls else {}
         if drive.gain:
             self._sections["parameters"][name] = {"value": 0, **unit, "binding": "input"}

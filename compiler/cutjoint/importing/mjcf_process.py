@@ -15,6 +15,7 @@ from cutjoint.package.extensions import MissingPackageError
 LIMIT = 60.0
 _START = "from cutjoint.importing.mjcf_process import main; main()"
 _MODEL = "model.mjb"
+_BROKEN = "the package mujoco is installed but cannot be imported: {}"
 
 
 def compile_apart(path: Path, folder: Path, outside: set[str]) -> tuple[Any, dict[str, list[Any]]]:
@@ -22,7 +23,7 @@ def compile_apart(path: Path, folder: Path, outside: set[str]) -> tuple[Any, dic
 
     Raises:
         ValueError: MuJoCo refuses the file, takes longer than LIMIT, or crashes.
-        MissingPackageError: MuJoCo is not installed.
+        MissingPackageError: MuJoCo is not installed, or cannot be imported.
     """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(p).absolute()) for p in sys.path if p)}
     asked = json.dumps([str(path.absolute()), str(folder.resolve()), sorted(outside)])
@@ -35,8 +36,12 @@ def compile_apart(path: Path, folder: Path, outside: set[str]) -> tuple[Any, dic
             import mujoco  # while the process begins
 
             said, _ = process.communicate(asked, LIMIT)
-        except ImportError:
+        except ModuleNotFoundError as error:
+            if error.name != "mujoco":
+                raise MissingPackageError(_BROKEN.format(error)) from None
             raise MissingPackageError("reading MJCF needs the package mujoco: pip install 'cutjoint[mjcf]'") from None
+        except (ImportError, OSError) as error:
+            raise MissingPackageError(_BROKEN.format(error)) from None
         except subprocess.TimeoutExpired:
             raise ValueError(f"it has taken longer than {LIMIT:g} s") from None
         finally:

@@ -113,6 +113,8 @@ def _joint(node: Node, robot: Robot) -> Joint:
     dynamics = node.find("dynamics")
     if dynamics and joint.freedom:
         joint.damping, joint.friction = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
+    elif dynamics and (idle := [key for key in ("damping", "friction") if dynamics.get(key)]):
+        robot.notes.append(f"{joint.name} is fixed: {' and '.join(idle)} of its <dynamics> have no effect")
     limit = next((child for child in node.children if child.tag == "limit"), None)
     if limit and joint.freedom == 1 and kind != "continuous" and limit.attributes.get("lower", "-") == limit.attributes.get("upper", "+"):
         robot.notes.append(f"{joint.name} moves, though its limits are equal: limits are not heeded")

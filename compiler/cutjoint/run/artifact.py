@@ -32,9 +32,9 @@ from cutjoint.topology.records import Topology
 class Artifact:
     """A compiled model: every stage's record, and the seconds that generating and compiling took.
 
-    ``method`` is a name of METHODS, ``precision`` one of PRECISIONS, ``additions`` are solvers and integrators of other packages.
-    ``description`` is what the simulator reads of the model, None of generated code.  ``exact`` compiles the model with the equations of
-    its loops, in the same tree, None where runs do not go on by them.
+    ``method`` and ``precision`` are as in `CompileOptions`, ``additions`` are solvers and integrators of other packages.
+    ``description`` is what the simulator reads of the model, None of generated code.  ``exact`` compiles a fallback
+    model with exact loops, None if it is not used.
     """
 
     scene: Scene
@@ -85,7 +85,7 @@ class Artifact:
         return find_indeterminate(self.topology, self.scene, self.equations.outputs)
 
     def with_rows(self, output_step: float) -> "Artifact":
-        """Copy the artifact with rows at another distance, s; quantities that the loops leave open are not found again."""
+        """Copy the artifact with another ``output_step``, s; `indeterminate` stays."""
         artifact = replace(self, scene=replace(self.scene, output_step=output_step))
         artifact.__dict__["indeterminate"] = self.indeterminate
         return artifact

@@ -199,8 +199,8 @@ class Trajectory(Columns[Array]):
     start, ``indeterminate`` the columns of reactions that redundant equations of loops leave open (of all solutions they are the one with
     the smallest multipliers of cut joints), ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if
     there is one.  ``fallback`` says which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None
-    where nothing can.  ``energy`` is the balance of work and energy, None where none was asked for.  ``near_jumps`` are the rows that a
-    column jumps so close to that another run may have the value of its other side, where they were looked for.  ``coordinates`` are the
+    where nothing can.  ``energy`` is the balance of work and energy, None where none was asked for.  ``near_jumps`` are rows next to a
+    jump of a column, left out of the error.  ``coordinates`` are the
     method's own at the times of the rows (rows, coordinates), None where nobody asked for them.  ``held`` is that of a `MechanismState`,
     of a start in static equilibrium: these forces are released at t = 0.
     """

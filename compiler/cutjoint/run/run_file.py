@@ -65,7 +65,8 @@ def _unknown(model: Model, name: str, known: list[str]) -> str:
         open_ones = [p.name for p in model.parameters if p.symbol in derived.value.free_symbols and p.name in known]
         advice = f"set {' or '.join(open_ones)}" if open_ones else "give one of them binding: param and set that"
         return f"{derived.span}: parameter '{name}' follows from other parameters; {advice}"
-    number = f"; --tunable {name} makes one of a number of the model" if "." in name else ""
+    places = [f"{scene}.{entry}" for scene, s in model.scenes.items() for entry in s.entries if entry.partition(".")[2] == name] or [name]
+    number = f"; --tunable {places[0]} makes a parameter of that name" if "." in name and places[0] not in known else ""
     hint = nearest(name, known, "it has") or "it has none"
     return f"model '{model.name}' has no parameter '{name}'; {hint.replace('it has:', 'it has')}{number}"
 

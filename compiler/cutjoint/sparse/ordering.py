@@ -28,7 +28,7 @@ _SEED = 8  # METIS_OPTION_SEED
 
 
 class MissingLibraryError(CutjointError, RuntimeError):
-    """A library that orders matrices is not installed."""
+    """A library that orders sparse matrices (AMD, METIS or COLAMD) is not installed."""
 
 
 @dataclass(frozen=True, kw_only=True)

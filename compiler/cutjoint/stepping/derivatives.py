@@ -125,7 +125,7 @@ class Derivatives(Linear):
     ) -> AdjointSensitivities:  # fmt: skip
         """Take a number of steps, with the derivatives of objectives by any number of parameters, inputs and initial states.
 
-        The cost is some runs for each objective, however many names ``by`` has.
+        The cost of an objective is that of 10 to 30 runs of a small mechanism, however many names ``by`` has.
 
         Args:
             outputs, by, every, inputs: as of `forward_sensitivities`.
@@ -135,7 +135,7 @@ class Derivatives(Linear):
         Raises:
             TypeError: the model was loaded without ``adjoint``.
             KeyError: there is no such output, parameter or input, or the coordinate is not independent.
-            ValueError: ``every`` does not divide the steps, or there are fewer than none, weights have another shape, or an objective has
+            ValueError: ``every`` does not divide the steps, steps are negative, weights have another shape, or an objective has
                 no derivative.
             SimulationError: a step failed, or an event has no derivative, and the state is that at the beginning; or there was no
                 `reset`.

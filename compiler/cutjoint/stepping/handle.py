@@ -63,7 +63,7 @@ class Handle:
         return float(self.library.time(self.address))
 
     def snapshot(self) -> bytes:
-        """Complete state as bytes; after `restore` the same steps follow bit for bit.
+        """Complete state, parameters and inputs as bytes; after `restore` the same steps follow bit for bit.
 
         Raises:
             SimulationError: there was no `reset`.

@@ -35,7 +35,7 @@ class Linear(States):
     """A simulation with its linear model, and what follows from that."""
 
     def linearise(self) -> StateSpace:
-        """Linear model about the present state: x' = A x + B u, y = C x + D u.
+        """Linear model about the present state: dx' = A dx + B du, dy = C dx + D du.
 
         Raises:
             TypeError: the model was loaded without derivatives.
@@ -174,7 +174,7 @@ class Linear(States):
 
         Args:
             name: a body or marker.
-            point: (3,) m, in the design position; default: the point of its pose.
+            point: (3,) m, in the design position; default: a body's centre of mass, a marker's point.
 
         Raises:
             TypeError: the model was loaded without derivatives or without poses.

@@ -69,7 +69,7 @@ class Motion(Handle):
         return self
 
     def step(self) -> None:
-        """Take one step.
+        """Take one step: ``dt`` of `reset`, else the scene's ``output_step``, which adaptive integrators cover by one or more steps.
 
         Raises:
             SimulationError: the step failed, and the state stays; or there was no `reset`.
@@ -121,7 +121,7 @@ class Motion(Handle):
 
     @with_old_words
     def set_limits(self, **limits: float) -> None:
-        """Limit statistics of `last_step`: a minimum of the pivot, maxima of the others; infinity, for the pivot 0, removes a limit.
+        """Limit numbers of `last_step`: ``pivot`` from below, others from above; infinity, for ``pivot`` 0, removes a limit.
 
         A step beyond a limit is made and raises a `SimulationError`; the motion may continue.  Snapshots do not contain limits.
 

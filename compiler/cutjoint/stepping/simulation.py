@@ -15,8 +15,10 @@ from cutjoint.stepping.values import Array
 class Simulation(Derivatives):
     """A simulation of a model: `reset` finds a consistent start, `step` and `advance` continue; SI units.
 
-    ``inputs`` and ``parameters`` may change between steps; an input that is NaN follows the scene.  ``coordinates``, ``speeds`` and
-    ``outputs`` are those of the present state; their arrays are views, except those of outputs and accelerations.
+    ``inputs`` and ``parameters`` may change between steps; an input that is NaN follows the scene, without a law there it has
+    the parameter's value.  ``coordinates``, ``speeds`` and
+    ``outputs`` are those of the present state; their arrays are read-only views, those of outputs and accelerations copies.  A parameter
+    changes outputs and accelerations at once, an input with the next step.
     """
 
     def copy(self) -> Simulation:

@@ -93,10 +93,13 @@ class Outputs(Values):
 @with_old_members
 @dataclass(frozen=True, kw_only=True)
 class StepStatistics:
-    """The statistics of a step: the ``violation`` (m or rad) of the ``equation`` that stands open by the largest share of its limit, and
-    the largest ``violation_rate`` (m/s or rad/s) at which one opens; the ``change`` of the accelerations by the last iteration, as a share
-    of 1 + the largest of them; the smallest ``pivot`` of the factors, as a share of its column, infinity by a method without factors;
-    ``iterations`` (tries of explicit steps) and ``evaluations``."""
+    """The statistics of a step.
+
+    ``violation`` (m or rad) is that of the ``equation`` that stands open by the largest share of its limit, ``violation_rate`` (m/s or
+    rad/s) the largest rate at which one opens; ``change`` is that of the accelerations by the last iteration, as a share of 1 + the
+    largest; ``pivot`` the smallest of the factors, as a share of its column, infinity by a method without factors; ``iterations``
+    (tries of explicit steps) and ``evaluations`` are numbers.
+    """
 
     violation: float
     violation_rate: float

@@ -140,6 +140,8 @@ def simulate_batch(
     Results do not depend on the number of threads; a run that fails does not stop the others.
 
     Args:
+        dt: step of all runs, eight of which share a SIMD register; default: adaptive steps, one run after the other.
+        tunable: patterns; constants whose names match become parameters, such as initial values ``SCENE.rates.NAME``.
         out: table of the results, written as runs end.
         threads: default: all processors.
         check: raise an error if a run fails, once all have ended.
@@ -300,6 +302,7 @@ def simulate(
             default: the scene's.
         out: table (CSV); ``steps``: iterations and residuals of each step; ``tangents``: Jacobians of the accelerations.
         error: estimate the error by further runs.
+        progress: is called as the run proceeds; ``tolerance``: earlier name of ``solver_tolerance``.
         coordinates: keep the coordinates of each sample, for `write_view`.
         check: raise an error if the run fails.
 

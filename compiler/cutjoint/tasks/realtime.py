@@ -52,7 +52,7 @@ class StepTimes:
 
     @property
     def stalls(self) -> int:
-        """The number of unbroken rows of such steps: one long wait makes all steps late until the lost time is caught up."""
+        """The number of runs of consecutive late steps: one long wait makes all steps late until the lost time is caught up."""
         late = self.lateness > 0
         return int(np.count_nonzero(late[1:] & ~late[:-1]) + np.count_nonzero(late[:1]))
 

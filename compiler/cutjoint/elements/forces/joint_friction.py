@@ -26,7 +26,7 @@ class JointFriction(OnJoint):
         kind="joint_friction",
         text="Dry friction on one of a joint's coordinates, from the load that the joint carries or a constant one. At rest it sticks.",
         fields=(
-            ForceField("joint", Shape.JOINT), ForceField("coordinate", Shape.COORDINATE, None),
+            ForceField("joint", Shape.JOINT), ForceField("coordinate", Shape.COORDINATE, None, words=" of a joint with several"),
             ForceField("coefficient", Shape.NUMBER, words=" of sliding"),
             ForceField("static", Shape.NUMBER, None, words=" coefficient of breaking away (default: that of sliding)"),
             ForceField("stribeck_speed", Shape.NUMBER, None, words=" of the surfaces, between the two coefficients", unit="m/s"),

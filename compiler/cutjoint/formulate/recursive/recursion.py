@@ -7,7 +7,7 @@ and the forces Q_i::
 
 Eliminating the unknowns of body i with parent p, Zdd_i = Zdd_p + b zdd_i + d, is one step of a block LDL^T factorisation::
 
-    D = b^T M_i b          y_p = b^T (M_i + C_ip)          y_j = b^T C_ij          e = D^-1 b^T (Q_i - M_i d)
+    D = b^T M_i b          y_p = b^T (M_i + C_ip)          y_j = b^T C_ij          e = D^-1 (b^T (Q_i - M_i d) + tau)
     M_p  += M_i + C_ip + C_pi - y_p^T D^-1 y_p             Q_p += Q_i - M_i d - C_pi d - y_p^T e
     C_pj += C_ij - y_p^T D^-1 y_j                          Q_j -= C_ji d + y_j^T e
     C_jk -= y_j^T D^-1 y_k

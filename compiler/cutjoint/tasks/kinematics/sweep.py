@@ -57,6 +57,10 @@ def find_kinematics(
     """Kinematics of an axle over travel, roll and steer.
 
     Args:
+        axle: the name of the axle; default: the only one.
+        steer: the joint that steers it, of one coordinate.
+        radius: loaded radius of the wheels, m; default: the height of their centres above z = 0.
+        share: the axle's share of the braking and driving force, for anti-dive and anti-squat.
         travel: m up and down.
         steer_travel: m or rad of the steering joint to either side.
         points: poses of each sweep.
@@ -129,6 +133,11 @@ def find_compliance(
     """Compliance of an axle: changes of its wheels by loads, linearised at the static equilibrium of a scene.
 
     Chassis, wheel heights and steering joint are fixed.
+
+    Args:
+        axle: the name of the axle; default: the only one.
+        steer: the joint that steers it, of one coordinate.
+        radius: loaded radius of the wheels, m; default: the height of their centres above z = 0.
 
     Raises:
         ModelError: the file is wrong.
