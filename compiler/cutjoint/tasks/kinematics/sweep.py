@@ -135,9 +135,7 @@ def find_compliance(
     Chassis, wheel heights and steering joint are fixed.
 
     Args:
-        axle: the name of the axle; default: the only one.
-        steer: the joint that steers it, of one coordinate.
-        radius: loaded radius of the wheels, m; default: the height of their centres above z = 0.
+        axle, steer, radius: as of `find_kinematics`.
 
     Raises:
         ModelError: the file is wrong.
