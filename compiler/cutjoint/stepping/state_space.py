@@ -229,9 +229,9 @@ class StateSpace(LinearModel):
     """Linear model x' = A x + B u, y = C x + D u about a state of a simulation; SI units.
 
     Attributes:
-        A, B, C, D: (2f, 2f), (2f, inputs), (outputs, 2f), (outputs, inputs) with f degrees of freedom.
-        x, y: (2f,), (outputs,) the states and outputs about which it holds; `simulation.states.array - x` is the change.
-        states, inputs, outputs: names; states are independent coordinates, then their rates.
+        A, B, C, D: (n, n), (n, inputs), (outputs, n), (outputs, inputs); n is twice the degrees of freedom plus first-order states.
+        x, y: (n,), (outputs,) the states and outputs about which it holds; `simulation.states.array - x` is the change.
+        states, inputs, outputs: names; states are independent coordinates, their rates, first-order states.
         units: by the names of inputs and outputs.
         places: x and y (m) of inputs that are heights at one place.
     """
