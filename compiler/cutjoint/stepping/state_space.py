@@ -226,7 +226,7 @@ class LinearModel:
 
 @dataclass(frozen=True, kw_only=True)
 class StateSpace(LinearModel):
-    """Linear model x' = A x + B u, y = C x + D u about a state of a simulation; SI units.
+    """Linear model dx' = A dx + B du, dy = C dx + D du about a state of a simulation; SI units.
 
     Attributes:
         A, B, C, D: (n, n), (n, inputs), (outputs, n), (outputs, inputs); n is twice the degrees of freedom plus first-order states.
