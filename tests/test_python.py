@@ -23,7 +23,7 @@ from cutjoint.compile import pipeline
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import ModelLike, find_scene
 from cutjoint.tasks import taken
 from cutjoint.tasks.batch import BatchArtifact
 from cutjoint_bench.twin.artifact import compile_generic_model
@@ -174,9 +174,9 @@ def test_all_that_takes_a_model_takes_it_in_each_form() -> None:
     """But for what is before a model: its readers, and the topology that is made of it alone."""
     functions = {name: made for name in cutjoint.__all__ if inspect.isfunction(made := getattr(cutjoint, name))}
     first = {name: next(iter(inspect.signature(made).parameters.values())) for name, made in functions.items()}
-    takes = {name: str(parameter.annotation) for name, parameter in first.items() if parameter.name in ("model", "path")}
-    others = {name: annotation for name, annotation in takes.items() if "ModelLike" not in annotation}
-    assert others == {"build_topology": "Model", "read_model": "AnyPath", "write_view": "AnyPath"}
+    takes = {name: parameter.annotation for name, parameter in first.items() if parameter.name in ("model", "path")}
+    others = {name: annotation for name, annotation in takes.items() if annotation not in ("ModelLike", ModelLike)}
+    assert others == {"build_topology": "Model", "random_vibration": cutjoint.StateSpace, "read_model": "AnyPath", "write_view": "AnyPath"}
 
 
 @needs_cpp

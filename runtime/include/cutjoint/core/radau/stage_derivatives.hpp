@@ -88,7 +88,12 @@ class StageDerivatives {
       displacement<double>(Balance::charts(), from.q.data(), points[i].q.data(), delta_[i].data());
       turning_[i] = {Balance::charts(), from.q.data(), delta_[i].data()};
       for (std::size_t l = 0; l < coordinates; ++l) q_[i][l].value = points[i].q[l];
-      for (std::size_t l = 0; l < n; ++l) v_[i][l].value = points[i].v[l], means_[i][l] = (points[i].v[l] - from.v[l]) / h;
+      for (std::size_t l = 0; l < n; ++l) {  // sums over stages: differences over a short step would be rounding
+        v_[i][l].value = points[i].v[l], accelerations_[i][l] = speeds_[i][l] = 0.0;
+        for (std::size_t j = 0; j < stages; ++j) accelerations_[i][l] += weight(i, j) * points[j].vdot[l], speeds_[i][l] += weight(i, j) * points[j].v[l];
+      }
+      for (const Chart& chart : Balance::charts())
+        for (int k = chart.v; k < chart.v + chart.scalars; ++k) delta_[i][static_cast<std::size_t>(k)] = h * speeds_[i][static_cast<std::size_t>(k)];
     }
     for_balls([&](auto place, std::size_t at) {
       BallStages& ball = balls_[place] = {};
@@ -108,7 +113,7 @@ class StageDerivatives {
   void leave(const Q& q, const V& v, const V&, const V&, const Tangents& length) {
     shift_ = Fixed<Dual, n>();
     for (std::size_t i = 0; i < stages; ++i) {
-      for (std::size_t l = 0; l < n; ++l) v_[i][l].derivative = v[l].derivative + means_[i][l] * length;
+      for (std::size_t l = 0; l < n; ++l) v_[i][l].derivative = v[l].derivative + accelerations_[i][l] * length;
       for (std::size_t l = 0; l < coordinates; ++l) q_[i][l].derivative = q[l].derivative;
     }
     move(v_, length, true);
@@ -194,7 +199,7 @@ class StageDerivatives {
     for (std::size_t i = 0; i < stages; ++i) {
       std::array<Along, n> delta;
       for (std::size_t l = 0; l < n; ++l) {
-        delta[l].derivative = delta_[i][l] / h_ * length;
+        delta[l].derivative = speeds_[i][l] * length;
         for (std::size_t j = 0; j < stages; ++j) delta[l].derivative += h_ * weight(i, j) * speeds[j][l].derivative;
       }
       for_balls([&](auto place, std::size_t at) {
@@ -231,7 +236,7 @@ class StageDerivatives {
 
   double h_ = 0.0;
   std::array<typename Balance::OfDerivatives, stages> derivative_;
-  std::array<Fixed<double, n>, stages> delta_, means_;  ///< displacements, and means of accelerations up to the stages
+  std::array<Fixed<double, n>, stages> delta_, speeds_, accelerations_;  ///< displacements, and means of speeds and accelerations up to the stages
   std::array<RetractionDerivatives<balls>, stages> turning_;
   std::array<Fixed<Dual, coordinates>, stages> q_;
   std::array<Fixed<Dual, n>, stages> v_;
