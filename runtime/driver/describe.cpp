@@ -42,6 +42,7 @@ void fill(Description& d, const constants::Mechanism& mechanism) {
   take(d.indicators, mechanism.indicators,
        [](const constants::EventIndicator& x) { return EventIndicator{.element = x.element, .place = x.place, .road = x.road, .across = x.across}; });
   take(d.nominals, mechanism.nominals, [](double x) { return x; });
+  d.arm = mechanism.arm;
   take(d.controllers, mechanism.controllers, [](const constants::Controller& x) { return Controller{.name = x.name, .place = x.place, .times = x.times}; });
   d.states = static_cast<std::size_t>(mechanism.states);
   d.driven = mechanism.driven;

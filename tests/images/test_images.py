@@ -17,7 +17,7 @@ from cutjoint.model.records import Model, Numerics
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS
-from tests.images.images import TRANSFORMATIONS, Array, Image, original, outputs
+from tests.images.images import TRANSFORMATIONS, Array, Image, original, outputs, scaled
 from tests.mechanisms import one_degree, overconstrained
 from tests.mechanisms.rods import rods_text
 from tests.mechanisms.sources import TEXTS
@@ -56,11 +56,11 @@ def _image(subject: str) -> Image | None:
     return image and replace(image, scene=replace(image.scene, end=end, output_step=end / 10))
 
 
-def _run(image: Image, base: Image, **how: Any) -> tuple[Array, Trajectory]:
+def _run(image: Image, base: Image, method: str = "recursive", **how: Any) -> tuple[Array, Trajectory]:
     """The places (rows, bodies, 3) of the original's bodies, as the run of an image has them."""
     columns = outputs(base.model, image.names)
     scene = replace(image.scene, outputs=columns, numerics=Numerics())
-    run = simulate(compile_interpreted(image.model, scene, outputs=columns), check=False, **how)
+    run = simulate(compile_interpreted(image.model, scene, outputs=columns, method=method), check=False, **how)
     assert run.failure is None, str(run.failure)
     places = np.array([run.columns[output.column] for output in columns]).reshape(-1, 3, len(run.t))
     return image.back(places.transpose(2, 0, 1)), run
@@ -91,3 +91,18 @@ def test_an_image_moves_as_its_original(subject: str, transformation: str) -> No
     extent = max(1.0, float(np.ptp(places, axis=(0, 1)).max()))
     assert np.abs(there - places).max() < APART * extent
     assert of_image.evaluations < 3 * run.evaluations + 100
+
+
+@pytest.mark.parametrize("length", [1e-5, 1e-2, 1e4])
+@pytest.mark.parametrize("method", ["recursive-newton", "augmented", "classical"])
+def test_equal_steps_are_the_same_in_all_units_of_length(method: str, length: float) -> None:
+    """By Newton's iteration, whose weights of equations and ends of iterations follow the mechanism's arm."""
+    base = _image("four_bar")
+    assert base is not None
+    image = scaled(base, length=length)
+    assert image is not None
+    (places, run), (there, of_image) = (
+        _run(one, base, method, integrator="trapezoidal", dt=one.scene.end / 100, error=False) for one in (base, image)
+    )
+    assert np.abs(there - places).max() < 1e-8
+    assert of_image.evaluations < 2 * run.evaluations

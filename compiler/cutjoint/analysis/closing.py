@@ -21,7 +21,7 @@ from cutjoint.topology.geometry import TOLERANCE
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: A residual below this (m, rad) is closed.
+#: A residual below this (m, rad; share of the arm where that is not a metre) is closed.
 CLOSED = 1e-9
 #: Damping of the steps by the largest square of a speed's effect: what depends on other equations to six digits moves nothing.
 _DAMPING = 1e-12
@@ -67,6 +67,11 @@ def design_coordinates(equations: Charted) -> Array:
         if chart.ball:
             q[chart.q + chart.scalars] = 1.0
     return q
+
+
+def sizes_of_speeds(equations: RecursiveEquations) -> Array:
+    """The usual sizes (speeds,) of displacements by speeds: 1 of angles, of lengths the mechanism's arm."""
+    return np.where(equations.angular, 1.0, equations.topology.arm)
 
 
 def evaluate_closures(equations: RecursiveEquations, q: Array, t: float = 0.0) -> tuple[Array, Array]:
@@ -164,17 +169,18 @@ def close_loops(
     change their coordinates, where that is given.
     """
     rows = np.zeros((0, equations.speeds)) if across is None else across[np.newaxis]
-    best = np.inf
+    sizes, arm, best = sizes_of_speeds(equations), equations.topology.arm, np.inf
     for _ in range(_ITERATIONS):
         residual, jacobian = evaluate_closures(equations, q, t)
-        error = float(np.abs(residual).max(initial=0.0))
+        error = float(np.abs(residual).max(initial=0.0)) / arm
         if error == 0.0 or best / 2 <= error < CLOSED:
             return q, jacobian
         if not np.isfinite(error):
             return None
         best = error
         moving = jacobian if free is None else jacobian * free
-        q = retract(equations, q, _step(np.concatenate([moving, rows]), np.concatenate([-residual, np.zeros(len(rows))])))
+        step = _step(np.concatenate([moving, rows]) * sizes, np.concatenate([-residual, np.zeros(len(rows))]))
+        q = retract(equations, q, sizes * step)
     return None
 
 
@@ -221,7 +227,7 @@ def _turned_ball(e: Array, theta: Array) -> Array:
 #: The number of wanted poses besides the design position, and of trials for one.
 NEIGHBOURS = 4
 _ATTEMPTS = 16
-#: The first try steps this far (m, rad) in the coordinate that moves most; one that finds no pose halves the step, down to the smallest.
+#: The first try steps this far (m or arms, rad) in the coordinate that moves most; one without a pose halves it.
 _STEP, _SMALLEST = 0.25, 0.015
 
 
@@ -261,12 +267,15 @@ def explore(equations: RecursiveEquations) -> tuple[Pose, ...]:
     if start is None:
         return (_pose(design, evaluate_closures(equations, design)[1], closed=False),)
     poses = [_pose(*start)]
-    free, rng, step = poses[0].free, np.random.default_rng(0), _STEP
+    free, rng, step, sizes = poses[0].free, np.random.default_rng(0), _STEP, sizes_of_speeds(equations)
+    sizes_of_q = np.ones(equations.coordinates)
+    for chart in equations.charts:
+        sizes_of_q[chart.q : chart.q + chart.scalars] = sizes[chart.v : chart.v + chart.scalars]
     for _ in range(_ATTEMPTS if free.size else 0):
         direction = free @ rng.standard_normal(free.shape[1])
-        direction /= np.abs(direction).max()
+        direction /= np.abs(direction / sizes).max()
         found = close_loops(equations, retract(equations, start[0], step * direction), across=direction)
-        if found is None or not step / 8 < np.abs(found[0] - start[0]).max() < 8 * step:
+        if found is None or not step / 8 < np.abs((found[0] - start[0]) / sizes_of_q).max() < 8 * step:
             step = max(step / 2, _SMALLEST)
             continue
         poses.append(_pose(*found))

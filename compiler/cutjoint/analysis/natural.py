@@ -6,10 +6,21 @@ from types import MappingProxyType
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array, FlatRoad, Pose, evaluate_scene_inputs, explore, make_inputs, retract, scene_input_changes
+from cutjoint.analysis.closing import (
+    Array,
+    FlatRoad,
+    Pose,
+    evaluate_scene_inputs,
+    explore,
+    make_inputs,
+    retract,
+    scene_input_changes,
+    sizes_of_speeds,
+)
 from cutjoint.formulate.inputs import HELD, INPUT_ORDERS, INPUTS, held_name
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.records import SystemEquations
+from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import RoadTable, interpret_blocks
 from cutjoint.program.tangents import interpret_tangents
@@ -131,12 +142,13 @@ def states_off_a_single_pose(equations: LagrangianEquations, states: Sequence[Na
     if len(states) > 1:
         return []
     pose = explore(equations.start)[0]
-    free = pose.free
+    free, sizes = pose.free, sizes_of_speeds(equations.start)
     if not free.size:
         return []
     rng = np.random.default_rng(1)
     directions = (free @ rng.standard_normal(free.shape[1]) for _ in range(2))
-    poses = (replace(pose, q=retract(equations.start, pose.q, _OFF * direction / np.abs(direction).max())) for direction in directions)
+    shifts = (_OFF * direction / np.abs(direction / sizes).max() for direction in directions)
+    poses = (replace(pose, q=retract(equations.start, pose.q, shift)) for shift in shifts)
     return [_moving(equations, off, rng) for off in poses]
 
 
@@ -162,7 +174,8 @@ def dependent_equations(equations: LagrangianEquations, states: Sequence[Natural
 
     The rows kept have the rank of all in each state that has the largest rank.
     """
-    jacobians = [constraint_jacobian(equations, state.q) for state in states]
+    sizes = [1 / equations.topology.arm if angular else 1.0 for angular in equations.angular] + [1.0] * len(equations.state.states)
+    jacobians = [constraint_jacobian(equations, state.q) * sizes for state in states]
     if not jacobians[0].shape[0]:
         return ()
     ranks = [_rank(J) for J in jacobians]
@@ -196,8 +209,11 @@ def tangent_samples(equations: LagrangianEquations, states: Sequence[NaturalStat
     """Values of the tangent's entries at states, as a step of dt has them and as the start has them.
 
     The constraints have the same weight in both: it multiplies rows and columns of the multipliers, and pivots do not depend on it.
+    That of a mechanism far from a metre is its mass, beside which no entry is rounding.
     """
+    bodies, known = equations.topology.model.bodies, {p.symbol: p.value for p in equations.topology.model.parameters}
+    weight = 1.0 if equations.topology.arm == 1 else sum(evaluate(body.mass, known) for body in bodies) or 1.0
     for state in states:
-        for weights in ((dt / 2, dt * dt / 4, 1.0), (0.0, 0.0, 1.0)):
+        for weights in ((dt / 2, dt * dt / 4, weight), (0.0, 0.0, weight)):
             arrays = {"q": state.q, "v": state.v, "penalty": np.zeros(1), "weights": np.array(weights)}
             yield call(equations, "linearise", arrays)["tangent"]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutjoint.analysis.closing import CLOSED, Array, design_coordinates, evaluate_closures, explore, retract
+from cutjoint.analysis.closing import CLOSED, Array, design_coordinates, evaluate_closures, explore, retract, sizes_of_speeds
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import METHODS, join_or, names_of
 from cutjoint.package.errors import EquationsError
@@ -63,15 +63,15 @@ def describe_misfit(equations: RecursiveEquations) -> str:
     """
     if not equations.closures or not equations.speeds:
         return ""
-    jacobian = evaluate_closures(equations, design_coordinates(equations))[1]
-    values = _shares(jacobian)
+    jacobian, sizes = evaluate_closures(equations, design_coordinates(equations))[1], sizes_of_speeds(equations)
+    values = _shares(jacobian * sizes)
     rank = int(np.sum(values > _FREE))
     if not rank or values[rank - 1] > _HELD:
         return ""
     poses, guides = explore(equations), any(t.joint.guide is not None for t in equations.topology.tree)
-    if any(_shares(pose.jacobian)[rank - 1] > _HELD for pose in poses) or (guides and not poses[0].free.size):
+    if any(_shares(pose.jacobian * sizes)[rank - 1] > _HELD for pose in poses) or (guides and not poses[0].free.size):
         return ""
-    right = np.linalg.svd(balanced(jacobian))[2][rank - 1]
+    right = sizes * np.linalg.svd(balanced(jacobian * sizes))[2][rank - 1]
     speed = int(np.abs(right).argmax())
     tunable = np.abs(jacobian @ right / right[speed])
     row = int(tunable.argmax())

@@ -392,7 +392,8 @@ def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "roads": len(equations.roads), "columns": len(equations.columns),
         "guards": len(guards_in(equations)), "indicators": len(equations.indicators),
         **({"states": states} if states else {}), **({"controllers": len(controllers), "held": equations.held} if controllers else {}),
-    }, **({"samples": describe_controllers(equations)} if controllers else {}), **({"nominals": nominals} if nominals else {})}  # fmt: skip
+    }, **({"samples": describe_controllers(equations)} if controllers else {}), **({"nominals": nominals} if nominals else {}),
+        **({"arm": arm} if (arm := equations.topology.arm) != 1 else {})}  # fmt: skip
 
 
 def pattern_view(pattern: Pattern, names: Sequence[str]) -> dict[str, object]:

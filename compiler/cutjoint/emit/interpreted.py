@@ -86,7 +86,7 @@ def _description(equations: RecursiveEquations | SystemEquations) -> dict[str, A
         **{key: [[p["name"], p["unit"], float(p["value"])] for p in d[key]] for key in ("parameters", "inputs")},
         "roads": list(d["roads"]), "columns": [[c.name, c.unit] for c in d["columns"]], "cuts": d["cuts"],
         **{key: [list(x.values()) for x in d[key]] for key in ("guards", "domains", "indicators", "controllers")},
-        "states": d["states"], "nominals": d["nominals"], "driven": d["driven"], "guides_jump": d["guides_jump"],
+        "states": d["states"], "nominals": d["nominals"], "arm": d["arm"], "driven": d["driven"], "guides_jump": d["guides_jump"],
     }  # fmt: skip
 
 

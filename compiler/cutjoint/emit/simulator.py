@@ -121,6 +121,7 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "indicators": indicators_of(equations),
         "states": len(equations.state.states),
         "nominals": nominals_of(equations),
+        "arm": equations.topology.arm,
         "controllers": [{**c, "place": quotable(str(c["place"]))} for c in describe_controllers(equations)],
     }  # fmt: skip
 

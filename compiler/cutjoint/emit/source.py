@@ -131,9 +131,11 @@ class Page:
 
 
 def nominals_of(equations: RecursiveEquations | SystemEquations) -> list[float]:
-    """The usual sizes of the first-order states, none where all are 1."""
-    sizes = [state.nominal for state in equations.topology.model.states]
-    return sizes if any(size != 1.0 for size in sizes) else []
+    """The usual sizes of the first-order states, after 1 and 1/arm of accelerations where the arm is not 1; none where all are 1."""
+    arm = equations.topology.arm
+    sizes = [1 / arm if angular else 1.0 for angular in equations.angular] if arm != 1 else []
+    sizes += [state.nominal for state in equations.topology.model.states]
+    return sizes if arm != 1 or any(size != 1.0 for size in sizes) else []
 
 
 def indicators_of(equations: RecursiveEquations | SystemEquations) -> list[dict[str, object]]:

@@ -253,8 +253,7 @@ def _violation_limits(equations: RecursiveEquations | SystemEquations, given: Ma
     points = [body.centre_of_mass for body in model.bodies]
     points += [point for joint in model.joints for point in (joint.at, joint.to) if point is not None]
     angles = {name for element in JOINTS.values() for c in element.conditions if not c.joins_points for name in c.names}
-    natural = isinstance(equations, SystemEquations) and METHODS[equations.method].formulation is Formulation.NATURAL
-    length, arm = extent(points, known), next((cut.arm for cut in equations.topology.cuts if not natural), 1.0)
+    length, arm = extent(points, known), equations.topology.arm
     return [repr(TORN * (arm if name.rpartition(".")[2] in angles else length)) for name in equations.equation_names]
 
 

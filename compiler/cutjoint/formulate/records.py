@@ -176,6 +176,12 @@ class Equations:
         return tuple(entry.name for entry in self.state.v)
 
     @property
+    def angular(self) -> tuple[bool, ...]:
+        """Whether each speed, first-order states left out, is one of an angle or a direction, not of a length."""
+        joints = {joint.name: joint.element.units for joint in self.topology.model.joints}
+        return tuple(joints[chart.joint][name] == "rad/s" for chart in self.charts for name in chart.speed_names)
+
+    @property
     def equation_names(self) -> tuple[str, ...]:
         """A name for each constraint equation."""
         return tuple(entry.name for entry in self.state.equations)

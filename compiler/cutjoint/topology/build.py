@@ -21,14 +21,14 @@ def build_topology(model: Model) -> Topology:
     """
     tree, closing = span(model).parts
     closed = {name for assembly in model.assemblies for name in assembly.cuts}
-    arm = arm_of(model) if closing else 1.0
+    arm = arm_of(model)
     cuts = tuple(replace(joint, arm=arm) for joint in closing if joint.name not in closed)
     coupled = eliminate(tree, cuts)
     loops = tuple(_loop(cut, tree, coupled) for cut in cuts)
     return Topology(
         model=model, tree=tree, cuts=cuts, loops=loops, branches=BodyGraph(tree, cuts, model.gears).branches,
         classes=find_classes(model, BodyGraph(tree, closing, model.gears)),
-        embedded=tuple(joint for joint in closing if joint.name in closed),
+        embedded=tuple(joint for joint in closing if joint.name in closed), arm=arm,
     )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ origin, and the condition of the equations of loops.
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import TypeAlias
 
 import numpy as np
@@ -35,13 +36,14 @@ def extent(points: Iterable[Sequence[Scalar]], values: Mapping[Scalar, float]) -
 
 
 def arm_of(model: Model) -> float:
-    """The arm (m) of equations between directions: a power of two near the extent of the joints, 1 for ordinary mechanisms.
+    """The arm (m) of equations between directions: a power of two near the extent of joints and bodies, 1 for ordinary mechanisms.
 
     Such equations feel inertias, those between points masses; one penalty suits both where the arm is about their radius of inertia.
     """
-    points = (point for joint in model.joints for point in (joint.at, joint.to) if point is not None)
+    ends = (point for joint in model.joints for point in (joint.at, joint.to) if point is not None)
+    points = chain(ends, (body.centre_of_mass for body in model.bodies))
     arm = 2.0 ** round(np.log2(extent(points, {p.symbol: float(p.value) for p in model.parameters})))
-    return 1.0 if 1 / 64 <= arm <= 64 else arm
+    return 1.0 if 1 / 8 <= arm <= 64 else arm
 
 
 @dataclass(kw_only=True)

@@ -81,7 +81,10 @@ class SubtreeClass:
 
 @dataclass(frozen=True, kw_only=True)
 class Topology:
-    """The spanning tree (parents first), the cut joints, and what follows from them; ``embedded`` are joints that assemblies close."""
+    """The spanning tree (parents first), the cut joints, and what follows from them; ``embedded`` are joints that assemblies close.
+
+    ``arm`` is that of equations between directions, see `topology.geometry.arm_of`.
+    """
 
     model: Model
     tree: tuple[TreeJoint, ...]
@@ -90,6 +93,7 @@ class Topology:
     branches: tuple[Branch, ...]
     classes: tuple[SubtreeClass, ...]
     embedded: tuple[Joint, ...] = ()
+    arm: float = 1.0
 
     def __repr__(self) -> str:
         loops = f"{len(self.cuts)} cut joints, {len(self.loops)} loops, {len(self.classes)} classes of isomorphic subtrees"

@@ -78,6 +78,7 @@ struct Mechanism {
   List<EventIndicator> indicators{};
   List<Controller> controllers{};
   List<double> nominals{};
+  double arm = 1.0;
   int states = 0;
   bool driven = false;
   bool guides_jump = false;

@@ -68,7 +68,8 @@ struct Description {
   std::vector<EventIndicator> indicators{};             ///< where formulas change
   std::size_t states = 0;                     ///< number of the first-order states
   std::vector<Controller> controllers{};      ///< what holds values between samples
-  std::vector<double> nominals{};             ///< usual sizes of the first-order states, none where all are 1
+  std::vector<double> nominals{};             ///< usual sizes of the first-order states, after those of accelerations where `arm` is not 1, none where all are 1
+  double arm = 1.0;                           ///< a length (m) near the mechanism's, 1 for ordinary ones
   bool driven = false;                        ///< whether guides have power, which takes accelerations and multipliers
   bool guides_jump = false;                   ///< whether the rates of guides may jump
 

@@ -2,7 +2,7 @@
 
 Each has its residual Phi, the gradient of Phi by the nodes, its rate Phid = Phi_q qd + Phi_t, and the drift
 (d/dt Phi_q) qd + (d/dt Phi_t), so that Phidd = Phi_q qdd + drift.  A product of two displacements between points is divided by the longer
-way, so that every residual is in metres or, of two directions, in radians.
+way, so that every residual is in metres or, of two directions, in radians, times the arm of a mechanism far from a metre long.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -74,6 +74,18 @@ class _Row:
     gradient: dict[Node, Block] = field(default_factory=dict)
     by_use: list[tuple[Use, Block]] = field(default_factory=list)
     by_displacement: Block | None = None
+    is_length: bool = False
+
+    def times(self, arm: float) -> "_Row":
+        """The row in metres: one between directions times the arm."""
+        if arm == 1 or self.is_length:
+            return self
+        b, number = self.b, self.b.number(arm)
+        return _Row(
+            b=b, motions=self.motions, residual=b.mul(number, self.residual), rate=b.mul(number, self.rate),
+            drift=b.mul(number, self.drift), gradient={node: b.scale(number, row) for node, row in self.gradient.items()},
+            by_use=[(use, b.scale(number, row)) for use, row in self.by_use],
+        )  # fmt: skip
 
     def add_gradient(self, uses: Uses, row: Block) -> None:
         """Add a gradient (1, size) by what bodies have."""
@@ -122,11 +134,12 @@ def multipliers(b: Builder, constraint: Constraint) -> Block:
 class ConstraintMaker:
     """Derives the constraints of all groups, joints and gears."""
 
-    def __init__(self, motions: NodeMotions, model: Model) -> None:
+    def __init__(self, motions: NodeMotions, model: Model, arm: float) -> None:
         self._b = motions.builder
         self._m = motions
         self._layout = motions.layout
         self._model = model
+        self._arm = arm
 
     def all(self) -> list[Constraint]:
         """The constraints, bodies first."""
@@ -149,7 +162,7 @@ class ConstraintMaker:
 
     def _stacked(self, element: str, names: Sequence[str], rows: Sequence[_Row]) -> Constraint:
         """Rows as one constraint."""
-        b = self._b
+        b, rows = self._b, [row.times(self._arm) for row in rows]
         nodes = dict.fromkeys(node for row in rows for node in row.gradient)
         return Constraint(
             element=element, names=tuple(names), residual=b.column([r.residual for r in rows]), rate=b.column([r.rate for r in rows]),
@@ -175,7 +188,7 @@ class ConstraintMaker:
         row = self._row()
         p, q = (sympy.Matrix(_design(form)) for form in (u, w))
         weight = self._b.number(row_scale(self._layout, u, w))
-        first = (Use(1, group, u),)
+        first, row.is_length = (Use(1, group, u),), len(u) == 2 or len(w) == 2
         row.product(weight, first, first if u == w else (Use(1, group, w),))
         constant = self._b.mul(weight, self._m.translator.scalar(p.dot(q)))
         row.known(constant, self._b.zero(1), self._b.zero(1))
@@ -197,11 +210,12 @@ class ConstraintMaker:
     def _equal(self, element: str, name: str, uses: Uses) -> Constraint:
         """A combination of nodes is zero."""
         b, form = self._b, total(uses)
-        motion = self._m.of(form)
-        gradient = {n: self._m.times(c, b.identity(3)) for n, c in form.items() if n.body != GROUND}
+        motion, arm = self._m.of(form), 1.0 if next(iter(uses[0].form)).kind is NodeKind.POINT else self._arm
+        gradient = {n: self._m.times(c, self._m.times(arm, b.identity(3))) for n, c in form.items() if n.body != GROUND}
         return Constraint(
-            element=element, names=tuple(f"{name}.{axis}" for axis in "xyz"), residual=motion.x, rate=motion.v, drift=b.zero(3),
-            gradient=gradient, by_use=tuple((use, b.identity(3)) for use in uses),
+            element=element, names=tuple(f"{name}.{axis}" for axis in "xyz"), residual=self._m.times(arm, motion.x),
+            rate=self._m.times(arm, motion.v), drift=b.zero(3), gradient=gradient,
+            by_use=tuple((use, self._m.times(arm, b.identity(3))) for use in uses),
         )  # fmt: skip
 
     def _perpendicular(self, u: Uses, w: Uses) -> _Row:
@@ -254,6 +268,7 @@ class ConstraintMaker:
     def _add_term(self, row: _Row, weight: Block, left: Uses, right: Uses, is_way: bool) -> None:
         b = self._b
         row.product(weight, left, right)
+        row.is_length = row.is_length or is_way
         if is_way:
             factor = b.mul(b.number(2.0), weight) if left is right else weight
             row.by_displacement = b.transpose(b.scale(factor, self._m.of(total(right)).x))
@@ -320,6 +335,7 @@ class ConstraintMaker:
                 row.known(position, rate, acceleration)
             else:
                 row.product(self._m.translator.scalar(factor), *self._slide(joint, coordinate.name))
+                row.is_length = True
 
     def _slide(self, joint: Joint, coordinate: str) -> tuple[Uses, Uses]:
         """The displacement between a joint's points and the direction along which a displacement counts."""

@@ -62,6 +62,7 @@ from cutjoint.model.records import Model, Output, Scalar
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.differentiate import Differentiator
 from cutjoint.program.indicators import find_domains, find_indicators
+from cutjoint.topology.records import Topology
 
 
 def formulate_lagrangian(
@@ -84,13 +85,13 @@ def formulate_lagrangian(
     states = frozenset(b.symbol(f"v:{state.name}", 1, BindingTime.ITERATION) for state in model.states)
     motions = NodeMotions(builder=b, translator=translator, layout=layout, states=states)
     maker = ForceMaker(motions, model, scene, outputs)
-    constraints = tuple(ConstraintMaker(motions, model).all())
+    constraints = tuple(ConstraintMaker(motions, model, topology.arm).all())
     system = _System(
         b=b, motions=motions, layout=layout, constraints=tuple(_without(b, constraints, left_out)),
         elements={e.name: e for e in maker.all()}, masses=tuple(_masses(layout, model)), maker=maker, start=start,
     )  # fmt: skip
     guarded, margins = maker.guarded()
-    unheld = dict(_unheld(b, model, constraints, left_out if watched else ()))
+    unheld = dict(_unheld(b, topology, constraints, left_out if watched else ()))
     margins |= {equation.name: margin for equation, margin in unheld.items()}
     reported = system.elements | {e.name: e for e in guarded}
     reporter = NaturalReporter(
@@ -143,14 +144,14 @@ _OPEN = 1e-5
 
 
 def _unheld(
-    b: Builder, model: Model, constraints: Iterable[Constraint], left_out: Collection[str]
+    b: Builder, topology: Topology, constraints: Iterable[Constraint], left_out: Collection[str]
 ) -> Iterator[tuple[LeftOut, Block]]:  # fmt: skip
     """The equations that are left out, with their margins: negative where one stands open."""
     for c in constraints if left_out else ():
         for i, name in enumerate(c.names):
             if (full := f"{c.element}.{name}") in left_out:
-                equation = LeftOut(name=full, span=model.constraint_spans.get(c.element, model.span))
-                yield equation, b.sub(b.number(_OPEN), b.call("abs", b.take(c.residual, (i, i + 1))))
+                equation = LeftOut(name=full, span=topology.model.constraint_spans.get(c.element, topology.model.span))
+                yield equation, b.sub(b.number(_OPEN * topology.arm), b.call("abs", b.take(c.residual, (i, i + 1))))
 
 
 def _without(b: Builder, constraints: Iterable[Constraint], left_out: Collection[str]) -> Iterator[Constraint]:
@@ -432,6 +433,11 @@ class LagrangianEquations(SystemEquations):
 
     layout: Layout
     constraints: tuple[Constraint, ...]
+
+    @property
+    def angular(self) -> tuple[bool, ...]:
+        """Whether each speed is one of a direction or an angle."""
+        return tuple(node.kind is not NodeKind.POINT for node in self.layout.coordinates for _ in range(node.size))
 
     @property
     def unknown_names(self) -> tuple[str, ...]:

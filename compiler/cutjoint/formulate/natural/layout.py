@@ -50,7 +50,7 @@ class Layout:
     """The nodes in the order of their layout, the groups, and the carriers of each node.
 
     ``angles`` are nodes by joint and coordinate, ``idle`` the joints that need no equation, ``outwards`` inner and outer body of
-    each tree joint.
+    each tree joint, ``arm`` (m) that of the topology, in which places count.
     """
 
     nodes: list[Node] = field(default_factory=list)
@@ -63,6 +63,7 @@ class Layout:
     _places: dict[tuple[str, NodeKind, tuple[Scalar, ...]], Node] = field(default_factory=dict, repr=False)
     _names: set[str] = field(default_factory=set, repr=False)
     value: Callable[[Scalar], float] = float
+    arm: float = 1.0
 
     @property
     def coordinates(self) -> list[Node]:
@@ -87,7 +88,8 @@ class Layout:
 
     def _key(self, body: str, kind: NodeKind, place: Vector) -> tuple[str, NodeKind, tuple[Scalar, ...]]:
         """The key of a node: nodes of a body with equal keys are one; places that depend on a tunable parameter must do so alike."""
-        exact = (sympy.sympify(x) for x in place)
+        unit = self.arm if kind is NodeKind.POINT else 1.0
+        exact = (sympy.sympify(x) / unit if unit != 1 else sympy.sympify(x) for x in place)
         return self.group_of[body], kind, tuple(round(float(x), 11) + 0.0 if x.is_number else x for x in exact)
 
     def find(self, body: str, kind: NodeKind, place: Vector) -> Node | None:
@@ -213,7 +215,7 @@ class _Builder:
                 self._joints_at[group].append(joint)
         self._alike = frozenset(name for c in topology.classes if c.independent for member in c.members for name in member)
         outwards = {t.joint.name: (t.parent, t.child) for t in topology.tree}
-        self.layout = Layout(group_of=self.group_of, value=value, outwards=outwards)
+        self.layout = Layout(group_of=self.group_of, value=value, outwards=outwards, arm=topology.arm)
         self._needs: dict[str, Needs] = {}
 
     def collect(self, scene: Scene, outputs: Sequence[Output]) -> None:
@@ -348,7 +350,8 @@ class _Builder:
                 selection.offer(group, best, 0.0)
 
     def _column(self, item: Node | Need) -> NDArray[np.float64]:
-        return np.array([self._value(x) for x in homogeneous(item.kind, item.place)])
+        unit = self.layout.arm if item.kind is NodeKind.POINT else 1.0
+        return np.array([*(self._value(x) / unit for x in item.place), float(item.kind is NodeKind.POINT)])
 
     def _inverse(self, basis: Sequence[Node]) -> sympy.Matrix:
         """The left inverse of the basis' homogeneous places."""

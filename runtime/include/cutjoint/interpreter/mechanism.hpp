@@ -74,7 +74,9 @@ inline Description read_description(const Json& d) {
   }
   found.states = static_cast<std::size_t>(read_index(d.at("states"), 0, found.speeds.size() + 1));
   for (const Json& size : d.at("nominals")) found.nominals.push_back(size.get<double>());
-  if (!found.nominals.empty() && found.nominals.size() != found.states) refuse("its description has a nominal for some states alone");
+  found.arm = d.at("arm").get<double>();
+  if (!found.nominals.empty() && found.nominals.size() != (found.arm == 1.0 ? found.states : found.speeds.empty() ? found.coordinates.size() : found.speeds.size()))
+    refuse("its description has a nominal for some states alone");
   found.driven = d.at("driven").get<bool>();
   found.guides_jump = d.at("guides_jump").get<bool>();
   return found;

@@ -37,7 +37,7 @@ class Projection {
   using Scalar = typename Instances::Scalar;
 
   explicit Projection(M& mechanism)
-      : mechanism_(mechanism), violation_(sizes_of(mechanism).equations), other_(violation_.size()), dz_(sizes_of(mechanism).speeds),
+      : mechanism_(mechanism), arm_(arm_of(mechanism)), violation_(sizes_of(mechanism).equations), other_(violation_.size()), dz_(sizes_of(mechanism).speeds),
         before_(std::max(sizes_of(mechanism).coordinates, dz_.size())), rest_(violation_.size()), scratch_(violation_.size()), still_(dz_.size()),
         solver_(mechanism) {}
 
@@ -114,8 +114,8 @@ class Projection {
     if (!is_measured_) measure(state, open);
     Real left = largest(open);  // of both ways: what is compiled twice may round otherwise
     is_measured_ = true;
-    const Real size = Real(1) + largest(moved), least = rounding_ * size;
-    const Real little = share_ * where(left < Real(1e-9), left, Real(1e-9)), enough = where(little < least, least, little);
+    const Real size = arm_ * (Real(1) + largest(moved)), least = rounding_ * size, most_left = Real(1e-9) * arm_;
+    const Real little = share_ * where(left < most_left, left, most_left), enough = where(little < least, least, little);
     Mask active = Instances::without(going, left <= least), lost = Instances::all_if(false), weak = lost, singular = lost;
     for (; iterations_ < most && Instances::any(active); ++iterations_) {
       std::copy(moved.begin(), moved.end(), before_.begin());
@@ -199,13 +199,14 @@ class Projection {
     }
   }
 
-  /// 1e-10 m or rad, or what rounding leaves of large numbers.
-  static Real allowed(Real size) {
-    const Real least(1e-10), left = Real(6400 * std::numeric_limits<Scalar>::epsilon()) * size;
+  /// 1e-10 m or rad, of the arm where that is not a metre, or what rounding leaves of large numbers.
+  Real allowed(Real size) const {
+    const Real least = Real(1e-10) * arm_, left = Real(6400 * std::numeric_limits<Scalar>::epsilon()) * size;
     return where(least < left, left, least);
   }
 
   M& mechanism_;
+  Real arm_;
   Equations<M> violation_, other_;
   Speeds<M> dz_;
   Array<M, std::max(static_sizes<M>().coordinates, static_sizes<M>().speeds)> before_;

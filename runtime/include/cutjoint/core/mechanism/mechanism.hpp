@@ -76,12 +76,30 @@ bool may_jump([[maybe_unused]] const M& mechanism) {
   else return mechanism.description().guides_jump;
 }
 
-/// The usual sizes of the first-order states of a mechanism or system, none where all are 1.
+/// The usual sizes of the first-order states of a mechanism or system, none where all are 1.  Of one whose `arm_of` is not 1 those of all accelerations
+/// stand before them: 1 of lengths, and 1/arm of angles.
 template <class M>
 std::span<const double> nominals_of(const M& subject) {
   if constexpr (requires { M::nominals; }) return M::nominals;
   else if constexpr (requires { subject.description(); }) return subject.description().nominals;
   else return {};
+}
+
+/// Those of the states alone.
+template <class M>
+std::span<const double> nominals_of_states(const M& subject) {
+  const std::span<const double> all = nominals_of(subject);
+  if constexpr (requires { M::arm; }) return all.last(M::sizes.states);
+  else if constexpr (requires { subject.description(); }) return all.last(all.empty() ? 0 : subject.description().states);
+  else return all;
+}
+
+/// A length (m) near the mechanism's where that is far from a metre, otherwise 1: that of its equations between directions.
+template <class M>
+double arm_of(const M& subject) {
+  if constexpr (requires { M::arm; }) return M::arm;
+  else if constexpr (requires { subject.description(); }) return subject.description().arm;
+  else return 1.0;
 }
 
 /// The first equation of each cut joint.

@@ -41,6 +41,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
     constexpr int most = 20;
     Residuals left;
     this->get_ready(state, Real(1));
+    if (this->arm_ != Real(1)) choose_weights(state);
     for (int round = 0; round < most; ++round) {
       this->linearise(state, Real(0), start_weights());
       pose_ = state.q;
@@ -82,13 +83,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
   /// The start weighs the equations against the heaviest coordinate, and so does a step whose penalty is not given, alpha dt^2/4 being what
   /// stands beside the masses in its tangent.
   void choose_weights(const StateOf<S>& state) {
-    this->linearise(state, Real(0), {Real(0), Real(0), Real(0), turns_.data()});
-    const auto& pattern = pattern_of(system_);
-    Real heaviest(0);
-    for (std::size_t j = 0; j < n_; ++j)
-      for (auto k = static_cast<std::size_t>(pattern.first[j]); k < static_cast<std::size_t>(pattern.first[j + 1]); ++k)
-        if (static_cast<std::size_t>(pattern.row[k]) == j) heaviest = std::max(heaviest, tangent_[k]);
-    start_alpha_ = overweight<Real> * (heaviest > Real(0) ? heaviest : Real(1));
+    start_alpha_ = overweight<Real> * this->heaviest(state, turns_.data());
     weigh();
   }
 
@@ -144,7 +139,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
 
   /// The projection  f_q dv = -dt^2/4 alpha Phi_q^T Phid  leaves the same share of the violation Phid; see Closing.
   Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& violation) {
-    const Real negligible = static_cast<const Own*>(this)->negligible(values);
+    const Real negligible = static_cast<const Own*>(this)->negligible(this->size_of(state, values));
     const Fault fault = closing_.close(values, violation, k_ * alpha_, negligible, [&](const auto& w, auto shift, auto closing) {
       return this->follow_weight(pose_, state.q, w, shift, closing);
     });

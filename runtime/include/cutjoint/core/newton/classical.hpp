@@ -34,6 +34,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     if (m_ == 0) return {};
     constexpr int most = 20;
     this->get_ready(state, Real(1));
+    choose_weights(state);
     this->constraint_residual(state);
     for (int round = 0; round < most; ++round) {
       this->linearise(state, Real(0), start_weights());
@@ -50,33 +51,51 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     return this->fault_in_equation(open ? Cause::loops_not_closed : Cause::speeds_not_found, worst, violation[worst]);
   }
 
+  /// Memory of the next steps, besides the state and the factors of the last tangent.
+  struct Memory {
+    typename Base::Memory steps;
+    Real mass;
+  };
+
+  Memory memory() const { return {Base::memory(), mass_}; }
+
+  void restore(const Memory& memory) {
+    mass_ = memory.mass;
+    Base::restore(memory.steps);
+  }
+
  private:
   friend Base;
   using Base::f_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phidd_, Base::solver_, Base::speed_, Base::tangent_,
       Base::passes, Base::x_;
 
-  Weights<Real> weights() const { return {speed_, k_, k_}; }
-  Weights<Real> start_weights() const { return {Real(0), Real(0), Real(1)}; }
+  Weights<Real> weights() const { return {speed_, k_, k_ * mass_}; }
+  Weights<Real> start_weights() const { return {Real(0), Real(0), mass_}; }
+
+  /// Of a mechanism far from a metre, whose masses are far from a kilogram, equations weigh as the heaviest coordinate: beside them no mass is rounding.
+  void choose_weights(const StateOf<S>& state) {
+    if (this->arm_ != Real(1)) mass_ = this->heaviest(state, nullptr);
+  }
 
   /// [M, Phi_q^T; Phi_q, 0] (dvdot; dlambda) = -(M vdot + Phi_q^T lambda - Q; Phidd)
   void right_of_start(const StateOf<S>&) {
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -f_[i];
-    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -phidd_[i];
+    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -mass_ * phidd_[i];
   }
 
   /// f_x (dq; dlambda) = -dt^2/4 (M vdot + Phi_q^T lambda - Q; Phi)                                          [eqs. 18-20]
   void approach(const StateOf<S>& state, int, bool) {
     this->linearise(state, Real(0), weights());
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -k_ * f_[i];
-    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -k_ * phi_[i];
+    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -k_ * mass_ * phi_[i];
   }
 
   void take_multipliers() {
-    for (std::size_t i = 0; i < m_; ++i) lambda_[i] += x_[n_ + i];
+    for (std::size_t i = 0; i < m_; ++i) lambda_[i] += mass_ * x_[n_ + i];
   }
 
   void take_jump(StateOf<S>& state) {
-    for (std::size_t i = 0; i < m_; ++i) state.lambda[i] += k_ * x_[n_ + i];
+    for (std::size_t i = 0; i < m_; ++i) state.lambda[i] += k_ * mass_ * x_[n_ + i];
   }
 
   Fault update_multipliers(StateOf<S>& state) {
@@ -90,10 +109,10 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     Real last = std::numeric_limits<Real>::infinity();
     for (std::size_t pass = 0; pass < passes; ++pass) {
       const Real size = largest(violation);
-      if (size <= this->rounding(values) || !(size <= last / 2)) break;
+      if (size <= this->negligible(this->size_of(state, values)) || !(size <= last / 2)) break;
       last = size;
       std::fill_n(x_.begin(), n_, Real(0));
-      for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -k_ * violation[i];
+      for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -k_ * mass_ * violation[i];
       if (const Fault fault = this->solve()) return fault;
       if (const Fault fault = require_small(values)) return fault;
       for (std::size_t i = 0; i < n_; ++i) values[i] += x_[i];
@@ -116,7 +135,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
   template <class Numbers>
   Fault close(const Equations<S>& violation, Numbers& values) {
     std::fill_n(x_.begin(), n_, Real(0));
-    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -violation[i];
+    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -mass_ * violation[i];
     if (const Fault fault = this->solve()) return fault;
     for (std::size_t i = 0; i < values.size(); ++i) values[i] += x_[i];
     return {};
@@ -135,6 +154,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     return !(scaled_.size(probe_.data()) <= Real(1e-3) / std::numeric_limits<Real>::epsilon());
   }
 
+  Real mass_{1};
   Scaled<S> scaled_;
   Rows<S> probe_;
 };

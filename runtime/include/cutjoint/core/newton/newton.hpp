@@ -195,7 +195,7 @@ class Newton : public Workspace<S, Solver> {
   void take_multipliers() {}                                        ///< those of the solution
   void take_jump(StateOf<S>&) {}                                    ///< multipliers of a solution whose right-hand side was not scaled by k
   Fault explain(const Fault& fault) { return fault; }               ///< what more there is to say of an iteration without end
-  Real negligible(const auto& values) const { return rounding(values); }  ///< the violation beside a quantity of this size that a projection may leave
+  Real negligible(Real size) const { return rounding_like(1e-11) * size; }  ///< the violation beside a quantity of this size that a projection may leave
 
   /// Whether the last iteration changed the accelerations by little already, or the coordinates, in a short step, by rounding.
   bool is_near() const { return change_ <= std::max(Real(1e-3) * size_, rounding_ / k_); }
@@ -216,7 +216,7 @@ class Newton : public Workspace<S, Solver> {
   /// Whether loops and their rates are closed, up to a share of coordinates and speeds that is next to rounding.
   bool is_closed(const StateOf<S>& state) const {
     const Real allowed = std::max(Real(1e-10), this->rounding_like(1e-12));
-    return largest(this->phi_) <= allowed * (Real(1) + largest(state.q)) && largest(this->phid_) <= allowed * (Real(1) + largest(state.v));
+    return largest(this->phi_) <= allowed * this->pose_size(state.q) && largest(this->phid_) <= allowed * this->speed_size(state.v);
   }
 
   /// The equation with the largest violation, or with one that is no number.
@@ -231,9 +231,8 @@ class Newton : public Workspace<S, Solver> {
   /// The turns of the balls from the step's start to the iterate.
   void turn() { turn_matrices<Real>(this->charts(), delta_.data(), turns_.data()); }
 
-  /// Passes of a projection, and the violation beside a quantity of this size that is only rounding.
+  /// Passes of a projection.
   static constexpr std::size_t passes = 10;
-  static Real rounding(const auto& values) { return rounding_like(1e-11) * (Real(1) + largest(values)); }
 
   /// Coordinates and rates that belong to the state's accelerations.
   void follow(StateOf<S>& state) {
@@ -364,7 +363,7 @@ class Newton : public Workspace<S, Solver> {
 
   Fault iterate(StateOf<S>& state) {
     predict(state);
-    rounding_ = 64 * std::numeric_limits<Real>::epsilon() * (Real(1) + largest(before_.q));
+    rounding_ = 64 * std::numeric_limits<Real>::epsilon() * this->pose_size(before_.q);
     change_ = smallest_ = std::numeric_limits<Real>::infinity();
     growing_ = idle_ = 0;
     slow_ = false;
@@ -425,7 +424,7 @@ class Newton : public Workspace<S, Solver> {
     const std::size_t first = n_ - nominals.size();
     for (std::size_t i = 0; i < first; ++i) apart = std::max(apart, abs(state.vdot[i] - predicted_[i]));
     for (std::size_t i = first; i < n_; ++i) apart = std::max(apart, abs(state.vdot[i] - predicted_[i]) / Real(nominals[i - first]));
-    const Real rounding = 64 * std::numeric_limits<Real>::epsilon() * (Real(1) + largest(state.v, nominals)) / speed_;
+    const Real rounding = 64 * std::numeric_limits<Real>::epsilon() * this->speed_size(state.v) / speed_;
     return std::min(tolerated, std::max(apart / Real(100), rounding));
   }
 
@@ -450,7 +449,7 @@ class Newton : public Workspace<S, Solver> {
   bool converged(const StateOf<S>& state, int iteration) {
     const Real last = change_, move = largest_move();
     change_ = move / k_;
-    size_ = Real(1) + largest(state.vdot, nominals_of(this->system_));
+    size_ = this->acceleration_size(state.vdot);
     growing_ = change_ > last ? growing_ + 1 : 0;
     idle_ = change_ < smallest_ / 2 ? 0 : idle_ + 1;
     smallest_ = std::min(smallest_, change_);
@@ -460,7 +459,7 @@ class Newton : public Workspace<S, Solver> {
     slow_ = !(third * contraction_ <= enough);
     if (change_ <= enough) return true;
     const Real digits = (idle_ >= 4 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
-    return idle_ > 0 && move <= digits * (Real(1) + largest(state.q));
+    return idle_ > 0 && move <= digits * this->pose_size(state.q);
   }
 
   Real largest_move() const { return largest(std::span<const Real>(x_.data(), n_), nominals_of(this->system_)); }
@@ -477,7 +476,7 @@ class Newton : public Workspace<S, Solver> {
   bool start_converged(const StateOf<S>& state, int iteration) {
     const Real last = change_;
     change_ = largest_move();
-    const Real size = Real(1) + largest(state.vdot, nominals_of(this->system_));
+    const Real size = this->acceleration_size(state.vdot);
     return iteration > 0 && (change_ <= rounding_like(1e-12) * size || (change_ <= rounding_like(1e-8) * size && change_ >= last / 2));
   }
 
@@ -501,7 +500,7 @@ class Newton : public Workspace<S, Solver> {
     using std::abs;
     this->constraint_residual(state);
     for (std::size_t i = 0; i < m_; ++i) {
-      const Real violation = std::max(abs(phi_[i]) / (Real(1) + largest(state.q)), abs(phid_[i]) / (Real(1) + largest(state.v)));
+      const Real violation = std::max(abs(phi_[i]) / this->pose_size(state.q), abs(phid_[i]) / this->speed_size(state.v));
       if (!(violation <= std::max(Real(1e-6), rounding_like(1e-14)))) return this->fault_in_equation(Cause::start_inconsistent, i, violation);
     }
     return {};

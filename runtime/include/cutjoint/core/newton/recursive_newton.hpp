@@ -53,7 +53,7 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
   }
 
   /// A hundredth of what the iteration leaves of the accelerations.
-  Real negligible(const Speeds<S>& values) const { return Real(1e-2) * Real(settings_.tolerance) * (Real(1) + largest(values)); }
+  Real negligible(Real size) const { return Real(1e-2) * Real(settings_.tolerance) * size; }
 
   /// Where the reused factors leave a violation, those of a new tangent close it.  So do they where their age shows: a violation of the rates is closed in the metric of
   /// the tangent, and what its age changes in that has the same direction in all steps.
@@ -97,7 +97,7 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
 
   /// The last iteration leaves the share of Phi that its tangent's age explains: it is closed along the same Phi_q, by the accelerations.
   Fault update_multipliers(StateOf<S>& state) {
-    const Real rounding = this->rounding_like(1e-13) * (Real(1) + largest(state.q));
+    const Real rounding = this->rounding_like(1e-13) * this->pose_size(state.q);
     for (std::size_t pass = 0; pass < Base::passes && largest(phi_) > rounding; ++pass) {
       for (std::size_t i = 0; i < m_; ++i) push_[i] = alpha_ * phi_[i];
       system_.apply_jacobian_transposed(pose_.data(), push_.data(), x_.data());

@@ -28,7 +28,7 @@ class Workspace {
   using Real = typename S::real_type;
 
   Workspace(S& system, Solver& solver)
-      : system_(system), solver_(solver), charts_(charts_of(system)), n_(sizes_of(system).speeds), m_(sizes_of(system).equations), f_(n_),
+      : system_(system), solver_(solver), charts_(charts_of(system)), n_(sizes_of(system).speeds), m_(sizes_of(system).equations), arm_(arm_of(system)), f_(n_),
         phi_(m_), phid_(m_), phidd_(m_), weight_(m_), lambda_(m_), x_(tangent_of(system).rows), tangent_(tangent_of(system).entries) {}
 
   Workspace(const Workspace&) = delete;
@@ -80,18 +80,50 @@ class Workspace {
     };
     for (int round = 0;; ++round) {
       constraint_residual(state);
-      const Real rounding = rounding_like(1e-13) * (Real(1) + largest(state.q));
+      const Real rounding = rounding_like(1e-13) * pose_size(state.q);
       if (!(largest(phi_) > rounding) || round == 4) break;
       std::fill(shift.begin(), shift.end(), Real(0));
       if (const Fault fault = bring(shift, phi_, rounding)) return fault;
       from = state.q;
       displace(charts(), from, shift.data(), state.q);
     }
-    if (const Fault fault = bring(state.v, phid_, rounding_like(1e-12) * (Real(1) + largest(state.v)))) return fault;
+    if (const Fault fault = bring(state.v, phid_, rounding_like(1e-12) * speed_size(state.v))) return fault;
     constraint_residual(state);
     left = {static_cast<double>(largest(phi_)), static_cast<double>(largest(phid_)), 0.0};
     return {};
   }
+
+  /// The largest mass of a coordinate, of one that is no length as its arm's end has it; 1 where none has any.
+  Real heaviest(const StateOf<S>& state, const Real* turns) {
+    linearise(state, Real(0), {Real(0), Real(0), Real(0), turns});
+    const auto& pattern = pattern_of(system_);
+    const std::span<const double> nominals = nominals_of(system_);
+    Real heaviest(0);
+    for (std::size_t j = 0; j < n_; ++j)
+      for (auto k = static_cast<std::size_t>(pattern.first[j]); k < static_cast<std::size_t>(pattern.first[j + 1]); ++k)
+        if (static_cast<std::size_t>(pattern.row[k]) == j) heaviest = std::max(heaviest, arm_ == Real(1) ? tangent_[k] : tangent_[k] * Real(nominals[j] * nominals[j]));
+    return heaviest > Real(0) ? heaviest : Real(1);
+  }
+
+  /// The size (m) that violations of a pose are beside, m/s of speeds and m/s2 of accelerations: where the mechanism is about a metre, 1 + the largest.
+  /// Otherwise its arm stands for the metre, angles count by it, and the second is that in which it falls its arm's length at 1 m/s2.
+  Real pose_size(const Coordinates<S>& q) const {
+    if (arm_ == Real(1)) return Real(1) + largest(q);
+    if (charts().empty()) return arm_ + largest(q, nominals_of(system_));
+    Real size(0);
+    for (const Chart& chart : charts())
+      for (std::size_t i = 0; i < static_cast<std::size_t>(chart.scalars); ++i) {
+        using std::abs;
+        size = std::max(size, abs(q[static_cast<std::size_t>(chart.q) + i]) / Real(nominals_of(system_)[static_cast<std::size_t>(chart.v) + i]));
+      }
+    return arm_ + size;
+  }
+  Real speed_size(const Speeds<S>& v) const {
+    using std::sqrt;
+    return sqrt(arm_) + largest(v, nominals_of(system_));
+  }
+  Real acceleration_size(const Speeds<S>& vdot) const { return Real(1) + largest(vdot, nominals_of(system_)); }
+  Real size_of(const StateOf<S>& state, const Speeds<S>& values) const { return &values == &state.v ? speed_size(values) : acceleration_size(values); }
 
   std::span<const Chart> charts() const {
     if constexpr (Sized<S>)
@@ -124,6 +156,7 @@ class Workspace {
   Solver& solver_;
   std::span<const Chart> charts_;
   std::size_t n_, m_;                         ///< unknowns and equations
+  Real arm_;                                  ///< see `arm_of`
   Speeds<S> f_;                               ///< force residual
   Equations<S> phi_, phid_, phidd_, weight_;  ///< equations and their rates, and room for what pulls on the equations
   Equations<S> lambda_;
