@@ -189,7 +189,8 @@ def test_nothing_is_tried_against_the_clock_and_in_batches() -> None:
     batch = simulate_batch(compile_scene_batch(model, model.scenes["stop"]), [STIFF], dt=0.01, check=False)
     for failure in (times.failure, batch.failures[0], simulate(block(), dt=0.01, parameters=STIFF, check=False).failure):
         assert failure is not None
-        assert failure.advice == "try: a smaller dt, or compiling with the method recursive-newton, as for stiff models"
+        assert failure.advice == ("a force, parameter or input may be out of its range; try: a smaller dt, or compiling with the method"
+                                  " recursive-newton, as for stiff models")  # fmt: skip
 
 
 def test_a_trial_that_takes_too_long_is_ended() -> None:

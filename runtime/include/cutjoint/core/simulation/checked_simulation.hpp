@@ -353,7 +353,7 @@ class CheckedSimulation {
     }
     const Fault& fault = s->fault;
     Text words{text, bytes};
-    words << text_of(fault.cause);
+    words << (fault ? text_of(fault.cause) : "no start or step has failed; the status text says what a negative status means");
     const char *name = nullptr, *place = nullptr;
     const auto look_up = [&](const auto& names, const auto& places) { name = element_of(names, fault.index), place = element_of(places, fault.index); };
     switch (fault.list) {

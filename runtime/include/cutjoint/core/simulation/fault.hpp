@@ -76,7 +76,7 @@ constexpr bool has_made_step(const Fault& fault) {
 /// The message of a cause.
 constexpr const char* text_of(Cause cause) {
   switch (cause) {
-    case Cause::none: return "nothing failed";
+    case Cause::none: return "success";
     case Cause::not_converged: return "the fixed point did not converge";
     case Cause::diverged: return "the fixed point diverged to infinity";
     case Cause::loops_not_closed: return "the loops cannot be closed";
@@ -133,11 +133,11 @@ constexpr const char* advice_of(const Fault& fault) {
   switch (fault.cause) {
     case Cause::none: return "";
     case Cause::not_converged: return fault.value <= 1e-4 * fault.size ? "what is left may be rounding; try: a larger tolerance" : shorter_steps;
-    case Cause::diverged: return shorter_steps;
+    case Cause::diverged: return "a force, parameter or input may be out of its range; try: a smaller dt, or compiling with the method recursive-newton, as for stiff models";
     case Cause::loops_not_closed:
     case Cause::speeds_not_found: return "try: a smaller dt";
     case Cause::no_assembly:
-    case Cause::speeds_inconsistent: return "check the joints' points, guides, and the given coordinates and speeds of this loop; near a dead centre give others";
+    case Cause::speeds_inconsistent: return "check the joints' points, guides, and the given coordinates and speeds of this loop; give at most as many as there are degrees of freedom; near a dead centre give others";
     case Cause::infinite_acceleration: return "it may move no mass in this pose, as of massless links in line; try: another pose, or another method";
     case Cause::stages_not_found:
     case Cause::tolerance_not_met: return "look for a force without bound, or for a singular pose, as where a massless body is in line with what it moves; try: a larger tolerance";
