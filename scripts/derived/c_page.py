@@ -29,7 +29,7 @@ def page() -> str:
     adaptive = _declarations(make_standalone(generated, integrator="dormand-prince", adjoint=True).files[f"{model.name}.h"])
     equal = _declarations(make_standalone(generated, integrator="trapezoidal").files[f"{model.name}.h"])
     settings = next(i for i, (_, code) in enumerate(adaptive) if "name_set_step(" in code)
-    more = [(f"The same of an integrator of equal steps.{comment}", code) for comment, code in equal if "name_set_step(" in code]
+    more = [(comment, code) for comment, code in equal if "name_set_step(" in code]
     lines = [HEAD]
     for comment, code in (*adaptive[: settings + 1], *more, *adaptive[settings + 1 :]):
         lines += [f"## {title}\n"] if (title := _title(code)) else []
@@ -65,4 +65,5 @@ def _prose(comment: str) -> str:
 def _title(code: str) -> str:
     """The functions of a block, at most three by name; "" where it has none."""
     names = re.findall(r"^[\w\s*]*?\b(name_\w+)\(", code, flags=re.MULTILINE)
-    return ", ".join(f"`{name}`" for name in names[:3]) + (", ..." if len(names) > 3 else "")
+    kind = "" if "name_set_step" not in names else ": adaptive integrators" if "name_set_tolerance" in names else ": equal steps"
+    return ", ".join(f"`{name}`" for name in names[:3]) + (", ..." if len(names) > 3 else "") + kind

@@ -123,7 +123,7 @@ def render_header(page: Page, view: Mapping[str, object]) -> str:
 
 
 def _in_c(page: Page) -> dict[str, object]:
-    return {"banner": "\n".join(f"/* {line} */" for line in page.banner)}
+    return {"banner": "\n".join(f"/* {line} */" for line in page.banner[:1])}
 
 
 def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, object]) -> str:

@@ -106,7 +106,7 @@ class States(Motion):
 
     @property
     def constraint_violation(self) -> tuple[float, str | None]:
-        """Largest violation (m or rad) of a loop equation as a share of its limit, and its name; 0 and None without equations.
+        """Violation (m or rad) of the equation that is open by the largest share of its limit, and its name; 0 and None without equations.
 
         Raises:
             SimulationError: there was no `reset`.
