@@ -25,7 +25,7 @@ PAGES = (
     "how-to/export", "how-to/fmu", "how-to/roads-and-tyres",
 )
 #: Pages that take longer.
-LONG = ("start/vehicle", "start/robot", "how-to/choose-a-method")
+LONG = ("start/vehicle", "start/robot", "how-to/choose-a-method", "how-to/embed-in-c")
 
 
 @dataclass(frozen=True)
