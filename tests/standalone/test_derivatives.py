@@ -255,12 +255,14 @@ def test_hosts_choose_states() -> None:
         sim.choose_independent(["pin.angle_rate", "wrist.angle_rate"])
 
 
-def test_a_start_forgets_what_was_chosen() -> None:
+def test_a_start_keeps_what_was_chosen_by_name_until_another_choice() -> None:
     sim = cutjoint.load(MODELS / "press.yaml", linearise=True).reset()
     usual = list(sim.states)
     other = next(name for name in sim.speeds if name not in usual)
     sim.choose_independent([other])
     assert list(sim.states)[1] == other
+    assert list(sim.reset().states)[1] == other
+    sim.choose_independent()
     assert list(sim.reset().states) == usual
 
 
