@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.program.interpret import Array, RoadTable, _call
+from cutjoint.program.interpret import Array, RoadTable, call_function
 from cutjoint.program.scalars import Graph, Scalar
 
 
@@ -31,7 +31,7 @@ def interpret_scalar(node: Scalar, args: Sequence[Any], inputs: Mapping[str, Arr
         if node.op == "symbol":
             return float(np.ravel(inputs[data[0]])[data[1]])
         if node.op.startswith("road_"):
-            return float(_call(node.op, data, list(args), roads))
+            return float(call_function(node.op, data, list(args), roads))
         if node.op == "lane_const":
             return np.array(data)
         if node.op == "gather":
@@ -40,5 +40,5 @@ def interpret_scalar(node: Scalar, args: Sequence[Any], inputs: Mapping[str, Arr
             return float(args[0][data])
         if node.op == "lane_sum":
             return float(np.sum(args[0]))
-        result = _call(node.op, None, list(args), roads)
+        result = call_function(node.op, None, list(args), roads)
         return result if node.lanes else float(result)

@@ -70,7 +70,10 @@ def by_hand(mass: float, times: np.ndarray, angle: float) -> np.ndarray:
             return motion(y, mass, sign)[2]
 
         load.terminal, load.direction = True, -sign  # type: ignore[attr-defined]
-        rates = lambda _, y, s=sign: [y[1], *motion(y, mass, s)[:2]]  # noqa: E731
+
+        def rates(_: float, y: np.ndarray, sign: float = sign) -> list[float]:
+            return [y[1], *motion(y, mass, sign)[:2]]
+
         run = solve_ivp(rates, (t, times[-1]), y, "DOP853", times[times >= t], rtol=1e-13, atol=1e-14, events=load)
         parts.append(run.y[:2, run.t > t if parts else slice(None)])
         t, y, sign = run.t[-1] if run.status == 0 else run.t_events[0][0], run.y[:, -1] if run.status == 0 else run.y_events[0][0], -sign

@@ -41,16 +41,16 @@ def interpret_blocks(
     Inputs (..., n) may carry batch axes, which the values (..., rows, columns) of all that depends on them have too.  The lanes of a block
     are the axis before its rows.
     """
-    constants, others = _in_order(tuple(roots))
+    constants, others = in_order(tuple(roots))
     values = dict(constants)
     with np.errstate(all="ignore"):
         for block in others:
-            values[block] = _evaluate(block, [values[a] for a in block.args], inputs, roads)
+            values[block] = evaluate_block(block, [values[a] for a in block.args], inputs, roads)
     return values
 
 
 @lru_cache(maxsize=16)
-def _in_order(roots: tuple[Block, ...]) -> tuple[dict[Block, Array], list[Block]]:
+def in_order(roots: tuple[Block, ...]) -> tuple[dict[Block, Array], list[Block]]:
     """The values of blocks that read no input and no road, and the other blocks, arguments first."""
     constants: dict[Block, Array] = {}
     others = []
@@ -60,11 +60,11 @@ def _in_order(roots: tuple[Block, ...]) -> tuple[dict[Block, Array], list[Block]
             if block.op == "symbol" or (block.op == "call" and data[1] is not None) or not all(a in constants for a in block.args):
                 others.append(block)
             else:
-                constants[block] = _evaluate(block, [constants[a] for a in block.args], {}, {})
+                constants[block] = evaluate_block(block, [constants[a] for a in block.args], {}, {})
     return constants, others
 
 
-def _evaluate(block: Block, args: list[Array], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]) -> Array:
+def evaluate_block(block: Block, args: list[Array], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]) -> Array:
     data: Any = block.data
     if block.op in ("const", "lane_const"):
         return np.array(data, dtype=float)
@@ -72,7 +72,7 @@ def _evaluate(block: Block, args: list[Array], inputs: Mapping[str, Array], road
         column = np.asarray(inputs[str(data)], dtype=float)
         return column.reshape(*column.shape[:-1], *block.shape)
     if block.op == "call":
-        return _call(data[0], data[1], args, roads)
+        return call_function(data[0], data[1], args, roads)
     if block.op == "stack":
         return _stack(data, args)
     if block.op == "take":
@@ -86,7 +86,7 @@ def _evaluate(block: Block, args: list[Array], inputs: Mapping[str, Array], road
     return _MATRIX[block.op](*args)
 
 
-def _call(function: str, table: str | None, args: list[Any], roads: Mapping[str, RoadTable]) -> Array:
+def call_function(function: str, table: str | None, args: list[Any], roads: Mapping[str, RoadTable]) -> Array:
     """What a function, or a table of a road, makes of numbers.  Raises EquationsError for a function that a user supplies."""
     if table is not None:
         lookup, by = surface_lookup(function) if function.startswith(SURFACE) else (function, None)
@@ -113,11 +113,11 @@ def _over_one_batch(args: Sequence[Array]) -> list[Array]:
     return [np.broadcast_to(a, (*batch, *a.shape[-2:])) for a in args] if batch else list(args)
 
 
-def _turned(a: Array) -> Array:
+def transposed(a: Array) -> Array:
     return np.swapaxes(a, -1, -2)
 
 
-def _skew(p: Array) -> Array:
+def skewed(p: Array) -> Array:
     x, y, z = p[..., 0, 0], p[..., 1, 0], p[..., 2, 0]
     o = np.zeros_like(x)
     return np.stack([np.stack(row, axis=-1) for row in ([o, -z, y], [z, o, -x], [-y, x, o])], axis=-2)
@@ -139,15 +139,15 @@ _MATRIX: dict[str, Callable[..., Array]] = {
     "neg": lambda a: -a,
     "scale": lambda s, a: s * a,
     "mul": lambda a, b: a @ b,
-    "transpose": _turned,
-    "symmetrise": lambda a: a + _turned(a),
-    "sandwich": lambda a, m: a @ m @ _turned(a),
-    "gram": lambda y, d: _turned(y) @ (d * y),
+    "transpose": transposed,
+    "symmetrise": lambda a: a + transposed(a),
+    "sandwich": lambda a, m: a @ m @ transposed(a),
+    "gram": lambda y, d: transposed(y) @ (d * y),
     "weigh": lambda d, y: d * y,
-    "mirror": lambda a: np.triu(a) + _turned(np.triu(a, 1)),
-    "skew": _skew,
+    "mirror": lambda a: np.triu(a) + transposed(np.triu(a, 1)),
+    "skew": skewed,
     "ldl_factor": lambda m: _ldl(m)[0],
     "ldl_pivots": lambda m: _ldl(m)[1],
     "forward": lambda lower, b: _solve(lower, b),
-    "backward": lambda lower, b: _solve(_turned(lower), b),
+    "backward": lambda lower, b: _solve(transposed(lower), b),
 }

@@ -9,7 +9,7 @@ import numpy as np
 
 from cutjoint.program.blocks import Block, is_zero
 from cutjoint.program.differentiate import partial_derivatives
-from cutjoint.program.interpret import Array, RoadTable, _call, _evaluate, _in_order, _skew, _turned
+from cutjoint.program.interpret import Array, RoadTable, call_function, evaluate_block, in_order, skewed, transposed
 
 #: Powers of contacts grow at least as fast as at this deflection, m.
 _TOUCHED = 1e-6
@@ -38,7 +38,7 @@ class _Numbers:
         return self.number(0.0)
 
     def call(self, function: str, *args: _Number, table: str | None = None) -> _Number:
-        return _Number(_call(function, table, [a.value for a in args], self._roads), "call", args, (function, table))
+        return _Number(call_function(function, table, [a.value for a in args], self._roads), "call", args, (function, table))
 
     add, sub = partialmethod(call, "add"), partialmethod(call, "sub")
     neg, mul = partialmethod(call, "neg"), partialmethod(call, "mul")
@@ -54,12 +54,12 @@ def interpret_tangents(
     Inputs (n,) are columns by symbol name, ``seeds`` (directions, n) their changes.  Choices of a value or nought whose conditions are
     ``touching`` have the value all the same, if it is finite: contacts that pull where they are open.
     """
-    constants, others = _in_order(tuple(roots))
+    constants, others = in_order(tuple(roots))
     values, changes, numbers = dict(constants), dict[Block, Array](), _Numbers(roads)
     with np.errstate(all="ignore"):
         for block in others:
             args = [values[a] for a in block.args]
-            values[block] = _evaluate(block, args, inputs, roads)
+            values[block] = evaluate_block(block, args, inputs, roads)
             chosen = _chosen(block, args, touching) if touching and block.op == "call" else None
             if chosen is not None:
                 values[block] = args[chosen]
@@ -107,7 +107,7 @@ def _change(block: Block, args: list[Array], value: Array, d: list[Array | None]
     first = d[0]
     if op == "sandwich":
         a, m = args
-        terms = [None if first is None else first @ m @ a.T, None if first is None else a @ m @ _turned(first)]
+        terms = [None if first is None else first @ m @ a.T, None if first is None else a @ m @ transposed(first)]
         return _sum(*terms, None if d[1] is None else a @ d[1] @ a.T)
     if op == "mul":
         return _sum(None if first is None else first @ args[1], None if d[1] is None else args[0] @ d[1])
@@ -122,8 +122,8 @@ def _change(block: Block, args: list[Array], value: Array, d: list[Array | None]
 
 
 _LINEAR: Mapping[str, Any] = {
-    "neg": lambda a: -a, "transpose": _turned, "skew": _skew, "symmetrise": lambda a: a + _turned(a),
-    "mirror": lambda a: np.triu(a) + _turned(np.triu(a, 1)),
+    "neg": lambda a: -a, "transpose": transposed, "skew": skewed, "symmetrise": lambda a: a + transposed(a),
+    "mirror": lambda a: np.triu(a) + transposed(np.triu(a, 1)),
 }  # fmt: skip
 
 
