@@ -96,7 +96,7 @@ def test_the_message_has_what_was_tried_and_what_was_not() -> None:
     with pytest.raises(FailedRunError) as error:
         simulate(press("penalty"), dt=1e-3, parameters={"stiffness": 1e9})
     assert re.search(r"tried up to 0\.021 s: integrator dormand-prince, integrator dop853 and dt 0\.0001 go on", str(error.value))
-    assert "; try: closure proximal; no file" in str(error.value)
+    assert "; try: closure proximal; no results were written" in str(error.value)
     with pytest.raises(FailedRunError) as error:
         simulate(block(), dt=0.01, parameters=STIFF)
     assert not re.search("penalty|closure|spring", str(error.value))
@@ -272,8 +272,11 @@ def test_a_run_that_stands_still_is_reported_what_was_tried() -> None:
     (scene,) = model.scenes.values()
     for method, other in (("recursive", "recursive-newton"), ("recursive-newton", "recursive")):
         compiled = [compile_interpreted(model, scene, method=each) for each in (other, method)][1]  # the other's simulator is there now
-        with pytest.raises(FailedRunError, match=rf"tried without success: .* method {other}(;|,| and )") as error:
+        with pytest.raises(FailedRunError) as error:
             simulate(compiled)
+        # a trial by crossed events takes about as long as it may
+        goes_on = method == "recursive" and "tried up to 0.01 s: events crossed goes on" in str(error.value)
+        assert goes_on or re.search(rf"tried without success: .* method {other}(;|,| and )", str(error.value))
         assert not re.search("try: .*method", str(error.value))
 
 
