@@ -267,8 +267,9 @@ scenes: {fall: {end: 1, rates: {pin.angle_rate: 0.5}}}
 
 @pytest.mark.parametrize("integrator", with_heavy(["rk4", "dormand-prince"], "dormand-prince"))
 def test_loops_by_explicit_steps_near_a_dead_centre(integrator: str) -> None:
-    """Steps begin with the slope that the one before had before its loops were closed, which projections move far there."""
-    sim = loaded(FALL, "fall", integrator=integrator).reset(dt=0.02)
+    """Steps begin with the accelerations that the one before had before its loops were closed, which projections move far there; those that
+    follow errors are chosen anew for each difference."""
+    sim = loaded(FALL, "fall", integrator=integrator).reset(dt=0.02, tolerance=None if integrator == "rk4" else 1e-11)
     compare(sim, None, ["pin.angle", "crank.angle"], {"heavy": 1e-3}, 1e-7, steps=39)
 
 
