@@ -43,7 +43,8 @@ def command(
             pictures = [] if plots is None else plot_densities(found, f"{title}: road {road} at {speed:g} m/s", plots)
         else:
             response = near.frequency_response(near.frequencies(points, first, last))
-            for made in response_tables(near, response, at):
+            rest = "the static equilibrium" if chosen.trim is None else "the trimmed start"
+            for made in response_tables(near, response, rest if at is None else f"the motion at {at:g} s"):
                 console.print(made)
             written = None if out is None else write_response(response, out)
             pictures = [] if plots is None else plot_response(response, title, plots)

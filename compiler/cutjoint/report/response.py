@@ -19,9 +19,9 @@ from cutjoint.stepping.vibration import RandomVibration
 _POLES, _ZEROS = 40, 3
 
 
-def response_tables(model: LinearModel, response: FrequencyResponse, at: float | None) -> Iterator[Table]:
-    """What the model is about, its poles, and a row for each input and output with peak, margins and zeros."""
-    yield facts("linear model", _about(model, at))
+def response_tables(model: LinearModel, response: FrequencyResponse, about: str) -> Iterator[Table]:
+    """The state that the model is ``about``, its poles, and a row for each input and output with peak, margins and zeros."""
+    yield facts("linear model", _about(model, about))
     sampled = isinstance(model, SampledStateSpace)
     poles = Table(title="poles", title_justify="left", box=None)
     for heading in ("z" if sampled else "pole\n1/s", "frequency\nHz", "damping\nratio"):
@@ -44,8 +44,8 @@ def response_tables(model: LinearModel, response: FrequencyResponse, at: float |
     yield table
 
 
-def _about(model: LinearModel, at: float | None) -> Iterator[tuple[str, str]]:
-    yield "about", "rest, or the trimmed start" if at is None else f"the motion at {at:g} s"
+def _about(model: LinearModel, about: str) -> Iterator[tuple[str, str]]:
+    yield "about", about
     yield "poles", f"{len(model.poles)}, {'stable' if model.is_stable else 'not all decay'}"
     if isinstance(model, SampledStateSpace):
         yield "controllers", f"sampled; common period {model.period:g} s, poles and zeros of the discrete model over it"
