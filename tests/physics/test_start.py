@@ -190,3 +190,10 @@ def test_a_choice_of_independent_coordinates_outlasts_a_reset() -> None:
         sim.choose_independent([f"{name}_rate" for name in names])
         sim.reset(coordinates={"hip.angle": 0.1})
         assert list(sim.states)[:2] == names
+
+
+def test_given_coordinates_beside_assembled_places_keep_the_assembly_too() -> None:
+    text = LEG.replace("end: 0.1", "end: 0.1, positions: {hip.angle: -0.6, knee.angle: 1.2}, assemble: {shaft.angle: 0.6}")
+    model = read_model_text(text, "leg.yaml")
+    sim = load_scene(model, find_scene(model, None)).reset()
+    assert sim.coordinates["shaft.angle"] == pytest.approx(0.6, abs=1e-9)

@@ -29,6 +29,8 @@ _DAMPING, _GAIN = 1e-9, 1e-9
 _SEEN = 1e-7
 #: Random steps from the design position, and how far these go, rad and m.
 _TRIALS, _STRAY = 12, 1.2
+#: Poses between the design position and given coordinates.
+_STAGES = 17
 #: Trials that end as far away as the best, by this share: after so many there is nothing nearer.
 _ALIKE, _ENOUGH = 1e-3, 4
 
@@ -70,7 +72,7 @@ class AimedStart:
         """
         q, free = self._given(given)
         search = _Search(self._with(parameters), free, np.array(wanted))
-        start = search.reach(q)
+        start = search.lead(q)
         if start is None:
             where = f"{self._scene.span}: scene '{self._scene.name}'"
             raise RunError(f"{where}: the loops cannot close from its positions; give others, or fewer")
@@ -150,6 +152,31 @@ class _Search:
             return None
         left = self._values(found[0][np.newaxis])[0] - self._wanted
         return _Reached(q=found[0], left=np.where(np.abs(left) <= _REACHED * np.maximum(1.0, np.abs(self._wanted)), 0.0, left))
+
+    def lead(self, q: Array) -> _Reached | None:
+        """The pose near given coordinates, or that to which poses from the design position lead, where other coordinates move less so.
+
+        As runtime core/start/start.hpp: from far away the shortest way may lead to another assembly.
+        """
+        direct, design = self.reach(q), design_coordinates(self._equations)
+        if self._free.all() or (direct is not None and np.array_equal(direct.q, q)):
+            return direct
+        at = design
+        for share in np.linspace(0.0, 1.0, _STAGES):
+            at = np.where(q != design, (1 - share) * design + share * q, at)  # free coordinates are those of the design position
+            for chart in (chart for chart in self._equations.charts if chart.ball):
+                ball = slice(chart.q + chart.scalars, chart.q + chart.scalars + 4)
+                at[ball] /= np.linalg.norm(at[ball])
+            found = close_loops(self._equations, at, free=self._free)
+            if found is None:
+                return direct
+            at = found[0]
+        led = self.reach(at)
+        if led is None or direct is None:
+            return led or direct
+        one, other = np.abs(led.q - design), np.abs(direct.q - design)
+        seen = one + other > _SEEN
+        return led if np.sum((one - other)[seen] / (one + other)[seen]) < -1e-3 else direct
 
     def freedom(self, q: Array) -> int:
         """The number of directions of motion beside what is given."""
