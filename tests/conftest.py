@@ -56,7 +56,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 _COMPILING = tuple(
     f"tests/{folder}/" for folder in (
         "bench", "compile_run", "coupling", "edges", "export", "fmu", "images", "packaging", "pages", "physics", "runtime", "standalone",
-        "sweeps", "toolchain",
+        "fits", "sweeps", "toolchain",
     )
 )  # fmt: skip
 

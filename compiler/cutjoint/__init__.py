@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.analysis.mobility import GuideError
     from cutjoint.compile.pipeline import compile_model
+    from cutjoint.fits.fit import Fit, fit
     from cutjoint.model.errors import ModelError
     from cutjoint.package.errors import CutjointError, EquationsError, RunError, ToolchainError
     from cutjoint.package.extensions import MissingPackageError
@@ -60,12 +61,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AdjointSensitivities", "ConstantError", "CutjointError", "EigenvalueSensitivities", "EquationsError", "EventSensitivities",
-    "FailedBatchError", "FailedRealTimeError", "FailedRunError", "ForwardSensitivities", "FrequencyResponse", "GuideError",
+    "FailedBatchError", "FailedRealTimeError", "FailedRunError", "Fit", "ForwardSensitivities", "FrequencyResponse", "GuideError",
     "IncompleteError", "MissingLibraryError", "MissingPackageError", "ModelError", "NoEquilibriumError", "NoInertiaError", "OutputError",
     "RandomVibration", "RunError", "SampledStateSpace", "Simulation", "SimulationError", "SimulatorError", "StateSensitivities",
     "StateSpace", "StepDerivatives", "Sweep", "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model",
     "find_compliance", "find_equilibrium", "find_initial_state", "find_kinematics", "find_linear_model", "find_modes", "find_trim",
-    "inverse_dynamics", "load", "random_vibration", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate",
+    "fit", "inverse_dynamics", "load", "random_vibration", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate",
     "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
@@ -99,6 +100,7 @@ _HOMES = {
     "cutjoint.stepping.state_space": ("FrequencyResponse", "SampledStateSpace", "StateSpace"),
     "cutjoint.stepping.vibration": ("RandomVibration", "random_vibration"),
     "cutjoint.sweeps.run": ("Sweep", "sweep"),
+    "cutjoint.fits.fit": ("Fit", "fit"),
     "cutjoint.topology.build": ("build_topology",),
     "cutjoint.topology.reading": ("read_model", "read_model_text"),
     "cutjoint.topology.spanning_tree": ("TopologyError",),

@@ -19,7 +19,7 @@ from cutjoint.model.text import escaped_lines
 from cutjoint.package.extensions import COMMANDS, MissingPackageError
 from cutjoint.run.stopping import Terminated, ended_by_signals
 
-_COMMANDS = ("batch", "check", "compile", "couple", "drive", "equilibrium", "explain", "export", "gradient", "import", "inverse",
+_COMMANDS = ("batch", "check", "compile", "couple", "drive", "equilibrium", "explain", "export", "fit", "gradient", "import", "inverse",
              "kinematics", "modes", "realtime", "reduce", "response", "schema", "simulate", "sweep", "view", "warm")  # fmt: skip
 
 #: After how many new objects Python looks for cycles among them.  A command makes many that stay: with Python's 700, an eighth of its time

@@ -11,7 +11,8 @@ import pytest
 from tests.conftest import ROOT
 
 NAMES = (
-    "docs/model.schema.json", "docs/study.schema.json", "docs/reference/command-line.md", "docs/reference/python.md", "docs/reference/c.md",
+    "docs/model.schema.json", "docs/study.schema.json", "docs/fit.schema.json",
+    "docs/reference/command-line.md", "docs/reference/python.md", "docs/reference/c.md",
     "docs/reference/library.md", "docs/background/four-bar.md", "docs/pictures/signs.svg",
     "docs/reference/model-file.md", "docs/background/mechanics.md", "docs/reference/integrators.md", "docs/how-to/gradients.md",
     "runtime/include/cutjoint/integrator_table.hpp", "runtime/include/cutjoint/core/numbers/functions.hpp",

@@ -1,0 +1,51 @@
+"""`cutjoint fit`."""
+
+from pathlib import Path
+
+from rich.table import Table
+
+from cutjoint.commands import options, table
+from cutjoint.run.outputs import OutputError, require_apart
+from cutjoint.run.result_files import write_whole
+
+
+@table.command("fit")
+def command(study: Path, out: Path | None, model_out: Path | None, view: Path | None) -> None:
+    """Fit numbers of models to measurements as STUDY asks, and say what the data leave open.
+
+    Exit status: 0 identified, 3 not converged, 4 not identified, 5 residual not white.
+    """
+    from cutjoint.fits.fit import fit
+    from cutjoint.fits.page import make_page
+    from cutjoint.fits.writing import as_json, rewrite_model
+
+    out = Path(f"{study.stem}.json") if out is None else out
+    require_apart({"the study": study}, documents=[("--out", out), ("--model", model_out), ("--view", view)])
+    if view is not None and view.suffix != ".html":
+        raise OutputError(f"--view {view}: no such kind of file; write a name that ends in .html")
+    found = fit(study, note=lambda text: options.err.print(text, markup=False))
+    write_whole(out, as_json(found))
+    shown = Table(title="parameters", title_justify="left", box=None)
+    for heading in ("parameter", "unit", "start", "value", "95 % interval"):
+        shown.add_column(heading, justify="right" if heading in ("start", "value") else "left", no_wrap=True)
+    for name, unit, start, value, (low, high) in zip(found.names, found.units, found.start, found.values, found.intervals, strict=True):
+        shown.add_row(name, unit, f"{start:.6g}", f"{value:.8g}", f"{low:.6g} to {high:.6g}")
+    options.out.print(shown)
+    fits = Table(title="signals, SI units", title_justify="left", box=None)
+    for heading in ("experiment", "signal", "samples", "RMS of residual", "explained", "white noise: p"):
+        fits.add_column(heading, justify="left" if heading in ("experiment", "signal") else "right", no_wrap=True)
+    for s in found.signals:
+        p = "-" if s.p_value is None else f"{s.p_value:.3g}"
+        fits.add_row(s.experiment + ", validation" * s.validation, s.signal, str(s.samples), f"{s.rms:.4g}", f"{s.explained:.4f}", p)
+    options.out.print(fits)
+    for number, model in enumerate({e.model.span.file: e.model for e in found.study.experiments}.values()):
+        if model_out is not None:
+            path = model_out if not number else model_out.with_name(f"{model_out.stem}-{number + 1}{model_out.suffix}")
+            options.out.print(f"model: {write_whole(path, rewrite_model(model, found.numbers))}", markup=False)
+    if view is not None:
+        options.out.print(f"view: {write_whole(view, make_page(found))}", markup=False)
+    options.out.print(f"verdict: {found.verdict}, {found.iterations} iterations, {found.runs} runs; results: {out}", markup=False)
+    for fault, words in found.faults.items():
+        options.out.print(f"  {fault}: {words}", markup=False)
+    if found.status:
+        raise SystemExit(found.status)

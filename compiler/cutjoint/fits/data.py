@@ -1,0 +1,76 @@
+"""Measurements from files: CSV, Parquet, Arrow and NumPy tables, and MDF4."""
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from cutjoint.fits.records import Array
+from cutjoint.model.errors import nearest
+from cutjoint.package.errors import RunError
+from cutjoint.run.binary_tables import WRITERS, read_columns
+
+#: From the name of a column to its times, as they stand in the file, and its values, NaN where one is missing.
+Columns: TypeAlias = Callable[[str], tuple[Array, Array]]
+
+_MDF = (".mf4", ".mdf", ".dat")
+
+
+def read_data(path: Path, time: str) -> Columns:
+    """The columns of a file; ``time`` is that of a table's times, "" of a table without.
+
+    Raises:
+        RunError: it cannot be read, or has no such column; the message names the file.
+    """
+    try:
+        columns = _mdf(path) if path.suffix.lower() in _MDF else _table(path, time)
+    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
+        raise RunError(f"{path}: it cannot be read: {error}") from None
+    return columns
+
+
+def _table(path: Path, time: str) -> Columns:
+    found = read_columns(path) if path.suffix in WRITERS else _csv(path)
+
+    def column(name: str) -> tuple[Array, Array]:
+        for each in filter(None, (name, time)):
+            if each not in found:
+                raise RunError(f"{path}: there is no column '{each}'; {nearest(each, found, 'it has')}")
+        values = np.asarray(found[name], dtype=float)
+        return np.asarray(found[time], dtype=float) if time else np.arange(len(values), dtype=float), values
+
+    return column
+
+
+def _csv(path: Path) -> dict[str, Array]:
+    """The columns of a text table; an empty cell is a missing sample."""
+    with path.open(encoding="utf-8-sig", newline="") as stream:
+        rows = csv.reader(stream, skipinitialspace=True)
+        names = [name.strip() for name in next(rows, [])]
+        read = [(rows.line_num, row) for row in rows if row]
+    for line, row in read:
+        if len(row) != len(names):
+            raise ValueError(f"line {line} has {len(row)} values for {len(names)} names")
+    try:
+        numbers = np.array([[float(cell) if cell.strip() else np.nan for cell in row] for _, row in read]).reshape(-1, len(names))
+    except ValueError as error:
+        raise ValueError(f"{error}; below its first line of names it has numbers alone") from None
+    return dict(zip(names, numbers.T, strict=True))
+
+
+def _mdf(path: Path) -> Columns:
+    try:
+        from asammdf import MDF
+    except ImportError:
+        raise RunError(f"{path}: MDF files need the package asammdf: pip install 'cutjoint[mdf]'") from None
+    file = MDF(path)
+
+    def column(name: str) -> tuple[Array, Array]:
+        if name not in file:
+            raise RunError(f"{path}: there is no channel '{name}'; {nearest(name, file.channels_db, 'it has')}")
+        found = file.get(name)
+        return np.asarray(found.timestamps, dtype=float), np.asarray(found.samples, dtype=float)
+
+    return column

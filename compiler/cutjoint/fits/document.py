@@ -1,0 +1,100 @@
+"""The shape of the study file of a fit, as pydantic classes; names, numbers and units are resolved in `reading`."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, StrictBool, StrictInt, StrictStr, model_validator
+
+from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, Formulation
+from cutjoint.model.document.model_file import json_schema
+from cutjoint.model.document.values import MAX_PIECES, Number, OneOf, Part, Unit, shape_error
+from cutjoint.sweeps.document import Seed
+
+
+class Prior(Part):
+    """What is known of a parameter before: a normal distribution."""
+
+    mean: Number
+    deviation: Number
+
+
+class Fitted(Part):
+    """A parameter of the fit: its start value, by default that of the model, bounds, prior and size."""
+
+    start: Number | None = None
+    from_: Number | None = Field(default=None, alias="from")
+    to: Number | None = None
+    prior: Prior | None = None
+    size: Number | None = None
+
+
+class Measured(Part):
+    """A measured column: ``gain`` times the output ``delay`` earlier, plus ``bias``, with noise of a standard ``deviation``."""
+
+    column: StrictStr | None = None
+    unit: Unit | None = None
+    deviation: Number | None = None
+    gain: Number | None = None
+    bias: Number | None = None
+    delay: Number | None = None
+
+
+class Driven(Part):
+    """An input of the model that follows a column, of another file if ``data`` names one."""
+
+    column: StrictStr | None = None
+    unit: Unit | None = None
+    data: StrictStr | None = None
+    interpolation: Literal["linear", "cubic"] = "linear"
+
+
+class Experiment(Part):
+    """A file of measurements, and the run or the poses that it is of."""
+
+    data: StrictStr
+    model: StrictStr | None = None
+    scene: StrictStr | None = None
+    time: StrictStr = "t"
+    time_unit: Unit | None = None
+    from_: Number | None = Field(default=None, alias="from")
+    to: Number | None = None
+    poses: StrictBool = False
+    rest: StrictBool = False
+    start: dict[StrictStr, Number] = Field(default={})
+    inputs: dict[StrictStr, Driven] = Field(default={})
+    signals: Annotated[dict[StrictStr, Measured], Field(min_length=1, max_length=MAX_PIECES)]
+    validation: StrictBool = False
+
+    @model_validator(mode="after")
+    def _of_one_kind(self) -> "Experiment":
+        if self.poses and (self.rest or self.inputs or not self.start):
+            raise shape_error("poses have coordinates in 'start', no inputs and no 'rest'", "write for example start: {pin.angle: encoder}")
+        return self
+
+
+class Starts(Part):
+    """Further starts of the fit, spread over the bounds."""
+
+    count: Annotated[StrictInt, Field(ge=1, le=10_000)]
+    seed: Seed = 0
+
+
+class Document(Part):
+    """A fit."""
+
+    cutjoint_fit: Literal[1]
+    model: StrictStr | None = None
+    method: Annotated[str, OneOf(tuple(m for m, x in METHODS.items() if x.formulation is not Formulation.NATURAL))] = DEFAULT_METHOD
+    integrator: Annotated[str, OneOf(tuple(INTEGRATORS))] | None = None
+    dt: Number | None = None
+    parameters: Annotated[dict[StrictStr, Fitted], Field(min_length=1, max_length=MAX_PIECES)]
+    ties: dict[StrictStr, Number] = Field(default={})
+    inertias: tuple[StrictStr, ...] = ()
+    experiments: Annotated[dict[StrictStr, Experiment], Field(min_length=1, max_length=MAX_PIECES)]
+    loss: Literal["linear", "soft_l1", "huber", "cauchy", "arctan"] = "linear"
+    starts: Starts | None = None
+    bootstrap: Starts | None = None
+
+
+def fit_schema() -> str:
+    """The JSON Schema of the study files of fits as text."""
+    return json_schema(Document, "cutjoint fit")

@@ -1,0 +1,298 @@
+"""From the study file of a fit to a `Study`: all names resolved, all numbers in SI units, all problems at once."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import inf, isfinite, isnan, nan
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import sympy
+
+from cutjoint.fits import document as parts
+from cutjoint.fits.data import Columns, read_data
+from cutjoint.fits.inertias import Inertia, tie_inertia
+from cutjoint.fits.records import Array, Experiment, Parameter, Signal, Study
+from cutjoint.formulate.inputs import input_parameters, tunable_parameters
+from cutjoint.methods import INTEGRATORS
+from cutjoint.model.document.checks import check_part
+from cutjoint.model.document.source import Path as Keys
+from cutjoint.model.document.source import Source, parse_yaml, read_text
+from cutjoint.model.errors import ModelError, Problems, nearest
+from cutjoint.model.expressions.operations import ExpressionError, Term
+from cutjoint.model.expressions.parse import Names, symbols_of
+from cutjoint.model.expressions.scope import Directory, Element, Scope
+from cutjoint.model.expressions.units import TIME, Dimension, measure
+from cutjoint.model.records import Model, Scalar, Scene
+from cutjoint.package.errors import RunError
+from cutjoint.package.locations import AnyPath
+from cutjoint.run.scenes import find_case
+from cutjoint.sweeps.code import Reader
+from cutjoint.topology.reading import read_model
+
+_LABELS = {"parameters": "parameter", "ties": "tie", "experiments": "experiment", "inertias": "inertia"}
+
+
+def element_of(path: Keys) -> tuple[str, int]:
+    """The part of a study that a path leads into, in words, and how many keys lead to it."""
+    return (f"{_LABELS[str(path[0])]} '{path[1]}'", 2) if len(path) >= 2 and path[0] in _LABELS else ("fit", 0)
+
+
+def read_fit(given: AnyPath | Mapping[str, Any]) -> Study:
+    """Read a study, a file or a mapping, with the models and the data that it names.
+
+    Raises:
+        ModelError: the study or a model is wrong; it has all problems.
+        RunError: data cannot be read.
+    """
+    named = isinstance(given, Mapping)
+    text, file = (json.dumps(dict(given)), "fit") if isinstance(given, Mapping) else (read_text(Path(given)), str(given))
+    problems = Problems()
+    source = parse_yaml(text, file)
+    document = check_part(source, problems, parts.Document, element_of)
+    if document is None or problems:
+        raise problems.error()
+    return _Reading(source, problems, document, Path() if named else Path(file).parent).study()
+
+
+class _Reading:
+    """The steps of reading one study."""
+
+    def __init__(self, source: Source, problems: Problems, document: parts.Document, folder: Path) -> None:
+        self.source, self.problems, self.document, self.folder = source, problems, document, folder
+        scope = Scope(source=source, problems=problems, directory=Directory(frozenset(), {}, frozenset()), names={}, values={})
+        self.where = Element(scope, "fit", "", ())
+        self.models: dict[str, Model] = {}
+        self.data: dict[tuple[str, str], Columns] = {}
+        self.terms: dict[str, Term] = {}
+        self.inertias: dict[str, Inertia] = {}
+
+    def study(self) -> Study:
+        """The study; raises ModelError with all problems."""
+        document = self.document
+        self._read_models()
+        known = {p.name: p for model in self.models.values() for p in (*tunable_parameters(model), *input_parameters(model))}
+        fitted = [self._parameter(name, part, known.get(name)) for name, part in document.parameters.items()]
+        for i, name in enumerate(document.inertias):
+            try:
+                self.inertias[name] = tie_inertia(name, {n: p.value for n, p in known.items()}, self.source.value_span(("inertias", i)))
+            except RunError as error:
+                self._fail(("inertias", i), str(error))
+        fitted += [p for inertia in self.inertias.values() for p in inertia.parameters]
+        ties: dict[str, Scalar] = {name: value for inertia in self.inertias.values() for name, value in inertia.ties.items()}
+        for name, text in document.ties.items():
+            if name not in known or name in document.parameters or name in ties:
+                why = "is a parameter of the fit" if name in {*document.parameters, *ties} else "is no number of the models"
+                self._fail(("ties", name), f"'{name}' {why}", nearest(name, known, "they have"), at_key=True)
+            ties[name] = self._expression(text, ("ties", name), _dimension(known[name].unit) if name in known else None)
+        experiments = [self._experiment(name, part) for name, part in document.experiments.items()]
+        used = {symbol for value in ties.values() for symbol in value.free_symbols}
+        used |= {s for e in experiments for v in (*e.starts.values(), *(x for g in e.signals for x in (g.gain, g.bias, g.delay)))
+                 for s in sympy.sympify(v).free_symbols}  # fmt: skip
+        for p in fitted:
+            if p.name not in known and p.symbol not in used:
+                self._fail(("parameters", p.name), "no model has a number of this name, and no expression of the study names it",
+                    nearest(p.name, known, "they have"), at_key=True)  # fmt: skip
+        if all(e.validation for e in experiments):
+            self._fail(("experiments",), "all experiments are for validation", "leave validation: true away from one")
+        if self.problems:
+            raise self.problems.error()
+        starts, resamples = document.starts, document.bootstrap
+        if starts is not None and not all(isfinite(p.low + p.high) for p in fitted):
+            self._fail(("starts",), "several starts lie between bounds", "give each parameter 'from' and 'to'")
+            raise self.problems.error()
+        return Study(
+            file=self.source.file, method=document.method, integrator=document.integrator, parameters=tuple(fitted), ties=ties,
+            experiments=tuple(experiments), loss=document.loss, starts=1 if starts is None else starts.count,
+            seed=(starts or resamples or parts.Starts(count=1)).seed, resamples=0 if resamples is None else resamples.count,
+        )  # fmt: skip
+
+    def _fail(self, keys: Keys, message: str, hint: str = "", *, at_key: bool = False) -> None:
+        replace(self.where, label=element_of(keys)[0]).fail(message, hint, keys, at_key=at_key)
+
+    def _stop(self, keys: Keys, message: str, hint: str = "") -> NoReturn:
+        self._fail(keys, message, hint)
+        raise self.problems.error()
+
+    # Models
+
+    def _read_models(self) -> None:
+        document = self.document
+        wanted = {*document.parameters, *document.ties, *(f"{body}.*" for body in document.inertias)}
+        for name, part in document.experiments.items():
+            keys: Keys = ("experiments", name, "model") if part.model is not None else ("model",)
+            file = part.model or document.model
+            if file is None:
+                self._stop(("experiments", name), "no model is named", "write model: for all experiments, or in each")
+            if file not in self.models:
+                if not (self.folder / file).is_file():
+                    self._stop(keys, f"model: there is no file {self.folder / file}", "write its path from the folder of the study")
+                self.models[file] = _read_tunable(self.folder / file, sorted(wanted))
+
+    # Parameters and expressions
+
+    def _parameter(self, name: str, part: parts.Fitted, own: Any) -> Parameter:
+        keys: Keys = ("parameters", name)
+        dimension = _dimension(own.unit) if own is not None and own.unit else None
+        if own is None and part.start is not None:
+            dimension = self._term(part.start, (*keys, "start"), {}).dimension
+
+        def number(value: Any, key: tuple[str, ...], default: float) -> float:
+            if value is None:
+                return default
+            return replace(self.where, label=f"parameter '{name}'").number(value, dimension, (*keys, *key))
+
+        start = number(part.start, ("start",), nan if own is None else own.value)
+        low, high = number(part.from_, ("from",), -inf), number(part.to, ("to",), inf)
+        if isnan(start) and part.start is None:
+            self._fail(keys, "no model has a number of this name, and it has no start", "write start: and a number", at_key=True)
+        elif not low <= start <= high or low == high:
+            self._fail(keys, f"its start {start:g} is not between its bounds {low:g} and {high:g}", "change one of them", at_key=True)
+        mean = deviation = inf
+        if part.prior is not None:
+            mean, deviation = (number(getattr(part.prior, k), ("prior", k), inf) for k in ("mean", "deviation"))
+            if not deviation > 0:
+                self._fail((*keys, "prior", "deviation"), "a standard deviation is above zero")
+        usual = abs(start) or (high - low if isfinite(high - low) else deviation if isfinite(deviation) else 1.0)
+        size = number(part.size, ("size",), usual)
+        symbol = sympy.Symbol(name, real=True)
+        self.terms[name] = Term(symbol, dimension)
+        unit = own.unit if own is not None else "" if dimension is None else str(dimension)
+        return Parameter(name=name, symbol=symbol, unit=unit, start=start, low=low, high=high, mean=mean, deviation=deviation,
+            size=size if size > 0 else 1.0, span=self.source.key_span(keys))  # fmt: skip
+
+    def _term(self, value: int | float | str, keys: Keys, further: Mapping[str, Term]) -> Term:
+        def dotted(name: str) -> Term:
+            if name in self.terms:
+                return self.terms[name]
+            raise ExpressionError(f"'{name}' is no parameter of the fit", nearest(name, self.terms, "it has"))
+
+        names = Names({**further, **self.terms}, frozenset(), dotted)
+        return replace(self.where, label=element_of(keys)[0]).term(value, keys, names)
+
+    def _expression(self, value: Any, keys: Keys, dimension: Dimension | None, further: Mapping[str, Term] | None = None) -> Scalar:
+        term = self._term(value, keys, further or {})
+        if dimension is not None and term.dimension not in (None, dimension):
+            self._fail(keys, f"'{value}' is in another dimension than what it is for", f"write it in {dimension}")
+        return sympy.sympify(term.value)
+
+    # Experiments
+
+    def _experiment(self, name: str, part: parts.Experiment) -> Experiment:
+        keys: Keys = ("experiments", name)
+        model = self.models[part.model or self.document.model or ""]
+        try:
+            model, scene = find_case(model, part.scene)
+        except RunError as error:
+            self._stop(keys, str(error))
+        reader, seconds = Reader(model), self._factor(part.time_unit, (*keys, "time_unit"), TIME)
+        data = self._data(part.data, "" if part.poses else part.time)
+        begin, until = (
+            (default if value is None else self.where.number(value, TIME, (*keys, key)))
+            for key, value, default in (("from", part.from_, nan), ("to", part.to, inf))
+        )  # fmt: skip
+        taken = {text: self._column(data, m.column or text, seconds) for text, m in part.signals.items()}
+        if isnan(begin):
+            begin = min(float(t[0]) if len(t) else 0.0 for t, _ in taken.values())
+        signals = []
+        for text, measured in part.signals.items():
+            t, values = taken[text]
+            inside = (t >= begin - 1e-9) & (t <= until + 1e-9)
+            whole = inside & np.isfinite(values) & np.isfinite(t)
+            if not whole.any():
+                self._fail((*keys, "signals", text), "there are no samples in the window of time", "see from and to")
+            elif not part.poses and (np.diff(t[whole]) <= 0).any():
+                self._fail((*keys, "signals", text), f"the times of {part.data} do not rise", "sort the rows, and leave double ones away")
+            missing = int(inside.sum() - whole.sum())
+            signals.append(self._signal((*keys, "signals", text), text, measured, reader, (t[whole] - begin, values[whole], missing)))
+            if part.poses and missing:
+                self._fail((*keys, "signals", text), "a pose lacks a sample", "leave its row away")
+        named = {n: Term(sympy.Symbol(f"[{n}]", real=True)) for text in part.start.values() for n in symbols_of(text) - self.terms.keys()}
+        columns = {}
+        for n, term in named.items():
+            t, values = self._column(data, n, seconds)
+            columns[term.value] = values if part.poses else values[np.isfinite(values) & (t >= begin - 1e-9)][:1]
+        starts = {c: self._expression(v, (*keys, "start", c), None, named) for c, v in part.start.items()}
+        return Experiment(
+            name=name, model=model, scene=replace(scene, outputs=tuple(reader.outputs.values())), outputs=tuple(reader.outputs.values()),
+            signals=tuple(signals), starts=starts, columns=columns, is_pose=part.poses, at_rest=part.rest, validation=part.validation,
+            inputs={n: self._input((*keys, "inputs", n), n, d, part, model, begin) for n, d in part.inputs.items()},
+            dt=self._step(scene, signals), span=self.source.key_span(keys),
+        )  # fmt: skip
+
+    def _step(self, scene: Scene, signals: Sequence[Signal]) -> float:
+        """The step of the runs: of adaptive integrators the interval between samples, of others the scene's, if they are not given."""
+        if self.document.dt is not None:
+            return self.where.number(self.document.dt, TIME, ("dt",))
+        chosen, own = self.document.integrator, scene.numerics.of_method(self.document.method).dt
+        if own is not None and (chosen is None or not INTEGRATORS[chosen].adaptive):
+            return own
+        steps = [float(np.median(np.diff(s.times))) for s in signals if len(s.times) > 1]
+        return min(steps, default=scene.output_step)
+
+    def _signal(self, keys: Keys, text: str, part: parts.Measured, reader: Reader, data: tuple[Array, Array, int]) -> Signal:
+        try:
+            value, unit, dimension = reader.read(text, self.source.key_span(keys))
+        except ExpressionError as error:
+            self._fail(keys, f"'{text}': {error.message}", error.hint, at_key=True)
+            return Signal(text=text, unit="", value=sympy.S.Zero, times=data[0], values=data[1], deviation=nan, gain=1, bias=0, delay=0)
+        free = part.gain is not None  # which has the quotient of the units
+        factor = self._factor(part.unit, (*keys, "unit"), None if free else dimension)
+        at = replace(self.where, label=element_of(keys)[0])
+        deviation = nan if part.deviation is None else at.number(part.deviation, None if free else dimension, (*keys, "deviation"))
+        if deviation <= 0:
+            self._fail((*keys, "deviation"), "a standard deviation is above zero")
+        gain, bias, delay = (
+            sympy.sympify(default) if given is None else self._expression(given, (*keys, key), expected)
+            for key, given, default, expected in
+            (("gain", part.gain, 1, None), ("bias", part.bias, 0, None if free else dimension), ("delay", part.delay, 0, TIME))
+        )  # fmt: skip
+        times, values, missing = data
+        return Signal(text=text, unit=unit or ("" if dimension is None else str(dimension)), value=sympy.sympify(value), times=times,
+            values=values * factor, deviation=deviation, gain=gain, bias=bias, delay=delay, missing=missing)  # fmt: skip
+
+    def _input(self, keys: Keys, name: str, part: parts.Driven, of: parts.Experiment, model: Model, begin: float) -> dict[str, object]:
+        own = {p.name: p for p in input_parameters(model)}
+        if name not in own:
+            self._fail(keys, f"the model has no input '{name}'", nearest(name, own, "it has"), at_key=True)
+            return {}
+        seconds = self._factor(of.time_unit, ("experiments",), TIME)
+        t, values = self._column(self._data(part.data or of.data, of.time), part.column or name, seconds)
+        whole = np.isfinite(values)
+        factor = self._factor(part.unit, (*keys, "unit"), _dimension(own[name].unit) if own[name].unit else None)
+        return {"t": t[whole] - begin, "value": values[whole] * factor, "interpolation": part.interpolation}
+
+    def _data(self, file: str, time: str) -> Columns:
+        if (file, time) not in self.data:
+            self.data[file, time] = read_data(self.folder / file, time)
+        return self.data[file, time]
+
+    def _column(self, data: Columns, name: str, seconds: float) -> tuple[Array, Array]:
+        t, values = data(name)
+        return t * seconds, values
+
+    def _factor(self, unit: str | None, keys: Keys, dimension: Dimension | None) -> float:
+        if unit is None:
+            return 1.0
+        one = measure(1.0, unit)
+        if dimension not in (None, one.dimension):
+            self._fail(keys, f"unit {unit} does not fit what is measured, in {dimension}", "write a unit of that")
+        return one.value
+
+
+def _dimension(unit: str) -> Dimension | None:
+    return measure(1.0, unit).dimension if unit else None
+
+
+def _read_tunable(path: Path, names: Sequence[str]) -> Model:
+    """The model of a file, whose numbers of these names are tunable."""
+    own = {p.name for p in read_model(path).parameters}
+    opened, given = [], [name for name in names if name not in own]
+    for name in given:
+        try:
+            read_model(path, tunable=[name])
+            opened.append(name)
+        except ModelError:  # it may be of another model, or of expressions alone; what none has is noted
+            continue
+    return read_model(path, tunable=opened)

@@ -1,0 +1,81 @@
+"""A fit once its file is read: plain records, numbers in SI units."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutjoint.model.records import Model, Output, Scalar, Scene, Span
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A parameter of the fit; ``size`` is the change of it that counts as large, ``deviation`` infinite without a prior."""
+
+    name: str
+    symbol: Scalar
+    unit: str
+    start: float
+    low: float
+    high: float
+    mean: float
+    deviation: float
+    size: float
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """A measured output: an expression of the model, and what was measured, ``values`` at ``times`` (s) from the start of the run;
+    ``deviation`` is NaN where it is to be estimated.  ``gain``, ``bias`` and ``delay`` are expressions of the parameters."""
+
+    text: str
+    unit: str
+    value: Scalar
+    times: Array
+    values: Array
+    deviation: float
+    gain: Scalar
+    bias: Scalar
+    delay: Scalar
+    missing: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """One run, or ``rows`` of poses, of a model in a scene.  ``starts`` are expressions of the parameters and of the ``columns``, the
+    values (rows,) of each symbol; ``inputs`` are tables over time."""
+
+    name: str
+    model: Model
+    scene: Scene
+    outputs: tuple[Output, ...]
+    signals: tuple[Signal, ...]
+    starts: Mapping[str, Scalar]
+    columns: Mapping[Scalar, Array]
+    inputs: Mapping[str, Mapping[str, object]]
+    is_pose: bool
+    at_rest: bool
+    validation: bool
+    dt: float
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """A fit: parameters, ``ties`` of numbers of models to them, and experiments."""
+
+    file: str
+    method: str
+    integrator: str | None
+    parameters: tuple[Parameter, ...]
+    ties: Mapping[str, Scalar]
+    experiments: tuple[Experiment, ...]
+    loss: str
+    starts: int
+    seed: int
+    resamples: int

@@ -1,0 +1,1 @@
+"""Fits of numbers of models to measurements."""

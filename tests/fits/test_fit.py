@@ -1,0 +1,242 @@
+"""Fits beside clean runs, a simulator of SciPy, noise of known size, and numbers that data cannot tell apart."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.integrate import solve_ivp
+
+import cutjoint
+from cutjoint.cli import main
+from cutjoint.model.read import read_model
+from tests.conftest import MODELS
+
+PRESS = str(MODELS / "press.yaml")
+
+
+def _write(path: Path, t: Any, **columns: Any) -> str:
+    names = {name.replace("_", "."): column for name, column in columns.items()}
+    np.savetxt(path, np.column_stack([t, *names.values()]), delimiter=",", header=",".join(["t", *names]), comments="", fmt="%.17g")
+    return str(path)
+
+
+def _press(true: dict[str, float], steps: int = 600, every: int = 5) -> tuple[Any, dict[str, Any]]:
+    """A run of the press by rk4 with other numbers."""
+    sim = cutjoint.load(PRESS, integrator="rk4", linearise=True, tunable=[name for name in true if "." in name])
+    sim.parameters.update(true)
+    sim.reset(dt=1e-3)
+    rows = np.vstack([sim.outputs.array, sim.run(steps)])[::every]
+    return np.arange(len(rows)) * every * 1e-3, dict(zip((name.replace(".", "_") for name in sim.outputs), rows.T, strict=True))
+
+
+_TRUE = {
+    "stiffness": 1700.0, "A.z": 0.11, "B.x": 0.31, "slider.mass": 3.5, "crank.inertia.1": 0.003, "rod.mass": 1.3,
+    "spring.law.damping": 14.0, "spring.law.free_length": 0.5,
+}  # fmt: skip
+
+
+def _study(data: str, names: Any, signals: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {
+        "cutjoint_fit": 1, "model": PRESS, "integrator": "rk4", "dt": 1e-3, "parameters": {name: {} for name in names},
+        "experiments": {"run": {"data": data, "signals": signals}}, **more,
+    }  # fmt: skip
+
+
+def test_clean_data_give_the_numbers_back(tmp_path: Path) -> None:
+    t, columns = _press(_TRUE)
+    data = _write(tmp_path / "d.csv", t, **columns)
+    found = cutjoint.fit(_study(data, _TRUE, {name: {} for name in ("slider.x", "pin.angle", "spring.force")}))
+    assert not found.faults
+    assert found.iterations <= 10
+    for name, value in _TRUE.items():
+        assert found[name] == pytest.approx(value, rel=1e-9)
+
+
+def test_numbers_that_data_cannot_tell_apart_are_named(tmp_path: Path) -> None:
+    """A spring's ends and its free length along the rail: one sum alone acts."""
+    t, columns = _press({"stiffness": 1700.0})
+    data = _write(tmp_path / "d.csv", t, **columns)
+    found = cutjoint.fit(_study(data, ["stiffness", "C.x", "spring.law.free_length"], {"slider.x": {}}))
+    assert found.verdict == "not identified"
+    assert found.status == 4
+    (combination,) = found.before.open
+    assert set(combination) == {"C.x", "spring.law.free_length"}
+    assert combination["C.x"] * 0.8 == pytest.approx(combination["spring.law.free_length"] * 0.48, abs=1e-3)
+    assert found["stiffness"] == pytest.approx(1700.0, rel=1e-8)
+    assert found["C.x"] - found["spring.law.free_length"] == pytest.approx(0.8 - 0.48, abs=1e-9)
+
+
+_PENDULUM = """cutjoint: 1
+name: arm
+gravity: [0, 0, -9.81]
+parameters: {friction: {value: 0.1, unit: N*m*s, binding: param}}  # of the bearing
+bodies:
+  arm: {mass: 2, centre_of_mass: [0.3, 0, 0], inertia: [0.04, 0.05, 0.05]}  # as drawn
+joints:
+  pin: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: [0, 1, 0]}
+forces:
+  bearing: {kind: joint_force, joint: pin, law: {stiffness: 0, damping: friction}}
+outputs: [pin.angle]
+scenes:
+  drop: {end: 2, output_step: 10 ms}
+"""
+
+
+def _scipy_pendulum(t: Any, *, mass: float, inertia: float, friction: float, angle: float, rate: float) -> Any:
+    """About y, a centre at r = 0.3 m falls with m g r cos(angle)."""
+    total = inertia + mass * 0.09
+
+    def f(_: float, x: Any) -> Any:
+        return [x[1], (mass * 9.81 * 0.3 * np.cos(x[0]) - friction * x[1]) / total]
+
+    return solve_ivp(f, (0, t[-1]), [angle, rate], t_eval=np.clip(t, 0, t[-1]), rtol=1e-12, atol=1e-13).y[0]
+
+
+def _arm_study(tmp_path: Path, data: str, **signal: Any) -> dict[str, Any]:
+    (tmp_path / "arm.yaml").write_text(_PENDULUM)
+    return {
+        "cutjoint_fit": 1, "model": str(tmp_path / "arm.yaml"), "integrator": "dop853", "dt": "2 ms",
+        "parameters": {
+            "friction": {}, "arm.inertia.1": {}, "angle": {"start": "2 deg"}, "lag": {"start": "1 ms"},
+            "zero": {"start": "0 deg"}, "scale": {"start": 1.0},
+        },
+        "experiments": {"drop": {
+            "data": data, "start": {"pin.angle": "angle", "pin.angle_rate": -0.3},
+            "signals": {"pin.angle": {"column": "encoder", "unit": "deg", "delay": "lag", "bias": "zero", "gain": "scale", **signal}},
+        }},
+    }  # fmt: skip
+
+
+def test_data_of_another_simulator_with_unknown_start_delay_gain_and_bias(tmp_path: Path) -> None:
+    """The file is in degrees, begins at 7 s, and lacks samples; samples are off the steps by the delay."""
+    t = np.arange(0.05, 2.0, 0.01)
+    lag, zero, scale = 0.0137, np.radians(0.4), 1.02
+    angle = _scipy_pendulum(np.concatenate([[0.0], t - lag]), mass=2.0, inertia=0.08, friction=0.3, angle=0.05, rate=-0.3)[1:]
+    lines = [f"{7 + x - 0.05:.17g},{np.degrees(scale * a + zero):.17g}" for x, a in zip(t, angle, strict=True)]
+    lines[7] = lines[7].split(",")[0] + ","
+    (tmp_path / "d.csv").write_text("\n".join(["t,encoder", *lines]) + "\n")
+    study = _arm_study(tmp_path, str(tmp_path / "d.csv"))
+    study["experiments"]["drop"]["from"] = 6.95
+    found = cutjoint.fit(study)
+    assert found.signals[0].missing == 1
+    true = {"friction": 0.3, "arm.inertia.1": 0.08, "angle": 0.05, "lag": lag, "zero": zero, "scale": scale}
+    for name, value in true.items():
+        assert found[name] == pytest.approx(value, abs=1e-6), name
+
+
+def _noisy(tmp_path: Path, seed: int) -> cutjoint.Fit:
+    t = np.arange(0.0, 1.5, 0.01)
+    rng = np.random.default_rng(seed)
+    angle = _scipy_pendulum(t, mass=2.0, inertia=0.08, friction=0.3, angle=0.0, rate=0.0)
+    data = _write(tmp_path / f"{seed}.csv", t, encoder=np.degrees(angle + 0.01 * np.std(angle) * rng.normal(size=len(t))))
+    study = _arm_study(tmp_path, data)
+    study["parameters"] = {name: {} for name in ("friction", "arm.inertia.1")}
+    study["experiments"]["drop"] = {"data": data, "signals": {"pin.angle": {"column": "encoder", "unit": "deg"}}}
+    return cutjoint.fit(study)
+
+
+@pytest.mark.parametrize("sets", [20, pytest.param(200, marks=pytest.mark.heavy)])
+def test_intervals_cover_the_truth_in_95_of_100(tmp_path: Path, sets: int) -> None:
+    covered = []
+    for seed in range(sets):
+        found = _noisy(tmp_path, seed)
+        covered += [low <= true <= high for true, (low, high) in zip((0.3, 0.08), found.intervals, strict=True)]
+        assert found.verdict in ("identified", "residual not white")
+    assert abs(np.mean(covered) - 0.95) <= 2 * np.sqrt(0.95 * 0.05 / sets)
+
+
+def test_the_command_writes_the_model_with_its_comments(tmp_path: Path) -> None:
+    t = np.arange(0.0, 1.5, 0.01)
+    angle = _scipy_pendulum(t, mass=2.0, inertia=0.08, friction=0.3, angle=0.0, rate=0.0)
+    data = _write(tmp_path / "d.csv", t, pin_angle=angle)
+    study = _arm_study(tmp_path, data)
+    study["parameters"] = {"friction": {"from": 0.0, "to": 1.0}, "arm.inertia.1": {"prior": {"mean": 0.08, "deviation": 0.01}}}
+    run = {"data": data, "signals": {"pin.angle": {}}}
+    study["experiments"] = {"a": {**run, "to": 1.0}, "b": {**run, "validation": True}}
+    (tmp_path / "study.yaml").write_text(json.dumps(study))
+    model, page, out = (tmp_path / name for name in ("new.yaml", "page.html", "fit.json"))
+    done = CliRunner().invoke(main, ["fit", str(tmp_path / "study.yaml"), "--out", str(out), "--model", str(model), "--view", str(page)])
+    assert done.exit_code == 0, done.output
+    told = json.loads(out.read_text())
+    assert told["verdict"] == "identified"
+    assert told["signals"][1]["validation"]
+    assert told["signals"][1]["rms"] < 1e-8
+    written = model.read_text()
+    assert "# of the bearing" in written
+    assert "# as drawn" in written
+    new = {p.name: p.value for p in read_model(model, tunable=["arm.inertia.1"]).parameters}
+    assert new == pytest.approx({"friction": 0.3, "arm.inertia.1": 0.08}, rel=1e-7)
+    assert page.read_text().count("<img") == 4
+
+
+def test_coloured_residuals_are_a_verdict(tmp_path: Path) -> None:
+    t = np.arange(0.0, 1.5, 0.01)
+    angle = _scipy_pendulum(t, mass=2.0, inertia=0.08, friction=0.3, angle=0.0, rate=0.0) + 1e-3 * np.sin(40 * t)
+    study = _arm_study(tmp_path, data := _write(tmp_path / "d.csv", t, pin_angle=angle))
+    study["parameters"] = {"friction": {}}
+    study["experiments"] = {"a": {"data": data, "signals": {"pin.angle": {}}}}
+    assert cutjoint.fit(study).status == 5
+
+
+def test_a_whole_inertia_stays_physical(tmp_path: Path) -> None:
+    """Whatever the ten numbers are, moments are those of a mass distribution, and at zero they are the model's."""
+    from cutjoint.fits.inertias import tie_inertia
+    from cutjoint.model.records import Span
+
+    known = {"b.mass": 2.0, **{f"b.centre_of_mass.{a}": x for a, x in zip("xyz", (0.1, -0.2, 0.3), strict=True)},
+             **{f"b.inertia.{i}": x for i, x in enumerate((0.03, 0.04, 0.02, 0.001, -0.002, 0.003))}}  # fmt: skip
+    found = tie_inertia("b", known, Span(file="", line=1, column=1))
+    symbols = [p.symbol for p in found.parameters]
+    for name, value in found.ties.items():
+        assert float(value.subs(dict.fromkeys(symbols, 0))) == pytest.approx(known[name], rel=1e-12)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        at = dict(zip(symbols, rng.normal(size=10), strict=True))
+        xx, yy, zz, xy, xz, yz = (float(found.ties[f"b.inertia.{i}"].subs(at)) for i in range(6))
+        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        assert moments[0] > 0
+        assert moments[2] < moments[0] + moments[1]
+        assert float(found.ties["b.mass"].subs(at)) > 0
+
+
+def test_a_linkage_is_calibrated_from_poses_alone(tmp_path: Path) -> None:
+    """The slider of the press by trigonometry: crank length and the encoder's zero."""
+    angle = np.linspace(-0.9, 0.9, 15)
+    length, zero = 0.12, 0.03
+    rod = np.hypot(0.3, length)
+    x = length * np.sin(angle) + np.sqrt(rod**2 - (length * np.cos(angle)) ** 2)
+    data = _write(tmp_path / "d.csv", angle, encoder=angle - zero, x=x)
+    study = _study(data, ["A.z"], {"slider.x": {"column": "x"}})
+    study["parameters"]["zero"] = {"start": "0 deg"}
+    study["experiments"]["run"] |= {"poses": True, "start": {"pin.angle": "encoder + zero"}}
+    found = cutjoint.fit(study)
+    assert found["A.z"] == pytest.approx(length, rel=1e-9)
+    assert found["zero"] == pytest.approx(zero, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"parameters": {"stifness": {}}}, "no model has a number of this name"),
+        ({"parameters": {"stiffness": {"start": 5, "from": 6}}}, "is not between its bounds"),
+        ({"parameters": {"stiffness": {"start": "5 kg"}}}, "needs"),
+        ({"ties": {"nothing": "stiffness"}}, "is no number of the models"),
+        ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.xx": {}}}}}, "slider.xx"),
+        ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {"unit": "kg"}}}}}, "unit kg does not fit"),
+        ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {"column": "slide.x"}}}}}, "there is no column 'slide.x'"),
+        ({"experiments": {"run": {"data": "none.csv", "signals": {"slider.x": {}}}}}, "none.csv"),
+        ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {}}, "validation": True}}}, "for validation"),
+        ({"starts": {"count": 3}}, "several starts lie between bounds"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said(tmp_path: Path, change: dict[str, Any], words: str) -> None:
+    _write(tmp_path / "d.csv", np.arange(3.0), slider_x=np.zeros(3))
+    study = {**_study("d.csv", ["stiffness"], {"slider.x": {}}), **change}
+    (tmp_path / "study.yaml").write_text(json.dumps(study))
+    with pytest.raises(cutjoint.CutjointError, match=words):
+        cutjoint.fit(tmp_path / "study.yaml")
