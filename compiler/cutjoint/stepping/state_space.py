@@ -173,6 +173,16 @@ class LinearModel:
             found = max(found, Peak(-float(refined.fun), float(refined.x)))
         return found
 
+    def bandwidth(self, output: str, input: str, frequencies: Array | None = None) -> float:
+        """Frequency (Hz) from which the gain is more than 3 dB below that at the lowest one; infinity without one."""
+        grid, gain = self.frequencies() if frequencies is None else np.asarray(frequencies), self._gain(output, input)
+        below = np.abs(gain(grid)) ** 2 * 2 - np.abs(gain(grid[:1])) ** 2
+        if not (below < 0.0).any():
+            return float("inf")
+        i, first = int(np.argmax(below < 0.0)), abs(gain(grid[:1])[0])
+        found = need("scipy.optimize").brentq(lambda f: abs(gain(np.array([f]))[0]) - first / 2**0.5, grid[i - 1], grid[i], rtol=1e-13)
+        return float(found)
+
     def margins(self, output: str, input: str, frequencies: Array | None = None) -> Margins:
         """Gain and phase margin of the loop in which an output comes back to an input with the factor -1."""
         grid = self.frequencies() if frequencies is None else np.asarray(frequencies)

@@ -122,14 +122,14 @@ def _print(value: Scalar, symbols: Mapping[Scalar, Scalar]) -> str:
 def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, ...]:
     """Compile a study for each of its scenes, or find the libraries in the cache.
 
-    Runs go in ``lanes`` where steps can and there are so many runs that these pay (`lanes_break_even`), or as is said, unless those side by
-    side have too many rows.
+    There are none where other tasks give all objectives. Runs go in ``lanes`` where steps can and there are so many runs that these pay
+    (`lanes_break_even`), or as is said, unless those side by side have too many rows.
 
     Raises:
         TopologyError, NoInertiaError, GuideError, RunError: the model is wrong, or the study asks for what its library does not have.
         ToolchainError: the C++ side failed.
     """
-    return tuple(_build(study, scene, lanes) for scene in study.scenes)
+    return tuple(_build(study, scene, lanes) for scene in study.scenes) if study.has_runs else ()
 
 
 def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:

@@ -94,8 +94,65 @@ REDUCTIONS = (
 )  # fmt: skip
 
 
+
+class Kinematics(Part):
+    """Options of the kinematics of an axle, as of the command."""
+
+    axle: StrictStr | None = None
+    over: Literal["travel", "roll", "steer"] | None = None
+    travel: Number | None = None
+    steer_travel: Number | None = None
+    points: Annotated[StrictInt, Field(ge=3)] | None = None
+    steer: StrictStr | None = None
+    radius: Number | None = None
+    share: Number | None = None
+
+
+class Modes(Part):
+    """Options of modes, as of the command."""
+
+    at: Number | None = None
+
+
+class Response(Part):
+    """Options of a frequency response, as of the command."""
+
+    input: StrictStr | None = None
+    output: StrictStr | None = None
+    at: Number | None = None
+    from_: Number | None = Field(default=None, alias="from")
+    to: Number | None = None
+
+
+class Inverse(Part):
+    """Options of inverse dynamics, as of the command."""
+
+    drives: Annotated[tuple[StrictStr, ...], Field(min_length=1)] | None = None
+
+
+class TaskOptions(Part):
+    """A task and its options; each is a key of the file."""
+
+    kinematics: Kinematics | None = None
+    modes: Modes | None = None
+    response: Response | None = None
+    inverse: Inverse | None = None
+
+
+#: The tasks other than runs whose results objectives can take.
+TASKS = tuple(TaskOptions.model_fields)
+
+TaskForm: TypeAlias = Annotated[
+    Annotated[str, OneOf(TASKS), Tag("<task>")] | Annotated[TaskOptions, Tag("<options>")],
+    discriminated_by({str: "<task>", dict: "<options>"}, f"needs one of {', '.join(TASKS)}, or {{kinematics: {{axle: front}}}}"),
+]
+
+#: Reductions of results of tasks besides.
+OF_TASKS = ("value", "slope")
+
+
 class Objective(Part):
-    """A number of each run: one reduction of an expression over outputs, in a window of time."""
+    """A number of each run: one reduction of an expression over outputs in a window of time, or of a result of another task."""
 
     end: Number | None = None
     minimum: Number | None = None
@@ -109,6 +166,9 @@ class Objective(Part):
     crossing: Number | None = None
     frequency: Number | None = None
     amplitude: Number | None = None
+    value: StrictStr | None = None
+    slope: StrictStr | None = None
+    of: TaskForm | None = None
     at: Number | None = None
     direction: Literal["up", "down", "any"] | None = None
     from_: Number | None = Field(default=None, alias="from")
@@ -118,9 +178,13 @@ class Objective(Part):
 
     @model_validator(mode="after")
     def _one_reduction(self) -> "Objective":
-        given = [name for name in REDUCTIONS if getattr(self, name) is not None]
+        given = [name for name in (*REDUCTIONS, *OF_TASKS) if getattr(self, name) is not None]
         if len(given) != 1:
             raise shape_error(f"has {' and '.join(given) or 'no reduction'}", f"write one of {', '.join(REDUCTIONS)}")
+        if given[0] in OF_TASKS and self.of is None:
+            raise shape_error(f"'{given[0]}' belongs to the result of a task", f"name it: of: {' or '.join(TASKS)}")
+        if isinstance(self.of, TaskOptions) and len(self.of.model_fields_set) != 1:
+            raise shape_error("'of' needs one task", "write for example of: {kinematics: {axle: front}}")
         if (self.at is not None) != (given[0] in ("percentile", "crossing")):
             words = "percentile and crossing need 'at'" if self.at is None and given[0] in ("percentile", "crossing") else ""
             if words or self.at is not None:
@@ -132,7 +196,15 @@ class Objective(Part):
     @property
     def reduction(self) -> str:
         """The name of the reduction."""
-        return next(name for name in REDUCTIONS if getattr(self, name) is not None)
+        return next(name for name in (*REDUCTIONS, *OF_TASKS) if getattr(self, name) is not None)
+
+    @property
+    def task(self) -> tuple[str, Part] | None:
+        """The task whose result it takes, with the options."""
+        if not isinstance(self.of, TaskOptions):
+            return None if self.of is None else (self.of, Part())
+        name = next(iter(self.of.model_fields_set))
+        return name, getattr(self.of, name) or Part()
 
 
 class Trajectories(Part):

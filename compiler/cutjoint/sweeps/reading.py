@@ -14,28 +14,37 @@ from cutjoint.model.document.checks import check_part
 from cutjoint.model.document.renamed import STUDY, in_new_words
 from cutjoint.model.document.source import Path as Keys
 from cutjoint.model.document.source import Source, parse_yaml, read_text
+from cutjoint.model.document.values import Part
 from cutjoint.model.elements.outputs import read_unit
 from cutjoint.model.errors import ModelError, Problems, nearest
 from cutjoint.model.expressions.functions import supply
 from cutjoint.model.expressions.operations import ExpressionError
 from cutjoint.model.expressions.scope import Directory, Element, Scope
-from cutjoint.model.expressions.units import NONE, TIME, described
+from cutjoint.model.expressions.units import LENGTH, NONE, TIME, Dimension, Measure, described, measure
 from cutjoint.model.ranges import SOLVER_TOLERANCE, fault_of_setting
 from cutjoint.model.records import Model, Scene
 from cutjoint.model.scenes.build import SETTINGS
+from cutjoint.package.errors import CutjointError
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.scenes import find_scene, in_scene
 from cutjoint.run.settings import Options, with_options
 from cutjoint.sweeps.code import Reader
 from cutjoint.sweeps.document import Document, Listed
 from cutjoint.sweeps.document import Objective as ObjectivePart
-from cutjoint.sweeps.records import Array, Objective, Series, Study
+from cutjoint.sweeps.records import Array, Asked, Objective, Series, Study
+from cutjoint.sweeps.tasks import REDUCTIONS_OF, Result, make_task
 from cutjoint.sweeps.variables import TAKEN, Variables
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.topology.reading import read_model, read_model_text
 
 #: The names of variables and of other sections' entries in messages.
 _LABELS = {"parameters": "parameter", "positions": "position", "rates": "rate", "objectives": "objective"}
+
+#: The dimensions of options of tasks that are numbers; None of those without one of their own.
+_OPTIONS = {
+    "travel": LENGTH, "radius": LENGTH, "steer_travel": None, "share": NONE, "at": TIME, "from_": NONE / TIME, "to": NONE / TIME,
+}  # fmt: skip
+
 
 def element_of(path: Keys) -> tuple[str, int]:
     """The part of a study that a path leads into, in words, and how many keys lead to it."""
@@ -75,6 +84,8 @@ class _Reading:
         scope = Scope(source=source, problems=problems, directory=Directory(frozenset(), {}, frozenset()), names={}, values={})
         self.where = Element(scope, "study", "", ())
         self.series: list[Series] = []
+        self.model: Model
+        self.results: dict[Asked, Result] = {}
 
     def study(self) -> Study:
         """The study; raises ModelError with all problems."""
@@ -83,7 +94,7 @@ class _Reading:
         if any(scene.guides != scenes[0].guides for scene in scenes):
             self.where.fail("the scenes lock, drive or release different joints", "write a study for each", ("scenes",))
             raise self.problems.error()
-        model = in_scene(model, scenes[0])
+        self.model = model = in_scene(model, scenes[0])
         reader, shown = Reader(model), document.trajectories
         objectives = [self._objective(name, part, reader, scenes) for name, part in document.objectives.items()]
         kept = [] if shown is None else [self._trajectory(i, text, reader) for i, text in enumerate(shown.outputs)]
@@ -150,6 +161,8 @@ class _Reading:
 
     def _objective(self, name: str, part: ObjectivePart, reader: Reader, scenes: Sequence[Scene]) -> Objective:
         keys, where = ("objectives", name), self.at(("objectives", name))
+        if part.task is not None:
+            return self._of_task(name, part, *part.task, scenes)
         place = self._series(getattr(part, part.reduction), (*keys, part.reduction), reader)
         begin = -inf if part.from_ is None else where.number(part.from_, TIME, (*keys, "from"))
         end = inf if part.to is None else where.number(part.to, TIME, (*keys, "to"))
@@ -167,15 +180,50 @@ class _Reading:
             factor=1.0 if part.unit is None or series is None else self._factor(where, part, part.unit, series, keys),
         )  # fmt: skip
 
+    def _of_task(self, name: str, part: ObjectivePart, task: str, options: Part, scenes: Sequence[Scene]) -> Objective:
+        """An objective of the result of another task, which is found once with the numbers of the file."""
+        keys, where = ("objectives", name), self.at(("objectives", name))
+        if part.reduction not in REDUCTIONS_OF.get(task, ()):
+            hint = f"of {task} take one of {', '.join(REDUCTIONS_OF[task])}"
+            where.fail(f"'{part.reduction}' is no reduction of a result of {task}", hint, (*keys, part.reduction))
+            return Objective(name=name, reduction="value", series=-1)
+        values = [(key, getattr(options, key)) for key in sorted(options.model_fields_set)]
+        dimensions = ((key, _OPTIONS.get(key), value) for key, value in values if value is not None)
+        at = (*keys, "of", task)
+        asked = Asked(task=task, options=tuple(
+            (key, where.number(value, dimension, (*at, key)) if key in _OPTIONS else value) for key, dimension, value in dimensions
+        ))  # fmt: skip
+        window = [-inf if part.from_ is None else where.number(part.from_, TIME, (*keys, "from")),
+                  inf if part.to is None else where.number(part.to, TIME, (*keys, "to"))]  # fmt: skip
+        unit, of = "", str(getattr(part, part.reduction))
+        try:
+            if asked not in self.results:
+                self.results[asked] = make_task(asked, self.model, scenes[0])({})
+            unit = self.results[asked].unit_of(of, part.reduction)
+        except CutjointError as error:
+            where.fail(str(error), "", (*keys, part.reduction))
+        factor = 1.0
+        if part.unit is not None and (one := self._fitting(where, part.unit, measure(1.0, unit).dimension if unit else NONE, keys)):
+            factor = 1.0 / one.value
+        return Objective(
+            name=name, reduction=part.reduction, series=-1, begin=window[0], end=window[1], goal=part.goal or "smaller",
+            unit=part.unit or unit, factor=factor, asked=asked, of=of,
+        )  # fmt: skip
+
+    def _fitting(self, where: Element, unit: str, dimension: Dimension | None, keys: Keys) -> Measure | None:
+        """The unit of an objective, which fits its dimension."""
+        one = read_unit(where, unit, (*keys, "unit"))
+        if one is not None and dimension not in (None, one.dimension):
+            where.fail(f"unit {unit} does not fit: it is in {described(dimension)}", "write a unit of that", (*keys, "unit"))
+        return one
+
     def _factor(self, where: Element, part: ObjectivePart, unit: str, series: Series, keys: Keys) -> float:
         """The factor from SI units to the unit of an objective, which fits its dimension."""
-        if (one := read_unit(where, unit, (*keys, "unit"))) is None:
-            return 1.0
         dimension = {"crossing": TIME, "frequency": NONE / TIME}.get(part.reduction, series.dimension)
         if part.reduction == "integral" and dimension is not None:
             dimension *= TIME
-        if dimension not in (None, one.dimension):
-            where.fail(f"unit {unit} does not fit: it is in {described(dimension)}", "write a unit of that", (*keys, "unit"))
+        if (one := self._fitting(where, unit, dimension, keys)) is None:
+            return 1.0
         value = sympy.factor_terms(series.value)
         written = value.as_independent(*value.free_symbols, as_Add=False)[0]
         if one.value != 1.0 and part.reduction not in ("crossing", "frequency") and isclose(abs(float(written)), 1 / one.value):

@@ -37,9 +37,17 @@ class Variable:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Asked:
+    """A task other than a run with options by name, numbers in SI units."""
+
+    task: str
+    options: tuple[tuple[str, object], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class Objective:
     """A number of each run: a reduction of a series in a window of time (s); ``at`` is what percentile and crossing have besides.  In its
-    ``unit`` it is ``factor`` times its number in SI units."""
+    ``unit`` it is ``factor`` times its number in SI units.  Where a task is ``asked``, it is one of the result named ``of``."""
 
     name: str
     reduction: str
@@ -51,6 +59,8 @@ class Objective:
     goal: str = "smaller"
     unit: str = ""
     factor: float = 1.0
+    asked: Asked | None = None
+    of: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +103,11 @@ class Study:
     def runs(self) -> int:
         """The number of runs."""
         return len(self.values)
+
+    @property
+    def has_runs(self) -> bool:
+        """Whether anything is made of runs, and not of other tasks alone."""
+        return bool(self.trajectories) or any(o.asked is None for o in self.objectives)
 
     def settings_of(self, run: int) -> dict[str, float]:
         """The values of a run's variables by name."""

@@ -29,12 +29,13 @@ from cutjoint.run.settings import StepSettings, require_settings
 from cutjoint.run.stopping import StopRequest, stop_requests
 from cutjoint.sweeps.code import build_kernels
 from cutjoint.sweeps.designs import Indices, Masses, find_indices
-from cutjoint.sweeps.kernel import Kernel
+from cutjoint.sweeps.kernel import Kernel, find_target
 from cutjoint.sweeps.parts import Parts, count_runs, missing
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Kind, Study
 from cutjoint.sweeps.scheduler import require_address, require_scheduler
 from cutjoint.sweeps.table import MANIFEST, Layout, arrow, is_whole, require_file, require_room
+from cutjoint.sweeps.tasks import Tasks
 from cutjoint.sweeps.work import Chunk, Threads, Work, Workers, in_lanes
 
 #: Seconds of work that a chunk has, if there are runs enough: at least, and usually.  By Dask a chunk costs 10 to 20 ms besides.
@@ -137,6 +138,9 @@ def perform_study(
     """Perform a study that was read."""
     say, begin = note or (lambda text: None), perf_counter()
     arrow()
+    has_tasks = any(o.asked is not None for o in study.objectives)
+    if scheduler is not None and has_tasks:
+        raise RunError("tasks other than runs are done on this machine: leave out the scheduler, or their objectives")
     if scheduler is not None:
         require_address(scheduler)
     require_file(out)
@@ -151,7 +155,7 @@ def perform_study(
         say(f"{out} is no table of this sweep, or a damaged one: it is replaced when all rows are there")
     work = Work(
         kernels=kernels, has_scenes=any(v.kind is Kind.SCENE for v in study.variables), objectives=study.objectives,
-        trajectories=study.trajectories, every=study.every,
+        trajectories=study.trajectories, every=study.every, tasks=Tasks(study).find if has_tasks else None,
     )  # fmt: skip
     with ExitStack() as stack:
         parts = Parts(out, layout, say)
@@ -244,7 +248,7 @@ class _Driver:
 
         Towards the end chunks are smaller, so that all workers end at about the same time.
         """
-        lanes = max(kernel.lanes for kernel in self.work.kernels)
+        lanes = max((kernel.lanes for kernel in self.work.kernels), default=1)
         if not self.performed:
             return lanes
         most = max(1, min(self.study.runs if self._is_known() else 16 * self._largest, _MOST_BYTES // self.row_bytes))
@@ -260,7 +264,7 @@ FORMAT = 2
 
 def make_manifest(study: Study, kernels: Sequence[Kernel]) -> dict[str, Any]:
     """The manifest of a study's table; rows that have the same one are the same, bit by bit."""
-    target = kernels[0].target
+    target = kernels[0].target if kernels else find_target(study.flags)
     return {
         "format": FORMAT,
         "cutjoint": __version__,

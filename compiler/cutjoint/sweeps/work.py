@@ -3,7 +3,7 @@
 A worker needs this module, the libraries and NumPy, and no compiler.  The libraries' code runs beside Python's.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from queue import Empty, Queue
@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from cutjoint.package.errors import CutjointError
 from cutjoint.sweeps.kernel import Kernel, Left
 from cutjoint.sweeps.objectives import reduce_series
 from cutjoint.sweeps.records import Array, Counts, Objective
@@ -58,7 +59,7 @@ class Work:
     """The work on each run of a study.
 
     A run's library is chosen by the number of the scene, the first of its values where ``has_scenes``.  ``objectives`` and ``trajectories``
-    are made of its series.
+    are made of its series.  ``tasks`` gives the objectives of other tasks, by their places, of a scene's number and values (variables,).
     """
 
     kernels: tuple[Kernel, ...]
@@ -66,6 +67,7 @@ class Work:
     objectives: tuple[Objective, ...]
     trajectories: tuple[int, ...]
     every: int
+    tasks: Callable[[int, Array], Mapping[int, float]] | None = None
 
     def perform(self, chunk: Chunk) -> Rows:
         """The rows of a chunk.
@@ -79,9 +81,17 @@ class Work:
         failures: list[str | None] = [chunk.faults.get(run) for run in range(runs)]
         times[list(chunk.faults)] = 0.0
         begins = np.array([failure is None for failure in failures])
-        longest = max(len(self._thinned(kernel)) for kernel in self.kernels)
+        longest = max((len(self._thinned(kernel)) for kernel in self.kernels), default=0)
         shown, lengths = np.full((len(self.trajectories), runs, longest), np.nan), np.zeros(runs, dtype=np.int64)
-        for number in np.unique(scenes[begins]):
+        if self.tasks is not None:
+            for run in np.flatnonzero(begins):
+                try:
+                    found = self.tasks(int(scenes[run]), values[run])
+                    objectives[run, list(found)] = list(found.values())
+                except (CutjointError, ValueError, np.linalg.LinAlgError) as error:
+                    failures[run] = " ".join(str(error).split())
+        begins = np.array([failure is None for failure in failures])
+        for number in np.unique(scenes[begins]) if self.kernels else ():
             kernel, places = self.kernels[number], np.flatnonzero(begins & (scenes == number))
             for at in np.split(places, range(self._at_once(kernel), len(places), self._at_once(kernel))):
                 left = kernel.run(values[at])
@@ -105,7 +115,7 @@ class Work:
 
     def _reduce(self, kernel: Kernel, left: Left, objectives: Array, at: Counts) -> None:
         done = [run for run in range(len(at)) if run not in left.failures] if left.failures else slice(None)
-        for j, objective in enumerate(self.objectives):
+        for j, objective in ((j, o) for j, o in enumerate(self.objectives) if o.asked is None):
             objectives[at[done], j] = reduce_series(objective, left.series[done, objective.series], kernel.times, kernel.row_step)
 
     def _thinned(self, kernel: Kernel) -> Counts:

@@ -68,10 +68,10 @@ def inverse_dynamics(
         RunError: the scene leaves some motion free, the drives cannot bring it about, or a joint has not just one coordinate.
         ModelError, FailedRunError and others: as of `cutjoint.simulate`.
     """
-    return _Inverse(*load_model(model, scene), dict(parameters or {}), tuple(drives)).find(end)
+    return InverseDynamics(*load_model(model, scene), dict(parameters or {}), tuple(drives)).find(end)
 
 
-class _Inverse:
+class InverseDynamics:
     """One search: ``moved`` are the joints whose guides follow the time or inputs; guides that stand still are locks, and stay."""
 
     def __init__(self, model: Model, scene: Scene, parameters: Mapping[str, float], drives: tuple[str, ...]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,6 +53,7 @@ class AxleKinematics:
 def find_kinematics(
     model: ModelLike, *, axle: str | None = None, travel: float = 0.05, steer_travel: float | None = None, points: int = 21,
     steer: str | None = None, radius: float | None = None, share: float = 1.0, parameters: Mapping[str, float] | None = None,
+    only: Sequence[str] = (),
 ) -> AxleKinematics:  # fmt: skip
     """Kinematics of an axle over travel, roll and steer.
 
@@ -64,6 +65,7 @@ def find_kinematics(
         travel: m up and down.
         steer_travel: m or rad of the steering joint to either side.
         points: poses of each sweep.
+        only: names of sweeps; default: all.
 
     Raises:
         ModelError: the file is wrong.
@@ -82,7 +84,7 @@ def find_kinematics(
     units, start = units_of(found), linkage.design()
     sweeps: dict[str, Mapping[str, Array]] = {}
     limits: list[str] = []
-    for name, end in ends.items():
+    for name, end in ((name, end) for name, end in ends.items() if not only or name in only):
         poses = _sweep(linkage, start, end[: linkage.prescribed], points // 2, name, limits)
         rows = [find_figures(found, pose, share) for pose in poses]
         sweeps[name] = Columns({column: np.array([row[column] for row in rows]) for column in units})

@@ -1,0 +1,165 @@
+"""Results of tasks other than runs as objectives of a study: kinematics of an axle, modes, frequency responses, inverse dynamics.
+
+`TASKS` has what makes each of them of a model and a scene with options (SI units): a function from the values of parameters and inputs to
+a `Result`.  A task of another kind is a row there, and its options a class of `document`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from cutjoint.model.errors import nearest
+from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
+from cutjoint.stepping.response import find_scene_linear_model
+from cutjoint.stepping.state_space import LinearModel
+from cutjoint.sweeps.document import REDUCTIONS
+from cutjoint.sweeps.objectives import reduce_series
+from cutjoint.sweeps.records import Array, Asked, Kind, Objective, Study
+from cutjoint.tasks.inverse import InverseDynamics
+from cutjoint.tasks.kinematics.sweep import LEADING, find_kinematics
+from cutjoint.tasks.states import find_scene_modes
+
+#: Reductions of numbers, of figures of an axle over its travel, and of drives over time.
+_AT = ("percentile", "crossing", "frequency", "integral")
+_OF_TRAVEL = ("value", "slope", "minimum", "maximum", "range", "mean", "rms", "deviation")
+REDUCTIONS_OF = {
+    "kinematics": _OF_TRAVEL, "modes": ("value",), "response": ("value",), "inverse": tuple(r for r in REDUCTIONS if r not in _AT),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """What a task has found: numbers by name, or series over an ``axis`` (rows,), with ``units`` of all names."""
+
+    units: Mapping[str, str]
+    find: Callable[[str], Any]
+    axis: Array = field(default_factory=lambda: np.zeros(0))
+    axis_unit: str = ""
+
+    def reduce(self, objective: Objective) -> float:
+        """The number of an objective, in its unit."""
+        values, axis = self.find(objective.of), self.axis
+        if objective.reduction == "slope":
+            return objective.factor * float(np.gradient(values, axis)[_design(axis)])
+        if objective.reduction == "value":
+            return objective.factor * float(values[_design(axis)] if axis.size else values)
+        return float(reduce_series(objective, values[np.newaxis], axis, axis[1] - axis[0])[0])
+
+    def unit_of(self, name: str, reduction: str) -> str:
+        """The unit of a reduction of a result.
+
+        Raises:
+            RunError: there is no such result.
+        """
+        if name not in self.units:
+            raise RunError(f"the task has no result '{name}'; {nearest(name, self.units, 'results')}")
+        unit = self.units[name]
+        if reduction == "slope":
+            return f"{unit or 1}/{self.axis_unit}"
+        return unit
+
+
+def _design(axis: Array) -> int:
+    return int(np.abs(axis).argmin())
+
+
+Task: TypeAlias = Callable[[Mapping[str, float]], Result]
+
+
+def _kinematics(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
+    over = options.get("over", "travel")
+    given = {name: value for name, value in options.items() if name != "over"}
+
+    def find(parameters: Mapping[str, float]) -> Result:
+        found = find_kinematics(model, parameters=parameters, only=(over,), **given)
+        if over not in found.sweeps:
+            raise RunError(f"axle '{found.axle.name}' is not steered: it has no kinematics over {over}")
+        if found.limits:
+            raise RunError(found.limits[0])
+        units = {name: "" if unit == "1" else unit for name, unit in found.units.items()}
+        columns, lead = found.sweeps[over], LEADING[over]
+        return Result(units=units, find=columns.__getitem__, axis=columns[lead], axis_unit=found.units[lead])
+
+    return find
+
+
+def _modes(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
+    def find(parameters: Mapping[str, float]) -> Result:
+        found = find_scene_modes(model, scene, parameters=parameters, **options).modes
+        numbers = {"lowest.frequency": min((m.frequency for m in found if m.frequency > 0.0), default=np.nan)}
+        numbers["least.damping"] = min((m.damping_ratio for m in found), default=np.nan)
+        numbers["largest.real"] = max((m.eigenvalue.real for m in found), default=np.nan)
+        return Result(units={"lowest.frequency": "Hz", "least.damping": "", "largest.real": "1/s"}, find=numbers.__getitem__)
+
+    return find
+
+
+def _response(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
+    inputs, outputs = ([options[name]] if name in options else [] for name in ("input", "output"))
+    at, band = options.get("at"), {name: options.get(name) for name in ("from_", "to")}
+
+    def find(parameters: Mapping[str, float]) -> Result:
+        near: LinearModel = find_scene_linear_model(model, scene, at=at, inputs=inputs, outputs=outputs, parameters=parameters)
+        frequencies, units = near.frequencies(from_=band["from_"], to=band["to"]), dict[str, str]()
+        for output in near.outputs:
+            for given in near.inputs:
+                above, below = near.units.get(output, ""), near.units.get(given, "")
+                gain = f"({above or 1})/({below})" if below else above
+                numbers = {"peak": gain, "peak_frequency": "Hz", "bandwidth": "Hz", "gain_margin": "", "phase_margin": "deg"}
+                units |= {f"{output}/{given}.{name}": unit for name, unit in numbers.items()}
+        return Result(units=units, find=lambda name: _number_of(near, name, frequencies))
+
+    return find
+
+
+def _number_of(near: LinearModel, name: str, frequencies: Array) -> float:
+    """The number of a response by its name, "output/input.number"."""
+    output, _, rest = name.partition("/")
+    given, _, number = rest.rpartition(".")
+    if number in ("peak", "peak_frequency"):
+        return near.peak(output, given, frequencies)[number != "peak"]
+    if number == "bandwidth":
+        return near.bandwidth(output, given, frequencies)
+    margins = near.margins(output, given, frequencies)
+    return margins.gain if number == "gain_margin" else margins.phase
+
+
+def _inverse(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
+    def find(parameters: Mapping[str, float]) -> Result:
+        found = InverseDynamics(model, scene, dict(parameters), tuple(options.get("drives", ()))).find(None)
+        return Result(units=found.units, find=found.forces.__getitem__, axis=found.t, axis_unit="s")
+
+    return find
+
+
+#: What makes the tasks of which objectives can take results, and the reductions of these.
+TASKS: Mapping[str, Callable[[Model, Scene, Mapping[str, Any]], Task]] = {
+    "kinematics": _kinematics, "modes": _modes, "response": _response, "inverse": _inverse,
+}  # fmt: skip
+
+
+def make_task(asked: Asked, model: Model, scene: Scene) -> Task:
+    """A task of a model in a scene."""
+    return TASKS[asked.task](model, scene, dict(asked.options))
+
+
+class Tasks:
+    """The tasks of a study in each of its scenes, and the objectives that take their results."""
+
+    def __init__(self, study: Study) -> None:
+        asked = {o.asked: None for o in study.objectives if o.asked is not None}
+        self._objectives, self._study = study.objectives, study
+        self._made = [{one: make_task(one, study.model, scene) for one in asked} for scene in study.scenes]
+
+    def find(self, scene: int, values: Array) -> dict[int, float]:
+        """The objectives of tasks, by their places, of a run with values (variables,) in a scene.
+
+        Raises:
+            CutjointError: a task has no result.
+        """
+        settings = {v.name: float(values[i]) for i, v in enumerate(self._study.variables) if v.kind in (Kind.PARAMETER, Kind.INPUT)}
+        results = {one: task(settings) for one, task in self._made[scene].items()}
+        return {i: results[o.asked].reduce(o) for i, o in enumerate(self._objectives) if o.asked is not None}
