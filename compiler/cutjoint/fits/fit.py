@@ -97,10 +97,10 @@ def fit(study: AnyPath | Mapping[str, Any], *, note: Callable[[str], None] | Non
         ModelError, EquationsError, RunError: the study, a model or the data are wrong, or the runs at the start values fail.
         ToolchainError: the C++ side failed.
     """
-    return _Solver(read_fit(study), note or (lambda text: None)).solve()
+    return Solver(read_fit(study), note or (lambda text: None)).solve()
 
 
-class _Solver:
+class Solver:
     """The steps of a fit."""
 
     def __init__(self, study: Study, note: Callable[[str], None]) -> None:
@@ -119,7 +119,6 @@ class _Solver:
 
     def solve(self) -> Fit:
         """The result."""
-        from scipy.optimize import least_squares
         from scipy.stats import qmc, t
 
         try:
@@ -134,21 +133,21 @@ class _Solver:
             begins += list(self.low + points * (self.high - self.low))
         tries = []
         for number, begin in enumerate(begins):
-            found = self._least_squares(least_squares, begin)
+            found = self.least_squares(begin)
             self.note(f"start {number + 1} of {len(begins)}: cost {found.cost:.6g} after {found.njev} iterations")
             tries.append(found)
         best = min(tries, key=lambda found: float(found.cost))
         iterations = best.njev
         if self.open.any():  # weights by the residuals that remain
             self._estimate(best.x)
-            best = self._least_squares(least_squares, best.x)
+            best = self.least_squares(best.x)
             self._estimate(best.x)
         jacobian = self.residuals(best.x)[1]
         after = identify(jacobian, self.names, self.sizes)
         samples = sum(len(s.values) for s in self.signals)
         deviations, correlations = self._covariance(jacobian)
         if self.study.resamples:
-            deviations = self._bootstrap(least_squares, best.x)
+            deviations = self._bootstrap(best.x)
         reach = t.ppf(0.975, max(samples - len(self.names), 1)) * deviations
         numbers = {p.name: float(x) for p, x in zip(self.study.parameters, best.x, strict=True)}
         tied = {s: float(v.xreplace({p.symbol: x for p, x in zip(self.study.parameters, map(float, best.x), strict=True)}))
@@ -175,8 +174,10 @@ class _Solver:
             self.kept = key, (np.concatenate(rows), np.vstack(slopes))
         return self.kept[1]
 
-    def _least_squares(self, solve: Callable[..., Any], begin: Array) -> Any:
+    def least_squares(self, begin: Array) -> Any:
         """SciPy's result from a start, whose unknowns are shares of sizes."""
+        from scipy.optimize import least_squares
+
         sizes, count = self.sizes, 0
 
         def function(x: Array) -> Array:
@@ -190,7 +191,7 @@ class _Solver:
             self.note(f"  run {count}: residual {np.sqrt(np.mean(rows**2)):.6g} of the standard deviations")
             return rows
 
-        found = solve(
+        found = least_squares(
             function, begin / sizes, lambda x: self.residuals(x * sizes)[1] * sizes, bounds=(self.low / sizes, self.high / sizes),
             loss=self.study.loss, x_scale=1.0, ftol=_CHANGE, xtol=_STEP, gtol=1e-14, max_nfev=100,
         )  # fmt: skip
@@ -218,13 +219,13 @@ class _Solver:
         is_open = np.abs(directions[~told]).max(axis=0, initial=0.0) > np.sqrt(NULL)
         return np.where(is_open, np.inf, deviations * self.sizes), covariance / np.outer(lengths, lengths)
 
-    def _bootstrap(self, solve: Callable[..., Any], theta: Array) -> Array:
+    def _bootstrap(self, theta: Array) -> Array:
         """Standard deviations from fits to the model's outputs with noise of resampled residuals."""
         rng, found = np.random.default_rng(self.study.seed), []
         errors = [p.signal.values - p.values for p in self.runs.predict(theta)]
         for _ in range(self.study.resamples):
             self.noise = [rng.choice(e, len(e)) - e for e in errors]
-            found.append(self._least_squares(solve, theta).x)
+            found.append(self.least_squares(theta).x)
         self.noise = [np.zeros(len(e)) for e in errors]
         return np.asarray(np.std(found, axis=0, ddof=1))
 

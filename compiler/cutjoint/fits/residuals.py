@@ -124,7 +124,7 @@ class _Case:
             (gain, bias, lag), (by_gain, by_bias, by_lag) = numbers[own + 3 * i : own + 3 * i + 3], by_theta[own + 3 * i : own + 3 * i + 3]
             values, derivatives = evaluate(t, y, dy, by_theta[:own])
             if not e.is_pose:
-                values, derivatives, rate = _at(t, values, derivatives, signal.times - lag, e.dt)
+                values, derivatives, rate = _at(t, values, derivatives, signal.times - lag, e.dt, moves=bool(by_lag.any()))
                 derivatives = derivatives - rate[:, np.newaxis] * by_lag
             total = gain * derivatives + values[:, np.newaxis] * by_gain + by_bias
             yield Prediction(experiment=e, signal=signal, values=gain * values + bias, derivatives=total)
@@ -192,13 +192,15 @@ def _covering(table: Any, end: float) -> dict[str, object]:
     return {**table, "t": t.tolist(), "value": value.tolist()}
 
 
-def _at(t: Array, values: Array, derivatives: Array, times: Array, dt: float) -> tuple[Array, Array, Array]:
-    """Values, derivatives and rates at other times: at ends of steps those there, between by cubic splines, before the first its own."""
+def _at(t: Array, values: Array, derivatives: Array, times: Array, dt: float, *, moves: bool) -> tuple[Array, Array, Array]:
+    """Values, derivatives and, where times move, rates at other times: at ends of steps those there, between by cubic splines, before the
+    first its own."""
     place = np.clip(times / dt, 0.0, len(t) - 1.0)
     near = np.rint(place).astype(int)
-    stacked = np.column_stack([values, derivatives])
-    spline = CubicSpline(t, stacked, axis=0)
     on_step = (np.abs(place - near) < _ROUNDING)[:, np.newaxis]
-    found = np.where(on_step, stacked[near], spline(place * dt))
+    if on_step.all() and not moves:
+        return values[near], derivatives[near], np.zeros(len(near))
+    stacked = np.column_stack([values, derivatives])
+    found = np.where(on_step, stacked[near], CubicSpline(t, stacked, axis=0)(place * dt))
     rate = np.where((times >= 0.0) & (times <= t[-1] * (1 + _ROUNDING)), CubicSpline(t, values)(place * dt, 1), 0.0)
     return found[:, 0], found[:, 1:], rate
