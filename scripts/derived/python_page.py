@@ -23,7 +23,7 @@ RECORDS = {
     "cutjoint.run.results": ("Trajectory", "Batch"),
     "cutjoint.tasks.states": ("MechanismState",), "cutjoint.analysis.modes": ("Modes", "Mode"), "cutjoint.tasks.inverse": ("Drives",),
     "cutjoint.tasks.kinematics.sweep": ("AxleKinematics", "AxleCompliance"), "cutjoint.tasks.realtime": ("StepTimes",),
-    "cutjoint.sweeps.run": ("Indices",), "cutjoint.stepping.values": ("StepStatistics",),
+    "cutjoint.sweeps.run": ("Indices", "Tolerance"), "cutjoint.stepping.values": ("StepStatistics",),
 }  # fmt: skip
 
 #: What the head says once, with what takes its place in each entry.

@@ -75,7 +75,7 @@ _WRONG = {
     "grid as a mapping": (
         f"{_HEAD}parameters: {{stiffness: {{from: 1, to: 2, count: 2}}}}\ndesign: {{grid: 15}}\n{_END}",
         ["s:4:1: design: needs the word grid (with a list or a count for each parameter), {latin_hypercube: runs}, {sobol: runs}, "
-         "{sobol_indices: points}, {csv: file} or {list: [...]}"],
+         "{sobol_indices: points}, {tolerances: runs}, {csv: file} or {list: [...]}"],
     ),
     "no variable": (f"{_HEAD}{_END}", ["s:1:1: design: there is no variable; write for example parameters: {stiffness: {from: 1, to: 2}}"]),
     "nothing asked": (

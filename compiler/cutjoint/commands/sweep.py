@@ -18,10 +18,12 @@ from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Progress as OnProgress
 from cutjoint.sweeps.run import Sweep, perform_study, steps_of
+from cutjoint.sweeps.tolerances import QUANTILES, find_tolerance, has_tolerances
 from cutjoint.view.views import read_over, require_view
 
 #: The number of printed reasons of failures, and the pattern of numbers, by which reasons alike may differ.
 _REASONS = 5
+_LARGEST = 10
 _NUMBER = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?")
 
 
@@ -56,6 +58,8 @@ def command(
     _report(read, done)
     if has_indices(done):
         _print_indices(read, done)
+    if has_tolerances(done):
+        _print_tolerances(read, done)
     if view is not None:
         _write_page(read, done, view, f"cutjoint sweep {study}", replays)
 
@@ -124,6 +128,22 @@ def _print_indices(study: Study, done: Sweep) -> None:
         for i in np.argsort(-found.total, kind="stable"):
             intervals = [f"{low:.3f} to {high:.3f}" for low, high in (found.first_interval[:, i], found.total_interval[:, i])]
             facts.add_row(found.variables[i], f"{found.first[i]:.3f}", intervals[0], f"{found.total[i]:.3f}", intervals[1])
+        options.out.print(facts)
+
+
+def _print_tolerances(study: Study, done: Sweep) -> None:
+    """The distribution of each objective by Monte Carlo and by first order, and the variables with the largest parts of the variance."""
+    for objective in study.objectives:
+        found, unit = find_tolerance(done, objective.name, objective.limits), f" {objective.unit}" if objective.unit else ""
+        facts = Table("", "Monte Carlo", "first order", title=f"{objective.name},{unit or ' 1'}", title_justify="left", box=None)
+        facts.add_row("mean", f"{found.mean:.6g}", f"{found.first_mean:.6g}, second order {found.second_mean:.6g}")
+        facts.add_row("standard deviation", f"{found.deviation:.4g}", f"{found.first_deviation:.4g}")
+        for share, value in zip(QUANTILES, found.quantiles, strict=True):
+            facts.add_row(f"quantile {100 * share:.3g} %", f"{value:.6g}", "")
+        if objective.limits is not None:
+            facts.add_row(f"yield, {objective.limits[0]:g} to {objective.limits[1]:g}", f"{found.passed:.2%}", f"{found.first_passed:.2%}")
+        for i in np.argsort(-found.shares, kind="stable")[:_LARGEST]:
+            facts.add_row(f"variance by {found.variables[i]}", "", f"{found.shares[i]:.1%}")
         options.out.print(facts)
 
 

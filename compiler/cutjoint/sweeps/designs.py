@@ -6,7 +6,7 @@ Sequences are SciPy's (scipy.stats.qmc) with the study's seed.
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import log, prod
+from math import inf, log, prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from cutjoint.model.expressions.evaluate import evaluate_runs
 from cutjoint.model.records import Binding
 from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import MASSES, following, parameter_values
-from cutjoint.sweeps.document import Design, LatinHypercube, Listed, Sobol, SobolIndices
+from cutjoint.sweeps.document import Design, LatinHypercube, Listed, Sobol, SobolIndices, Tolerances
 from cutjoint.sweeps.records import Array, Kind, Study, of_kind
 
 if TYPE_CHECKING:
@@ -64,21 +64,44 @@ class Masses:
 
 @dataclass(frozen=True, kw_only=True)
 class Extent:
-    """The range of a variable: one of ``levels``, or anything from ``low`` to ``high``, evenly by its logarithm or itself."""
+    """The range of a variable: one of ``levels``, or anything from ``low`` to ``high``, evenly by its logarithm or itself, or by a
+    distribution ``spread`` of SciPy."""
 
     levels: tuple[float, ...] = ()
     low: float = 0.0
     high: float = 0.0
     by_ratio: bool = False
+    spread: Any = None
+
+    @property
+    def moments(self) -> tuple[float, float]:
+        """Mean and standard deviation."""
+        if self.spread is not None or not self.levels:
+            stats = _stats()
+            even = stats.loguniform(self.low, self.high) if self.by_ratio else stats.uniform(self.low, self.high - self.low)
+            spread = self.spread or even
+            return float(spread.mean()), float(spread.std())
+        return float(np.mean(self.levels)), float(np.std(self.levels))
 
     def at(self, share: Array) -> Array:
         """The values at shares of the range from 0 to 1."""
+        if self.spread is not None:
+            return np.asarray(self.spread.ppf(share))
         if self.levels:
             places = np.minimum((share * len(self.levels)).astype(np.int64), len(self.levels) - 1)
             return np.array(self.levels)[places]
         if self.by_ratio:
             return np.exp(log(self.low) + share * (log(self.high) - log(self.low)))
         return self.low + share * (self.high - self.low)
+
+
+def distribution(kind: str, mean: float, size: float, low: float, high: float) -> Any:
+    """A distribution of SciPy: a standard deviation of a normal one, within ``low`` and ``high``, or half the width of the others."""
+    stats = _stats()
+    if kind == "normal":
+        cut = ((low - mean) / size, (high - mean) / size)
+        return stats.norm(mean, size) if cut == (-inf, inf) else stats.truncnorm(*cut, loc=mean, scale=size)
+    return stats.uniform(mean - size, 2 * size) if kind == "uniform" else stats.triang(0.5, mean - size, 2 * size)
 
 
 def spread(low: float, high: float, count: int, *, by_ratio: bool) -> tuple[float, ...]:
@@ -96,23 +119,51 @@ def count_runs(design: Design, extents: Sequence[Extent]) -> int:
             return design.sobol
         case SobolIndices():
             return design.sobol_indices * (len(extents) + 2)
+        case Tolerances():
+            return design.tolerances + 1 + 2 * len(extents)
         case Listed():
             return len(design.list)
     return prod(len(extent.levels) for extent in extents)
 
 
-def draw(design: Design, extents: Sequence[Extent]) -> Array:
+def draw(design: Design, extents: Sequence[Extent], names: Sequence[str] = ()) -> Array:
     """The values (runs, variables) of a grid, whose last variable changes from run to run, or of a sequence.
 
     Raises:
         RunError: SciPy is not installed.
     """
+    if isinstance(design, Tolerances):
+        return _beside_means(design, extents, names)
     if isinstance(design, (LatinHypercube, Sobol, SobolIndices)):
         shares = _shares(design, len(extents))
         return np.stack([extent.at(shares[:, i]) for i, extent in enumerate(extents)], axis=1)
     shape = [len(extent.levels) for extent in extents]
     places = np.indices(shape).reshape(len(shape), -1)
     return np.stack([np.array(extent.levels)[at] for extent, at in zip(extents, places, strict=True)], axis=1)
+
+
+#: The step of differences to either side of a mean, as a share of the standard deviation.
+STEP = 0.1
+
+
+def correlation(names: Sequence[str], pairs: Sequence[tuple[str, str, float]]) -> Array:
+    """The matrix of correlations."""
+    found = np.eye(len(names))
+    for one, other, value in pairs:
+        i, j = list(names).index(one), list(names).index(other)
+        found[i, j] = found[j, i] = value
+    return found
+
+
+def _beside_means(design: Tolerances, extents: Sequence[Extent], names: Sequence[str]) -> Array:
+    """Random points, the means, and of each variable the mean with a step down and up."""
+    root = np.linalg.cholesky(correlation(names, design.correlations))
+    drawn = np.random.default_rng(design.seed).standard_normal((design.tolerances, len(extents))) @ root.T
+    shares = _stats().norm.cdf(drawn)
+    points = np.stack([extent.at(shares[:, i]) for i, extent in enumerate(extents)], axis=1)
+    means, deviations = np.array([extent.moments for extent in extents]).T
+    steps = np.kron(np.diag(STEP * deviations), [[-1.0], [1.0]])
+    return np.vstack([points, means, means + steps])
 
 
 def _shares(design: LatinHypercube | Sobol | SobolIndices, dimensions: int) -> Array:
@@ -134,11 +185,15 @@ def _mixed(shares: Array) -> Array:
 
 
 def _qmc() -> Any:
+    return _stats().qmc
+
+
+def _stats() -> Any:
     try:
-        from scipy.stats import qmc
+        from scipy import stats
     except ImportError:
-        raise RunError("latin_hypercube, sobol and sobol_indices need SciPy: pip install 'cutjoint[sweep]'") from None
-    return qmc
+        raise RunError("sequences and distributions need SciPy: pip install 'cutjoint[sweep]'") from None
+    return stats
 
 
 # Sobol' indices: the share of each variable in the variance of an objective, by itself and with all that it does together with others.

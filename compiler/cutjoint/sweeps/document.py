@@ -24,13 +24,43 @@ class Between(Part):
     scale: Literal["linear", "log"] = "linear"
 
 
+class Spread(Part):
+    """A distribution about a mean, by default the model's value: a standard deviation of a normal one, which ``from`` and ``to`` may cut
+    off, or half the width of a uniform or triangular one."""
+
+    normal: Number | None = None
+    uniform: Number | None = None
+    triangular: Number | None = None
+    mean: Number | None = None
+    from_: Number | None = Field(default=None, alias="from")
+    to: Number | None = None
+
+    @property
+    def kind(self) -> str:
+        """The kind of distribution."""
+        return next(name for name in DISTRIBUTIONS if getattr(self, name) is not None)
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> "Spread":
+        if len(self.model_fields_set & {*DISTRIBUTIONS}) != 1:
+            raise shape_error(f"needs one of {', '.join(DISTRIBUTIONS)}", "write for example {normal: 0.1 mm}")
+        if self.normal is None and not (self.from_ is None and self.to is None):
+            raise shape_error("'from' and 'to' cut off a normal distribution alone", "leave them away")
+        return self
+
+
+#: The distributions of variables.
+DISTRIBUTIONS = ("normal", "uniform", "triangular")
+
 Values: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")]
     | Annotated[tuple[Number, ...], Tag("<list>"), Field(min_length=1)]
-    | Annotated[Between, Tag("<range>")],
+    | Annotated[Between, Tag("<range>")]
+    | Annotated[Spread, Tag("<spread>")],
     discriminated_by(
-        {**dict.fromkeys((int, float, str), "<number>"), tuple: "<list>", **dict.fromkeys(("from", "to"), "<range>")},
-        "needs a number, a list of numbers or {from: ..., to: ...}",
+        {**dict.fromkeys((int, float, str), "<number>"), tuple: "<list>", **dict.fromkeys(DISTRIBUTIONS, "<spread>"),
+         **dict.fromkeys(("from", "to"), "<range>")},
+        "needs a number, a list of numbers, {from: ..., to: ...} or {normal: ...}",
     ),
 ]
 
@@ -62,6 +92,14 @@ class SobolIndices(Part):
         return self
 
 
+class Tolerances(Part):
+    """Random points of distributions, and beside them the means and a step to either side of each, from which first order follows."""
+
+    tolerances: Annotated[StrictInt, Field(ge=2, le=MOST_RUNS)]
+    seed: Seed = 0
+    correlations: tuple[tuple[StrictStr, StrictStr, float], ...] = ()
+
+
 class Csv(Part):
     """Rows of a table: names of variables above columns of numbers (SI units)."""
 
@@ -79,12 +117,13 @@ Design: TypeAlias = Annotated[
     | Annotated[LatinHypercube, Tag("<latin_hypercube>")]
     | Annotated[Sobol, Tag("<sobol>")]
     | Annotated[SobolIndices, Tag("<sobol_indices>")]
+    | Annotated[Tolerances, Tag("<tolerances>")]
     | Annotated[Csv, Tag("<csv>")]
     | Annotated[Listed, Tag("<list>")],
     discriminated_by(
-        {str: "<grid>", **{key: f"<{key}>" for key in ("latin_hypercube", "sobol", "sobol_indices", "csv", "list")}},
+        {str: "<grid>", **{key: f"<{key}>" for key in ("latin_hypercube", "sobol", "sobol_indices", "tolerances", "csv", "list")}},
         "needs the word grid (with a list or a count for each parameter), {latin_hypercube: runs}, {sobol: runs}, {sobol_indices: points}, "
-        "{csv: file} or {list: [...]}",
+        "{tolerances: runs}, {csv: file} or {list: [...]}",
     ),
 ]
 
@@ -174,6 +213,7 @@ class Objective(Part):
     from_: Number | None = Field(default=None, alias="from")
     to: Number | None = None
     goal: Literal["smaller", "larger"] | None = None
+    limits: tuple[Number, Number] | None = None
     unit: Unit | None = None
 
     @model_validator(mode="after")

@@ -176,7 +176,8 @@ class _Reading:
             where.fail("a percentile lies between 0 and 100", "write for example at: 95", (*keys, "at"))
         return Objective(
             name=name, reduction=part.reduction, series=place, at=at, direction=part.direction or "any", begin=begin, end=end,
-            goal=part.goal or "smaller", unit=part.unit or _unit(part.reduction, series.unit if series is not None else ""),
+            limits=self._limits(part, keys), goal=part.goal or "smaller",
+            unit=part.unit or _unit(part.reduction, series.unit if series is not None else ""),
             factor=1.0 if part.unit is None or series is None else self._factor(where, part, part.unit, series, keys),
         )  # fmt: skip
 
@@ -206,9 +207,19 @@ class _Reading:
         if part.unit is not None and (one := self._fitting(where, part.unit, measure(1.0, unit).dimension if unit else NONE, keys)):
             factor = 1.0 / one.value
         return Objective(
-            name=name, reduction=part.reduction, series=-1, begin=window[0], end=window[1], goal=part.goal or "smaller",
+            name=name, reduction=part.reduction, series=-1, begin=window[0], end=window[1], limits=self._limits(part, keys),
+            goal=part.goal or "smaller",
             unit=part.unit or unit, factor=factor, asked=asked, of=of,
         )  # fmt: skip
+
+    def _limits(self, part: ObjectivePart, keys: Keys) -> tuple[float, float] | None:
+        """The limits of an objective in its unit."""
+        if part.limits is None:
+            return None
+        low, high = (self.at(keys).number(value, None, (*keys, "limits", i)) for i, value in enumerate(part.limits))
+        if not low < high:
+            self.at(keys).fail("the limits enclose nothing", "write the smaller one first", (*keys, "limits"))
+        return low, high
 
     def _fitting(self, where: Element, unit: str, dimension: Dimension | None, keys: Keys) -> Measure | None:
         """The unit of an objective, which fits its dimension."""

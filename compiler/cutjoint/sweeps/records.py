@@ -46,8 +46,11 @@ class Asked:
 
 @dataclass(frozen=True, kw_only=True)
 class Objective:
-    """A number of each run: a reduction of a series in a window of time (s); ``at`` is what percentile and crossing have besides.  In its
-    ``unit`` it is ``factor`` times its number in SI units.  Where a task is ``asked``, it is one of the result named ``of``."""
+    """A number of each run: a reduction of a series in a window of time (s); ``at`` is what percentile and crossing have besides.
+
+    In its ``unit`` it is ``factor`` times its number in SI units; ``limits`` are those of the yield.  Where a task is ``asked``, it is one
+    of the result named ``of``.
+    """
 
     name: str
     reduction: str
@@ -57,6 +60,7 @@ class Objective:
     begin: float = -inf
     end: float = inf
     goal: str = "smaller"
+    limits: tuple[float, float] | None = None
     unit: str = ""
     factor: float = 1.0
     asked: Asked | None = None

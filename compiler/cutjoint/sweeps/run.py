@@ -36,6 +36,7 @@ from cutjoint.sweeps.records import Kind, Study
 from cutjoint.sweeps.scheduler import require_address, require_scheduler
 from cutjoint.sweeps.table import MANIFEST, Layout, arrow, is_whole, require_file, require_room
 from cutjoint.sweeps.tasks import Tasks
+from cutjoint.sweeps.tolerances import Tolerance, find_tolerance
 from cutjoint.sweeps.work import Chunk, Threads, Work, Workers, in_lanes
 
 #: Seconds of work that a chunk has, if there are runs enough: at least, and usually.  By Dask a chunk costs 10 to 20 ms besides.
@@ -96,6 +97,14 @@ class Sweep:
             RunError: the design is another one, or too few runs ended.
         """
         return find_indices(self, objective)
+
+    def find_tolerance(self, objective: str, limits: tuple[float, float] | None = None) -> Tolerance:
+        """Distribution of an objective, by Monte Carlo and by first order; needs the design `tolerances`.
+
+        Raises:
+            RunError: the design is another one, or too few runs ended.
+        """
+        return find_tolerance(self, objective, limits)
 
     def __getitem__(self, name: str) -> Any:
         column = self.table[name]

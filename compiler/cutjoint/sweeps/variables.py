@@ -6,7 +6,7 @@ import csv
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, isnan, nan
+from math import inf, isfinite, isnan, nan
 from pathlib import Path
 from typing import TypeAlias
 
@@ -24,7 +24,7 @@ from cutjoint.model.scenes.starts import read_states
 from cutjoint.model.text import read_number
 from cutjoint.sweeps import designs
 from cutjoint.sweeps.designs import Extent
-from cutjoint.sweeps.document import MOST_RUNS, Between, Csv, Document, Listed, SobolIndices, Values
+from cutjoint.sweeps.document import MOST_RUNS, Between, Csv, Document, Listed, SobolIndices, Spread, Tolerances, Values
 from cutjoint.sweeps.records import Array, Kind, Variable
 
 #: Reads a number as it is written at a place, in SI units; NaN, with a problem noted, where the model cannot have it.
@@ -75,13 +75,17 @@ class Variables:
         found = [(self._scene(), Extent(levels=tuple(map(float, range(len(scenes))))))] if len(scenes) > 1 else []
         for section in _SECTIONS:
             for name, values in getattr(self._document, section).items():
-                found.append(self._variable(section, name, values))
+                parts = [f"{name}.{axis}" for axis in "xyz"] if section == "parameters" and name not in self._parameters else []
+                vector = bool(parts) and all(part in self._parameters for part in parts)
+                found += [self._variable(section, part, values, name) for part in (parts if vector else [name])]
         self._require_names([v for v, _ in found])
         if not found:
             self._fail(("design",), "there is no variable", "write for example parameters: {stiffness: {from: 1, to: 2}}")
         if isinstance(design, SobolIndices) and len(found) < 2:
             self._fail(("design",), "sobol_indices compares variables, and there is one", "write two variables or more, or {sobol: runs}")
         self._end()
+        if isinstance(design, Tolerances):
+            self._require_spreads(design, {v.name: extent for v, extent in found})
         runs = designs.count_runs(design, [extent for _, extent in found])
         if runs > MOST_RUNS:
             self._fail(("design",), f"{runs} runs are more than {MOST_RUNS:g}", "write smaller counts, or a sequence such as {sobol: 1000}")
@@ -91,7 +95,8 @@ class Variables:
             needed = f"{runs} runs need {bytes_needed / 1e9:.3g} GB of memory for their values, of which {free / 1e9:.3g} GB are free"
             self._fail(("design",), needed, "write several studies")
         self._end()
-        return Design(variables=tuple(v for v, _ in found), values=designs.draw(design, [extent for _, extent in found]))
+        values = designs.draw(design, [extent for _, extent in found], [v.name for v, _ in found])
+        return Design(variables=tuple(v for v, _ in found), values=values)
 
     def _at(self, keys: Keys) -> Element:
         label = {"parameters": "parameter", "positions": "position", "rates": "rate"}.get(str(keys[0]))
@@ -107,14 +112,45 @@ class Variables:
     def _scene(self) -> Variable:
         return Variable(name=SCENE, kind=Kind.SCENE, unit="", span=self._source.key_span(("scenes",)))
 
-    def _variable(self, section: str, name: str, values: Values) -> tuple[Variable, Extent]:
-        """A variable of a section, and what it may be."""
-        keys: Keys = (section, name)
+    def _require_spreads(self, design: Tolerances, extents: Mapping[str, Extent]) -> None:
+        """What tolerances need: no lists, and correlations between normal distributions that can be."""
+        if SCENE in extents or any(len(extent.levels) > 1 for extent in extents.values()):
+            self._fail(("design",), "tolerances need one scene and distributions, no lists", "write for example {normal: 0.1 mm}")
+        for i, (one, other, _) in enumerate(design.correlations):
+            for name in (one, other):
+                if name not in extents or extents[name].spread is None or extents[name].spread.dist.name != "norm":
+                    keys: Keys = ("design", "correlations", i)
+                    self._fail(keys, f"'{name}' has no normal distribution", "correlate variables {normal: ...} without from and to")
+        if not self._problems and np.linalg.eigvalsh(designs.correlation(list(extents), design.correlations))[0] <= 0.0:
+            self._fail(("design", "correlations"), "no variables have these correlations", "write smaller ones")
+        self._end()
+
+    def _variable(self, section: str, name: str, values: Values, key: str = "") -> tuple[Variable, Extent]:
+        """A variable of a section, and what it may be; ``key`` is the name of a vector of which it is a component."""
+        keys: Keys = (section, key or name)
         known = self._parameters if section == "parameters" else self._states
         if name not in known:
             self._fail(keys, *self._unknown(name, known), at_key=True)
         variable, read = self._named(name, section, self._source.key_span(keys))
+        if isinstance(values, Spread):
+            return variable, self._spread(values, keys, read, name)
         return variable, self._extent(values, keys, read)
+
+    def _spread(self, values: Spread, keys: Keys, read: Read, name: str) -> Extent:
+        if values.mean is None and name not in self._parameters:
+            self._fail(keys, "a distribution of a start needs its mean", "write mean: beside it")
+        usual = self._parameters[name].value if name in self._parameters else nan
+        mean = usual if values.mean is None else read(values.mean, (*keys, "mean"))
+        size = read(getattr(values, values.kind), (*keys, values.kind))
+        low = -inf if values.from_ is None else read(values.from_, (*keys, "from"))
+        high = inf if values.to is None else read(values.to, (*keys, "to"))
+        if not size > 0.0 and not isnan(size):
+            self._fail((*keys, values.kind), "a distribution has a width above zero", "write a plain number for a constant")
+        if not low < mean < high and not isnan(low + mean + high):
+            self._fail(keys, f"the mean {mean:g} is not between from and to", "write limits about it")
+        if self._problems:
+            return Extent(low=0.0, high=1.0)
+        return Extent(spread=designs.distribution(values.kind, mean, size, low, high))
 
     def _unknown(self, name: str, known: Mapping[str, object]) -> tuple[str, str]:
         if name in self._constants:
@@ -155,8 +191,9 @@ class Variables:
         """The range of a variable, in the form that the design needs."""
         if isinstance(values, tuple):
             return Extent(levels=tuple(read(value, (*keys, i)) for i, value in enumerate(values)))
-        if not isinstance(values, Between):
+        if isinstance(values, (int, float, str)):
             return Extent(levels=(read(values, keys),))
+        assert isinstance(values, Between)
         low, high = read(values.from_, (*keys, "from")), read(values.to, (*keys, "to"))
         by_ratio, is_grid = values.scale == "log", self._document.design == "grid"
         if not low < high and not isnan(low + high):
