@@ -18,7 +18,7 @@ from tests.fuzz.limits import HangError, at_most, at_most_bytes
 from tests.fuzz.press import press
 
 from .commands import good_calls
-from .values import FOLDER, LINK, MODEL, ROBOT, STUDY, TABLE, TWIN
+from .values import DATA, FIT, FOLDER, LINK, MODEL, ROBOT, STUDY, TABLE, TWIN
 
 #: Seconds that a call may take on an idle machine.
 LIMIT = 10.0
@@ -33,6 +33,17 @@ model: {MODEL}
 end: 0.01
 parameters: {{stiffness: [1000, 3000]}}
 objectives: {{top: {{maximum: slider.x}}}}
+"""
+
+
+#: A fit of one number to three samples.
+_FIT = f"""
+cutjoint_fit: 1
+model: {MODEL}
+integrator: rk4
+dt: 1 ms
+parameters: {{stiffness: {{from: 100, to: 1e4}}}}
+experiments: {{run: {{data: {DATA}, from: 0, signals: {{slider.x: {{deviation: 1e-6}}}}}}}}
 """
 
 
@@ -52,12 +63,14 @@ def set_up(folder: Path) -> dict[str, bytes]:
     Path(MODEL).write_text(press(), encoding="utf-8")
     Path(TABLE).write_text("stiffness\n1000\n3000\n", encoding="utf-8")
     Path(STUDY).write_text(_STUDY, encoding="utf-8")
+    Path(FIT).write_text(_FIT, encoding="utf-8")
+    Path(DATA).write_text("t,slider.x\n0.1,0.36\n0.15,0.35\n0.2,0.3\n", encoding="utf-8")
     Path(ROBOT).write_text('<robot name="robot"><link name="base"/></robot>', encoding="utf-8")
     Path(LINK).symlink_to(MODEL)
     Path(TWIN).hardlink_to(MODEL)
     Path("loop").symlink_to("loop")
     Path(FOLDER).mkdir()
-    return {name: Path(name).read_bytes() for name in (MODEL, TABLE, STUDY, ROBOT, LINK, TWIN)}
+    return {name: Path(name).read_bytes() for name in (MODEL, TABLE, STUDY, FIT, DATA, ROBOT, LINK, TWIN)}
 
 
 @cache

@@ -9,7 +9,7 @@ import click
 
 from cutjoint.cli import main
 
-from .values import MODEL, ROBOT, STUDY, TABLE
+from .values import FIT, MODEL, ROBOT, STUDY, TABLE
 
 #: A choice that suits the press, where the first does not.
 _CHOICES = {"peer": "exudyn"}
@@ -25,7 +25,7 @@ _ELSEWHERE = ("export", "--method")
 #: Options beside an option that is refused without them.
 _BESIDE = {"ghost_page": ["--view=out_view.html"], "compare": ["--plots=out_plots"]}
 #: Files other than models that options and arguments read.
-READ = {"cases": TABLE, "study": STUDY, "file": ROBOT, "folder": "."}
+READ = {"cases": TABLE, "study": STUDY, "fit_study": FIT, "file": ROBOT, "folder": "."}
 #: Options and arguments that read a file of which users have none here.
 _UNREADY = ("ghost_page", "fmus", "compare", "functions", "replay")
 
@@ -58,7 +58,7 @@ def is_path(option: click.Parameter, *, written: bool) -> bool:
 
 def reads_model(name: str) -> bool:
     """True if a command has a model, or several."""
-    return any(option.name in ("model", "models", "study") for option in commands()[name].params)
+    return any(option.name in ("model", "models", "study", "fit_study") for option in commands()[name].params)
 
 
 def call_with(name: str, given: Sequence[tuple[click.Parameter, str]]) -> list[str]:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import click
 
 MODEL, LINK, TWIN, TABLE, FOLDER, STUDY = "press.yaml", "link.yaml", "twin.yaml", "cases.csv", "folder", "study.yaml"
+FIT, DATA = "fit.yaml", "measured.csv"
 ROBOT = "robot.urdf"
 
 _LONG = "n" * 300

@@ -240,3 +240,19 @@ def test_what_is_wrong_is_said(tmp_path: Path, change: dict[str, Any], words: st
     (tmp_path / "study.yaml").write_text(json.dumps(study))
     with pytest.raises(cutjoint.CutjointError, match=words):
         cutjoint.fit(tmp_path / "study.yaml")
+
+
+def test_an_interrupted_fit_says_what_it_has(tmp_path: Path) -> None:
+    t = np.arange(0.0, 1.0, 0.01)
+    data = _write(tmp_path / "d.csv", t, pin_angle=_scipy_pendulum(t, mass=2.0, inertia=0.08, friction=0.3, angle=0.0, rate=0.0))
+    study = _arm_study(tmp_path, data)
+    study["parameters"], study["experiments"] = {"friction": {}}, {"a": {"data": data, "signals": {"pin.angle": {}}}}
+
+    def stop(text: str) -> None:
+        if text.startswith("  run 4"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        cutjoint.fit(study, note=stop)
+    (told,) = stopped.value.__notes__
+    assert float(told.split("friction: {start: ")[1].split("}")[0]) == pytest.approx(0.3, rel=0.05)

@@ -10,7 +10,7 @@ from cutjoint.run.result_files import write_whole
 
 
 @table.command("fit")
-def command(study: Path, out: Path | None, model_out: Path | None, view: Path | None) -> None:
+def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Path | None) -> None:
     """Fit numbers of models to measurements as STUDY asks, and say what the data leave open.
 
     Exit status: 0 identified, 3 not converged, 4 not identified, 5 residual not white.
@@ -19,11 +19,11 @@ def command(study: Path, out: Path | None, model_out: Path | None, view: Path | 
     from cutjoint.fits.page import make_page
     from cutjoint.fits.writing import as_json, rewrite_model
 
-    out = Path(f"{study.stem}.json") if out is None else out
-    require_apart({"the study": study}, documents=[("--out", out), ("--model", model_out), ("--view", view)])
+    out = Path(f"{fit_study.stem}.json") if out is None else out
+    require_apart({"the study": fit_study}, documents=[("--out", out), ("--model", model_out), ("--view", view)])
     if view is not None and view.suffix != ".html":
         raise OutputError(f"--view {view}: no such kind of file; write a name that ends in .html")
-    found = fit(study, note=lambda text: options.err.print(text, markup=False))
+    found = fit(fit_study, note=lambda text: options.err.print(text, markup=False))
     write_whole(out, as_json(found))
     shown = Table(title="parameters", title_justify="left", box=None)
     for heading in ("parameter", "unit", "start", "value", "95 % interval"):

@@ -153,6 +153,7 @@ def _recursive() -> tuple[str, ...]:
 OPTIONS: Mapping[str, Row] = {
     "model": click.argument("model", type=_READ),
     "study": click.argument("study", type=_READ),
+    "fit_study": click.argument("fit_study", metavar="STUDY", type=_READ),
     "file": click.argument("file", type=_READ),
     "base": click.option("--base", type=click.Choice(["fixed", "free"]), default="fixed", show_default=True,
         help="Whether the first link of a URDF is fixed to the ground or free. SDF and MJCF say so themselves."),

@@ -115,6 +115,7 @@ class Solver:
         self.deviations = np.array([_spread(s) if np.isnan(s.deviation) else s.deviation for s in self.signals])
         self.open = np.array([np.isnan(s.deviation) for s in self.signals])
         self.kept: tuple[bytes, tuple[Array, Array]] = (b"", (np.zeros(0), np.zeros((0, 0))))
+        self.best: tuple[float, tuple[float, ...]] = (np.inf, tuple(self.start))
         self.noise: list[Array] = [np.zeros(len(s.values)) for s in self.signals]
 
     def solve(self) -> Fit:
@@ -188,13 +189,19 @@ class Solver:
                 self.note(f"  a run failed, with a smaller step again: {error}")
                 return np.full(sum(len(s.values) for s in self.signals) + int(self.known.sum()), np.nan)
             count += 1
+            self.best = min(self.best, (float(np.mean(rows**2)), tuple(x * sizes)))
             self.note(f"  run {count}: residual {np.sqrt(np.mean(rows**2)):.6g} of the standard deviations")
             return rows
 
-        found = least_squares(
-            function, begin / sizes, lambda x: self.residuals(x * sizes)[1] * sizes, bounds=(self.low / sizes, self.high / sizes),
-            loss=self.study.loss, x_scale=1.0, ftol=_CHANGE, xtol=_STEP, gtol=1e-14, max_nfev=100,
-        )  # fmt: skip
+        try:
+            found = least_squares(
+                function, begin / sizes, lambda x: self.residuals(x * sizes)[1] * sizes, bounds=(self.low / sizes, self.high / sizes),
+                loss=self.study.loss, x_scale=1.0, ftol=_CHANGE, xtol=_STEP, gtol=1e-14, max_nfev=100,
+            )  # fmt: skip
+        except BaseException as stop:  # by the user too
+            values = ", ".join(f"{name}: {{start: {x:.12g}}}" for name, x in zip(self.names, self.best[1], strict=True))
+            stop.add_note(f"the best parameters so far, in SI units, for another call: {{{values}}}")
+            raise
         found.x = found.x * sizes
         return found
 
