@@ -256,3 +256,34 @@ def test_an_interrupted_fit_says_what_it_has(tmp_path: Path) -> None:
         cutjoint.fit(study, note=stop)
     (told,) = stopped.value.__notes__
     assert float(told.split("friction: {start: ")[1].split("}")[0]) == pytest.approx(0.3, rel=0.05)
+
+
+def test_a_driven_arm_from_rest_with_ties_starts_and_bootstrap(tmp_path: Path) -> None:
+    """The arm hangs, and a torque moves it that the file has in N mm; SciPy's motion follows the same lines between samples."""
+    t = np.arange(0.0, 1.001, 0.01)
+    push = 2 * np.sin(5 * t)
+    total = 0.08 + 2.0 * 0.09
+
+    def f(now: float, x: Any) -> Any:
+        return [x[1], (2.0 * 9.81 * 0.3 * np.cos(x[0]) - 0.3 * x[1] + np.interp(now, t, push)) / total]
+
+    angle = solve_ivp(f, (0, 1), [np.pi / 2, 0.0], t_eval=np.minimum(t, 1), rtol=1e-11, atol=1e-12, max_step=0.005).y[0]
+    data = _write(tmp_path / "d.csv", t, torque=1e3 * push, pin_angle=angle + 1e-4 * np.random.default_rng(0).normal(size=len(t)))
+    text = _PENDULUM.replace("parameters: {", "parameters: {push: {value: 0, unit: N*m, binding: input}, ").replace(
+        "damping: friction}}", "damping: friction}}\n  motor: {kind: joint_force, joint: pin, law: push}"
+    )
+    (tmp_path / "arm.yaml").write_text(text)
+    study = {
+        "cutjoint_fit": 1, "model": str(tmp_path / "arm.yaml"), "integrator": "rk4", "dt": "2 ms", "loss": "soft_l1",
+        "parameters": {"friction": {"from": 0.01, "to": 1.0}, "size": {"start": 0.05, "from": 0.04, "to": 0.15}},
+        "ties": {"arm.inertia.1": "size", "arm.inertia.2": "size"}, "starts": {"count": 2}, "bootstrap": {"count": 8},
+        "experiments": {"drive": {
+            "data": data, "rest": True, "inputs": {"push": {"column": "torque", "unit": "N*mm"}}, "signals": {"pin.angle": {}},
+        }},
+    }  # fmt: skip
+    found = cutjoint.fit(study)
+    assert len(found.starts) == 2
+    assert found.numbers["arm.inertia.1"] == found.numbers["arm.inertia.2"] == found["size"]
+    for name, value in {"friction": 0.3, "size": 0.08}.items():
+        assert abs(found[name] - value) < 6 * found.deviations[found.names.index(name)]
+        assert found[name] == pytest.approx(value, rel=5e-3)
