@@ -283,7 +283,7 @@ def _matched(
 def _require_fit(path: Path, port: Port, name: str, unit: str) -> None:
     if port.fault:
         raise RunError(f"{path}: '{port.name}' cannot be connected with '{name}': {port.fault}")
-    if port.unit is not None and port.unit.powers != _powers(unit):
+    if port.unit is not None and port.unit.powers != (tuple(measure(1.0, unit).dimension.exponents) if unit else (0,) * 7):
         raise RunError(f"{path}: '{port.name}' is in {port.unit.name} and '{name}' in {unit or '1'}, which is no unit of the same kind")
 
 
@@ -293,8 +293,3 @@ def _require_alike(path: Path, source: Port, sink: Port) -> None:
             raise RunError(f"{path}: '{source.name}' cannot drive '{sink.name}': '{port.name}': {port.fault}")
     if source.unit is not None and sink.unit is not None and source.unit.powers != sink.unit.powers:
         raise RunError(f"{path}: '{source.name}' is in {source.unit.name} and '{sink.name}' in {sink.unit.name}, no unit of the same kind")
-
-
-def _powers(unit: str) -> tuple[object, ...]:
-    """The powers of kg, m, s, A, K, mol, cd in a unit."""
-    return tuple(measure(1.0, unit).dimension.exponents) if unit else (0,) * 7

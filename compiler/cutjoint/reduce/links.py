@@ -147,7 +147,8 @@ def _told(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint], for
     there.
     """
     if isinstance(reaction, RodForce) or reaction.joint not in (link.cut.name, link.tree.name):
-        _require_other(reaction, link)
+        if isinstance(reaction, Reaction) and reaction.body == link.body.name:
+            raise _StaysError(f"stays: the direction of '{reaction.name}' is fixed in it")
         return reaction
     if reaction.joint == link.tree.name:
         raise _StaysError(f"stays: '{reaction.name}' is the reaction of its joint '{link.tree.name}'")
@@ -160,11 +161,6 @@ def _told(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint], for
     sign = 1 if link.cut.follower == link.body.name else -1
     pushes = tuple((rod.name, sign * _along(rod, reaction.direction)) for rod in rods)
     return RodForce(name=reaction.name, pushes=pushes, span=reaction.span)
-
-
-def _require_other(reaction: Reaction | RodForce, link: _Link) -> None:
-    if isinstance(reaction, Reaction) and reaction.body == link.body.name:
-        raise _StaysError(f"stays: the direction of '{reaction.name}' is fixed in it")
 
 
 def _at_end(forces: Sequence[Force], link: _Link) -> Iterator[Force]:

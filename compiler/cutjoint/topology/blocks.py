@@ -81,7 +81,7 @@ def _block(topology: Topology, known: Mapping[str, str], joints: Sequence[Joint]
     """A block of joints; bodies of known motion beside the carrier are not among its own."""
     above = {t.child: t for t in topology.tree}
     parts = {known[body] for joint in joints for body in (joint.base, joint.follower)}
-    base = min(parts, key=lambda part: min(_depth(above, b) for b, p in known.items() if p == part))
+    base = min(parts, key=lambda part: min(len(_bodies_in(above, b)) for b, p in known.items() if p == part))
     touched = sorted({body for joint in joints for body in (joint.base, joint.follower) if known[body] == base})
     carrier = _common(above, touched)
     ways = [t.joint for body in touched for t in _way(above, body, carrier)]
@@ -91,10 +91,6 @@ def _block(topology: Topology, known: Mapping[str, str], joints: Sequence[Joint]
         carrier=carrier, bodies=tuple(t.child for t in topology.tree if t.child in inner),
         joints=tuple(j for j in topology.model.joints if j in joints), drives=drives,
     )  # fmt: skip
-
-
-def _depth(above: Mapping[str, TreeJoint], body: str) -> int:
-    return len(_bodies_in(above, body))
 
 
 def _bodies_in(above: Mapping[str, TreeJoint], body: str) -> list[str]:

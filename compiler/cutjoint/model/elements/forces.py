@@ -139,7 +139,8 @@ def joint_forces(element: Element, joint: joint_parts.Joint) -> Iterator[Force]:
             yield _ball_spring(element, joint, part, common)
         else:
             coordinate = read_coordinate(element, element.name, joint, part.coordinate, _naming((field,), (field, "coordinate")))
-            law = _own_law(element, part, _kind_of(law_on(coordinate.unit)))
+            kind = _kind_of(law_on(coordinate.unit))
+            law = _spring_law(element, part, kind) if isinstance(part, joint_parts.JointSpring) else _stop_law(element, part, kind)
             yield JointForce(**common, joint=element.name, coordinate=coordinate.name, unit=coordinate.unit, law=law)
         problem = name_problem(f"{element.path[-1]}_{suffix}")
         if problem:
@@ -155,10 +156,6 @@ def _ball_spring(element: Element, joint: joint_parts.Joint, spring: joint_parts
     rest = None if spring.free_rotation is None else element.triple(spring.free_rotation, ANGLE, ("spring", "free_rotation"))
     axes = GLOBAL_AXES if rest is None else turned_axes(rest)
     return BallSpring(**common, of=element.name, base=base, follower=follower, axes=axes, stiffness=stiffness, damping=damping)
-
-
-def _own_law(element: Element, part: joint_parts.JointSpring | joint_parts.JointLimits, kind: LawKind) -> Scalar:
-    return _spring_law(element, part, kind) if isinstance(part, joint_parts.JointSpring) else _stop_law(element, part, kind)
 
 
 def _spring_law(element: Element, spring: joint_parts.JointSpring, kind: LawKind) -> Scalar:
