@@ -111,7 +111,7 @@ _HOMES = {
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
-        """Import a name of the list above with its first use: SymPy takes longer to import than a cached run takes to run."""
+        """Import a name of the list above at its first use: SymPy takes longer to import than a cached run takes to run."""
         if name.startswith("__"):
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         from types import FunctionType

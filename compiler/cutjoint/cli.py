@@ -28,10 +28,10 @@ _COLLECTION = 100_000
 
 
 class _Commands(click.Group):
-    """Commands that are imported when they are asked for: one does not wait for what others need."""
+    """Commands that are imported on demand, so that none waits for the imports of others."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """The arguments; names of files stand in tables, run files and messages, which are UTF-8."""
+        """The arguments; tables, run files and messages contain file names as UTF-8."""
         for text in args:
             if fault := _fault_of_argument(text):
                 ctx.fail(fault)
@@ -41,7 +41,7 @@ class _Commands(click.Group):
         return sorted({*_COMMANDS, *COMMANDS.installed()})
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
-        """The command, its name and its words; those of earlier versions are as good."""
+        """The command, its name and its arguments; names of earlier versions work too."""
         return super().resolve_command(ctx, in_new_words(args))
 
     def invoke(self, ctx: click.Context) -> object:
@@ -68,7 +68,7 @@ class _Commands(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """A line of each command, read from its source: to import them all takes seconds."""
+        """One line for each command, read from its source: importing all takes seconds."""
         commands = [click.Command(name, help=_text_of(name)) for name in self.list_commands(ctx)]
         room = formatter.width - 6 - max(len(each.name or "") for each in commands)
         with formatter.section("Commands"):
@@ -84,7 +84,7 @@ def _module_of(command: str) -> str:
 
 
 def _text_of(command: str) -> str:
-    """The docstring of a command's function in its module, which is not imported; "" without one."""
+    """The docstring of a command's function, read without importing its module; "" if there is none."""
     module = _module_of(command) if command in _COMMANDS else COMMANDS.installed()[command].module
     place = find_spec(module)
     if place is None or place.origin is None:
@@ -104,7 +104,7 @@ def _plain_errors() -> Iterator[None]:
 
 
 def _fault_of_argument(text: str) -> str:
-    """The fault of an argument of any command; "" without one."""
+    """What is wrong with an argument of any command; "" if nothing."""
     option, _, value = text.partition("=") if text.startswith("--") else ("", "", text)
     if not _is_utf_8(text):
         return f"the argument {text!a} is not UTF-8; rename the file, or write another name"

@@ -19,23 +19,23 @@ class Formulation(StrEnum):
     """The equations of a method, by the folder of ``formulate`` that derives them."""
 
     RECURSIVE = "recursive"  #: accelerations in relative coordinates, by elimination along the tree
-    IMPLICIT = "implicit"  #: the balance in relative coordinates with its exact tangent
-    NATURAL = "natural"  #: the balance in natural coordinates with its tangent
+    IMPLICIT = "implicit"  #: equations of motion in relative coordinates, with their exact tangent
+    NATURAL = "natural"  #: equations of motion in natural coordinates, with their tangent
 
 
 class Events(StrEnum):
-    """The treatment of changes of formula in forces, guides and drives by steps."""
+    """What steps do where a force, guide or drive changes its formula."""
 
-    LOCATED = "located"  #: they end there
-    CROSSED = "crossed"  #: they go over it
+    LOCATED = "located"  #: steps end there
+    CROSSED = "crossed"  #: steps pass over it
 
 
 class Implementation(StrEnum):
-    """The way from a model to a simulator."""
+    """How a model becomes a simulator."""
 
     GENERATED = "generated"  #: code made for the model
     INTERPRETED = "interpreted"  #: the same program as data for a simulator that is compiled once
-    GENERIC = "generic"  #: the generic twin, which interprets the model at run time
+    GENERIC = "generic"  #: a generic solver that interprets the model at run time
 
     @property
     def is_twin(self) -> bool:
@@ -44,26 +44,24 @@ class Implementation(StrEnum):
 
 
 class Loops(StrEnum):
-    """The way in which loops with one degree of freedom are closed."""
+    """How loops with one degree of freedom are closed."""
 
-    EXACT = "exact"  #: by their equations
-    EMBEDDED = "embedded"  #: by functions of one coordinate, where they hold to a tolerance
+    EXACT = "exact"  #: by loop equations
+    EMBEDDED = "embedded"  #: by functions of one coordinate, accurate to a tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
 class Method:
-    """A formulation with its way to solve a step.
+    """A formulation with its step solver.
 
-    ``closures`` are the ways to hold cut joints that a scene can choose from; others hold them in one way, and start with PLAIN_CLOSURE.
-    ``symmetric`` is whether the tangent of a step is, ``saddle_point`` whether multipliers are unknowns beside the coordinates, so that
-    pivots must be chosen and dependent equations left out.  ``events`` is whether steps can end at events.
-    ``instead`` are methods that may go on where this one fails.
-    ``holds_structures`` is whether it goes on in the one pose of a structure that loops hold to second order only.
-    ``functions`` is whether functions of one coordinate can close its loops.
-    ``default_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
-    where none are given; the penalty then follows from masses and step.  ``twin`` is whether it has a generic twin, ``fixed_cost`` whether
-    steps can have a fixed number of iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report
-    the Jacobians of its accelerations.
+    ``closures`` are those that a scene can choose from; other methods have one treatment of cut joints, and start with PLAIN_CLOSURE.
+    ``symmetric`` is whether the tangent of a step is symmetric, ``saddle_point`` whether multipliers are unknowns too, which requires
+    pivoting and the omission of dependent equations. ``events`` is whether steps can end at events. ``instead`` are methods to try where
+    this one fails. ``holds_structures`` is whether it simulates shaky structures, whose loops fix the pose to second order only.
+    ``functions`` is whether it supports loop embedding. ``default_updates`` is the default number of multiplier updates of a method with
+    settings of its own; its default penalty follows from masses and step. ``twin`` is whether a generic solver has it, ``fixed_cost``
+    whether steps can have a fixed number of iterations, ``batch`` whether runs can be evaluated in lanes, ``tangents`` whether a run can
+    report the Jacobians of its accelerations.
     """
 
     name: str
@@ -94,8 +92,7 @@ class Method:
     def closure(
         self, wanted: str | None, implementation: Implementation = Implementation.GENERATED, *, usual: str | None = None
     ) -> "Closure":  # fmt: skip
-        """The closure of a scene, which is meant for the methods that have it; where none is wanted, the ``usual`` one, that of the
-        scene's integrator."""
+        """The closure that a scene names, if the method has it; otherwise the ``usual`` one, that of the integrator."""
         if wanted in self.closures:
             return CLOSURES[wanted]
         can_choose = wanted is None and self.closures and not implementation.is_twin
@@ -104,12 +101,12 @@ class Method:
 
 @dataclass(frozen=True, kw_only=True)
 class Steps:
-    """The C++ class of an integrator's steps by one method, for a mechanism, or for that and a system, and its header.
+    """The C++ class of an integrator's steps by one method, and its header.
 
-    ``stages`` is the number of slopes that an explicit one holds, with parts of its interpolant beyond five, ``finds_events`` whether its
-    steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can,
-    ``by_residual`` whether derivatives need those of the residual in coupled stages, ``averages`` whether steps go on with accelerations
-    beside those of states.
+    ``stages`` is the number of stage derivatives that an explicit one stores, with parts of its interpolant beyond five, ``finds_events``
+    whether its steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can,
+    ``by_residual`` whether sensitivities need the residual's derivatives in coupled stages, ``averages`` whether steps keep accelerations
+    of their own (generalized-alpha).
     """
 
     header: str
@@ -124,15 +121,13 @@ class Steps:
 
 @dataclass(frozen=True, kw_only=True)
 class Integrator:
-    """A rule of steps.
+    """A time integrator.
 
-    ``methods`` are those whose equations it takes, ``steps`` its classes by them, which those of other packages have not; ``order`` and
-    ``about`` are for readers.  ``closures`` are those it can hold and ``closure`` the one where none is wanted; ``twin`` is whether generic
-    twins have it.  ``events`` is the default of its steps, None where they cannot end at events, and steps of the core end there by
-    themselves where that is located.  An ``adaptive`` one takes steps as long as the tolerance allows.
-    ``uses_solver`` is whether steps solve with the linear solver of a method that has one.  ``settings`` are those that it reads besides
-    the method's, ``largest_penalty`` bounds a penalty that is not given for the method itself.  ``balances`` is whether it balances work
-    and energy beside the motion.
+    ``methods`` are those that it supports, ``steps`` its classes by method (empty for other packages); ``order`` and ``about`` are for
+    readers. ``closures`` are those that it supports and ``closure`` the default; ``twin`` is whether generic solvers have it. ``events`` is
+    its default, None if its steps cannot end at events. An ``adaptive`` one chooses steps by the tolerance. ``uses_solver`` is whether
+    steps solve with the linear solver of a method that has one. ``settings`` are those that it reads besides the method's;
+    ``largest_penalty`` bounds a penalty that is not given for the method itself. ``balances`` is whether it integrates work and energy too.
     """
 
     name: str
@@ -154,17 +149,17 @@ class Integrator:
     balances: bool = True
 
     def takes(self, method: Method, implementation: Implementation) -> bool:
-        """Return whether the integrator runs an implementation of a method."""
+        """Return whether the integrator supports an implementation of a method."""
         return method.name in self.methods and (self.twin or not implementation.is_twin)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Closure:
-    """A way to hold cut joints.
+    """A treatment of cut joints.
 
-    Its penalty follows from effective masses.  With ``penalty_of_each_cut`` each cut joint has its own, up to a bound if one is given, and
-    needs no other stabilisation; else all have the same, that of the scene if it gives one.  An evaluation corrects multipliers
-    ``refinements`` times inside.
+    Its penalty follows from effective masses. With ``penalty_of_each_cut`` each cut joint has its own, up to a bound if one is given, and
+    needs no other stabilisation; else all share one, by default that of the scene. Each evaluation updates the multipliers ``refinements``
+    times.
     """
 
     name: str
@@ -176,7 +171,7 @@ class Closure:
 
 @dataclass(frozen=True, kw_only=True)
 class Solver:
-    """A linear solver; ``symmetric`` ones need a symmetric matrix, ``double_only`` ones one of doubles."""
+    """A linear solver; ``symmetric`` ones need a symmetric matrix, ``double_only`` ones a matrix of doubles."""
 
     name: str
     symmetric: bool = False
@@ -191,8 +186,8 @@ class Solver:
 class Precision:
     """A number type of generated code.
 
-    ``type`` is that of C++, made by a ``header`` of its extension if it is not one of the language.  Of a ``packed`` one several fit a
-    register; ``flags`` are added to those of the compiler.
+    ``type`` is the C++ type, defined by a ``header`` of its extension if the language lacks it. Several numbers of a ``packed`` type fit
+    into a register; ``flags`` are added to those of the compiler.
     """
 
     name: str
@@ -210,9 +205,9 @@ def _catalogue(*records: R) -> Mapping[str, R]:
 
 
 class Catalogue(dict[str, R]):
-    """The product's records by name, and beside them those that other packages have behind the door ``added``.
+    """The product's records by name, and those that other packages add by the entry point ``added``.
 
-    Looking up one of these raises `MissingPackageError` where its package is not installed.
+    Looking up one of these raises `MissingPackageError` if its package is not installed.
     """
 
     def __init__(self, *records: R, added: Door[DriverExtension[R]]) -> None:
@@ -247,8 +242,8 @@ METHODS: Mapping[str, Method] = _catalogue(
     ),
 )  # fmt: skip
 
-#: The penalty that explicit integrators have at most: they correct multipliers until nothing of it is left, and a larger one would leave
-#: fewer digits of the accelerations.
+#: Largest penalty of explicit integrators: they correct multipliers until the penalty has no effect, and a larger one costs digits of the
+#: accelerations.
 _EXPLICIT_PENALTY = 1e6
 
 _ALL_CLOSURES = ("penalty", "proximal", "solved")
@@ -275,7 +270,7 @@ def _radau(name: str, *, about: str, adaptive: bool) -> Integrator:
     )  # fmt: skip
 
 
-#: A row an integrator: runs, run files and their reader, drivers, exports, help and tables of docs follow from it by `make regenerate`.
+#: One row for each integrator: runs, run files, drivers, exports, help and tables of docs follow from it by `make regenerate`.
 INTEGRATORS: Catalogue[Integrator] = Catalogue(
     Integrator(
         name="trapezoidal", methods=tuple(METHODS), order="2", about="bounded work in a step; loops stabilised or projected",
@@ -310,10 +305,10 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
     } for method in METHODS
 }  # fmt: skip
 
-#: Integrators of earlier versions, and those that have taken their places.
+#: Integrators of earlier versions, and their replacements.
 FORMER_INTEGRATORS: Mapping[str, str] = {"sdirk4": "radau5", "sdirk4-fixed": "radau5-fixed"}
 
-#: The ways to hold cut joints.
+#: The treatments of cut joints.
 CLOSURES: Mapping[str, Closure] = _catalogue(
     Closure(name="penalty", twin=True, fixed_cost=True),
     Closure(name="proximal", penalty_of_each_cut=True, refinements=1, fixed_cost=True),
@@ -338,7 +333,7 @@ DEFAULT_METHOD = "recursive"
 #: The integrator of equal steps.
 DEFAULT_INTEGRATOR = "trapezoidal"
 DEFAULT_CLOSURE = "solved"
-#: The closure of methods without a choice, of generic twins, and of batches whose scene names none.
+#: The closure of methods without a choice, of generic solvers, and of batches whose scene names none.
 PLAIN_CLOSURE = "penalty"
 DEFAULT_SOLVER = "emitted"
 DEFAULT_PRECISION = "double"
@@ -347,12 +342,12 @@ DEFAULT_PRECISION = "double"
 #: The method whose tangent is the linearisation of small motions.
 LINEARISED = "recursive-newton"
 
-#: The method whose equations start every run, so that its settings hold the cut joints there.
+#: The method whose equations start every run, so that its settings apply to the cut joints there.
 START = "recursive"
 
 
 def find_additions(solver: str | None) -> tuple[str, ...]:
-    """The solver that is asked for, if it is one of another package: a simulator has it only by request."""
+    """The requested solver, if another package adds it: such a simulator is compiled on demand."""
     return () if solver is None or solver in SOLVERS else (solver,)
 
 

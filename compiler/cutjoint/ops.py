@@ -1,4 +1,4 @@
-"""Scalar operations, a row each: the language of models, folding, interpretation, printing, derivatives and domains follow from it."""
+"""Scalar operations, one row each: the model language, folding, interpretation, printing, derivatives and domains follow from it."""
 
 import math
 from collections.abc import Callable
@@ -12,11 +12,11 @@ import numpy as np
 class Operation:
     """A scalar operation.
 
-    ``numpy`` evaluates it for arrays, ``fold`` for constants where the graph has no rule of its own.  C++ and JavaScript write ``infix``
-    between its arguments, C++ between conditions in lanes ``infix_of_lanes``; a ``standard`` one has its name in ``std`` and ``Math`` too,
-    a ``smooth`` one in models, `math` and SymPy.  ``partials`` are its partial derivatives, of a calculus (program/differentiate.py), its
-    value and its arguments.  ``parity`` is 1 for an even and -1 for an odd function.  ``margin``, of a builder and its arguments, is not
-    negative where it has a value, and positive if ``strict``; None where it has one everywhere.
+    ``numpy`` evaluates it for arrays, ``fold`` for constants where the graph has no rule of its own. C++ and JavaScript write ``infix``
+    between its arguments, C++ with lanes ``infix_of_lanes``; a ``standard`` one has its name in ``std`` and ``Math`` too, a ``smooth`` one
+    in models, `math` and SymPy. ``partials`` are its partial derivatives as functions of a calculus (program/differentiate.py), its value
+    and its arguments. ``parity`` is 1 for an even and -1 for an odd function. ``margin`` is an expression of its arguments that is not
+    negative (positive if ``strict``) where the operation is defined; None if it is defined everywhere.
     """
 
     name: str
@@ -57,7 +57,7 @@ def _by_pow(c: Any, value: Any, x: Any, n: Any) -> list[Any]:
 
 
 def _base(b: Any, x: Any, n: Any) -> Any:
-    """The base of a power, which has a value everywhere where the exponent is whole."""
+    """The base of a power, which is defined everywhere for a whole exponent."""
     return None if n.op == "const" and float(n.data[0][0]).is_integer() else x
 
 
@@ -104,17 +104,17 @@ def _names(condition: Callable[[Operation], Any]) -> tuple[str, ...]:
     return tuple(row.name for row in _ROWS if condition(row))
 
 
-#: Functions of namespace std that keep their name, those of models, and functions whose values are conditions, which no number stands for
-#: in lanes.
+#: Functions of namespace std that keep their name, those of models, and functions whose values are conditions, which lanes cannot store as
+#: numbers.
 STANDARD, SMOOTH = _names(lambda row: row.standard), _names(lambda row: row.smooth)
 CONDITIONS = ("lt", "le", "and", "or", "not")
 
 
 def fact(operation: str, name: str) -> Any:
-    """What the row of an operation says.
+    """A field of an operation's row.
 
     Raises:
-        LookupError: there is no such row, or it does not say it.
+        LookupError: there is no such row, or the field is empty.
     """
     found = getattr(OPERATIONS.get(operation), name, None)
     if not found:

@@ -1,1 +1,1 @@
-"""The commands, a module each, whose `command` is imported when it is asked for; `cli.py` has their names."""
+"""The commands, one module each; `cli.py` has their names and imports the requested one."""

@@ -79,7 +79,7 @@ def _write_module(
 
 
 def _sizes(artifact: Artifact, folder: Path) -> str:
-    """The memory and the stack of a simulation, as the folder's program says them."""
+    """The memory and stack size of a simulation, as the exported program reports them."""
     program = (folder / simulator_of(artifact.topology.model.name)).resolve()
     said = subprocess.run([program, "--sizes"], capture_output=True, text=True, check=False)
     return f"; a simulation takes {said.stdout.strip()}" if said.returncode == 0 else ""

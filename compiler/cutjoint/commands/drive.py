@@ -53,7 +53,7 @@ def _read_ends(option: str, text: str, count: int) -> Ends:
     """The ends of NAME, NAME=HIGH or NAME=LOW,HIGH.
 
     Raises:
-        RunError: there is another number of values, or one is no number.
+        RunError: the number of values differs, or one is not a number.
     """
     name, _, said = text.partition("=")
     values = [options.read_parameters((f"{name}={each.strip()}",), option)[name] for each in said.split(",")] if said else []

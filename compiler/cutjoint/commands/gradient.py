@@ -21,7 +21,7 @@ from cutjoint.stepping.values import OBJECTIVES, STEPS_BESIDE, Array, difference
 #: The step of a difference, as a share of the number, or in its unit where that is smaller than 1e-3.
 _SHARE = 1e-3
 
-#: The share of an objective by which it has to change over that step, so that an error is one of the change and not of rounding.
+#: Smallest change of an objective over that step, as a share of it: less would be rounding error.
 _LEAST = 1e-9
 
 
@@ -76,7 +76,7 @@ def command(
 
 @dataclass(frozen=True)
 class _Found:
-    """A table: its title, the names and units of columns, their values and derivatives (columns, by)."""
+    """A table: title, names and units of its columns, and their values and derivatives (columns, by)."""
 
     title: str
     columns: Sequence[str]
@@ -87,7 +87,7 @@ class _Found:
 
 @dataclass(frozen=True)
 class _Run:
-    """An objective of outputs of a run of so many steps, with a row behind each ``every``."""
+    """An objective of the outputs over a number of steps, with a sample after each ``every`` steps."""
 
     sim: Simulation
     objective: str
@@ -97,7 +97,7 @@ class _Run:
 
     @property
     def end(self) -> float:
-        """The time at the end of the run from now on (s)."""
+        """The end time (s) of a run that begins now."""
         return self.sim.time + self.steps * self.sim.settings.step
 
     def derive(self, names: Sequence[str], from_equilibrium: bool) -> _Found:
@@ -136,7 +136,7 @@ class _Run:
         return values, derivatives
 
     def values(self) -> Array:
-        """The objective alone, from the present state on."""
+        """The objective alone, from the present state."""
         sim, places = self.sim, [self.sim.outputs.place(output) for output in self.outputs]
         if self.objective == "modes":
             return find_eigenvalues(sim.linearise().A, [], None)[0]  # type: ignore[return-value]
@@ -151,13 +151,13 @@ class _Run:
 
 
 def _count_steps(sim: Simulation, end: float, output_step: float) -> tuple[int, int]:
-    """The steps of a run to a time, and how many there are between rows."""
+    """The number of steps up to a time, and between two samples."""
     every = max(1, round(output_step / sim.settings.step))
     return every * max(1, round((end - sim.time) / sim.settings.step / every)), every
 
 
 def _checkable(sim: Simulation, names: Sequence[str], derivatives: Array) -> tuple[list[str], Array]:
-    """Names, and their derivatives, without inputs that follow the scene over time: differences of runs would hold them."""
+    """Names and their derivatives, without inputs that follow the scene: finite differences would freeze them."""
     driven = [name for name in names if name in sim.inputs and np.isnan(sim.inputs[name])]
     if driven:
         options.out.print(f"not beside differences: {', '.join(driven)}, which the scene moves", markup=False)
@@ -166,7 +166,7 @@ def _checkable(sim: Simulation, names: Sequence[str], derivatives: Array) -> tup
 
 
 def _fitting(found: _Found, names: Sequence[str], width: int) -> Iterator[Table]:
-    """Tables of all columns, as many beside each other as a width has room for."""
+    """Tables of all columns, with as many columns side by side as fit into a width."""
     columns = list(range(len(found.columns)))
     while columns:
         for number in range(len(columns), 0, -1):
@@ -191,8 +191,7 @@ def _tabled(found: _Found, names: Sequence[str]) -> Table:
 
 
 def _error(sim: Simulation, trajectory: Callable[[str, float], Array], names: Sequence[str], derivatives: Array) -> float:
-    """The largest error of derivatives beside central differences of fourth order, as a share of the largest derivative by the same
-    number."""
+    """Largest deviation from fourth-order central differences, relative to the largest derivative by the same number."""
     errors, start = [], sim.snapshot()
     for name, row in zip(names, derivatives.T, strict=True):
         sim.restore(start)
@@ -207,7 +206,7 @@ def _error(sim: Simulation, trajectory: Callable[[str, float], Array], names: Se
 
 
 def _trajectory(run: _Run, start: bytes | None, name: str, value: float) -> Array:
-    """The objective with another number from the same states, a snapshot, or from the scene's start."""
+    """The objective with one number changed, from the same snapshot or from the scene's start."""
     sim = run.sim
     if start is not None:
         sim.restore(start)

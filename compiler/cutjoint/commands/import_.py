@@ -25,7 +25,7 @@ def command(file: Path, base: str, name: str, folder: Path | None, out: Path | N
     require_apart({"the file": file, "the file with its loops": beside if beside.is_file() else None}, documents=[("--out", out)])
     with options.progress_bar(f"reading {file.name}"):
         imported = import_file(file, free=base == "free", folder=folder, model=name)
-        read_model_text(imported.text, str(out), folder=folder or file.parent)  # so that what is written is taken
+        read_model_text(imported.text, str(out), folder=folder or file.parent)  # checks that the written file can be read
     write_whole(out, imported.text)
     console = options.console_beside(out)
     for note in imported.notes:

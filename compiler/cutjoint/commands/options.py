@@ -31,7 +31,7 @@ class _PlainConsole(Console):
         super().print(*(escaped_lines(x) if isinstance(x, str) else x for x in objects), **how)
 
 
-#: The time between two lines about the progress of work, s.
+#: Seconds between two progress lines.
 EVERY = 10.0
 
 out = _PlainConsole(highlight=False, soft_wrap=True)
@@ -39,7 +39,7 @@ err = _PlainConsole(stderr=True, highlight=False, soft_wrap=True)
 
 
 def reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Errors of the user's making end in their message and exit status 1."""
+    """Errors that the user can correct end in their message and exit status 1."""
 
     @wraps(command)
     def wrapped(*args: Any, **kwargs: Any) -> Any:
@@ -55,17 +55,17 @@ def reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def describe_error(error: BaseException) -> str:
-    """The text of an error, and on further lines the fate of the results."""
+    """The text of an error, followed by the partial results and where they are."""
     return "\n".join([str(error), *getattr(error, "__notes__", ())])
 
 
 def console_beside(*outputs: Path | None) -> Console:
-    """The console for people: standard error if standard output takes results."""
+    """The console for messages: standard error if standard output takes results."""
     return err if any(path is not None and descriptor_of(path) == 1 for path in outputs) else out
 
 
 def take_case(model: "Model", name: str | None) -> "tuple[Model, Scene]":
-    """The scene of that name, else the first one, with a message where there are others; the model as that scene has it.
+    """The scene of that name and the model with its guides; without a name the first scene, with a message if there are others.
 
     Raises:
         RunError: there is no such scene.
@@ -80,7 +80,7 @@ def take_case(model: "Model", name: str | None) -> "tuple[Model, Scene]":
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """A progress bar on standard error; it yields the function that moves it.  What is compiled meanwhile is counted, with a forecast."""
+    """A progress bar on standard error; yields the function that moves it. Compilation meanwhile is counted, with a forecast."""
     from cutjoint.toolchain.waits import Compiling, heard_by
 
     with shown_progress(*Progress.get_default_columns()[:-1], _Remaining()) as bar:
@@ -98,7 +98,7 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
 
 @contextmanager
 def shown_progress(*columns: ProgressColumn) -> Iterator[Progress]:
-    """Bars on standard error; off a terminal a line from time to time."""
+    """Progress bars on standard error; without a terminal, a line every few seconds."""
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
         ended = Event()
         writer = Thread(target=_write_lines, args=(bar, ended), daemon=True)
@@ -121,7 +121,7 @@ def _write_lines(bar: Progress, ended: Event) -> None:
 
 
 class _Remaining(TimeRemainingColumn):
-    """The time that is left: by a forecast where there is one, else by the time until now."""
+    """The remaining time: a forecast if there is one, else extrapolated from the elapsed time."""
 
     def render(self, task: Task) -> Text:
         """Render the time as minutes and seconds."""
@@ -174,7 +174,7 @@ def read_masses(links: tuple[str, ...]) -> dict[str, float]:
 
 
 def _read_value(text: str) -> float:
-    """A number as it is typed, or what a model file has without names; ValueError where it is none."""
+    """A number as typed, or an expression of a model file without names; ValueError otherwise."""
     if not text or is_number(text):
         return read_number(text)
     from cutjoint.model.expressions.parse import read_term

@@ -1,4 +1,4 @@
-"""`cutjoint simulate` with method auto, which measures its candidates; imported only where it is asked for."""
+"""`cutjoint simulate` with method auto, which measures its candidates; imported only on demand."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -22,7 +22,7 @@ from cutjoint.run.settings import Options, accuracy_of
 def pick_and_run(
     request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], execute: Play
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
-    """Let method auto pick model, scene and method; nothing is cached, since what it picks was measured."""
+    """Let method auto choose model, scene and method; nothing is cached, since the choice depends on measured times."""
     asked = request.options
     scene, parameters = with_held_inputs(model, scene, parameters)
     _require_own(
@@ -46,7 +46,7 @@ def _execute(request: Request, ran: FinishedRun, execute: Play) -> tuple[Prepare
 
 
 def _accuracy(asked: Options) -> float | None:
-    """The accuracy that a caller asks for; method auto has no other tolerance, and in earlier versions it was called so."""
+    """The requested accuracy; method auto has no other tolerance, and earlier versions called it so."""
     if asked.tolerance is None or asked.accuracy is not None:
         return asked.accuracy
     options.err.print(f"method auto has no solver tolerance; taken as --accuracy {asked.tolerance:g}", markup=False)
@@ -54,7 +54,7 @@ def _accuracy(asked: Options) -> float | None:
 
 
 def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mapping[str, float]) -> ReducedModel:
-    """The model, scene and method that method auto picks; it says what and why."""
+    """The model, scene and method that method auto chooses; it prints its choice and the reason."""
     wanted = replace(scene, method=AUTO, accuracy=accuracy or accuracy_of(scene))
     with options.progress_bar(f"picking what keeps {wanted.accuracy:g} m and rad"):
         choice = choose(model, wanted, parameters=parameters)
@@ -63,7 +63,7 @@ def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mappin
 
 
 def _require_own(**asked: Any) -> None:
-    """Check that nothing is asked for that method auto chooses.
+    """Check that no option sets what method auto chooses.
 
     Raises:
         RunError: an option says it.

@@ -1,4 +1,4 @@
-"""From a model file to a prepared run and its trajectory: the way of `cutjoint simulate` where none is cached."""
+"""From a model file to a prepared run and its trajectory, as `cutjoint simulate` does without a cached run."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -43,16 +43,16 @@ from cutjoint.toolchain.compiler import find_compiler, must_interpret
 from cutjoint.toolchain.later import BuildPending
 from cutjoint.topology.reading import read_model
 
-#: Plays a run; a function that it calls now and then may raise, which ends it.
+#: Executes a run; a function that it calls now and then may raise, which ends the run.
 Play = Callable[..., Trajectory]
 
-#: Compiling that takes longer, s, goes on while the program is interpreted.
+#: If compilation takes longer than this (s), it continues while the program is interpreted.
 PATIENCE = 2.0
 
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """A finished run: its model, scene, method, and ``parameters`` (SI units); of method auto its ``variant``."""
+    """A finished run: model, scene, method, ``parameters`` (SI units) and, of method auto, ``variant``."""
 
     model: Model
     scene: Scene
@@ -62,7 +62,7 @@ class FinishedRun:
 
 
 def read_request(request: Request) -> tuple[Model, Scene, str]:
-    """The model, the scene with the closure that is asked for, and the method.
+    """The model, the scene with the requested closure, and the method.
 
     Raises:
         ModelError: the file is wrong.
@@ -87,11 +87,11 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
 def prepare_and_run(
     request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Play
 ) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
-    """Compile a model as `read_request` found it, with ``parameters`` (SI units) changed, and play the run; keep what it needed.
+    """Compile a model that `read_request` found, with ``parameters`` (SI units) changed; execute the run and cache it.
 
     Raises:
         ModelError, EquationsError: the model is wrong.
-        RunError: what is asked for does not go together, or the model does not have it.
+        RunError: options exclude each other, or the model does not have what they name.
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError, SimulatorError: the C++ side failed.
     """
@@ -110,7 +110,7 @@ def prepare_and_run(
 
 
 def _is_interactive() -> bool:
-    """Return whether a person sees the answer at once.
+    """Return whether the output goes to a terminal.
 
     Scripts get generated code: the bytes of their tables do not depend on the cache, and no process outlives them.
     """
@@ -118,17 +118,17 @@ def _is_interactive() -> bool:
 
 
 class _CompiledFirst(Exception):  # noqa: N818 -- no error
-    """Compiled code is there before the interpreted run has ended."""
+    """The compiled code is ready before the interpreted run has ended."""
 
 
 def _run_meanwhile(
     request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Play,
     compiling: BuildPending,
 ) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
-    """Interpret the program while it is compiled; nothing of that is kept for the next run, which finds compiled code.
+    """Interpret the program while it is compiled; nothing is cached, since the next run finds compiled code.
 
     Raises:
-        _CompiledFirst: it is there.
+        _CompiledFirst: it is ready.
     """
 
     def watch() -> None:
@@ -144,7 +144,7 @@ def _run_meanwhile(
 
 
 def compile_request(request: Request, model: Model, scene: Scene, method: str, *, patience: float = inf) -> Artifact:
-    """The model compiled for what is asked for.
+    """The model compiled for a request.
 
     Raises:
         BuildPending: as `compile_scene`, if there is a ``patience``.
@@ -163,7 +163,7 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
         if request.precision != DEFAULT_PRECISION or additions or model.functions:
             patience = inf  # only generated code has that
         if request.implementation == Implementation.GENERATED and must_interpret():
-            find_compiler()  # whose error says what is missing
+            find_compiler()  # its error says what is missing
         choices = CompileOptions(method=method, precision=request.precision, additions=additions)
         return compile_scene(model, scene, choices, patience=patience)
 
@@ -188,7 +188,7 @@ def _compile_interpreted(
 
 
 def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] | None = None) -> PreparedRun:
-    """The run of a compiled model with options and ``parameters`` (SI units), and what is reported of it."""
+    """The prepared run of a compiled model with options and ``parameters`` (SI units), and the facts reported about it."""
     model, mobility = artifact.topology.model, find_mobility(artifact.mechanism)
     counts = topology_facts(artifact.topology, mobility, describe_geometry(artifact.mechanism, mobility))
     return PreparedRun(
@@ -203,9 +203,11 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
 def assemble_and_run(
     request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Play
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
-    """Compile a model with its loops as functions, and play the run; where it leaves their range and cannot go on, again with the loops'
-    equations unless the scene has ``on_violation: stop``."""
-    from cutjoint.analysis.embedding.embed import assemble_loops  # others do not wait for what this imports
+    """Compile a model with loop embeddings and execute the run.
+
+    Where the run leaves their range and cannot continue, it is repeated with loop equations, unless the scene has ``on_violation: stop``.
+    """
+    from cutjoint.analysis.embedding.embed import assemble_loops  # imported here, so that other runs do not wait for it
 
     with options.progress_bar(f"closing loops of {request.model.name}"):
         outcome = assemble_loops(model, scene)

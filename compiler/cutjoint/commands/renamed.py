@@ -1,4 +1,4 @@
-"""Words of earlier versions: they still work, and the new ones are told."""
+"""Words of earlier versions: they still work, and the new word is printed once."""
 
 import shlex
 from collections.abc import Mapping
@@ -7,11 +7,11 @@ from itertools import pairwise
 from cutjoint.commands import options
 from cutjoint.methods import AUTO, FORMER_INTEGRATORS
 
-#: The command that an option of another one has become: what were its files are the arguments behind the first there.
+#: Options that have become commands; the option's file becomes the first argument there.
 _COMMANDS = {("simulate", "--batch"): "batch", ("simulate", "--with"): "couple"}
 
 
-#: Options by command and earlier name, and those that are other ones of method auto.
+#: Options by command and earlier name, and those that method auto renames.
 _OPTIONS = {command: {"--tolerance": "--solver-tolerance"} for command in ("simulate", "batch", "couple")}
 _OF_AUTO = {"--tolerance": "--accuracy"}
 
@@ -30,7 +30,7 @@ _VALUES: Mapping[str, Mapping[str, str]] = {
 
 
 def in_new_words(words: list[str]) -> list[str]:
-    """The words of a call in those of this version; where they differ, a message has them."""
+    """The arguments of a call in the words of this version; a message reports those that differ."""
     words = _with_values(_with_options(words))
     for (command, option), new in _COMMANDS.items():
         files = []
@@ -43,7 +43,7 @@ def in_new_words(words: list[str]) -> list[str]:
 
 
 def _with_options(words: list[str]) -> list[str]:
-    """The words with options by their names of this version; a message has those that differ."""
+    """The arguments with the option names of this version; a message reports those that differ."""
     command = words[0] if words else ""
     for old, new in {**_OPTIONS.get(command, {}), **_OF_ALL}.items():
         new = _OF_AUTO.get(old, new) if _asks_for_auto(words) else new
@@ -55,7 +55,7 @@ def _with_options(words: list[str]) -> list[str]:
 
 
 def _with_values(words: list[str]) -> list[str]:
-    """The words with values of options by their names of this version; a message has those that differ."""
+    """The arguments with the option values of this version; a message reports those that differ."""
     for option, names in _VALUES.items():
         for i, word in enumerate(words):
             name = word.removeprefix(f"{option}=")
@@ -70,7 +70,7 @@ def _asks_for_auto(words: list[str]) -> bool:
 
 
 def _value_of(option: str, words: list[str]) -> str | None:
-    """Take an option with its value out of ``words``; the value, None where there is none."""
+    """Remove an option with its value from ``words``; return the value, None if the option is missing."""
     for i, word in enumerate(words):
         if word.startswith(f"{option}="):
             return words.pop(i).partition("=")[2]

@@ -1,6 +1,6 @@
-"""`cutjoint simulate --view`, which reads the model again: a cached run knows its program alone; imported only where it is asked for.
+"""`cutjoint simulate --view`, which reads the model again, since a cached run knows its program alone.
 
-A failed run is made once more, with a row for each of its steps: its last rows show the way to the failure.
+A failed run is repeated with a sample at each of its steps: the last ones show how it failed.
 """
 
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ def require_replay(request: Request, parameters: Mapping[str, float], view: Path
 
     Raises:
         ModelError: the model is wrong, or a mesh of it.
-        RunError, OutputError: the file is of no kind, or there is no page or no run to be over.
+        RunError, OutputError: the file has an unknown ending, or the ghost's page or run is missing.
     """
     require_view(view, "--view")
     read_over(over, view)
@@ -36,9 +36,9 @@ def write_replay(
     request: Request, ran: FinishedRun | None, view: Path, over: Path | None, parameters: Mapping[str, float], plan: SimulatorRun,
     run: Trajectory,
 ) -> Path:  # fmt: skip
-    """Write the run of a plan as a page or a glTF file, one that failed with its last steps, ``over`` the run of an earlier page.
+    """Write a run as a page or a glTF file, over the run of an earlier page (``over``); a failed run with its last steps.
 
-    What was not ``ran`` now was cached: a run of what is asked for.
+    ``ran`` is None for a cached run, whose model is read again.
 
     Raises:
         ModelError, OutputError: the model has been changed meanwhile, or the file cannot be written.
@@ -52,14 +52,14 @@ def write_replay(
     return write_shown(view, shown, over=read_over(over, view))
 
 
-#: Runs of more steps are not repeated for their last ones; an adaptive integrator gets so many rows.
+#: Runs of more steps are not repeated for their last ones; an adaptive integrator gets this many samples.
 _MOST_STEPS, _ROWS = 20_000, 400
 
 
 def with_each_step(plan: SimulatorRun, run: Trajectory) -> Trajectory:
-    """A failed run of a plan, with a row for each step, of an adaptive integrator 400 rows or more, at which its steps end.
+    """Repeat a failed run with a sample at each step; with an adaptive integrator, at 400 or more times at which steps end.
 
-    The first run is returned where the second one does not fail, has fewer rows, or cannot be had.
+    The first run is returned if the second one does not fail, has fewer samples, or is not possible.
 
     Raises:
         Interrupted, Terminated: a signal has ended the run.

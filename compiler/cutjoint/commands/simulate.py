@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from cutjoint.report.plots import Others
 
 
-#: The method to whose integrator stiff runs go over.
+#: The method whose integrator takes over stiff runs.
 IMPLICIT_METHOD = METHODS[DEFAULT_METHOD].instead[0]
 
 
@@ -112,7 +112,7 @@ def command(
 
 
 class _StiffRun(Exception):  # noqa: N818 -- no error
-    """Stability limits the steps of a run that takes long, and another method has an implicit integrator."""
+    """A run that takes long because stability limits its steps, while another method has an implicit integrator."""
 
 
 def _is_watched() -> bool:
@@ -121,10 +121,10 @@ def _is_watched() -> bool:
 
 
 def _tell_slow(plan: SimulatorRun, slow: Mapping[str, Any], *, goes_over: bool) -> None:
-    """Say how far a run has come in ten seconds, the limit of its steps, and a remedy.
+    """Print how far a run has come in ten seconds, what limits its steps, and a remedy.
 
     Raises:
-        _StiffRun: it ``goes_over`` to another method.
+        _StiffRun: another method shall take over (``goes_over``).
     """
     settings, steps = plan.run_file.settings, slow["steps"]
     words = f"after 10 s at t = {slow['time']:.4g} s of {plan.run_file.end:g} s, {steps} steps by {settings.integrator}"
@@ -142,7 +142,7 @@ def _tell_slow(plan: SimulatorRun, slow: Mapping[str, Any], *, goes_over: bool) 
 def _go_over(
     request: Request, parameters: Mapping[str, float], execute: Callable[..., Trajectory], words: str
 ) -> tuple[PreparedRun, Trajectory, FinishedRun | None]:  # fmt: skip
-    """The run by the method whose integrator is implicit; as before where that does not take the model, or fails."""
+    """The run by the method with an implicit integrator; the original run if that does not support the model, or fails."""
     options.err.print(f"{words}; goes over to the method {IMPLICIT_METHOD}", markup=False)
     try:
         prepared, run, ran = _find_and_play(replace(request, method=IMPLICIT_METHOD), parameters, execute)
@@ -158,7 +158,7 @@ def _go_over(
 def _find_and_play(
     request: Request, parameters: Mapping[str, float], execute: Callable[..., Trajectory]
 ) -> tuple[PreparedRun, Trajectory, FinishedRun | None]:  # fmt: skip
-    """The run of a cached program, else of one that is derived."""
+    """Run a cached program, else derive it."""
     prepared = find_cached_run(request, parameters)
     run = None if prepared is None else execute(prepared)
     if prepared is None or run is None or (run.failure is not None and run.failure.guards):
@@ -184,7 +184,7 @@ def _derive_and_run(
 
 
 def _read_others(compare: tuple[Path, ...], plots: Path | None) -> Others:
-    """The tables of other runs, which are for plots."""
+    """The tables of other runs, which the plots show too."""
     if not compare:
         return {}
     if plots is None:

@@ -21,7 +21,7 @@ from cutjoint.sweeps.run import Sweep, perform_study, steps_of
 from cutjoint.sweeps.tolerances import QUANTILES, find_tolerance, has_tolerances
 from cutjoint.view.views import read_over, require_view
 
-#: The number of printed reasons of failures, and the pattern of numbers, by which reasons alike may differ.
+#: Number of reasons of failures to print, and the pattern of numbers, by which similar reasons may differ.
 _REASONS = 5
 _LARGEST = 10
 _NUMBER = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?")
@@ -65,7 +65,7 @@ def command(
 
 
 def _write_page(study: Study, done: Sweep, view: Path, command: str, replays: int) -> None:
-    """The page of a sweep, and before it the pages of its best and worst runs, to which it leads."""
+    """The page of a sweep and the pages of its best and worst runs, which it links."""
     from cutjoint.sweeps.page import make_page, replay_runs, runs_to_replay
 
     folder, runs = view.with_name(f"{view.stem}-runs"), runs_to_replay(study, done, replays)
@@ -88,7 +88,7 @@ def _replay(study: Study, run: int, view: Path, ghost_page: Path | None) -> None
 
 @contextmanager
 def _progress(study: Study) -> Iterator[tuple[OnProgress, Callable[[str], None]]]:
-    """A bar with a forecast, and what writes a line above it."""
+    """A bar with a forecast, and the function that writes a line above it."""
     columns = (
         SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("runs,"), TimeElapsedColumn(),
         TextColumn("passed,"), TimeRemainingColumn(), TextColumn("left"),
@@ -120,7 +120,7 @@ def _report(study: Study, done: Sweep) -> None:
 
 
 def _print_indices(study: Study, done: Sweep) -> None:
-    """The shares of variables in the variance of each objective, the largest first."""
+    """Print the Sobol indices of each objective, the largest first."""
     for objective in study.objectives:
         found = find_indices(done, objective.name)
         title = f"shares in the variance of {objective.name}, {found.points} points"
@@ -148,7 +148,7 @@ def _print_tolerances(study: Study, done: Sweep) -> None:
 
 
 def _alike(failures: Sequence[str | None]) -> list[list[int]]:
-    """The failed runs, in groups whose reasons differ by numbers alone."""
+    """Failed runs in groups whose reasons differ by numbers only."""
     found: dict[str, list[int]] = {}
     for run, failure in enumerate(failures):
         if failure is not None:

@@ -33,21 +33,21 @@ from cutjoint.package.extensions import EXPORTERS, Door
 
 Row = Callable[[Callable[..., Any]], Callable[..., Any]]
 
-#: Formats of `cutjoint export` that are no program for another simulator, but are read by many.
+#: Formats of `cutjoint export` that belong to no one simulator.
 FMU, URDF, MJCF = "fmu", "urdf", "mjcf"
 
-#: A bound of a range that is as good as none for a reader.
+#: A bound that is not shown to readers.
 _FAR = 1e100
 
 
-#: Settings that may be in m or rad, in words.
+#: Settings that may be in m or rad, with their articles.
 _WORDS = {"accuracy": "an accuracy", "tolerance": "a tolerance"}
 
 
 class Setting(click.FloatRange):
-    """The value of a setting, in its range: plain decimal numbers, no infinity, no nan, no underscores, no digits of other scripts.
+    """The value of a setting in its range: a plain decimal number, without infinity, nan, underscores or digits of other scripts.
 
-    Times and lengths may have a unit, as in 1ms and 50mm, and so may an accuracy or another length or angle, as in 1mm or 0.1deg.
+    Times and lengths may have a unit, as in 1ms and 50mm, accuracies also as in 1mm or 0.1deg.
     """
 
     def __init__(self, setting: str, *, positive: bool = False) -> None:
@@ -58,7 +58,7 @@ class Setting(click.FloatRange):
         self._setting, self._positive = setting, positive
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The number, as click has it."""
+        """The number, converted for click."""
         whole = self._setting in WHOLE
         if isinstance(value, str) and self._setting in (*TIMES, *LENGTHS, *PLACES) and not is_number(value):
             value = self._in_si(value, param, ctx)
@@ -90,13 +90,15 @@ class Setting(click.FloatRange):
 
 
 def _bound(value: float) -> float | None:
-    """A bound of a range as readers see it, whole numbers without a point."""
+    """A bound of a range as readers see it: whole numbers without a decimal point."""
     return None if abs(value) >= _FAR else int(value) if value == int(value) else value
 
 
 def command(name: str) -> Callable[[Callable[..., None]], click.Command]:
-    """A command of that name, with an option of the table for each parameter of its function; errors of the user's making end in their
-    message and exit status 1."""
+    """A command with an option of the table for each parameter of its function.
+
+    Errors that the user can correct end in their message and exit status 1.
+    """
 
     def made(function: Callable[..., None]) -> click.Command:
         wrapped = reports_errors(function)
@@ -108,12 +110,12 @@ def command(name: str) -> Callable[[Callable[..., None]], click.Command]:
 
 
 def _one_of(switch: str, *name: str, names: Callable[[], Iterable[str]], **more: Any) -> Row:
-    """An option with a choice of ``names`` that are found where a command has it."""
+    """An option with a choice of ``names``, which are evaluated when a command has it."""
     return lambda function: click.option(switch, *name, type=click.Choice(list(names())), **more)(function)
 
 
 def _of(module: str, names: str) -> Callable[[], Iterable[str]]:
-    """The names in a module that is imported when they are asked for: a cached run needs none that derives or compiles."""
+    """Names in a module that is imported on demand: a cached run needs none that derives or compiles."""
     return lambda: cast(Iterable[str], getattr(import_module(module), names))
 
 
@@ -149,7 +151,7 @@ def _recursive() -> tuple[str, ...]:
     return names_of(METHODS, lambda m: m.formulation is not Formulation.NATURAL)
 
 
-#: A row an option, by the parameter of the command's function; ``command.parameter`` is that of one command.
+#: One row for each option, by the parameter of the command's function; ``command.parameter`` belongs to one command.
 OPTIONS: Mapping[str, Row] = {
     "model": click.argument("model", type=_READ),
     "study": click.argument("study", type=_READ),

@@ -10,7 +10,7 @@ from cutjoint.toolchain.drivers import DRIVERS, Kind
 
 @table.command("warm")
 def command(drivers: tuple[str, ...], precision: str, comparison: bool) -> None:
-    """Compile what does not depend on the model, once for all models: half a minute a driver.
+    """Compile the drivers, which serve all models: half a minute each.
 
     The libraries go beside the installation, or into the cache where the installation cannot be written.  The compiler and its flags are
     those of $CXX and $CUTJOINT_FLAGS.
