@@ -1,1 +1,1 @@
-"""The run stage: run files, roads, and what a simulator gives back."""
+"""The run stage: run files, roads, and results of simulators."""

@@ -1,4 +1,4 @@
-"""Runs that are as exact as wanted, and how wrong a run is: the differences to the same run with other steps show it."""
+"""Runs to a required accuracy, and error estimates from runs with other steps."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,26 +17,26 @@ from cutjoint.run.results import Array, Columns, EnergyBalance, ErrorEstimate, N
 from cutjoint.run.simulator import Progress, SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 
-#: From one difference to the next no more than this share of the first is believed to have gone: by more, two runs agree by chance.
+#: From one difference to the next, at most this share of the first can vanish: a larger drop is chance.
 _BELIEVED = 6 / 7
-#: The largest share of an error that steps once finer are taken to leave, and the one where nothing is known.
+#: The largest share of an error that halving the steps is assumed to leave, and the default.
 _LEFT_AT_MOST = 0.6
-#: A difference that is this much smaller than the steps explain is so by chance.
+#: A difference smaller than the steps explain by this factor is small by chance.
 _FASTER = 1.25
-#: Of a difference so many times the share is left that finer steps leave of the defect of work and energy, and at least the second share.
+#: The share that finer steps leave is at most this multiple of the share of the energy defect, and at least the second number.
 _BY_DEFECT, _LEAST_BY_DEFECT = 2.5, 0.3
-#: The tolerance of iterations with steps once shorter, as a share: in a run that tells the error of another, and in one of a row of runs.
+#: Relative iteration tolerance of runs with halved steps: for an error estimate, and in a sequence of refinements.
 _BESIDE, _IN_ROW = 1e-2, 1e-1
-#: Iterations are not asked for a smaller tolerance in several times, and are no more than so many.
+#: Smallest tolerance of iterations, and their largest number.
 _LEAST, _ITERATIONS = 1e-10, 100
 
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A way to finer steps: a setting's factor, and the share of the error that is left at least by order 2.
+    """One kind of refinement: the factor of a setting, and the least share of the error that one refinement leaves at order 2.
 
-    A run is taken again with finer steps ``levels`` times at most; where ``heals``, also after one that failed for its steps.  Of a smaller
-    share than ``trusted`` nothing is promised: with a tenth of the tolerance errors fall now by two and now by fifty.
+    A run is refined at most ``levels`` times; if ``heals``, also after failures caused by the steps. Reductions below the share ``trusted``
+    are not relied on: with a tenth of the tolerance errors may fall by two or by fifty.
     """
 
     setting: str
@@ -55,11 +55,11 @@ def run_accurately(
     plan: SimulatorRun, *, out: AnyPath | None = None, steps: AnyPath | None = None, tangents: AnyPath | None = None,
     progress: Progress | None = None, estimate: bool = True, go_over: bool = True, advise: bool = False,
 ) -> Trajectory:  # fmt: skip
-    """Run a simulator to its end, with steps that keep the run's ``goal`` if it has one; the run can say how wrong it is.
+    """Run a simulator to its end, with steps that meet the run's ``goal`` if it has one, and estimate the error.
 
-    Without ``estimate`` there is one run without a balance of work and energy, and the goal is not looked at.  Where a run fails whose
-    plan is free, another integrator takes over if it can, unless ``go_over`` is False.  To ``advise`` is to try what may help.  Files and
-    errors as of `simulator_run.start`.
+    Without ``estimate`` there is one run without energy balance, and the goal is ignored. If a run fails whose plan is free, another
+    integrator takes over, unless ``go_over`` is False. With ``advise`` possible remedies are tried. Files and errors as of
+    `simulator_run.start`.
     """
     plan = plan.with_checks() if estimate else plan
     begin = partial(start, out=path_of(out), steps=path_of(steps), tangents=path_of(tangents), progress=progress)
@@ -75,9 +75,9 @@ def _execute(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory],
 
 
 def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
-    """Make steps finer until two runs agree so well that the better one keeps the goal, or until they come no nearer.
+    """Refine steps until two runs agree so well that the better one meets the goal, or until refinement no longer helps.
 
-    A run with coarser steps comes before the first one, so that two differences show whether they fall, which alone is convergence.
+    A run with coarser steps comes first, so that two differences show convergence.
     """
     change = _change_of(plan)
     last, before, errors = start(plan), None, dict[str, float]()
@@ -114,7 +114,7 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
 
 
 def _last_kept(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
-    """The finest run that comes to its end, judged as one with given steps, and by the goal."""
+    """The finest run that reaches its end, with its error as for given steps, and compared with the goal."""
     run = begin(plan)
     found = estimate_error(plan, run)
     return _with_estimate(run, replace(found, converged=found.converged and _keeps(run, found.max_error, goal)))
@@ -131,8 +131,8 @@ def _change_of(plan: SimulatorRun) -> Change:
 def _left(change: Change, apart: float, before: float | None, defect: float) -> float:
     """The error of a run by its distance ``apart`` from a coarser one, and by that one's distance ``before`` from a still coarser one.
 
-    Where differences fall faster than the order explains, or than tolerances promise, they say nothing themselves.  The defect of work and
-    energy does: ``defect`` is the share that the finer steps leave of it, 1 where nothing shows it.
+    If differences fall faster than the order or the tolerances explain, the energy defect is used instead: ``defect`` is the share of it
+    that the finer steps leave, 1 if unknown.
     """
     ratio = _LEFT_AT_MOST if before is None or not before > 0 else apart / before
     if before is None or ratio * _FASTER >= change.trusted:
@@ -143,12 +143,12 @@ def _left(change: Change, apart: float, before: float | None, defect: float) -> 
 
 
 def _keeps(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
-    """Return whether the outputs that are judged by a goal keep it."""
+    """Return whether the outputs that a goal applies to meet it."""
     return all(errors[name] <= goal * size for name, size in _judged_by(run, errors).items())
 
 
 def _judged_by(run: Trajectory, errors: Mapping[str, float]) -> dict[str, float]:
-    """The sizes of the outputs that are judged by a goal: of places and angles one, of a run without any all outputs with their own."""
+    """Reference sizes of the outputs that a goal applies to: 1 for positions and angles; without any, all outputs with their own."""
     judged = {name: 1.0 / PLACES[run.units[name]] for name in errors if run.units[name] in PLACES}
     return judged or {name: float(np.max(np.abs(run[name]))) for name in errors}
 
@@ -161,9 +161,9 @@ def _judged(
     plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory] = (),
     slow: Sequence[str] = (),
 ) -> ErrorEstimate:  # fmt: skip
-    """The errors of a run, with the effect of open loops, jumps beside rows, and warnings.
+    """The errors of a run, with the effect of loop violations, jumps near samples, and warnings.
 
-    ``others`` are runs of the same with other steps, the last the nearest; outputs that are ``slow`` come no nearer by them.
+    ``others`` are the same run with other steps, the closest last; ``slow`` outputs do not converge.
     """
     gap, warnings = find_open_gap(run, others), [find_imbalance(run, others)]
     jumps = uncertain_jumps(run, others[-1], plan.run_file.jumps_within or 0.0) if others else {}
@@ -180,20 +180,20 @@ def _judged(
     )  # fmt: skip
 
 
-#: Outputs with larger errors, as shares of what they reach, have not converged, whatever places do; those that reach less than the second
-#: share of what others of their unit do are zero by symmetry.
+#: Outputs with larger relative errors have not converged, even if positions have; those below the second share of the largest value of
+#: their unit are zero by symmetry.
 _ROUGH, _LITTLE = 0.1, 1e-3
 
 
 def _rough(run: Trajectory, errors: Mapping[str, float]) -> tuple[str, ...]:
-    """The outputs with errors that are a large share of their largest values."""
+    """The outputs whose errors are a large share of their largest values."""
     reach = _reach_of(run)
     sizes = {name: max(float(np.max(np.abs(run[name]), initial=0.0)), _LITTLE * reach[run.units[name]]) for name in errors}
     return tuple(name for name, e in errors.items() if max(_ROUGH * sizes[name], _ROUNDING * reach[run.units[name]]) < e < inf)
 
 
 def _reach_of(run: Trajectory) -> dict[str, float]:
-    """The largest value of the outputs of each unit, of angles at least a radian: nothing else says what is small for them."""
+    """The largest value among the outputs of each unit, of angles at least a radian: the scale for what is small."""
     reach = {unit: 1.0 / PLACES[unit] for unit in ("rad", "mrad", "deg")}
     for name, values in run.columns.items():
         reach[run.units[name]] = max(reach.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
@@ -201,7 +201,7 @@ def _reach_of(run: Trajectory) -> dict[str, float]:
 
 
 def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
-    """The error of each output of a run, as `compare` finds it, with what open loops change.
+    """The error of each output of a run, as `compare` finds it, with the effect of loop violations.
 
     Raises:
         Interrupted, Terminated: a signal has ended a run.
@@ -219,20 +219,18 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """The ``estimate`` of a run's errors by ``others``, runs of the same with other steps; infinite errors where there are none."""
+    """The ``estimate`` of a run's errors by ``others``, the same run with other steps; infinite errors where there are none."""
 
     estimate: ErrorEstimate
     others: Sequence[Trajectory]
 
 
 def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left: float, jumps: Sequence[float] = ()) -> Comparison:
-    """The error of each output of a run; ``again(n)`` is the run with steps n times finer, coarser for n < 0, None if it fails.
-
-    Of a run's error ``left`` is left with steps once finer.  The run's difference from that one is its error, but for the smaller error of
-    that second run.  A third, coarser one, or a still finer one where that fails, shows whether differences fall.  They do not where a
-    motion is chaotic, or goes another way at a singular pose, and need not where they are rounding.  Where they fall by more than orders of
-    integrators explain, two runs agree by chance, and a share of the third's difference is the error.  Where no finer run comes to its end,
-    the error is at most the difference from a coarser one.
+    """The error of each output of a run; ``again(n)`` repeats it with steps refined n times (coarser for n < 0), None if it fails. One
+    refinement leaves the share ``left`` of an error. The difference from the refined run is the error, up to the smaller error of the
+    refined run. A third run, coarser or still finer, shows whether differences fall. They do not in chaotic motion or at a bifurcation, and
+    need not at the level of rounding. If they fall faster than the integrator's order explains, the agreement is chance, and a share of the
+    third run's difference is the error. If no finer run reaches its end, the difference from a coarser one bounds the error.
     """
     finer = again(1) if run.failure is None else None
     coarser = again(-1) if run.failure is None else None
@@ -257,15 +255,15 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
 
 
 def _controlled(plan: SimulatorRun) -> Trajectory | None:
-    """The run by an integrator with error control, which closes loops after each step; None if the program has none, or it fails."""
+    """The run by an integrator with error control that projects after each step; None if the program has none, or it fails."""
     other = next((settings for settings in plan.others if INTEGRATORS[settings.integrator].adaptive), None)
     return None if other is None else _whole(replace(plan, run_file=replace(plan.run_file, settings=other)))
 
 
 def _try(plan: SimulatorRun, change: Change, times: int) -> Trajectory | None:
-    """The run with steps that are so many times finer, its rows at the same times; None if it fails.
+    """The run with refined steps and samples at the same times; None if it fails.
 
-    Its iterations go further, or no further where rounding leaves more than that.
+    Its iteration tolerance is smaller, unless rounding prevents that.
     """
     shares = (_BESIDE, _IN_ROW, 1.0) if times > 0 and change.setting == "dt" else (1.0,)
     runs = (_whole(_finer(plan, change, times, share)) for share in shares)
@@ -273,16 +271,16 @@ def _try(plan: SimulatorRun, change: Change, times: int) -> Trajectory | None:
 
 
 def _are_bound(change: Change, run: Trajectory, finer: Trajectory) -> bool:
-    """Return whether something else than the tolerance bounds nearly all steps of a run, as samples of controllers do."""
+    """Return whether something else than the tolerance limits nearly all steps of a run, such as samples of controllers."""
     return change is STRICTER and finer.steps < _BOUND * run.steps
 
 
-#: A tenth of the tolerance takes at least so many times the steps where the tolerance bounds them: 10^(1/8) by dop853.
+#: A tenth of the tolerance takes at least this many times the steps if the tolerance limits them: 10^(1/8) for dop853.
 _BOUND = 1.1
 
 
 def _unlike(plan: SimulatorRun, run: Trajectory) -> Trajectory | None:
-    """A run with other steps than one whose steps are bound: by another integrator, else by a tolerance so small that it bounds them."""
+    """A run with other steps than one whose steps are limited: by another integrator, else with a tolerance that limits them."""
     if (other := _controlled(plan)) is not None:
         return other
     stricter = (_try(plan, STRICTER, times) for times in (2, 4, 6))
@@ -290,7 +288,7 @@ def _unlike(plan: SimulatorRun, run: Trajectory) -> Trajectory | None:
 
 
 def _whole(plan: SimulatorRun) -> Trajectory | None:
-    """A run that goes to its end; None if it fails."""
+    """A run that reaches its end; None if it fails."""
     try:
         run = start(plan)
     except SimulatorError:
@@ -299,15 +297,15 @@ def _whole(plan: SimulatorRun) -> Trajectory | None:
 
 
 def _finer(plan: SimulatorRun, change: Change, times: int, further: float = _IN_ROW) -> SimulatorRun:
-    """The run with steps that are so many times finer, and with shorter ones iterations that go ``further`` each time."""
+    """The run with steps refined so many times; shorter steps reduce the iteration tolerance by ``further`` each time."""
     return replace(plan, run_file=_changed(plan.run_file, change, times, further))
 
 
 def _changed(run_file: RunFile, change: Change, times: int, further: float) -> RunFile:
-    """A run file after a change, so many times.
+    """A run file with a change applied so many times.
 
-    A tolerance of steps is that of their iterations too.  With shorter steps iterations end by a tolerance that falls beside them: what
-    they leave does not fall with the step, so that two runs would agree by it.
+    A tolerance of steps is that of their iterations too. Shorter steps need a smaller iteration tolerance: otherwise two runs would agree
+    by their common iteration error.
     """
     settings, factor = run_file.settings, change.factor**times
     if change.setting == "dt":
@@ -319,7 +317,7 @@ def _changed(run_file: RunFile, change: Change, times: int, further: float) -> R
 
 
 def _iterated_further(settings: Settings, times: int, further: float) -> Settings:
-    """Settings of iterations that leave next to nothing of what those of given ones do, as many as that takes."""
+    """Settings whose iterations reduce the residual further, with as many iterations as that takes."""
     tolerance = min(settings.tolerance * further, max(settings.tolerance * further**times, _LEAST))
     absolute = settings.absolute_tolerance
     return replace(
@@ -328,18 +326,18 @@ def _iterated_further(settings: Settings, times: int, further: float) -> Setting
     )  # fmt: skip
 
 
-#: Differences of runs fall at least by this factor, from steps to finer ones, where the steps are what is wrong with them.
+#: Differences of runs fall at least by this factor with finer steps, if they are caused by the steps.
 _FALLING = 1.5
-#: Differences that are this share of what an output reaches are small even where they fall no further.
+#: Differences below this share of an output's largest value are small even if they fall no further.
 _SMALL = 1e-5
-#: Differences below this share of what outputs of the unit reach are rounding, as of what is zero by symmetry.
+#: Differences below this share of the largest output of the unit are rounding errors, for example of zeros by symmetry.
 _ROUNDING = 1e-8
-#: The error of a jump's time is at most so many times what two runs differ by.
+#: The error of a jump's time is at most this multiple of the difference between two runs.
 _LATE = 1.5
 
 
 def differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> dict[str, float]:
-    """The largest difference of each column over the times that both runs have rows of, but for those at which something jumps."""
+    """The largest difference of each column over the common samples of two runs, without those at jumps."""
     tick = 1e-6 * float(one.t[-1] - one.t[0]) / one.t.size or 1.0
     times, here, there = np.intersect1d(np.rint(one.t / tick), np.rint(other.t / tick), return_indices=True)
     smooth = ~np.isin(times, np.rint(np.asarray(jumps, dtype=float) / tick))
@@ -348,7 +346,7 @@ def differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> d
 
 
 def find_slow(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> tuple[str, ...]:
-    """The outputs with differences that do not fall from steps to finer ones, nor are rounding beside what outputs of their unit reach."""
+    """The outputs whose differences neither fall with finer steps nor are rounding errors."""
     reach = _reach_of(run)
     return tuple(c for c in after if after[c] > _ROUNDING * reach[run.units[c]] and not falls(run.columns[c], before[c], after[c]))
 
@@ -359,16 +357,16 @@ def falls(values: Array, before: float, after: float) -> bool:
 
 
 def defect_left(before: Trajectory, after: Trajectory) -> float:
-    """The share of the defect of work and energy that finer steps leave, by two runs of the same; 1 where nothing shows it."""
+    """The share of the energy defect that finer steps leave, from two runs; 1 if unknown."""
     if before.energy is None or after.energy is None or not before.energy.defect > 0:
         return 1.0
     return min(1.0, after.energy.defect / before.energy.defect)
 
 
 def uncertain_jumps(run: Trajectory, other: Trajectory, within: float) -> dict[str, float]:
-    """The largest jump of each column beside a row of a run that may stand on its other side, by another run of the same with other steps.
+    """The largest jump of each column near a sample that may lie on its other side, from a run with other steps.
 
-    Jumps are looked for ``within`` a time (s) of rows; one that the other run has not there is at least as far away.
+    Jumps are sought ``within`` a time (s) of samples; one that the other run does not have there is at least as far away.
     """
     found: dict[str, float] = {}
     for jump in run.near_jumps:
@@ -385,21 +383,21 @@ def _after(run: Trajectory, sought: NearJump, within: float) -> float:
     return copysign(within, sought.after) if found is None else found.after
 
 
-# The balance of work and energy
+# Energy balance
 
-#: A smaller share of the energy in a run is no reason for a warning.
+#: A smaller share of the run's energy causes no warning.
 _SMALL_SHARE = 1e-3
-#: A mechanism whose energy is that of a smaller speed (m/s, rad/s) rests: a start at rest may accelerate by as much in a second, and the
-#: absolute tolerance of steps is this by default.
+#: A mechanism with the energy of a smaller speed (m/s, rad/s) is at rest: a start at rest may accelerate by as much in a second, and the
+#: default absolute tolerance of steps has this size.
 _REST = 1e-6
-#: Steps explain so many times the change by one other run, whose defect may be the same by chance, and by more runs.
+#: Steps explain a defect of this many times its change between two runs, since that may be small by chance, and between more runs.
 _EXPLAINED_BY_ONE, _EXPLAINED = 100.0, 10.0
 
 
 def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
-    """The fault in the balance of a run, beside runs of the same with other steps; "" without one.
+    """The fault in the energy balance of a run, by runs with other steps; "" if there is none.
 
-    The defect of exact steps is zero, so that the change by other steps is an estimate of it.  The rest is no error of the steps.
+    Exact steps have no defect, so its change with the steps estimates it. A defect that does not change is no error of the steps.
     """
     balances = [other.energy for other in others if other.energy is not None and other.failure is None]
     if run.energy is None or not balances or not run.energy.share > _SMALL_SHARE:
@@ -419,25 +417,25 @@ def _imbalance(energy: EnergyBalance, change: float) -> str:
     )
 
 
-# The gap of loops
+# Constraint violation of loops
 
-#: A smaller gap, m or rad, is no reason for a warning.
+#: A smaller violation, m or rad, causes no warning.
 _SMALL_GAP = 1e-6
-#: Gaps of runs with other steps that differ by less than this factor do not come from the steps.
+#: Violations of runs with other steps that differ by less than this factor are not caused by the steps.
 _SAME = 1.5
 
 
 def find_open_gap(run: Trajectory, others: Sequence[Trajectory]) -> float:
-    """The largest gap (m or rad) of the loops of a run where runs of the same with other steps have it too; 0 where they do not.
+    """The largest violation (m or rad) of the loops that runs with other steps share; 0 if they do not.
 
-    It is an error that all these runs share, as behind a guide whose rate jumps.
+    It occurs for example after a guide's rate jumps.
     """
     gap, gaps = run.statistics.residuals.position, [other.statistics.residuals.position for other in others]
     return gap if gap > _SMALL_GAP and any(gap / _SAME < other < gap * _SAME for other in gaps) else 0.0
 
 
 def open_loops(gap: float, *, is_known: bool) -> str:
-    """The warning of such a gap; ``is_known`` tells that the errors of the run include its effect."""
+    """The warning of such a violation; ``is_known`` is whether the errors of the run include its effect."""
     counted = "a run with error control, whose loops are closed, shows what that changes, and the errors count it"
     known = counted if is_known else "errors of the steps do not see what that changes"
     return f"loops stand open by up to {gap:.2g} m or rad, with other steps too: {known}; the closure proximal closes them"

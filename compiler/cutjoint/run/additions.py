@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
-    """Files by name, and sentences on what the other simulator cannot have the same."""
+    """Files by name, and notes on what the other simulator models differently."""
 
     files: Mapping[str, str]
     differences: tuple[str, ...]
@@ -37,9 +37,9 @@ class Exporter:
 class Backend:
     """An implementation of models beside generated code and its interpreter.
 
-    ``compile`` makes a simulator ready for a model in a scene by a method.  ``code`` are the folders of all that it is made of, besides the
-    product: cached runs follow from them.  ``solvers`` are the linear solvers of methods that have one.  It is imported for cached runs
-    too, and so imports modules that compile at their first use.
+    ``compile`` makes a simulator ready for a model in a scene by a method. ``code`` are the folders of its sources; cached runs depend on
+    them. ``solvers`` are the linear solvers of methods that have one. It is imported for cached runs too, and so imports modules that
+    compile at their first use.
     """
 
     name: str

@@ -30,7 +30,7 @@ from cutjoint.topology.records import Topology
 
 @dataclass(frozen=True, kw_only=True)
 class Artifact:
-    """A compiled model: every stage's record, and the seconds that generating and compiling took.
+    """A compiled model: the record of every stage, and the seconds of generating and compiling.
 
     ``method`` and ``precision`` are as in `CompileOptions`, ``additions`` are solvers and integrators of other packages.
     ``description`` is what the simulator reads of the model, None of generated code.  ``exact`` compiles a fallback
@@ -60,7 +60,7 @@ class Artifact:
 
     @property
     def compilation(self) -> Compilation:
-        """The facts of the compilation, for people."""
+        """Facts about the compilation, for people."""
         return Compilation(
             scene=self.scene.name, method=self.method, implementation=self.implementation.value,
             operations=self.program.operations(self.iteration), instructions=self.program.instructions(self.iteration),
@@ -71,7 +71,7 @@ class Artifact:
 
     @property
     def model(self) -> Model:
-        """The model that the topology is of."""
+        """The model of the topology."""
         return self.topology.model
 
     @property
@@ -81,7 +81,7 @@ class Artifact:
 
     @cached_property
     def indeterminate(self) -> tuple[str, ...]:
-        """The columns of reactions that the equations of the loops do not determine."""
+        """The columns of reactions that redundant loop equations leave undetermined."""
         return find_indeterminate(self.topology, self.scene, self.equations.outputs)
 
     def with_rows(self, output_step: float) -> "Artifact":
@@ -102,12 +102,12 @@ class Artifact:
 
     @property
     def iteration(self) -> str:
-        """The function that each iteration of a step calls."""
+        """The generated function that each iteration of a step calls."""
         return METHODS[self.method].iteration
 
     @property
     def scene_as_compiled(self) -> Scene:
-        """The scene with the closure of the code, which its integrator chose if it names none."""
+        """The scene with the closure of the code: its own, else that of its integrator."""
         method = METHODS[self.method]
         if self.scene.numerics.closure is not None or not method.closures:
             return self.scene
@@ -122,14 +122,14 @@ class Artifact:
         """The settings of a run for which a caller gives options.
 
         Raises:
-            RunError: options that do not go together, or that no run has.
+            RunError: options exclude each other, or no run has them.
         """
         scene = with_options(self.scene_as_compiled, self.method, options)
         return find_settings(scene, METHODS[self.method], self.implementation, options)
 
 
 def start_of(equations: RecursiveEquations) -> Start:
-    """The origin of the speeds at the start of a scene."""
+    """How the initial velocities of a scene are determined."""
     model = equations.topology.model
     guided = any(_has_moving_guide(model, joint) for joint in model.joints)
     return Start(at_rest=not (equations.scene.rates or guided), closes_loops=bool(equations.equation_names))
@@ -150,11 +150,11 @@ def make_simulator_run(
     artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None, *,
     inputs: Mapping[str, InputLike] | None = None, tangents: bool = False, coordinates: bool = False,
 ) -> SimulatorRun:  # fmt: skip
-    """The run of a compiled model with options, ``parameters`` and ``inputs`` (SI units); one with ``tangents`` reports Jacobians, one with
-    ``coordinates`` those of the tree at each row.
+    """The run of a compiled model with options, ``parameters`` and ``inputs`` (SI units); with ``tangents`` it reports Jacobians, with
+    ``coordinates`` the tree's coordinates at each sample.
 
     Raises:
-        RunError: a parameter or an input that cannot be set, options that do not go together, or that no run has.
+        RunError: a parameter or an input that cannot be set, or options that exclude each other or that no run has.
     """
     if tangents:
         _require_tangents(artifact, options)
@@ -181,7 +181,7 @@ def _by_method(
     find: Callable[[str], Artifact | None], options: Options, parameters: Mapping[str, float] | None,
     inputs: Mapping[str, InputLike] | None, method: str,
 ) -> SimulatorRun | None:  # fmt: skip
-    """The run by another method, with the choices that all methods have; None where there is none."""
+    """The run by another method, with the options that all methods have; None if that is not possible."""
     with suppress(CutjointError):
         if (artifact := find(method)) is not None:
             return make_simulator_run(artifact, replace(options, integrator=None, events=None, solver=None), parameters, inputs=inputs)
@@ -191,14 +191,14 @@ def _by_method(
 def _onward(
     artifact: Artifact, options: Options, parameters: Mapping[str, float] | None, inputs: Mapping[str, InputLike] | None
 ) -> Onward | None:  # fmt: skip
-    """The way on where loop embeddings end, by code that is compiled when the first run gets there.
+    """The continuation outside the range of loop embeddings, by code that is compiled when the first run needs it.
 
-    The scene's inputs say where guides are; with others there is none.
+    Guides follow the scene's inputs; with other inputs there is no continuation.
     """
     model, compile_exact = artifact.topology.model, artifact.exact
     if compile_exact is None or given_inputs(model, parameters or {}) or inputs:
         return None
-    from cutjoint.analysis.embedding.embed import state_of_loops  # others do not wait for what this imports
+    from cutjoint.analysis.embedding.embed import state_of_loops  # imported here, so that other runs do not wait for it
 
     exact = cache(compile_exact)
     return Onward(
@@ -221,7 +221,7 @@ def require_end(run: Trajectory, artifact: Artifact, changed: Mapping[str, float
 
 
 def _leaves_choice(artifact: Artifact, options: Options) -> bool:
-    """Return whether neither scene nor caller name a method, an integrator, or the treatment of events."""
+    """Return whether neither scene nor caller chooses a method, an integrator, or the treatment of events."""
     scene, settings = artifact.scene, artifact.scene.numerics.of_method(artifact.method)
     named = (scene.method or None, settings.integrator, settings.events, options.integrator, options.events)
     return artifact.method == DEFAULT_METHOD and all(name is None for name in named)
@@ -230,7 +230,7 @@ def _leaves_choice(artifact: Artifact, options: Options) -> bool:
 def _other_settings(artifact: Artifact, options: Options, integrator: str) -> Iterator[Settings]:
     """The settings of a run by each other integrator that the simulator has."""
     for name in (name for name in INTEGRATORS if name != integrator):
-        with suppress(RunError):  # it does not take the method, or not with these options
+        with suppress(RunError):  # it does not support the method, or not these options
             yield artifact.settings(replace(options, integrator=name))
 
 
@@ -247,7 +247,7 @@ def _require_tangents(artifact: Artifact, options: Options) -> None:
 
 
 def _require_additions(artifact: Artifact, settings: Settings) -> None:
-    """Check that a simulator has the solver and the integrator of a run; twins have all solvers.
+    """Check that a simulator has the solver and the integrator of a run; generic solvers have all.
 
     Raises:
         RunError: one is of another package, and the simulator is compiled without it.

@@ -43,7 +43,7 @@ def read_columns(path: Path) -> dict[str, Array]:
 
 
 def _write_array(_: Path, units: Mapping[str, str], rows: Array, file: BytesIO) -> None:
-    """A record for each row, whose fields have the names of the columns."""
+    """A structured array with one record for each row; its fields are the columns."""
     np.save(file, np.ascontiguousarray(rows).view([(name, np.float64) for name in units]).reshape(-1))
 
 

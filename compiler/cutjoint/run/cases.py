@@ -21,10 +21,10 @@ _KINDS = {"end": "end", "min": "minimum", "max": "maximum"}
 
 
 def read_cases(path: Path, model: Model) -> list[dict[str, float]]:
-    """The cases of a table with a parameter's name above each column and a row of numbers (SI units) for each run; blank lines count not.
+    """The cases of a table with parameters as columns and a row (SI units) for each run; blank lines are skipped.
 
     Raises:
-        RunError: a name or a number is none, with the line where it stands.
+        RunError: a name or a number is wrong; the message has its line.
     """
     if path.is_char_device():
         raise RunError(f"{path}: a device, which has no end; name a file")
@@ -72,7 +72,8 @@ def _number(place: str, name: str, text: str) -> float:
 class CaseTable:
     """The table of a batch's results: a row for each case with its parameters, how its run ended, and values of each column.
 
-    Rows stand in the order of the ``cases``; each is written as soon as its results and those before it are there.  Units stand beside it.
+    Rows are in the order of the ``cases``; each is written as soon as its results and all earlier ones are available. A second file has the
+    units.
 
     Raises:
         OutputError: the table cannot be written.
@@ -97,7 +98,7 @@ class CaseTable:
         self._write(rows)
 
     def finish(self) -> Path:
-        """The table is whole; the file with it."""
+        """Complete the table, and return its file."""
         return self._table.finish()
 
     def _row(self, number: int) -> list[str]:
@@ -118,7 +119,7 @@ class CaseTable:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        """Leave the rows of an interrupted batch in a file, also rows that waited for another one."""
+        """Leave the completed rows of an interrupted batch in a file, including those that waited for earlier ones."""
         if error is None:
             return
         if not isinstance(error, OutputError):

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 class IncompleteError(CutjointError, RuntimeError):
-    """A task that did not come to its end; each class beneath has the partial results."""
+    """A task that did not reach its end; each subclass has the partial results."""
 
     def __init__(self, message: str, result: Any) -> None:
-        super().__init__(message, result)  # both, so that the error can be sent to another process
+        super().__init__(message, result)  # both arguments, so that the error can be pickled
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -29,7 +29,7 @@ class FailedRunError(IncompleteError):
 
     @property
     def trajectory(self) -> Trajectory:
-        """The run as far as it came, with its failure."""
+        """The run up to its failure."""
         trajectory: Trajectory = self.args[1]
         return trajectory
 
@@ -44,15 +44,14 @@ class FailedBatchError(IncompleteError):
         return batch
 
 
-#: The messages of an impossible start, and the section of the scene that may give it.
+#: Messages of an impossible start, and the section of the scene that may cause it.
 _IMPOSSIBLE = {"the loop cannot close from the given coordinates": "positions", "the given speeds contradict the loops": "rates"}
 
 
 def places_of(topology: Topology, scene: Scene) -> dict[str, str]:
-    """The places of bodies, joints and gears in the model file, and of the coordinates and speeds that a scene gives to each loop at the
-    start.
+    """The places of bodies, joints and gears in the model file, and of the scene's initial values for each loop.
 
-    A loop's place, by its cut joint, is the scene's first entry of a joint around it, else a guide.
+    A loop's place, by its cut joint, is the scene's first entry of one of its joints, else a guide.
     """
     spans = dict(topology.model.constraint_spans)
     for loop in topology.loops:
@@ -71,14 +70,15 @@ def _entry(section: str, cut: str) -> str:
 
 
 def is_impossible(failure: FailureReport) -> bool:
-    """Return whether the failure says that the given values leave no start."""
+    """Return whether the failure means that no consistent start has the given values."""
     return failure.message in _IMPOSSIBLE
 
 
 def describe_failure(
     failure: FailureReport, scene: str, places: Mapping[str, str], model: Path, changed: Mapping[str, float]
 ) -> str:  # fmt: skip
-    """A failure in words, with ``changed`` parameters and the place of its joint in the model file, or of the scene's entry behind it."""
+    """A failure in words, with ``changed`` parameters and the place in the model file of its joint or of the scene's entry that caused it.
+    """
     joint = failure.element.rpartition(".")[0]
     place = places.get(joint, str(model))
     if not is_impossible(failure):
@@ -92,7 +92,7 @@ def describe_failure(
 
 
 def describe_rest(table: Path | None) -> str:
-    """The place of the rows of a failed run, in words."""
+    """Where the samples of a failed run are, as a sentence."""
     return f"the rows up to then are in {table}" if table else "no results were written"
 
 

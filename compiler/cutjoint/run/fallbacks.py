@@ -1,4 +1,4 @@
-"""Fallbacks of a run that failed: other settings of the same program are tried on the way past the failure."""
+"""Fallbacks of a failed run: other settings of the same program are tried up to a little after the failure."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -11,25 +11,25 @@ from cutjoint.run.results import UNTRIED, FailureReport, Trajectory
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 
-#: The messages of runs whose loops may have no pose further on, and the reason that no settings cure.
+#: Messages of loops that may have no pose beyond this point, which no settings cure.
 _OPEN = (
     "the loops cannot be closed", "no speeds keep the loops closed",
     "the run stands still: its steps have become too short for it to reach its end",
 )  # fmt: skip
 _BEYOND = "the guide of {} may lead further than the links reach: look at the last pose by `cutjoint simulate --view`"
-#: What a step that goes over events may have met, where steps that end there help.
+#: The message of a step over an event, where steps that end at events may help.
 _OVER = "a force may change its formula within the step, as at the first touch of a contact: use an integrator that locates it"
-#: The message of a run whose other integrators may go on, but not with its accuracy: other methods cross the pose.
+#: The message at singular poses: other integrators may continue, but only other methods cross the pose accurately.
 _SINGULAR = "the pose is singular, or nearly: equations depend on each other for a moment"
-#: Seconds that trials take together, if the run itself took no longer.
+#: Seconds for all trials, unless the run itself took longer.
 _SECONDS = 2.0
-#: The number of equal steps beyond a failure, and the share of the time up to it, that a trial has to go.
+#: A trial has to pass the failure by this many equal steps, and by this share of the time up to it.
 _STEPS, _SHARE = 20, 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fallback:
-    """Other settings for a run, in words, and its ``plan`` with them; ``free`` ones need no number to be chosen."""
+    """Other settings for a run: their description and the ``plan`` with them; ``free`` ones need no number to be chosen."""
 
     words: str
     plan: SimulatorRun
@@ -38,7 +38,7 @@ class Fallback:
 
 @dataclass(frozen=True, kw_only=True)
 class Trials:
-    """Trials of fallbacks up to the time ``past`` (s): ``helped`` went past the failure, ``failed`` did not, ``skipped`` had no time."""
+    """Trials of fallbacks up to the time ``past`` (s): ``helped`` passed the failure, ``failed`` did not, ``skipped`` had no time."""
 
     past: float
     helped: tuple[Fallback, ...]
@@ -47,7 +47,7 @@ class Trials:
 
 
 def try_fallbacks(plan: SimulatorRun, run: Trajectory) -> Trials | None:
-    """Try each fallback from the start up to a little past the failure of a run; None where no other settings help, as at a start.
+    """Try each fallback from the start to a little after the failure; None if other settings cannot help, as at a start.
 
     Raises:
         Interrupted, Terminated: a signal has ended a run.
@@ -61,7 +61,7 @@ def try_fallbacks(plan: SimulatorRun, run: Trajectory) -> Trials | None:
     for fallback in _fallbacks(plan):
         left = min(end - monotonic(), budget / 2)
         found[_goes_past(fallback.plan, past, left) if left > 0 else None].append(fallback)
-    beyond_reach = plan.leading and failure.message in _OPEN[:2]  # whatever the method
+    beyond_reach = plan.leading and failure.message in _OPEN[:2]  # for any method
     for fallback in () if beyond_reach or (found[True] and failure.message != _SINGULAR) else _by_other_methods(plan):
         found[_goes_past(fallback.plan, past, budget)].append(fallback)
     return Trials(past=past, helped=tuple(found[True]), failed=tuple(found[False]), skipped=tuple(found[None]))
@@ -70,7 +70,7 @@ def try_fallbacks(plan: SimulatorRun, run: Trajectory) -> Trials | None:
 def follow_up(
     plan: SimulatorRun, run: Trajectory, execute: Callable[[SimulatorRun], Trajectory], *, go_over: bool, advise: bool
 ) -> Trajectory:  # fmt: skip
-    """Follow up a failed run: to ``go_over`` to another integrator, or over events, to the end, or to ``advise`` other settings.
+    """Repeat a failed run by another integrator or across events (``go_over``), or try other settings (``advise``).
 
     Raises:
         SimulatorError, OutputError, Interrupted, Terminated: as of a run.
@@ -84,12 +84,12 @@ def follow_up(
             words = f"{fallback.words}, since {plan.run_file.settings.integrator} stopped: {run.failure.what}"
             return replace(other, fallback="; ".join(filter(None, (words, run.failure.advice, other.fallback))))
     if others:
-        run = execute(plan)  # whose rows are in the files again
+        run = execute(plan)  # which writes its rows into the files again
     return run if run.failure is None or not advise else replace(run, failure=with_trials(run.failure, plan, trials))
 
 
 def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | None) -> FailureReport:
-    """The failure with what was tried for an advice."""
+    """The failure, with the results of trials as advice."""
     if trials is None:
         return failure
     known = failure.advice.partition(UNTRIED)[0].rstrip("; ")
@@ -118,14 +118,14 @@ def _listed(fallbacks: tuple[Fallback, ...]) -> str:
 
 
 def _time_past(plan: SimulatorRun, failure: FailureReport) -> float:
-    """A time (s) a little after a failure, if the run has one."""
+    """A time (s) a little after a failure, if that has a time."""
     step = plan.run_file.settings.dt
     steps = 1 if INTEGRATORS[plan.run_file.settings.integrator].adaptive else _STEPS
     return float(min(plan.run_file.end, failure.time + max(steps * step, _SHARE * failure.time)))
 
 
 def _fallbacks(plan: SimulatorRun) -> Iterator[Fallback]:
-    """Other integrators of the program, then other settings of the same one."""
+    """Other integrators of the program, then other settings of the same integrator."""
     file, settings = plan.run_file, plan.run_file.settings
     for other in plan.others:
         step = "" if INTEGRATORS[other.integrator].adaptive else f" with dt {other.dt:g}"
@@ -147,7 +147,7 @@ def _fallbacks(plan: SimulatorRun) -> Iterator[Fallback]:
 
 
 def _by_other_methods(plan: SimulatorRun) -> Iterator[Fallback]:
-    """The other methods that may go on, where trying them takes no minutes, with their adaptive integrators too."""
+    """The other methods that may continue, if trying them does not take minutes, with their adaptive integrators."""
     for name in METHODS[plan.method].instead if plan.by_method else ():
         if plan.by_method and (other := plan.by_method(name)):
             yield Fallback(words=f"method {name}", plan=other)
@@ -157,7 +157,7 @@ def _by_other_methods(plan: SimulatorRun) -> Iterator[Fallback]:
 
 
 def _goes_past(plan: SimulatorRun, past: float, seconds: float) -> bool | None:
-    """Return whether a run comes to a time; None where it takes longer than so many seconds."""
+    """Return whether a run reaches a time; None if that takes longer than so many seconds."""
     file = plan.run_file
     file = replace(file.with_settings(dt=min(file.settings.dt, past)), end=past)
     begin = monotonic()

@@ -1,4 +1,4 @@
-"""Figures of lines: a panel for each quantity."""
+"""Line plots: a panel for each quantity."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class Picture(Figure):
         return as_png(self)
 
 
-#: The share of a column's size below which its changes are rounding, of closed loops too.
+#: Changes below this share of a column's size are rounding, in closed loops too.
 _ROUNDING = 1e-9
 
 
@@ -60,7 +60,7 @@ def draw(lines: Sequence[Line], *, x_label: str, title: str = "") -> Picture:
 
 
 def _hide_rounding(panel: Axes) -> None:
-    """Draw what differs by rounding alone as a straight line, not as noise over the whole panel."""
+    """Draw rounding noise as a straight line, not over the whole panel."""
     for limits, widen in ((panel.get_xlim(), panel.set_xlim), (panel.get_ylim(), panel.set_ylim)):
         size = max(map(abs, limits))
         if limits[1] - limits[0] < _ROUNDING * size:

@@ -1,4 +1,4 @@
-"""Inputs that a caller gives to a run instead of the scene's laws: constants, and tables over time."""
+"""Inputs of a run that replace the scene's laws: constants, and tables over time."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from cutjoint.model.ranges import fault_of
 from cutjoint.model.records import Model, Parameter, Scene
 from cutjoint.package.errors import RunError
 
-#: A constant, or a table: times ``t`` (s) and as many of ``value``, ``interpolation`` "cubic" (the default) or "linear", and of a cubic one
+#: A constant, or a table: times ``t`` (s) and as many of ``value``, ``interpolation`` "cubic" (the default) or "linear", and for cubic ones
 #: the ``rate`` at each time where it is known.
 InputLike: TypeAlias = float | Mapping[str, Any]
 
@@ -28,7 +28,7 @@ def input_entries(model: Model, scene: Scene, given: Mapping[str, InputLike]) ->
     through the given "rate" if there is one) or "linear".
 
     Raises:
-        RunError: a name is no input, a value is not finite, or a table does not hold together or is shorter than the scene.
+        RunError: a name is no input, a value is not finite, or a table is inconsistent or shorter than the scene.
     """
     names = [p.name for p in input_parameters(model)]
     for name in given:
@@ -41,7 +41,7 @@ def read_table(what: str, given: Mapping[str, Any], start: float, end: float) ->
     """A table over time as a run file has it, of a run between two times (s).
 
     Raises:
-        RunError: it does not hold together, or is shorter than the run.
+        RunError: it is inconsistent, or shorter than the run.
     """
     if unknown := [key for key in given if key not in (*_SERIES, "interpolation")]:
         raise RunError(f"{what}: unknown key '{unknown[0]}'; a table has t, value, and perhaps rate and interpolation")
@@ -58,7 +58,7 @@ def read_table(what: str, given: Mapping[str, Any], start: float, end: float) ->
 
 
 def given_inputs(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
-    """The inputs among ``changes``, by name: they hold them constant.
+    """The inputs among ``changes``, by name, as constants.
 
     Raises:
         RunError: one has a unit that is not that of the input.
@@ -80,7 +80,7 @@ def require_unit(parameter: Parameter, value: float) -> None:
 
 
 def with_held_inputs(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Scene, dict[str, float]]:
-    """The scene with the inputs among ``parameters`` (SI units) as its laws, and the other parameters: for what a scene's laws decide."""
+    """The scene with the inputs among ``parameters`` (SI units) as constant laws, and the remaining parameters."""
     held = given_inputs(model, parameters)
     others = {name: value for name, value in parameters.items() if name not in held}
     return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(value) for name, value in held.items()}}), others
@@ -91,7 +91,7 @@ def _entry(what: str, given: InputLike, end: float) -> float | dict[str, Any]:
 
 
 def _require_table(what: str, table: Mapping[str, Sequence[float]], start: float, end: float) -> None:
-    """Check that times ascend from the start of a run to its end, with a value and perhaps a rate at each."""
+    """Check that times ascend from the start of a run to its end, with a value and optionally a rate at each."""
     times = table["t"]
     if len(times) < 2:
         raise RunError(f"{what}: {len(times)} times; a table has two or more, a constant is a number")

@@ -1,4 +1,4 @@
-"""The state that a simulator comes to, and the mechanism linearised there."""
+"""The state that a simulator reaches, and the mechanism linearised there."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -26,7 +26,7 @@ from cutjoint.toolchain.temporary import temporary_folder
 
 
 class NotReachedError(RuntimeError):
-    """The run or the search for the equilibrium ended before; ``report`` says where."""
+    """The run or the search for the equilibrium failed; ``report`` says where."""
 
     def __init__(self, report: FailureReport) -> None:
         super().__init__(str(report))
@@ -36,13 +36,13 @@ class NotReachedError(RuntimeError):
 def linearise_at(
     artifact: Artifact, equations: ImplicitEquations, at: float | None, parameters: Mapping[str, float], progress: Progress | None
 ) -> tuple[float, Linearisation]:  # fmt: skip
-    """The time and the linearisation at the static equilibrium, or ``at`` a time (s) of a run of the scene, which a simulator comes to.
+    """The time and the linearisation at the static equilibrium, or ``at`` a time (s) of a run of the scene, computed by a simulator.
 
     ``equations`` are those of the same model and scene.
 
     Raises:
         NotReachedError: there is no equilibrium near the design position, or the run fails before.
-        RunError: a parameter that cannot be set, or a held coordinate carries a force at the equilibrium.
+        RunError: a parameter that cannot be set, or a locked coordinate has a constraint force at the equilibrium.
     """
     with temporary_folder() as folder:
         run_file = _run_file(artifact, at, parameters, folder)
@@ -75,7 +75,7 @@ def _run_file(artifact: Artifact, at: float | None, parameters: Mapping[str, flo
 
 
 def _ending_at(scene: Scene, at: float) -> Scene:
-    """The scene with steps that are at most as long as its own and the last of which ends at ``at`` (s)."""
+    """The scene with a step that ends at ``at`` (s), and none longer than its own."""
     dt = scene.numerics.of_method(LINEARISED).step
     try:
         steps = count_steps(min(dt, at), at, at).number
@@ -85,7 +85,7 @@ def _ending_at(scene: Scene, at: float) -> Scene:
 
 
 def _require_free(equations: ImplicitEquations, held: Mapping[str, tuple[float, str]]) -> None:
-    """A coordinate that the scene holds may carry a force: what is linearised has no such force, and does not rest without it."""
+    """Check that no coordinate that the scene locks has a constraint force: the linear model would have no equilibrium."""
     if not held:
         return
     scene, (name, (force, unit)) = equations.scene, max(held.items(), key=lambda item: abs(item[1][0]))

@@ -1,4 +1,4 @@
-"""The files that a command writes: never its model, another of its inputs, or the same file twice."""
+"""The files that a command writes: never an input of it, nor one file twice."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from cutjoint.package.errors import CutjointError
 
 
 class OutputError(CutjointError, ValueError):
-    """A file that cannot be an output, or could not be written."""
+    """A file that is no valid output, or could not be written."""
 
 
-#: The endings of files of results that are no part of the names of what stands beside them.
+#: Endings of result files, which the names of accompanying files do not contain.
 ENDINGS = (".csv", ".parquet", ".arrow", ".npy")
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Written:
-    """A file that a command writes: the option, as ``--out run.csv``, the file, and which part of the output that is, if not all."""
+    """A file that a command writes: its option, such as ``--out run.csv``, the file, and which part of the output it is."""
 
     asked: str
     path: Path
@@ -40,12 +40,12 @@ def error_of(table: Path) -> Path:
 
 
 def partial_of(table: Path) -> Path:
-    """The file with the rows of a table that is not whole: ``run.partial.csv`` of ``run.csv``, ``run.k1.partial.csv`` of ``run.k1``."""
+    """The file with the rows of an incomplete table: ``run.partial.csv`` of ``run.csv``, ``run.k1.partial.csv`` of ``run.k1``."""
     return table.with_name(f"{_stem(table)}.partial{table.suffix if table.suffix in ENDINGS else '.csv'}")
 
 
 def reason_of(table: Path) -> Path:
-    """The file that says why a table is not whole: ``run.partial.txt`` of ``run.csv``."""
+    """The file with the reason why a table is incomplete: ``run.partial.txt`` of ``run.csv``."""
     return table.with_name(f"{_stem(table)}.partial.txt")
 
 
@@ -54,7 +54,7 @@ def _stem(table: Path) -> str:
 
 
 def resolved(path: Path) -> Path:
-    """The file that a path leads to, through links, whether or not it exists."""
+    """The target of a path, through links, whether or not it exists."""
     return Path(os.path.realpath(path))
 
 
@@ -67,7 +67,7 @@ def descriptor_of(path: Path) -> int | None:
     """The open descriptor of this process that a path such as /dev/stdout names."""
     names = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
     text = os.path.abspath(path)
-    for _ in range(8):  # a link to /dev/stdout is as good
+    for _ in range(8):  # a link to /dev/stdout counts too
         if text in names:
             return names[text]
         folder, name = os.path.split(text)
@@ -92,7 +92,7 @@ def require_apart(
         plots: the folder of plots.
 
     Raises:
-        OutputError: with a line for each output that is none.
+        OutputError: with a line for each output in conflict.
     """
     written = [*_of_tables(tables or {}), *([_Written(asked=f"{o} {p}", path=p)] for o, p in documents if p is not None)]
     pictures = [] if plots is None else list(_pictures(plots))
@@ -144,7 +144,7 @@ def _pictures(folder: Path) -> Iterator[_Written]:
 
 
 def _clash_with_inputs(files: Sequence[_Written], inputs: Mapping[str, Path | None]) -> str:
-    """The fault of an output with an input among its files; "" if none is."""
+    """Describe an output that has an input among its files; "" if none does."""
     for file, (what, path) in product(files, inputs.items()):
         if path is not None and _same(file.path, path):
             there = f"{file.part} would go to {file.path}, which" if file.part else "that"
@@ -153,7 +153,7 @@ def _clash_with_inputs(files: Sequence[_Written], inputs: Mapping[str, Path | No
 
 
 def _clash(files: Sequence[_Written], others: Sequence[_Written]) -> str:
-    """The fault of two outputs with a common file, or of one inside the other; "" without a fault."""
+    """Describe two outputs that share a file, or of which one contains the other; "" if there are none."""
     for one, other in product(files, others):
         if _same(one.path, other.path):
             one, other = (other, one) if other.part and not one.part else (one, other)
@@ -166,7 +166,7 @@ def _clash(files: Sequence[_Written], others: Sequence[_Written]) -> str:
 
 
 def _clash_with_plots(files: Sequence[_Written], pictures: Sequence[_Written], plots: Path) -> str:
-    """The fault of an output in the place of a plot or of the plots' folder; "" without a fault."""
+    """Describe an output that is a plot or the plots' folder; "" if there is none."""
     target, folder = resolved(files[0].path), resolved(plots)
     if target == folder or target in folder.parents:
         return f"--plots {plots}: {files[0].asked} is a file there; write the two to different places"
@@ -176,7 +176,7 @@ def _clash_with_plots(files: Sequence[_Written], pictures: Sequence[_Written], p
 
 
 def _same(one: Path, other: Path) -> bool:
-    """Return whether two paths lead to one file; devices such as a terminal or /dev/null take more than one table."""
+    """Return whether two paths lead to one file; devices such as a terminal or /dev/null can take several tables."""
     try:
         found = os.stat(one)
         return not stat.S_ISCHR(found.st_mode) and os.path.samestat(found, os.stat(other))

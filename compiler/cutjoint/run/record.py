@@ -17,9 +17,9 @@ class Stabilisation:
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """The settings of a run as its simulator has them.
+    """The settings of a run as its simulator reads them.
 
-    A ``penalty`` of None is found by the run, ``solver`` is None of a method or an integrator without a linear solver.  ``events`` is
+    The run computes a ``penalty`` of None; ``solver`` is None for a method or an integrator without a linear solver.  ``events`` is
     whether steps end at events, None where they cannot.  With ``fixed_cost`` each step has ``iterations`` iterations, else so many at
     most.  ``absolute_tolerance`` and ``spectral_radius`` are None of integrators that do not read them.
     """
@@ -38,13 +38,13 @@ class Settings:
     stabilisation: Stabilisation
 
     def entries(self) -> dict[str, Any]:
-        """The entries of a run file that are settings; None (null in the file) stands for what the run finds or does not use."""
+        """The entries of a run file that are settings; None (null in the file) stands for computed or unused ones."""
         numerics = asdict(self)
         return {name: numerics.pop(name) for name in ("integrator", "solver", "stabilisation")} | {"numerics": numerics}
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> "Settings":
-        """The settings from the data that `asdict` makes of them."""
+        """The settings from the output of `asdict`."""
         return cls(**{**data, "stabilisation": Stabilisation(**data["stabilisation"])})
 
 
@@ -52,13 +52,17 @@ class Settings:
 class RunFile:
     """The run file of a ``task``, in SI units.
 
-    ``parameters`` are the open ones, ``inputs`` what each input has over time, None of a model without.  ``positions`` and ``rates`` are by
-    "joint.component", ``roads`` by tyres: the pieces of both tracks, and whether the contact is a disc; ``surface`` is on all of them, None
-    for none.  ``out`` is the table, "" for none.
-    ``near`` names positions that the start need not have.
-    ``begin`` has a time and the state there from which the run goes on, None of one that starts.
-    With ``energy`` the run counts work and energy; jumps that lie ``jumps_within`` (s) of a row are told, if it is given.
-    `run_file.make_run_file` makes one; its tasks need more entries, which are beside it.
+    Attributes:
+        parameters: the tunable ones.
+        inputs: each input over time; None without inputs.
+        positions, rates: initial values by "joint.component"; ``near`` names positions that are only preferred.
+        roads: by tyres, the pieces of both tracks, and whether the contact is a disc; ``surface`` is common to all, or None.
+        out: the table, "" for none.
+        begin: time and state from which the run continues; None for a new start.
+        energy: whether the run integrates work and energy.
+        jumps_within: report jumps within this time (s) of a sample, or None.
+
+    `run_file.make_run_file` makes one and adds the entries that tasks need.
     """
 
     task: str
@@ -100,5 +104,5 @@ class RunFile:
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> "RunFile":
-        """The file from the data that `asdict` makes of it."""
+        """The file from the output of `asdict`."""
         return cls(**{**data, "settings": Settings.of(data["settings"]), "near": tuple(data["near"])})

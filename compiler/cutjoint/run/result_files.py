@@ -1,4 +1,4 @@
-"""Writing of results: beside the file that they are for, which they replace when they are whole."""
+"""Result files: written beside their destination, and renamed when they are complete."""
 
 import json
 import os
@@ -26,8 +26,8 @@ Units = Mapping[str, str]
 class TableFile:
     """A table that is being written.
 
-    Rows go to `partial_of` the table, which is renamed when the table is whole: an earlier table stays until then.  Rows of a table that
-    does not become whole stay in that file, and `reason_of` says why.  A link stands for the file that it leads to.
+    Rows go to `partial_of` the table, which is renamed when the table is complete: an earlier table stays until then. Otherwise the rows
+    stay in that file, and `reason_of` says why. Links are followed.
 
     Raises:
         OutputError: the file cannot be written, or another process writes it.
@@ -48,7 +48,7 @@ class TableFile:
                 stale.unlink(missing_ok=True)
 
     def finish(self) -> Path:
-        """The table is whole; the file with it."""
+        """Complete the table, and return its file."""
         if self._units is not None:
             write_whole(units_of(self._target), _as_json(self._units))
         with naming_output(self.path):
@@ -58,27 +58,27 @@ class TableFile:
         return self.path
 
     def leave(self, reason: str) -> Path | None:
-        """The table does not become whole, for a ``reason``; the file with its whole rows, None if there are none."""
+        """Close the incomplete table for a ``reason``; return the file with its rows, None if there are none."""
         if not (os.fstat(self.file.fileno()).st_size if self._target.suffix in WRITERS else _cut_to_lines(self.file)):
             self._close_early()
             self._partial.unlink(missing_ok=True)
             self.file.close()
             return None
         self.file.close()
-        with suppress(OutputError):  # a full disk has no place for what stands beside the rows
+        with suppress(OutputError):  # a full disk has no room for accompanying files
             write_whole(reason_of(self._target), f"{reason}\n")
             if self._units is not None:
                 write_whole(units_of(self._partial), _as_json(self._units))
         return self._partial
 
     def _close_early(self) -> None:
-        """Close the file where an open one has to stay as it is; elsewhere its lock lasts until it is renamed or gone."""
+        """Close the file where the system cannot rename an open one; elsewhere its lock lasts until the rename."""
         if IS_WINDOWS:
             self.file.close()
 
 
 class Stream:
-    """A table that goes to a device, a pipe or an open descriptor as it is written, and is never read back.
+    """A table that is written directly to a device, a pipe or an open descriptor.
 
     Raises:
         OutputError: it cannot be opened.
@@ -89,18 +89,18 @@ class Stream:
         self.file = _open_stream(path)
 
     def finish(self) -> Path:
-        """All is written."""
+        """Complete the table."""
         self.file.close()
         return self.path
 
     def leave(self, reason: str) -> Path | None:
-        """Nothing more is written; what was is with the reader."""
+        """Stop writing; the reader has what was written."""
         self.file.close()
         return None
 
 
 def open_table(path: Path, units: Units | None = None) -> TableFile | Stream:
-    """The table that goes to a path, ready to be written; ``units`` stand beside a file.
+    """Open a table for writing; a second file has the ``units``.
 
     Raises:
         OutputError: it cannot be written, or another process writes it.
@@ -109,7 +109,7 @@ def open_table(path: Path, units: Units | None = None) -> TableFile | Stream:
 
 
 def write_table(path: Path, units: Units, text: str) -> Path:
-    """Write a table of which all is known, its units beside it.
+    """Write a complete table, and its units beside it.
 
     Raises:
         OutputError: it cannot be written.
@@ -124,10 +124,9 @@ def write_table(path: Path, units: Units, text: str) -> Path:
 
 
 class RunTables:
-    """The tables of one run, which its simulator writes.
+    """The tables of one run, which its simulator writes; without `finish` they are incomplete.
 
-    Without `finish` they are not whole.  The simulator writes the rows of ``out`` into a private file too, as doubles; where ``out`` is no
-    text by its ending, there alone: the table follows from them when it is whole, or left.
+    The simulator also writes the rows of ``out`` as doubles into a private file; binary formats are encoded from it.
     """
 
     def __init__(self, units: Units | None, *, out: Path | None, **others: Path | None) -> None:
@@ -149,17 +148,17 @@ class RunTables:
             raise
 
     def rows(self, columns: int) -> Array:
-        """The whole rows of the table ``out``, (rows, columns), the time first."""
+        """The rows of the table ``out`` so far, (rows, columns), the time first."""
         return read_rows(self._rows, columns)
 
     @property
     def places(self) -> dict[str, Any]:
-        """The part of a run file that says where the tables go."""
+        """The part of a run file with the paths of the tables."""
         places = {name: place_of(table.file, str(table.path)) for name, table in self._tables.items() if name != "out" or not self._written}
         return {**places, "out_rows": place_of(self._rows, "the temporary table")}
 
     def finish(self, size: int | None = None) -> Path | None:
-        """All tables are whole; the file with ``out``, whose text has ``size`` bytes.
+        """Complete all tables; return the file of ``out``, whose text has ``size`` bytes.
 
         Raises:
             OutputError: it has another size, or cannot be written.
@@ -177,20 +176,20 @@ class RunTables:
         return table.finish()
 
     def leave(self, reason: str) -> Path | None:
-        """The tables do not become whole, for a ``reason``; the file with the rows of ``out``, None if there are none."""
+        """Close the incomplete tables for a ``reason``; return the file with the rows of ``out``, None if there are none."""
         left = None
-        while self._tables:  # "out" is the last
+        while self._tables:  # "out" comes last
             name, table = self._tables.popitem()
             if name == "out" and self._written:
                 try:
                     self._encode(table)
-                except OutputError:  # half a table is none
+                except OutputError:  # an incomplete table is removed
                     table.file.truncate(0)
             left = table.leave(reason)
         return left
 
     def _encode(self, table: TableFile | Stream) -> None:
-        """Write the rows so far as the table's ending asks, none where there are none."""
+        """Write the rows so far in the table's format, or nothing without rows."""
         assert self._units is not None
         rows = self.rows(len(self._units))
         with naming_output(table.path):
@@ -206,14 +205,14 @@ class RunTables:
 
 
 def read_rows(file: BinaryIO, columns: int) -> Array:
-    """The whole rows of doubles in a file, (rows, columns)."""
+    """The complete rows of doubles in a file, (rows, columns)."""
     file.seek(0)
     content, row = bytearray(file.read()), 8 * columns
     return np.frombuffer(content[: len(content) // row * row]).reshape(-1, columns)
 
 
 def write_error(table: Path, error: ErrorEstimate | None, implementation: str) -> None:
-    """Write beside a table that goes to a file how wrong it is, and by which implementation it was run; or nothing.
+    """Write the error estimate of a table and the implementation of its run beside it; a stream gets none.
 
     Raises:
         OutputError: it cannot be written.
@@ -231,7 +230,7 @@ def write_error(table: Path, error: ErrorEstimate | None, implementation: str) -
 
 
 def write_whole(path: Path, content: str | bytes) -> Path:
-    """Write a file so that nobody sees half of it and an earlier one survives a failure; a stream is written to.
+    """Write a file atomically: an earlier one survives a failure; a stream is written directly.
 
     Raises:
         OutputError: it cannot be written.
@@ -247,10 +246,10 @@ def write_whole(path: Path, content: str | bytes) -> Path:
 
 
 def write_files(folder: Path, files: Mapping[str, str | bytes], modes: Mapping[str, int] | None = None) -> None:
-    """Write files by name into a folder, all or none as far as the system can; some have permissions, ``modes``, of their own.
+    """Write files by name into a folder, all or none; ``modes`` are permissions of some.
 
     Raises:
-        OutputError: one cannot be written, and all are as they were.
+        OutputError: one cannot be written, and all stay unchanged.
     """
     with _written_beside() as write:
         for name, content in files.items():
@@ -259,7 +258,7 @@ def write_files(folder: Path, files: Mapping[str, str | bytes], modes: Mapping[s
 
 @contextmanager
 def _written_beside() -> Iterator[Callable[..., None]]:
-    """A call that writes a file beside its path; at the end all replace what was there, and where something failed none does."""
+    """Yields a function that writes a temporary file beside a path; at the end all are renamed, or none after an error."""
     written: list[tuple[Path, Path, Path]] = []
 
     def write(path: Path, data: bytes, mode: int | None = None) -> None:
@@ -287,7 +286,7 @@ def _written_beside() -> Iterator[Callable[..., None]]:
 
 
 def write_all(file: BinaryIO, data: bytes) -> None:
-    """Write all of ``data`` at once, past any buffer."""
+    """Write all of ``data`` unbuffered."""
     rest = memoryview(data)
     while rest:
         rest = rest[file.write(rest) :]
@@ -299,7 +298,7 @@ def _as_json(content: Mapping[str, Any]) -> str:
 
 @contextmanager
 def naming_output(path: Path) -> Iterator[None]:
-    """Errors of the system become those of an output."""
+    """Turn errors of the system into `OutputError`."""
     try:
         yield
     except OSError as error:
@@ -307,16 +306,16 @@ def naming_output(path: Path) -> Iterator[None]:
 
 
 def _mode_of(file: Path) -> int | None:
-    """The permissions of a file that will be replaced, None if there is none; one that may not be written may not be replaced."""
+    """The permissions of a file to be replaced, None if there is none; a read-only file may not be replaced."""
     if not file.exists():
         return None
     if file.is_dir() or not os.access(file, os.W_OK):
-        file.open("ab").close()  # raises what is wrong
+        file.open("ab").close()  # raises the reason
     return stat.S_IMODE(file.stat().st_mode)
 
 
 def _lock(path: Path) -> BinaryIO:
-    """A file that no other process writes in this way."""
+    """Open and lock a file against other processes that write it in this way."""
     while True:
         number = os.open(path, open_flags("O_RDWR", "O_CREAT", "O_NOFOLLOW"), 0o666)
         file = cast(BinaryIO, os.fdopen(number, "r+b", buffering=0))
@@ -329,7 +328,7 @@ def _lock(path: Path) -> BinaryIO:
             raise OutputError(f"{path}: another run writes this file; wait for it, or write elsewhere") from None
         except FileNotFoundError:
             pass
-        file.close()  # the other run had just come to its end and renamed it
+        file.close()  # the other run has just finished and renamed it
 
 
 def _open_stream(path: Path) -> BinaryIO:
@@ -338,7 +337,7 @@ def _open_stream(path: Path) -> BinaryIO:
 
 
 def _stream_number(path: Path) -> int:
-    """A descriptor for writing to a stream; of a pipe without a reader it waits for one, and says so."""
+    """A descriptor for writing to a stream; a pipe without a reader blocks, which a message reports."""
     number = descriptor_of(path)
     if number is not None:
         return os.dup(number)
@@ -360,7 +359,7 @@ def place_of(file: BinaryIO, name: str) -> dict[str, Any]:
 
 
 def _cut_to_lines(file: BinaryIO) -> bool:
-    """Cut a file off after its last whole line; whether there is one."""
+    """Truncate a file after its last complete line; return whether there is one."""
     end = file.seek(0, os.SEEK_END)
     while end > 0:
         begin = max(0, end - 65536)

@@ -32,7 +32,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 #: The name of the time among the columns of a table.
 TIME = "t"
-#: The beginning of an advice, or of its last part, that nobody has tried for the run at hand.
+#: The beginning of untried advice.
 UNTRIED = "try: "
 #: The number of columns in a `repr`.
 _NAMED = 6
@@ -42,7 +42,7 @@ class Columns(dict[str, T]):
     """Values by the names of columns.
 
     Raises:
-        KeyError: there is no such column; the message has the name nearest to it, or some that there are.
+        KeyError: there is no such column; the message suggests the closest name, or lists some.
     """
 
     def __missing__(self, column: str) -> T:
@@ -58,10 +58,9 @@ def _listed(columns: Iterable[str]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class FailureReport:
-    """The stop of a run: ``time`` in s, the ``element`` with the worst residual, and an ``advice`` ("" if there is none).
+    """Why a run stopped: ``time`` (s), the ``element`` with the worst residual, and an ``advice`` or "".
 
-    ``guards`` names the forces that were left out of the model and would act there, if that is why it stopped; the residual is then the
-    violation of their margin.
+    ``guards`` names omitted forces that would act there, if that is the reason; the residual is then the violation of their margin.
     """
 
     message: str
@@ -87,7 +86,7 @@ class FailureReport:
 
 @dataclass(frozen=True, kw_only=True)
 class Residuals:
-    """The largest absolute values of the equations and of their first and second derivatives over a run; nan of what was not evaluated."""
+    """The largest residuals of the equations and of their first and second derivatives over a run; NaN if not evaluated."""
 
     position: float = nan
     velocity: float = nan
@@ -96,9 +95,14 @@ class Residuals:
 
 @dataclass(frozen=True, kw_only=True)
 class EnergyBalance:
-    """Work and energy of a run, J: the largest ``kinetic`` energy T, what forces, guides and drives have ``exchanged`` (the integral of
-    their power's absolute value), and the largest ``defect`` of T less its start and the work done; ``of_unit_speed`` is the largest T that
-    it had, or would have had, with a largest speed of 1 m/s or rad/s; nan of what has no finite value."""
+    """Energy balance of a run, J; NaN where a number is not finite.
+
+    Attributes:
+        kinetic: largest kinetic energy T.
+        exchanged: integral of the absolute power of forces, guides and drives.
+        defect: largest difference between the change of T and the work done.
+        of_unit_speed: largest T, scaled to a largest speed of 1 m/s or rad/s.
+    """
 
     kinetic: float
     exchanged: float
@@ -107,14 +111,14 @@ class EnergyBalance:
 
     @property
     def share(self) -> float:
-        """The defect as a share of the energy that there was."""
+        """The defect relative to the largest energy."""
         size = self.kinetic + self.exchanged
         return self.defect / size if size > 0 else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Impact:
-    """An instant (s) at which guides' rates jump: the ``element`` whose law does, and the ``work`` (J) of the guides' impulses."""
+    """A jump of guides' rates at a time (s): the ``element`` whose law jumps, and the ``work`` (J) of the guides' impulses."""
 
     time: float
     element: str
@@ -123,7 +127,7 @@ class Impact:
 
 @dataclass(frozen=True, kw_only=True)
 class NearJump:
-    """A ``column`` that jumps by ``size`` beside the row at a ``time`` (s): so long ``after`` it (s), negative where it jumps before."""
+    """A ``column`` that jumps by ``size`` near the sample at a ``time`` (s), ``after`` seconds later, negative if earlier."""
 
     time: float
     column: str
