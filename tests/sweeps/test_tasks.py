@@ -61,6 +61,28 @@ def test_modes(tmp_path: Path) -> None:
     assert done.units == {"stiffness": "N/m", "failure_time": "s", "f": "Hz", "slowest": "1/min"}
 
 
+def test_modes_that_cross(tmp_path: Path) -> None:
+    second = (
+        "  other: {mass: 50, centre_of_mass: [1, 0, 1]}\njoints:\n"
+        "  own: {kind: prismatic, bodies: [ground, other], at: [1, 0, 1], axis: z}"
+    )
+    spring = (
+        "forces:\n  hung: "
+        "{kind: axial_force, bodies: [ground, other], origin: [1, 0, 0], point: [1, 0, 1], axis: z, law: 1e5*(1-travel)}"
+    )
+    bodies = "bodies:\n  pad: {massless: true}\n  block: {mass: 50, centre_of_mass: [0, 0, 1]}\n"
+    model = _POST.replace("bodies: {pad: {massless: true}, block: {mass: 50, centre_of_mass: [0, 0, 1]}}\njoints:", bodies + second)
+    k = np.array([2e4, 9e4, 2e5])
+    done = _study(tmp_path, model.replace("forces:", spring), "stiffness", list(k), {
+        "one": {"value": "1.frequency", "of": "modes"}, "two": {"value": "2.frequency", "of": "modes"},
+        "lowest": {"value": "lowest.frequency", "of": "modes"},
+    })  # fmt: skip
+    own, other = np.sqrt(k / 50 - 4.0) / (2 * np.pi), np.sqrt(1e5 / 50) / (2 * np.pi)
+    assert np.allclose(done["one"], own, rtol=1e-9)
+    assert np.allclose(done["two"], other, rtol=1e-9)
+    assert np.allclose(done["lowest"], np.minimum(own, other), rtol=1e-9)
+
+
 @pytest.mark.cpp
 def test_response(tmp_path: Path) -> None:
     k, f = np.array([1e4, 4e4]), np.geomspace(0.01, 100, 400_001)

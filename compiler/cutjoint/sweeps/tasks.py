@@ -4,12 +4,13 @@
 a `Result`.  A task of another kind is a row there, and its options a class of `document`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from cutjoint.analysis.modes import Mode
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
@@ -87,14 +88,67 @@ def _kinematics(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
 
 
 def _modes(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
+    usual = {p.name: p.value for p in model.parameters}
+
+    def modes_at(parameters: Mapping[str, float]) -> Sequence[Mode]:
+        return find_scene_modes(model, scene, parameters=parameters, **options).modes
+
+    first = modes_at({})
+
     def find(parameters: Mapping[str, float]) -> Result:
-        found = find_scene_modes(model, scene, parameters=parameters, **options).modes
+        found = modes_at(parameters)
         numbers = {"lowest.frequency": min((m.frequency for m in found if m.frequency > 0.0), default=np.nan)}
         numbers["least.damping"] = min((m.damping_ratio for m in found), default=np.nan)
         numbers["largest.real"] = max((m.eigenvalue.real for m in found), default=np.nan)
-        return Result(units={"lowest.frequency": "Hz", "least.damping": "", "largest.real": "1/s"}, find=numbers.__getitem__)
+        units = {"lowest.frequency": "Hz", "least.damping": "", "largest.real": "1/s"}
+        units |= {f"{i}.{name}": unit for i in range(1, len(first) + 1) for name, unit in _OF_MODE.items()}
+
+        def on_the_way(share: float) -> Sequence[Mode]:
+            return found if share == 1.0 else modes_at({n: usual[n] + share * (x - usual[n]) for n, x in parameters.items()})
+
+        def number(name: str) -> float:
+            if name in numbers:
+                return numbers[name]
+            place, _, quantity = name.partition(".")
+            mode = _followed(first[int(place) - 1], on_the_way)
+            return {"frequency": mode.frequency, "damping": mode.damping_ratio, "real": mode.eigenvalue.real}[quantity]
+
+        return Result(units=units, find=number)
 
     return find
+
+
+_OF_MODE = {"frequency": "Hz", "damping": "", "real": "1/s"}
+#: How alike two vectors of a mode must be, and the smallest part of the way by which it is followed.
+_ALIKE, _LEAST_PART = 0.9, 1 / 64
+
+
+def _followed(mode: Mode, on_the_way: Callable[[float], Sequence[Mode]]) -> Mode:
+    """A mode at the end of a way of parameters, which is cut until vectors of neighbours are alike.
+
+    Raises:
+        RunError: it mixes with another one.
+    """
+    share, part = 0.0, 1.0
+    while share < 1.0:
+        part = min(part, 1.0 - share)
+        found = on_the_way(share + part)
+        alike = [_likeness(mode, other) for other in found]
+        if max(alike, default=0.0) >= _ALIKE:
+            mode, share, part = found[int(np.argmax(alike))], share + part, 2 * part
+        elif part > _LEAST_PART:
+            part /= 2
+        else:
+            raise RunError("a mode cannot be followed: it mixes with another one; take lowest.frequency, least.damping or largest.real")
+    return mode
+
+
+def _likeness(one: Mode, other: Mode) -> float:
+    """The modal assurance criterion of two modes by displacements and velocities, weighted by shares of the kinetic energy."""
+    scale = abs(one.eigenvalue)
+    a, b = (np.array([np.sqrt(abs(p.share)) * np.exp(1j * np.angle(p.amplitude)) for p in mode.shape.values()]) for mode in (one, other))
+    a, b = np.append(a, one.eigenvalue / scale * a), np.append(b, other.eigenvalue / scale * b)
+    return float(abs(np.vdot(a, b)) ** 2 / (np.vdot(a, a).real * np.vdot(b, b).real))
 
 
 def _response(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
