@@ -41,7 +41,7 @@ class Stages : public StepStart<S, Solver> {
         changes_(derivatives_), guess_(derivatives_), kept_(derivatives_), places_(derivatives_), violations_(forces_), kept_forces_(forces_), mass_(this->tangent_),
         damping_(mass_), stiffness_(mass_), re_(mass_), im_(mass_), x_re_(n_), x_im_(n_) {}
 
-  /// Try a step of length h from the present state; whether its stages were found.  Unless it shall be `whole`, it ends where it leaves the regime.
+  /// Try a step of length h from the present state; return whether its stages were found. Unless `whole`, it ends where it leaves the mode.
   bool attempt(Real h, bool whole, long number) {
     this->number_ = number;
     whole_ = whole;
@@ -194,7 +194,7 @@ class Stages : public StepStart<S, Solver> {
     before_ = largest(forces_.back());
   }
 
-  /// Whether the attempt leaves the regime with the stages as they are, and shall end there.
+  /// Whether the attempt leaves the mode with the present stages and should end there.
   bool leaves() {
     if (cells_.empty()) return false;
     for (std::size_t i = 1; i <= Table::stages; ++i) {
@@ -207,7 +207,7 @@ class Stages : public StepStart<S, Solver> {
     return false;
   }
 
-  /// Whether stages leave the regime that are not found, or slowly: as they are, or as they were guessed.  The guess is where the regime before would lead.
+  /// Whether stages that converge slowly or not at all leave the mode, as they are or as extrapolated within the previous mode.
   bool leaves_early() {
     if (leaves()) return true;
     cells_.begin(start_.t);
@@ -368,7 +368,7 @@ class Stages : public StepStart<S, Solver> {
   Entries<S> mass_, damping_, stiffness_, re_, im_;
   Speeds<S> x_re_, x_im_;
   Real h_{0}, parted_w_{1};
-  bool whole_ = false;  ///< whether the attempt goes on outside the regime
+  bool whole_ = false;  ///< whether the attempt continues outside the mode
   bool stale_ = false;  ///< whether a renewal of factors needs other parts
 };
 

@@ -1,4 +1,4 @@
-// The state that steps by Radau IIA go on from, its regime, loops and errors.
+// The state from which Radau IIA steps continue, its mode, loops and errors.
 #pragma once
 
 #include <algorithm>
@@ -131,7 +131,7 @@ class StepStart : public Workspace<S, Solver> {
     return {};
   }
 
-  /// Inputs have jumped: where forces may have changed their formulas, accelerations and regime are those of the present state.
+  /// Inputs have jumped: if forces may have changed their formulas, accelerations and mode are those of the present state.
   void restart_after_input_jump() {
     if (cells_.empty()) return;
     adopt();
@@ -142,21 +142,21 @@ class StepStart : public Workspace<S, Solver> {
     keep_start();
   }
 
-  /// Go over to the regime of the present state.
+  /// Enter the mode of the present state.
   void adopt() {
     if (cells_.empty()) return;
     evaluate_at(start_);
     cells_.adopt();
   }
 
-  /// Seek the indicators that a state has out of the regime; whether there are any.
+  /// Collect the indicators by which a state has left the mode; return whether there are any.
   bool seek(const StateOf<S>& state) {
     if (cells_.empty()) return false;
     evaluate_at(state);
     return cells_.seek();
   }
 
-  /// The first of them that a state has out of the regime; as many as there are indicators if there is none.
+  /// The first of them; the number of indicators if there is none.
   std::size_t found(const StateOf<S>& state) {
     if (cells_.empty()) return 0;
     evaluate_at(state);
@@ -196,7 +196,7 @@ class StepStart : public Workspace<S, Solver> {
     return fault;
   }
 
-  /// Memory of the next steps, that of the regime and the solvers included; flags are as long as numbers, so that equal ones have equal bytes.
+  /// Memory for the next steps, with mode and solvers; flags are as long as numbers, so that equal ones have equal bytes.
   struct Memory {
     StateOf<S> start;
     Coordinates<S> pose;

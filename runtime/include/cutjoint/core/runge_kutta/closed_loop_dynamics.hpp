@@ -28,7 +28,7 @@ class ClosedLoopDynamics : public Solved<M> {
       : Solved<M>(mechanism, tolerance, multipliers), cells_(cells), history_{state_.lambda, state_.lambda}, residual_(state_.lambda),
         rate_(state_.lambda), speeds_(state_.v) {}
 
-  /// Take over a start, in the regime in which it stands.
+  /// Take a start in its present mode.
   Vector begin(const StateOf<M>& start) {
     Vector y = Solved<M>::begin(start);
     adopt(start.t, y);
@@ -42,7 +42,7 @@ class ClosedLoopDynamics : public Solved<M> {
     if (history_.known < 2) state_.lambda = history_.last;
   }
 
-  /// The derivative at a stage.  Unless it is wanted by all means, it is not found where the attempt has left the regime: returns whether it is.
+  /// The derivative at a stage. Unless it is required, it is skipped if the attempt has left the mode. Returns whether it was found.
   bool derive(Real t, const Vector& y, Vector& derivative, bool by_all_means = true) {
     this->begin_at(t, y);
     if (!cells_.empty()) {
@@ -102,21 +102,21 @@ class ClosedLoopDynamics : public Solved<M> {
     std::copy(middle, y.end(), state.v.begin());
   }
 
-  /// Seek the indicators that a state has out of the regime; whether there are any.
+  /// Collect the indicators by which a state has left the mode; return whether there are any.
   bool seek(Real t, const Vector& y) {
     if (cells_.empty()) return false;
     evaluate_at(t, y);
     return cells_.seek();
   }
 
-  /// The first of them that a state has out of the regime; as many as there are indicators if there is none.
+  /// The first of them; the number of indicators if there is none.
   std::size_t found(Real t, const Vector& y) {
     if (cells_.empty()) return 0;
     evaluate_at(t, y);
     return cells_.found();
   }
 
-  /// A step ended at t, the last stage there being its end; the regime goes on.
+  /// A step ended at t with its last stage; the mode continues.
   void advance(Real t) {
     cells_.advance();
     history_.last.swap(history_.before_last);
@@ -126,7 +126,7 @@ class ClosedLoopDynamics : public Solved<M> {
     history_.known = std::min(history_.known + 1, 2);
   }
 
-  /// Go over to the regime of a state.
+  /// Enter the mode of a state.
   void adopt(Real t, const Vector& y) {
     history_.known = 0;
     if (cells_.empty()) return;

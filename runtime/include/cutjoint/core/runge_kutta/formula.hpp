@@ -53,7 +53,7 @@ class Formula {
   const Vector& first_derivative() const { return derivatives_[Table::stages - 1]; }
   const Vector& last_derivative() const { return derivatives_[0]; }
 
-  /// A step of h from y at t, into `end`; the estimates of its error, into `errors`.  Unless `whole` it ends at a stage that leaves the regime.
+  /// A step of h from y at t into `end`; error estimates into `errors`. Unless `whole` it ends at a stage that leaves the mode.
   void attempt(Real t, Real h, const Vector& y, Vector& end, Errors& errors, bool whole) {
     if (!begun_) dynamics_.derive(t, y, derivatives_[0]);
     begun_ = true;

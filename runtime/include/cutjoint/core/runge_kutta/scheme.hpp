@@ -147,7 +147,7 @@ class Scheme {
             .value = static_cast<double>(attempt.size)};
   }
 
-  /// Memory of the next steps, that of the regime included.
+  /// Memory for the next steps, with the mode.
   struct Memory {
     typename Dynamics::Memory dynamics;
     typename Formula<Dynamics, Table>::Memory formula;

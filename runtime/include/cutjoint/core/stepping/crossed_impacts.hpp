@@ -1,4 +1,4 @@
-// Steps of equal length over instants at which guides' rates jump.
+// Equal steps across jumps of guides' rates.
 #pragma once
 
 #include <cmath>
@@ -14,12 +14,12 @@
 
 namespace cutjoint {
 
-/// Finds the jumps within a step before it is taken, and lets it begin as if the motion after them had come from there.
+/// Finds jumps within a step before it is taken, and starts the step from an equivalent state behind them.
 ///
-/// From the start of the step the motion goes along its parabola to the jump, is struck, and goes back along the parabola of the accelerations
-/// after it: a step from there has an error of the order of the rule's.
+/// From the start of the step the state follows a Taylor step of second order to the jump, receives the impulse, and goes back by a Taylor step
+/// with the accelerations after it. A step from there has an error of the rule's order.
 ///
-/// When guides change their formulas, indicators say.
+/// Indicators show when guides change their formulas.
 template <class S>
 class CrossedImpacts {
   using Indicators = Array<S, static_sizes<S>().indicators>;
@@ -31,8 +31,7 @@ class CrossedImpacts {
       : subject_(subject), impacts_(subject, end), before_(design_state(subject)), shift_(sizes_of(subject).speeds), pose_(sizes_of(subject).coordinates),
         from_(indicators()), now_(from_) {}
 
-  /// Meet what lies within a step of h from a state; `accelerate` finds accelerations and multipliers of a state, and `watch` is as of Impacts.
-  /// Returns whether something did.
+  /// Apply the jumps within a step of h; `accelerate` finds accelerations and multipliers, `watch` is as for Impacts. Returns whether there were any.
   template <class Accelerate, class Watch>
   bool meet(StateOf<S>& state, Real h, Accelerate accelerate, Watch watch) {
     if (!impacts_.possible()) return false;
@@ -56,7 +55,7 @@ class CrossedImpacts {
     return met;
   }
 
-  /// A step of h of a state from what lies within it on: `step` is told whether something does.  The state stays where it fails.
+  /// A step of h beginning with the jumps within it: `step` receives whether there are any. The state is unchanged on failure.
   template <class Accelerate, class Step>
   Fault over(StateOf<S>& state, Real h, Accelerate accelerate, const ImpactWatch<S>& watch, Step step) {
     if (!impacts_.possible()) return step(false);
@@ -67,7 +66,7 @@ class CrossedImpacts {
     return fault;
   }
 
-  /// Up to when jumps have been sought: what the next steps follow from.
+  /// Time up to which jumps have been sought.
   using Memory = Real;
 
   Memory memory() const { return searched_; }
@@ -86,7 +85,7 @@ class CrossedImpacts {
     else return subject_.description().indicators.size();
   }
 
-  /// Along the parabola of a state's accelerations, by a time h.
+  /// A Taylor step of second order by a time h.
   void move(StateOf<S>& state, Real h) {
     for (std::size_t i = 0; i < shift_.size(); ++i) {
       shift_[i] = h * state.v[i] + h * h / 2 * state.vdot[i];
@@ -96,7 +95,7 @@ class CrossedImpacts {
     displace(charts_of(subject_), pose_, shift_.data(), state.q);
   }
 
-  /// The first jump at which an indicator changes its sign though the state does not change.
+  /// The first jump at which an indicator changes sign while the state does not change.
   Jump find(const StateOf<S>& state, Real from, Real to) {
     if (from_.empty()) return {};
     while (from < to) {
@@ -115,7 +114,7 @@ class CrossedImpacts {
     return {};
   }
 
-  /// Values of the indicators at a time; generic mechanisms and systems have none.
+  /// Values of the indicators at a time; reference implementations and systems have none.
   void look(const StateOf<S>& state, Real t, Indicators& values) {
     if constexpr (requires { subject_.events(state.q.data(), state.v.data(), values.data()); }) {
       subject_.begin_step(t, Real(1));
@@ -123,7 +122,7 @@ class CrossedImpacts {
     }
   }
 
-  /// The first indicator whose sign is another than at the last `from`; as many as there are if there is none.
+  /// The first indicator whose sign differs from that at the last `from`; the number of indicators if there is none.
   std::size_t changed(const StateOf<S>& state, Real t) {
     look(state, t, now_);
     std::size_t i = 0;
@@ -140,7 +139,7 @@ class CrossedImpacts {
   Real searched_{-std::numeric_limits<Real>::infinity()};
 };
 
-/// Impacts of classes whose guides can jump.
+/// Impacts for classes whose guides can jump.
 template <class S>
 using CrossedIf = std::conditional_t<can_jump<S>, CrossedImpacts<S>, NoImpacts>;
 

@@ -1,4 +1,4 @@
-// Steps of equal length that are split at events.
+// Equal steps that are split at events.
 #pragma once
 
 #include <cstddef>
@@ -15,19 +15,18 @@
 
 namespace cutjoint::stepping {
 
-/// The stages of implicit_scheme.hpp by a rule of order 2, whose one stage is the end of a step.
+/// The stages of implicit_scheme.hpp for rules of order 2 whose only stage is the end of a step.
 ///
 /// A rule has
 ///
-/// - `subject`, what is stepped, and `events`, the values of the indicators in a state,
-/// - `start`, which takes over a first state, and `restart`, accelerations and multipliers of a state's coordinates and speeds,
-/// - `step`, a step of a given length; where it fails the state is that before,
-/// - `keep`, after a step that counts, and `go_back`, before another attempt from the last state that does,
-/// - `complete`, if accelerations and multipliers of a step only come near to those that guides need,
-/// - `enter`, which makes a time the present one, and `project`, which closes the loops of a state as far as the rule does.
+/// - `subject`, the mechanism or system, and `events`, the values of the indicators for a state,
+/// - `start`, which takes a first state, and `restart`, accelerations and multipliers for coordinates and velocities,
+/// - `step`, a step of a given length; if it fails the state is unchanged,
+/// - `keep` after an accepted step, and `go_back` before another attempt from the last accepted state,
+/// - `complete`, if accelerations and multipliers of a step only approximate those that guides need,
+/// - `enter`, which sets the present time, and `project`, which projects a state as the rule does.
 ///
-/// Less than the share `least` of a step is left to the parabola of the last accelerations, with new ones at its end: a rule that divides by the
-/// square of its step would keep no digits there.
+/// A remainder below the fraction `least` of a step follows the last accelerations by a Taylor step: the rule divides by the square of its step.
 template <class Rule>
 class EqualSteps {
  public:
@@ -44,7 +43,7 @@ class EqualSteps {
   std::size_t size() const { return start_.q.size() + start_.v.size(); }
   std::span<const Chart> charts() const { return charts_of(rule_.subject()); }
 
-  /// Take over a first state.
+  /// Take a first state.
   Fault begin(State& state) {
     if (const Fault fault = rule_.start(state)) return fault;
     start_ = state;
@@ -53,7 +52,7 @@ class EqualSteps {
     return {};
   }
 
-  /// Try a step of length h from the present state; whether its end was found.
+  /// Try a step of length h from the present state; return whether its end was found.
   bool attempt(Real h, bool, long number) {
     cells_.begin(start_.t);
     if (std::exchange(tried_, true)) rule_.go_back(start_);
@@ -67,7 +66,7 @@ class EqualSteps {
     return found;
   }
 
-  /// The attempted step counts: its end becomes the present state, and `before` the one before it.
+  /// Accept the attempt: its end becomes the present state, and `before` the previous one.
   Fault accept(Real h, State& before) {
     std::swap(before, start_);
     std::swap(start_, at_);
@@ -80,48 +79,48 @@ class EqualSteps {
 
   const State& present() const { return start_; }
 
-  /// Accelerations and multipliers of a state as guides need them: those that it has, unless the rule has better ones.
+  /// Accelerations and multipliers of a state as guides need them: its own, unless the rule has better ones.
   void accelerate(State& state) {
     if constexpr (requires { rule_.complete(state); }) rule_.complete(state);
   }
 
-  /// The displacement by the last step, in the chart of its start.
+  /// The displacement of the last step in the chart of its start.
   const Speeds<Subject>& moved() const { return moved_; }
 
-  /// Coordinates and speeds of another state become those of the present one; `restart` has to follow.
+  /// Replace coordinates and velocities of the present state; `restart` must follow.
   void go_to(const State& state) {
     start_.t = state.t;
     start_.q = state.q;
     start_.v = state.v;
   }
 
-  /// Accelerations and multipliers of the present state, which forces that jump change.
+  /// Accelerations and multipliers of the present state after forces have jumped.
   Fault restart() {
     if (const Fault fault = rule_.restart(start_)) return fault;
     keep();
     return {};
   }
 
-  /// Go over to the regime of the present state.
+  /// Enter the mode of the present state.
   void adopt() {
     if (cells_.empty()) return;
     rule_.events(start_, cells_.values());
     cells_.adopt();
   }
 
-  /// Seek the indicators that a state has out of the regime; whether there are any.
+  /// Collect the indicators by which a state has left the mode; return whether there are any.
   bool seek(const State& state) {
     rule_.events(state, cells_.values());
     return cells_.seek();
   }
 
-  /// The first of them that a state has out of the regime; as many as there are indicators if there is none.
+  /// The first of them; the number of indicators if there is none.
   std::size_t found(const State& state) {
     rule_.events(state, cells_.values());
     return cells_.found();
   }
 
-  /// The present state, to whose time the mechanism or system goes, which an attempt has left.
+  /// The present state; the mechanism or system returns to its time after an attempt.
   const State& enter() {
     rule_.enter(start_.t);
     return start_;
@@ -129,10 +128,10 @@ class EqualSteps {
 
   IndicatorCells<Subject>& cells() { return cells_; }
 
-  /// Close the loops of a state that lies between steps.
+  /// Project a state between steps.
   Fault project(State& state) { return rule_.project(state); }
 
-  /// Why the last attempt has no end.
+  /// Why the last attempt failed.
   Fault give_up(bool, bool, long number, Real) const {
     Fault fault = fault_;
     if (!fault) fault.t = static_cast<double>(start_.t);
@@ -141,7 +140,7 @@ class EqualSteps {
   }
 
  private:
-  /// To the end of a step; where that is not found, to where the last accelerations would lead.
+  /// Step to the end; if that is not found, along the last accelerations.
   bool move(Real h, long number) {
     if (h < Real(Rule::least) * dt_) {
       extrapolate(h);
@@ -173,7 +172,7 @@ class EqualSteps {
   Rule& rule_;
   IndicatorCells<Subject> cells_;
   Real dt_;
-  State start_, at_;  ///< at the step's start, and its attempted end
+  State start_, at_;  ///< start of the step, and end of the attempt
   Speeds<Subject> shift_, moved_;
   Fault fault_;  ///< of the last attempt
   bool tried_ = false;

@@ -1,4 +1,4 @@
-// Implicit steps as a scheme: what tries them keeps the states at their ends.
+// Scheme for implicit steps: it keeps the states at the ends of attempts.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +14,7 @@
 
 namespace cutjoint::stepping {
 
-/// The scheme of stepper.hpp over stages, such as those of radau/stages.hpp; steps are as long as the tolerance allows, where these
-/// estimate an error, or one a row.
+/// The scheme of stepper.hpp over stages such as radau/stages.hpp. Steps follow the tolerance if the stages estimate an error; else one step per sample.
 template <class Stages>
 class ImplicitScheme {
  public:
@@ -39,14 +38,14 @@ class ImplicitScheme {
   auto& cells() { return stages_.cells(); }
   const Stages& stages() const { return stages_; }
 
-  /// The step that was accepted last: when it began, and its length.
+  /// Start and length of the last accepted step.
   struct LastStep {
     Real begin, length;
   };
 
   LastStep last_step() const { return {before_.t, h_last_}; }
 
-  /// Short enough for the accelerations to change no speed by more than the root of what is allowed.
+  /// First step: accelerations change no velocity by more than the square root of the tolerance.
   Real begin(Real, const Vector&, Real left) const {
     using std::abs, std::pow;
     Real h = left;
@@ -146,14 +145,14 @@ class ImplicitScheme {
     return {};
   }
 
-  /// A step that would be only a little longer keeps its length, since that keeps its factors.
+  /// A step that could grow only a little keeps its length, to reuse its factors.
   Real length(Real last, Real allowed) const { return allowed >= last && allowed <= Real(1.2) * last ? last : allowed; }
 
-  const Residuals& residuals() const { return residuals_; }  ///< of the last row
+  const Residuals& residuals() const { return residuals_; }  ///< of the last sample
 
   Fault give_up(const Attempt& attempt, long, long number) { return stages_.give_up(attempt.found, adaptive_, number, attempt.size); }
 
-  /// Memory of the next steps and rows.
+  /// Memory for the next steps and samples.
   struct Memory {
     typename Stages::Memory stages;
     typename Interpolant<Subject>::Memory interpolant;
@@ -174,7 +173,7 @@ class ImplicitScheme {
  private:
   const State& present() const { return stages_.present(); }
 
-  /// Of equal steps: iterations of the next one end where they leave a small share of the error of a step, which may be far below the tolerance.
+  /// Equal steps: the next iterations end when they leave a small share of the step's error, which may be far below the tolerance.
   void follow_error(Real size) {
     if (std::isfinite(static_cast<double>(size))) take_share(std::clamp(share_ * size, Real(1e-10), Real(1)));
   }
@@ -184,7 +183,7 @@ class ImplicitScheme {
     stages_.set_tolerances(tolerances_.part(share_));
   }
 
-  /// Whether the stages of a step are found by the tolerance itself, as near a singular pose, where iterations come no closer.
+  /// Whether stages converge to the tolerance itself, as near singular poses, where iterations get no closer.
   bool attempt_by_tolerance(Real h, bool whole, long number) {
     const Real share = share_;
     take_share(Real(1));
@@ -193,7 +192,7 @@ class ImplicitScheme {
     return found;
   }
 
-  /// Coordinates and speeds at the share s of the last step.
+  /// Coordinates and velocities at the fraction s of the last step.
   void put(Real s, State& state) {
     interpolant_.at(s, between_);
     const auto middle = between_.begin() + static_cast<std::ptrdiff_t>(state.q.size());
@@ -204,11 +203,11 @@ class ImplicitScheme {
   Stages& stages_;
   Interpolant<Subject> interpolant_;
   State before_, trial_;
-  Speeds<Subject> unsettled_;  ///< before the loops of a trial state were closed
+  Speeds<Subject> unsettled_;  ///< trial state before projection
   Vector between_;
   Tolerances<Real> tolerances_;
   Residuals residuals_;
-  Real h_last_{1}, share_{1};  ///< the last: of the tolerances, that equal steps use
+  Real h_last_{1}, share_{1};  ///< `share_`: fraction of the tolerance that equal steps use
   bool adaptive_;
 };
 

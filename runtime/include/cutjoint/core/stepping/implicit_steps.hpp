@@ -1,4 +1,4 @@
-// Steps of a simulation by an implicit method.
+// Simulation steps by an implicit method.
 #pragma once
 
 #include "cutjoint/core/numbers/arrays.hpp"
@@ -16,7 +16,7 @@
 
 namespace cutjoint {
 
-/// The integrator of a simulation (simulation.hpp) by Radau IIA (radau/stages.hpp), over a system in the coordinates of the mechanism M that starts: steps as long as errors allow, or of the settings' length.  They end where formulas change.
+/// The integrator of simulation.hpp by Radau IIA (radau/stages.hpp) for a system in the coordinates of mechanism M: adaptive or of fixed length, split at events.
 template <class M, class S, bool of_own_length, class LinearSolver = GuardedSolver<S, DenseSolver<S>>>
 class RadauSteps : public stepping::SteppedIntegrator<RadauSteps<M, S, of_own_length, LinearSolver>, S> {
  public:
@@ -32,14 +32,14 @@ class RadauSteps : public stepping::SteppedIntegrator<RadauSteps<M, S, of_own_le
         stages_(system, solver_, other_, indicators_of(system, settings.events), roads),
         stepper_(stages_, {Real(settings.tolerance), Real(settings.absolute_tolerance), nominals_of_states(system)}, Real(settings.end), adaptive), y_(stages_.size()), row_(design_state(system)) {}
 
-  /// Loops are projected, not drawn together.
+  /// Loops are closed by projection, without stabilisation.
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) {
     StabilisationSettings stabilisation = settings.stabilisation;
     stabilisation.frequency = 0.0;
     return stabilisation;
   }
 
-  /// Take over a state that has accelerations and multipliers.
+  /// Take a state with accelerations and multipliers.
   void begin(const StateOf<S>& state) {
     stages_.resume(state);
     stepper_.go_on();
@@ -53,23 +53,23 @@ class RadauSteps : public stepping::SteppedIntegrator<RadauSteps<M, S, of_own_le
 
   void restart_after_input_jump(StateOf<S>&) { stages_.restart_after_input_jump(); }
 
-  /// Accelerations and multipliers of a state as it is, which is taken over.
+  /// Accelerations and multipliers of a state, which becomes the present one.
   Fault accelerate(StateOf<S>& state, auto&) {
     const Fault fault = stages_.go_on(state);
     stepper_.go_on();
     return fault;
   }
 
-  /// Close the loops of a state by moving the masses least.
+  /// Project a state: close its loops by the smallest displacement in the mass metric.
   Fault close(StateOf<S>& state) { return stages_.assemble(state); }
 
-  /// The state with its accelerations and multipliers, until the next call; those of a singular pose are the stages'.
+  /// The state with its accelerations and multipliers, valid until the next call; at a singular pose those of the stages.
   const StateOf<S>& complete(const StateOf<S>& state) {
     row_ = state;
     return stages_.complete(row_) ? state : row_;
   }
 
-  /// The residuals of the loops in the state that steps have come to.
+  /// Residuals of the loops in the present state.
   const Residuals& residuals(const StateOf<S>&) const { return stepper_.scheme().residuals(); }
 
   long evaluations() const { return stages_.evaluations(); }

@@ -1,4 +1,4 @@
-// In which of their formulas forces, guides and drives are, and when they leave them.
+// Modes of forces, guides and drives: which of their formulas are in force, and when that changes.
 #pragma once
 
 #include <algorithm>
@@ -15,12 +15,12 @@
 
 namespace cutjoint::stepping {
 
-/// The cell of each indicator: between which of its levels its value stands.  Zero is the level of a condition; breaks are those of a road.
+/// The cell of each indicator: the interval between two of its levels that contains its value. Levels are zeros of conditions and breaks of roads.
 ///
-/// A cell is left when the value is beyond its bounds by more than rounding; where, is then sought without regard to rounding.  A value
-/// that stands on a level when a regime begins has no cell until it is off it.  Rounding is that of the value where a step begins, small
-/// near a level, and a few units of the largest value seen: its terms may cancel there.  A step counts four times as much as the one
-/// before, since ratios such as a tyre's slip by its load are without bound for a moment.
+/// The cells together are the mode. A cell is left when the value passes its bounds by more than rounding; the time is then located without
+/// that margin. A value that stands on a level when a mode begins has no cell until it moves off. Rounding is estimated from the value at
+/// the start of the step, which is small near a level, and from the largest value seen, since its terms may cancel. A step weighs four
+/// times as much as the one before, since ratios such as a tyre's slip over its load may be unbounded for a moment.
 template <class M>
 class IndicatorCells {
   template <class T>
@@ -29,25 +29,25 @@ class IndicatorCells {
  public:
   using Real = typename M::real_type;
 
-  /// Whether there can be any indicators.
+  /// Whether the model has indicators.
   static constexpr bool has_indicators = !Sized<M> || static_sizes<M>().indicators > 0;
 
-  /// Whether there are indicators at whose zeros forces only get another derivative.
+  /// Whether some indicators mark points where forces are continuous but their derivatives are not.
   static constexpr bool has_continuous = [] {
     if constexpr (!Sized<M>) return false;
     else return std::any_of(std::begin(M::indicators), std::end(M::indicators), [](const IndicatorPlace& place) { return place.is_continuous; });
   }();
 
-  /// `roads` are those of the tyres.
+  /// `roads` are the roads of the tyres.
   IndicatorCells(IndicatorPlaces<M> places, const Road<Real>* roads) : places_(std::move(places)), roads_(roads), now_(places_.size()), shift_(places_.size()) {}
 
   std::size_t size() const { return places_.size(); }
   bool empty() const { return places_.empty(); }
 
-  /// Where the mechanism puts the values of a state.
+  /// Where the mechanism stores the values for a state.
   Real* values() { return now_.values.data(); }
 
-  /// The regime of the present values begins.
+  /// Begin the mode of the present values.
   void adopt() {
     for (std::size_t i = 0; i < now_.cells.size(); ++i) {
       if (places_[i].road >= 0) now_.sides[i] = places_[i].across >= 0 ? now_.values[static_cast<std::size_t>(places_[i].across)] : Real(0);
@@ -58,7 +58,7 @@ class IndicatorCells {
     now_.start = now_.values;
   }
 
-  /// Values on a level when the regime began belong to the cell in which they stand now; the next attempt starts here.
+  /// Assign cells to values that stood on a level when the mode began; the next attempt starts here.
   void advance() {
     for (std::size_t i = 0; i < now_.cells.size(); ++i) {
       weigh(i);
@@ -67,7 +67,7 @@ class IndicatorCells {
     now_.start = now_.values;
   }
 
-  /// Seek the indicators that the present values have out of their cells; whether there are any.
+  /// Collect the indicators whose present values have left their cells; return whether there are any.
   bool seek() {
     using std::abs;
     for (std::size_t i = 0; i < now_.cells.size(); ++i) {
@@ -77,10 +77,10 @@ class IndicatorCells {
     return std::find(now_.sought.begin(), now_.sought.end(), 1) != now_.sought.end();
   }
 
-  /// Whether an indicator is one of those sought, and out of its cell.
+  /// Whether an indicator is sought and has left its cell.
   bool is_sought_out(std::size_t i) const { return now_.sought[i] && is_out(i, Real(0)); }
 
-  /// The first of those sought that is out of its cell; as many as there are if none is.
+  /// The first sought indicator that has left its cell; the number of indicators if there is none.
   std::size_t found() const {
     std::size_t i = 0;
     while (i < now_.cells.size() && !is_sought_out(i)) ++i;
@@ -89,15 +89,14 @@ class IndicatorCells {
 
   bool is_continuous(std::size_t i) const { return i < places_.size() && places_[i].is_continuous; }
 
-  /// How many of those sought are out of their cells.
+  /// How many sought indicators have left their cells.
   std::size_t count_out() const {
     std::size_t count = 0;
     for (std::size_t i = 0; i < now_.cells.size(); ++i) count += is_sought_out(i);
     return count;
   }
 
-  /// How far the indicators sought are out of their cells at most, in shares of their ways from the start to where they were sought; negative where all
-  /// are inside.  Indicators that meet the ends of their cells together, in whatever units, so are smooth there.
+  /// By how much sought indicators have left their cells at most, relative to their change since the start; negative if none has. Smooth if several leave together.
   Real beyond() const {
     Real most = -std::numeric_limits<Real>::infinity();
     for (std::size_t i = 0; i < now_.cells.size(); ++i)
@@ -112,7 +111,7 @@ class IndicatorCells {
     now_.crossing = std::numeric_limits<Real>::infinity();
   }
 
-  /// Visual whether the attempt leaves the regime up to t, with the present values.
+  /// Return whether the attempt leaves the mode up to t, with the present values.
   void look(Real t) {
     if (crossed()) return;
     for (std::size_t i = 0; i < now_.cells.size(); ++i)
@@ -123,27 +122,27 @@ class IndicatorCells {
         }
   }
 
-  /// The present values are those of a stage at t, from which the next one is looked at.
+  /// The present values are those of a stage at t, from which the next stage is checked.
   void pass(Real t) {
     now_.previous = now_.values;
     now_.previous_time = t;
   }
 
-  /// Whether the attempt was seen out of the regime.
+  /// Whether the attempt has left the mode.
   bool crossed() const { return now_.crossing < std::numeric_limits<Real>::infinity(); }
 
-  /// About when the regime was left.
+  /// Estimated time at which the mode was left.
   Real crossing() const { return now_.crossing; }
 
-  /// The indicator by which it was left.
+  /// The indicator that ended the mode.
   std::size_t first() const { return now_.first; }
 
-  /// Memory of the next steps.
+  /// Memory for the next steps.
   struct Memory {
     Indicators<int> cells;
     Indicators<unsigned char> sought;
-    Indicators<Real> sides, values, start, previous, largest, noise;  ///< the first: places across the road, where it has one
-    Indicators<Real> lower, upper;                                    ///< the levels at which cells end
+    Indicators<Real> sides, values, start, previous, largest, noise;  ///< `sides`: lateral positions on the road, if it has a profile on each side
+    Indicators<Real> lower, upper;                                    ///< bounds of the cells
     Real previous_time{0}, crossing{0};
     std::size_t first = 0;
 
@@ -159,7 +158,7 @@ class IndicatorCells {
   static constexpr Real unbounded = std::numeric_limits<Real>::infinity();
   static constexpr Real zero[1] = {Real(0)};
 
-  /// Bound the change of a value by rounding until the next step begins.
+  /// Bound the rounding error of a value until the next step begins.
   void weigh(std::size_t i) {
     using std::abs;
     now_.largest[i] = std::max(now_.largest[i] / 4, abs(now_.values[i]));
@@ -182,7 +181,7 @@ class IndicatorCells {
     return on_next || on_last ? undecided : static_cast<int>(cell);
   }
 
-  /// A indicator gets a cell, and the levels at which it ends.
+  /// Assign a cell to an indicator, with the levels that bound it.
   void enter(std::size_t i, int cell) {
     const auto number = static_cast<std::size_t>(cell);
     const bool bounded = cell != undecided;
@@ -194,7 +193,7 @@ class IndicatorCells {
   bool is_above(std::size_t i, Real by) const { return now_.values[i] - now_.upper[i] > by; }
   bool is_out(std::size_t i, Real by) const { return is_above(i, by) || now_.lower[i] - now_.values[i] > by; }
 
-  /// Whether a stage meets the end of its cell: where the start was clear of it, as soon as rounding may take it for the other side.
+  /// Whether a stage reaches the end of its cell: from a start well inside, as soon as rounding may place it outside.
   bool is_reached(std::size_t i) {
     if (!is_out(i, -now_.noise[i])) return false;
     std::swap(now_.values[i], now_.start[i]);
@@ -203,7 +202,7 @@ class IndicatorCells {
     return clear || is_out(i, now_.noise[i]);
   }
 
-  /// Where the straight line from the stage before to this one leaves the cell.
+  /// Where linear interpolation from the previous stage to this one leaves the cell.
   Real crossing_of(std::size_t i, Real t) const {
     const Real level = is_above(i, -now_.noise[i]) ? now_.upper[i] : now_.lower[i];
     const Real share = (level - now_.previous[i]) / (now_.values[i] - now_.previous[i]);
@@ -213,7 +212,7 @@ class IndicatorCells {
   IndicatorPlaces<M> places_;
   const Road<Real>* roads_;
   Memory now_;
-  Indicators<Real> shift_;  ///< of each value from where the step began to where indicators were sought
+  Indicators<Real> shift_;  ///< change of each value from the start of the step to where indicators were sought
 };
 
 }  // namespace cutjoint::stepping

@@ -1,4 +1,4 @@
-// Steps that end where a formula of the forces, guides or drives changes.
+// Steps that end at events, where a formula of the forces, guides or drives changes.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace cutjoint::stepping {
 
-/// Counts of steps and attempts.
+/// Numbers of steps and attempts.
 template <class M>
 struct Counts {
   long steps = 0, rejected = 0, events = 0;
@@ -26,104 +26,103 @@ struct Counts {
 /// The outcome of an attempt of a step.
 template <class Real>
 struct Attempt {
-  Real size{0};       ///< of the error, 1 being what is allowed: 0 where it is not estimated, infinite where it is no number
+  Real size{0};       ///< error relative to the tolerance: 0 without an estimate, infinite if it is not a number
   bool found = true;  ///< whether all stages were found
 };
 
-/// A time before any.
+/// A time before all others.
 template <class Real>
 constexpr Real before_all = -std::numeric_limits<Real>::infinity();
 
-/// Where a stepper stands: `limit`, beyond which no step goes, the length of the next step, events and the indicators behind them, the row's number.
+/// State of a stepper: `limit` that no step crosses, length of the next step, events and their indicators, number of the sample.
 template <class Real>
 struct Progress {
   Real limit{0}, h{0}, last_event{-1};
-  std::size_t latest = 0;    ///< the indicator by which a regime was left last
-  std::size_t switched = 0;  ///< that of the last event
-  Real since{before_all<Real>};  ///< when that was
-  Real soon{-1};  ///< how far the next event is, where the last step has told it and does not reach there; below zero else
+  std::size_t latest = 0;    ///< the indicator that last ended a mode
+  std::size_t switched = 0;  ///< the indicator of the last event
+  Real since{before_all<Real>};  ///< time of that event
+  Real soon{-1};  ///< time to the next event if the last step predicts it and does not reach it; else negative
   long number = 0, events_in_a_row = 0;
   bool begun = false;
 };
 
-/// Advances a scheme by steps as long as the error allows, or without an estimate by one step a row.
+/// Advances a scheme by adaptive steps, or by one step per sample if the scheme has no error estimate.
 ///
-/// A step all of whose stages are in one regime is as accurate as the formulas are smooth.  One that leaves the regime is taken again,
-/// shorter, so that it ends a little before.  Its interpolant knows one regime only, and goes on to where an indicator leaves its cell.  There
-/// the step ends, and the next one begins in the new regime.  Nothing of the order is lost: a step's end lies there with an error of the
-/// order of the interpolant's, and there are as many such ends as events, however short the steps.  Beyond a step of a method of high order its
-/// interpolant loses hundreds of times as much as within (such a scheme has no `reaches_beyond`): another, short step then ends before the event.
-/// An equal step whose stages are not found is taken in parts, if the scheme `divides` it.
+/// A mode is the set of formulas in force (see IndicatorCells). A step whose stages all lie in one mode has the order of the method.
+/// If a stage leaves the mode, the step is repeated, shorter, so that it ends just before. Its interpolant, which knows one mode only,
+/// is followed to the zero of the indicator. There the step ends, and the next one begins in the new mode. The order is kept: the
+/// event has an error of the interpolant's order, and there is one such step per event, whatever the step length. Interpolants of
+/// methods of high order are hundreds of times less accurate beyond the step (`reaches_beyond` is false): a short step then precedes
+/// the event. An equal step whose stages do not converge is divided into substeps if the scheme `divides` it.
 ///
-/// A scheme has a present state, and a trial one beside it:
+/// A scheme has a present state and a trial state:
 ///
-/// - `begin` takes over y at t, `left` before the end, and returns the length of a first step,
-/// - `attempt` tries a step of length h from the present state; it may end where it leaves the regime, but not if `whole`,
-/// - `advance` makes the regime go on at the end of the attempt, `accept` makes that end the present state,
-/// - `follow` puts the trial state at a share of the last step's length, which may be above 1, and returns its time,
-/// - `seek` seeks the indicators that the trial state has out of the regime, `found` is the first of these (see IndicatorCells),
-/// - `finish` closes the loops of the trial state, which becomes the present one; these and `read` return a fault where loops do not close,
-/// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state; they return a fault where it has
-///   no accelerations,
-/// - `pose` has the coordinates of the present state, of an explicit scheme with the speeds behind them; `read_struck` is that state with the speeds that it had before its loops were closed, without
-///   accelerations, which `complete_struck` finds, and `take_speeds` gives it others,
-/// - `read_end` is the present state, with accelerations and multipliers where guides need them, `read_between` one at a time of the last step,
-/// - `read` is y at the time of a row, which `lies_between` the ends of the last step or is that of the present state,
-/// - `length` is that of the next step: the one that the error allows, or that of the last one.
+/// - `begin` takes the state y at t, `left` before the end, and returns the length of the first step,
+/// - `attempt` tries a step of length h from the present state; it may end where it leaves the mode, unless `whole`,
+/// - `advance` continues the mode at the end of the attempt, `accept` makes that end the present state,
+/// - `follow` evaluates the trial state at a fraction of the last step, which may exceed 1, and returns its time,
+/// - `seek` collects the indicators by which the trial state has left the mode, `found` is the first of them (see IndicatorCells),
+/// - `finish` projects the trial state, which becomes the present one; it and `read` return a fault if loops do not close,
+/// - `restart` discards the history of steps, as `adopt` does, and enters the mode of the present state; both return a fault if it has
+/// no accelerations,
+/// - `pose` has the coordinates of the present state (explicit schemes: and the velocities); `read_struck` is that state with the
+/// velocities before projection, without accelerations, which `complete_struck` adds; `take_speeds` replaces its velocities,
+/// - `read_end` is the present state, with accelerations and multipliers if guides need them, `read_between` a state within the last step,
+/// - `read` is y at the time of a sample, which `lies_between` the ends of the last step or is that of the present state,
+/// - `length` is the length of the next step: the largest that the error allows, or that of the last one.
 template <class Scheme>
 class Stepper {
  public:
   using Real = typename Scheme::Real;
   using Vector = typename Scheme::Vector;
 
-  /// `end` is where the integration ends: no step goes beyond.  `how` is what else the scheme is made with.
+  /// `end` is the end of the integration, which no step crosses. `how` are further arguments of the scheme.
   template <class Dynamics, class... How>
   Stepper(Dynamics& dynamics, const Tolerances<Real>& tolerances, Real end, How&&... how)
       : scheme_(dynamics, tolerances, std::forward<How>(how)...), end_(end), relative_(tolerances.relative), counts_(scheme_.cells().size()) {
     now_.limit = end;
   }
 
-  /// Go on from y at t to `until`; `number` is the row's.  Steps of adaptive methods do not end at rows: y is then what lies between.
-  /// There is a fault where no step is small enough.
+  /// Integrate from y at t to `until`, the time of sample `number`. Adaptive steps do not end at samples: y is interpolated. Fault: step too small.
   Fault advance(Real t, Real until, Vector& y, long number) {
     if (const Fault fault = step_to(t, until, y, number, false)) return fault;
     return scheme_.read(until, time() - until > shortest(), y);
   }
 
-  /// Go on from y at t, to `until` or to the end of a step at which an event lies; `time` says where.
+  /// Integrate from y at t to `until` or to the end of a step with an event, whichever comes first; `time` is where.
   Fault advance_to_event(Real t, Real until, Vector& y, long number) {
     if (const Fault fault = step_to(t, until, y, number, true)) return fault;
     return scheme_.read(time(), false, y);
   }
 
-  /// Go on from another y at t, with steps as long as before.
+  /// Continue from another y at t with the present step length.
   void go_to(Real t, const Vector& y) {
     scheme_.go_to(t, y);
     go_on();
   }
 
-  /// Go on where the scheme has been given its state.
+  /// Continue after the scheme has been given its state.
   void go_on() {
     control_.restart();
     now_.soon = Real(-1);
     if (time() < now_.since) now_.since = before_all<Real>;
   }
 
-  /// The integration ends elsewhere.
+  /// Change the end of the integration.
   void run_to(Real end) { end_ = now_.limit = end; }
 
-  /// No step goes beyond from now on.
+  /// Let no later step cross a time.
   void limit(Real limit) { now_.limit = limit; }
 
-  /// No step goes beyond, nor beyond the end of the integration.
+  /// The time that no step crosses, at most the end of the integration.
   void limit_before_end(Real limit) { now_.limit = std::min(limit, end_); }
 
-  /// Steps that one call may try; without a bound as many as it takes.
+  /// Largest number of attempts in one call; unlimited by default.
   void bound(long most) { most_ = most; }
 
   Real time() const { return scheme_.time(); }
 
-  /// A call after each step.
+  /// Set a callback after each step.
   struct Watch {
     void (*call)(void* who, Scheme& scheme) = nullptr;
     void* who = nullptr;
@@ -131,7 +130,7 @@ class Stepper {
 
   void watch(const Watch& watch) { watch_ = watch; }
 
-  /// A call where a step has ended at an event of an indicator, before the new regime begins: it may change the speeds.  `since` is when the event before was.
+  /// Set a callback at events, before the new mode begins; it may change the velocities. `since` is the time of the previous event.
   struct Strike {
     void (*call)(void* who, Scheme& scheme, std::size_t which, Real since) = nullptr;
     void* who = nullptr;
@@ -144,10 +143,10 @@ class Stepper {
   Scheme& scheme() { return scheme_; }
   const Scheme& scheme() const { return scheme_; }
 
-  /// The indicator of the last event; as many as there are indicators for one that none of them explains.
+  /// The indicator of the last event, or the number of indicators if none explains it.
   std::size_t last_event() const { return now_.switched; }
 
-  /// Memory of the next steps, besides their counts.
+  /// Memory for the next steps, without their counts.
   struct Memory {
     typename Scheme::Memory scheme;
     StepControl<Real, Scheme::order> control;
@@ -183,7 +182,7 @@ class Stepper {
     return {};
   }
 
-  /// Where the attempts of the last while began.
+  /// Time at which the recent attempts began.
   struct Pace {
     Real time;
     long attempts, events;
@@ -191,8 +190,7 @@ class Stepper {
 
   long attempts() const { return counts_.steps + counts_.rejected; }
 
-  /// A fault where a row's attempts bring a run so little forward that the rest of it would take a hundred million of them.  Forces that jump where
-  /// a motion comes to rest make steps so short: at their events, or over these.
+  /// A fault if the run would need 1e8 more attempts, for example because forces jump where a motion comes to rest.
   Fault keep(Pace& pace) {
     constexpr long some = 2000, rest = 50000;
     if (attempts() - pace.attempts < some) return {};
@@ -210,7 +208,7 @@ class Stepper {
     return fault;
   }
 
-  /// One step, or the part of it before an event.
+  /// One step, or its part before an event.
   Fault step(Real limit) {
     const Real left = limit - time();
     Real h = scheme_.adaptive() ? std::min(now_.h, left) : left;
@@ -255,7 +253,7 @@ class Stepper {
     return {};
   }
 
-  /// How far the state at a share of the last step has left the regime by an indicator that is sought; at most zero where it has not.
+  /// By how much the state at a fraction of the last step has left the mode by the sought indicators; at most zero if it has not.
   Real beyond(Real s) {
     scheme_.follow(s);
     const bool left = scheme_.found() < counts_.by_indicator.size();
@@ -263,11 +261,11 @@ class Stepper {
     return left ? std::max(distance, std::numeric_limits<Real>::min()) : std::min(distance, Real(0));
   }
 
-  /// How exactly the end of a regime is sought, as a share of a step: indicators have rounding of their own.
+  /// Tolerance of an event's time as a fraction of a step: indicators have rounding errors of their own.
   static Real sharp() { return 2048 * std::numeric_limits<Real>::epsilon(); }
 
-  /// Where the state leaves the regime, between `low`, where it has not, and `high`: by halves or on the parabola through three places, if that is
-  /// sure to hold.  Source: Chandrupatla, Advances in Engineering Software 28 (1997) 145-149.
+  /// Find where the state leaves the mode between `low`, where it has not, and `high`: bisection or inverse quadratic interpolation if
+  /// that is safe. Source: Chandrupatla, Advances in Engineering Software 28 (1997) 145-149.
   Real find_end(Real low, Real high, Real at_low, Real at_high) {
     Real newest = high, opposite = low, at_newest = at_high, at_opposite = at_low, share(0.5);
     using std::abs;
@@ -285,7 +283,7 @@ class Stepper {
     return at_newest > Real(0) ? newest : opposite;
   }
 
-  /// Where to look next on the way from a to b, the ends of the bracket.
+  /// The next trial point between a and b, the ends of the bracket.
   static Real share_of(Real a, Real b, Real c, Real fa, Real fb, Real fc) {
     using std::abs;
     const Real least = std::min(Real(0.5), sharp() / 2 / abs(b - a));
@@ -296,8 +294,8 @@ class Stepper {
     return std::clamp(share, least, 1 - least);
   }
 
-  /// The share of a step in which an indicator leaves the regime together with the one that leaves it at the share s of h: wheels side by side meet an edge of
-  /// the road, and a law has conditions that say the same in other units.  That is ten times less than a whole step may err by, or what rounding moves.
+  /// The fraction of a step up to which other indicators count as simultaneous with the one at the fraction s of h, such as wheels side by
+  /// side at an edge of the road: a tenth of the error that a step may have, or the effect of rounding.
   Real share_together(Real s, Real h) {
     constexpr Real most(0x1p-10);
     using std::abs;
@@ -312,14 +310,14 @@ class Stepper {
     return std::clamp(16 * cells.noise[which] * least / abs(cells.values[which] - value), least, most);
   }
 
-  /// How many of the indicators that are sought the state at a share of the last step has out of the regime.
+  /// The number of sought indicators by which the state at a fraction of the last step has left the mode.
   std::size_t out_at(Real s) {
     scheme_.follow(s);
     scheme_.found();
     return scheme_.cells().count_out();
   }
 
-  /// Go on from the end of the last step, of length h, to where the regime ends, if that is near, or to the limit, if that is nearer.
+  /// Continue from the end of the last step, of length h, to the end of the mode if that is close, or to the limit if that is closer.
   Fault locate(Real limit, Real h) {
     const Real low(1);
     Real high(1.3);
@@ -351,7 +349,7 @@ class Stepper {
     return scheme_.restart();
   }
 
-  /// A step that rounding would swallow leaves the regime.
+  /// A step too short for rounding leaves the mode.
   Fault pass(Real h) {
     scheme_.cells().advance();
     if (const Fault fault = scheme_.accept(h)) return fault;
@@ -359,7 +357,7 @@ class Stepper {
     return scheme_.seek() ? change(scheme_.found()) : count_event();
   }
 
-  /// The regime of the state begins, of which `which` is the first indicator that it has out of the last one.
+  /// Enter the mode of the state; `which` is the first indicator by which it has left the last one.
   Fault change(std::size_t which) {
     leave_by(which);
     for (std::size_t i = which + 1; i < counts_.by_indicator.size(); ++i)
@@ -369,7 +367,7 @@ class Stepper {
     return count_event();
   }
 
-  /// A indicator leaves the regime, or none that explains why it ends.
+  /// An indicator ends the mode, or none that explains the end.
   void leave_by(std::size_t which) {
     if (strike_.call) strike_.call(strike_.who, scheme_, which, now_.since);
     ++counts_.events;
@@ -381,8 +379,7 @@ class Stepper {
     }
   }
 
-  /// Count an event, or a shortest step before one, if the last one was less than a thousandth of a step ago.  The run fails when the count
-  /// is so large that some indicator must have changed again and again.
+  /// Count an event, or a shortest step before one, less than 1e-3 of a step after the last. The run fails if some indicator keeps changing.
   Fault count_event() {
     const Real since = time() - now_.last_event;
     now_.events_in_a_row = since <= Real(1e-3) * now_.h ? now_.events_in_a_row + 1 : 0;
@@ -393,7 +390,7 @@ class Stepper {
     return {};
   }
 
-  /// The shortest step that differs from none.
+  /// The shortest step that is not lost in rounding.
   Real least(Real t) const {
     using std::abs;
     return 16 * std::numeric_limits<Real>::epsilon() * std::max(abs(t), end_ - t);
