@@ -1,4 +1,4 @@
-// How a start or a step can fail: plain values, which a host can look up and a driver can tell.
+// Failures of a start or a step: plain values, which a host can query and a driver can report.
 #pragma once
 
 namespace cutjoint {
@@ -45,12 +45,12 @@ enum class Cause : int {
   event_at_step_end = 36,
 };
 
-/// The list in which what failed most has its place.
+/// The list that contains the number that failed most.
 enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, indicators = 5, controllers = 6, limits = 7 };
 
-/// A failure: nothing if the cause is none.  `index` is the place of the worst number in its list, `value` its remainder (SI units), `size` the
-/// bound, `iterations` their number, `closer` whether the last of them came closer, `equation` that of a violation beyond a limit.  The lists are those of the stepped mechanism or system, or
-/// `at_start` of the mechanism that finds the start.
+/// A failure: none if the cause is none. `index` is the place of the worst number in its list, `value` its residual (SI units), `size` the
+/// bound, `iterations` their number, `closer` whether the last iterations still reduced it, `equation` that of a violation beyond a limit. Lists are those
+/// of the integrated mechanism or system, or, `at_start`, of the mechanism that finds the start.
 struct Fault {
   Cause cause = Cause::none;
   FaultList list = FaultList::none;
@@ -67,7 +67,7 @@ struct Fault {
   explicit operator bool() const { return cause != Cause::none; }
 };
 
-/// Whether a fault is of what a step has led to, not of the step.
+/// Whether a fault concerns the result of a step, not the step itself.
 constexpr bool has_made_step(const Fault& fault) {
   return fault.cause == Cause::guard_violated || fault.cause == Cause::loops_violated || fault.cause == Cause::sample_not_finite ||
          fault.cause == Cause::limit_exceeded;
@@ -117,7 +117,7 @@ constexpr const char* text_of(Cause cause) {
   return "unknown cause";
 }
 
-/// Advice where Newton's iteration has no end.
+/// Advice if Newton's iteration does not converge.
 constexpr const char* advice_of_newton(const Fault& fault) {
   if (!(fault.value - fault.value == 0.0) || fault.cause == Cause::newton_infinite) return "try: a smaller dt";
   if (fault.closer) return "it was still getting closer; try: more iterations, or a smaller dt";
@@ -125,10 +125,10 @@ constexpr const char* advice_of_newton(const Fault& fault) {
   return "look at the forces on this coordinate, and whether it moves mass; try: a smaller dt";
 }
 
-/// Advice where a step is too long for the accelerations.
+/// Advice if a step is too long for the accelerations.
 constexpr const char* shorter_steps = "try: a smaller dt, or compiling with the method recursive-newton, as for stiff models";
 
-/// Advice; what a caller may try stands behind "try: ".
+/// Advice; remedies follow "try: ".
 constexpr const char* advice_of(const Fault& fault) {
   switch (fault.cause) {
     case Cause::none: return "";

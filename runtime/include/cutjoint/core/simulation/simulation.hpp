@@ -1,4 +1,4 @@
-// One simulation of a model: it throws nothing and prints nothing, and where its classes know their sizes all its memory is inside.
+// One simulation of a model. It neither throws nor prints; if its classes know their sizes, all its memory is inside.
 #pragma once
 
 #include <algorithm>
@@ -26,7 +26,7 @@
 
 namespace cutjoint {
 
-/// The finder of a simulation's start; systems have none.
+/// The solver of a simulation's start; systems have none.
 template <class M>
 struct StartOf {
   struct type {};
@@ -37,28 +37,28 @@ struct StartOf<M> {
   using type = Initialisation<M>;
 };
 
-/// A method with an integrator such as fixed_point_steps.hpp.  The mechanism finds where motions start; it is also what the integrator steps, its
-/// `Subject`, unless that is a system in coordinates of its own or with a tangent.
+/// A method with an integrator such as fixed_point_steps.hpp. The mechanism finds the start. It is also the integrator's `Subject`, unless
+/// that is a system in other coordinates or with a Jacobian.
 ///
-/// Settings, parameters, and coordinates and speeds to start with, which are the mechanism's, are those of the scene until others are given.  `start`
-/// finds a consistent state from them; `step` and `advance` go on from there.
+/// Settings, parameters, start coordinates and velocities (those of the mechanism) are the scene's until others are given. `start` finds a
+/// consistent state; `step` and `advance` integrate from there.
 ///
 /// An integrator has
 ///
-/// - `fixed_point_step` and `stabilise`, the settings and penalties that the mechanism is loaded with,
-/// - `begin`, which takes over a state as it is, `start`, which takes over one of a simulation that somebody else starts, `restart_after_input_jump`, which does where inputs have jumped, perhaps `restart_after_sample`, where a controller has changed what it holds, and `step`, which goes on from one; it
-///   `finds_events`, or is `adaptive`: its steps are as long as errors allow,
-/// - `accelerate`, which finds accelerations and multipliers of a state and takes it over, `complete`, a state that has them, and `close`, which closes
-///   the loops of a state and moves the masses least,
-/// - `memory` and `restore`, what it remembers from step to step,
-/// - for a run, `evaluations` and `iterations`, `watch_impacts` and, where it `knows_residuals`, those of the loops.
+/// - `fixed_point_step` and `stabilise`, the settings and penalties for loading the mechanism,
+/// - `begin`, which takes a state, `start`, which takes the state of another simulation, `restart_after_input_jump`, optionally `restart_after_sample` after a controller's sample, and `step`;
+/// either it `finds_events`, or it is `adaptive`: its steps follow the error,
+/// - `accelerate`, which finds accelerations and multipliers of a state and makes it the present one, `complete`, a state with them, and `close`,
+/// which projects a state in the mass metric,
+/// - `memory` and `restore`, what it keeps between steps,
+/// - for a run, `evaluations` and `iterations`, `watch_impacts` and, if it `knows_residuals`, those of the loops.
 ///
-/// Inputs whose places are `guiding` move guides.
+/// Inputs at `guiding` places move guides.
 ///
-/// Where a controller is due a step ends, and the next one begins with what the controller then holds.  So what is so at the instant of a sample is what follows
-/// from the new values.  Controllers of the same instant take their samples in their order.
+/// A step ends at each controller sample, and the next one begins with the values that the controller then holds. Outputs at the instant of a sample
+/// follow from the new values. Controllers with a common instant are sampled in their order.
 ///
-/// A mechanism or system that does not know its sizes belongs to somebody else, who also gives the simulation its inputs and watches its guards and violations.  It begins at
+/// A mechanism or system without known sizes belongs to a caller, who also provides the inputs and checks guards and violations. It begins at
 /// a start that was found elsewhere.
 template <class M, class Integrator, int... guiding>
 class Simulation {
@@ -71,7 +71,7 @@ class Simulation {
   using Followed = FollowedInputs<Real, static_sizes<M>().inputs, guiding...>;
   using Trajectories = InputTrajectories<static_sizes<M>().inputs>;
 
-  /// `violation_limits` are those of the equations, m or rad, beyond which a loop counts as torn.
+  /// `violation_limits` of the equations (m or rad): beyond them a loop counts as torn.
   Simulation(const Settings& settings, const Real* parameters, const Road<Real>* roads, const double* violation_limits)
     requires Sized<M>
       : settings_(settings), roads_(roads), violation_limits_(violation_limits), start_(design_state(mechanism_)), state_(design_state(subject())), sampling_(subject()), columns_(sizes.columns) {
@@ -84,14 +84,14 @@ class Simulation {
       : mechanism_(mechanism), settings_(settings), roads_(roads), violation_limits_(nullptr), parameters_(parameters, parameters + sizes_of(mechanism).parameters),
         start_(design_state(mechanism)), state_(start_), sampling_(mechanism), columns_(sizes_of(mechanism).columns) {}
 
-  /// Take inputs from a source.
+  /// Read inputs from a source.
   void drive_by(const InputSource<Real>& source)
     requires(!Sized<M>)
   {
     mechanism_.drive_by(sampling_.source(source));
   }
 
-  /// Take inputs from trajectories over time, guides included, until none is given; the present state has the accelerations of what they give.
+  /// Let inputs, guides included, follow trajectories until none is given. The present state receives the accelerations of their values.
   Fault set_input_trajectories(Trajectories* trajectories)
     requires Sized<M>
   {
@@ -104,7 +104,7 @@ class Simulation {
 
   Trajectories* trajectories() const { return trajectories_; }
 
-  /// What looks on where a controller has taken its sample.
+  /// A callback after the sample of a controller.
   struct SampleWatch {
     void (*call)(void* who) = nullptr;
     void* who = nullptr;
@@ -112,8 +112,7 @@ class Simulation {
 
   void watch_samples(const SampleWatch& watch) { sample_watch_ = watch; }
 
-  /// What looks on where a step, or the part of one between samples, has come from a state to the present one, and before a controller holds so many values
-  /// of a sample.
+  /// A callback after each step or substep, with the states at its ends, and before a controller holds this many values of a sample.
   struct PartWatch {
     Fault (*call)(void* who, const StateOf<Subject>& from, Real h) = nullptr;
     Fault (*sample)(void* who, std::size_t first, std::size_t number) = nullptr;
@@ -127,7 +126,7 @@ class Simulation {
 
   Settings& settings() { return settings_; }
 
-  /// Set the largest error of a step, from the next one on.
+  /// Set the tolerance from the next step on.
   void set_tolerance(double relative, double absolute) {
     settings_.tolerance = relative;
     settings_.absolute_tolerance = absolute;
@@ -137,29 +136,29 @@ class Simulation {
   auto& parameters() { return parameters_; }
   const auto& parameters() const { return parameters_; }
 
-  /// Inputs, from the next step on; what is reported until then is of those before.
+  /// Set inputs from the next step on; outputs until then belong to the previous values.
   auto& inputs() { return inputs_; }
 
-  /// The value of an input at the present time, as the next step begins with it.
+  /// The value of an input with which the next step begins.
   Real get_input(std::size_t i) {
     const InputValues now = read_inputs(inputs_);
     mechanism_.begin_step(state_.t, Real(1));
     return now[numbers_per_input * i];
   }
 
-  /// Coordinates and speeds to start with, and which of them are given.
+  /// Set start coordinates and velocities, and which of them are given.
   StateOf<M>& start_state() { return start_; }
   Coordinates<M, unsigned char>& given_coordinates() { return given_coordinates_; }
   SpeedFlags<M>& given_speeds() { return given_speeds_; }
 
-  /// Nothing is given to start with.
+  /// Clear the given start values.
   void forget_start() {
     start_ = design_state(mechanism_);
     given_coordinates_.fill(0);
     given_speeds_.fill(0);
   }
 
-  /// First-order states are where the start has them, and where a pose at rest has them if that is asked for.
+  /// Set the first-order states of the start, or those of the equilibrium if that is requested.
   void leave_states() { std::fill(given_speeds_.begin() + start_sizes.joint_speeds(), given_speeds_.end(), 0); }
 
   /// Find a consistent state.
@@ -188,8 +187,8 @@ class Simulation {
     return sample();
   }
 
-  /// Begin at a start in the coordinates of the mechanism that found it, with the penalties of its cut joints; `motion` is 0 of a mechanism at rest.  Where
-  /// controllers have `held` values at the start's time, the motion goes on from so many whole steps.
+  /// Begin at a start in the coordinates of the mechanism that found it, with its penalties; `motion` is 0 at rest. If controllers have `held`
+  /// values at the start's time, continue after this many whole steps.
   Fault begin(const StateOf<M>& start, const Cuts<M>& penalties, Real motion, const std::optional<std::vector<Real>>& held = std::nullopt)
     requires(!Sized<M>)
   {
@@ -213,29 +212,29 @@ class Simulation {
 
   bool is_started() const { return is_started_; }
 
-  /// The integrator of the simulation, once it has begun.
+  /// The integrator, after the simulation has begun.
   Integrator& steps() { return *steps_; }
   const Integrator& steps() const { return *steps_; }
 
-  /// Heed what has changed since the last step, as the next one does.
+  /// Apply changes since the last step, as the next step would.
   void settle() {
     heed_settings();
     follow(next_whole());
   }
 
-  /// A step of the settings' length; the state stays where it fails.
+  /// A step of the settings' length; on failure the state is unchanged.
   Fault step() {
     heed_settings();
     return call(next_whole(), [this] { return whole_step(); });
   }
 
-  /// Steps to a time, the last one shorter where they do not end there.
+  /// Steps to a time; the last one is shorter if they do not end there.
   Fault advance(double until) {
     heed_settings();
     return call(Real(until), [this, until] { return steps_to(Real(until)); });
   }
 
-  /// Advance to a time, or to where a force changes its formula, if that is earlier: `event` is then its indicator, else -1.
+  /// Integrate to a time or to the next event if that is earlier: `event` is then its indicator, else -1.
   Fault advance_to_event(double until, int& event)
     requires Integrator::finds_events
   {
@@ -244,7 +243,7 @@ class Simulation {
     return call(Real(until), [this, until, &event] { return steps_to_event(Real(until), event); });
   }
 
-  /// Where the next of its steps ends unless an event or the time advanced to is before; nowhere where steps are as long as errors allow.
+  /// End of the next equal step, unless an event or the target time comes first; none for adaptive steps.
   Real next_time()
     requires Integrator::finds_events
   {
@@ -252,7 +251,7 @@ class Simulation {
     return Integrator::adaptive ? std::numeric_limits<Real>::infinity() : next_whole();
   }
 
-  /// Whether a force that was left out would act in the present state.
+  /// Whether a force that the reduction left out would act in the present state.
   Fault watch() {
     if constexpr (sizes.guards > 0) {
       Fixed<Real, sizes.guards> margins;
@@ -265,7 +264,7 @@ class Simulation {
     return {};
   }
 
-  /// Whether a step may leave a loop torn, so that violations are measured.
+  /// Whether a step may tear a loop, so that violations are measured.
   bool watches_violations() const {
     if constexpr (requires { Integrator::leaves_violations(settings_); } && sizes.equations > 0) return Integrator::leaves_violations(settings_);
     else return false;
@@ -273,13 +272,13 @@ class Simulation {
 
   const double* violation_limits() const { return violation_limits_; }
 
-  /// How far loops stand open in the present state.
+  /// The constraint violations of the present state.
   ConstraintViolation violation() {
     subject().begin_step(state_.t, Real(1));
     return find_violation();
   }
 
-  /// What the last step did, of adaptive integrators the last call.
+  /// Statistics of the last step, or of the last call for adaptive integrators.
   StepStatistics statistics() {
     StepStatistics statistics = last_;
     subject().begin_step(state_.t, Real(1));
@@ -288,23 +287,23 @@ class Simulation {
     return statistics;
   }
 
-  /// Limits of that, from the next step on; they are the host's, and no part of what is remembered.
+  /// Limits of these, from the next step on; they belong to the host and are not part of the memory.
   Limits& limits() { return limits_; }
-  /// What controllers hold; no number is what they hold before their first samples.
+  /// Values that controllers hold; NaN before their first samples.
   const auto& held_values() const
     requires may_sample<Subject>
   {
     return sampling_.memory().values;
   }
 
-  /// What controllers hold, and how many samples each has taken.
+  /// Values that controllers hold, and the number of samples of each.
   const auto& sampling() const
     requires may_sample<Subject>
   {
     return sampling_;
   }
 
-  /// Let controllers hold these values, until a memory is restored.
+  /// Set the values that controllers hold, until a memory is restored.
   template <class Values>
   void hold(const Values& values)
     requires may_sample<Subject>
@@ -312,23 +311,23 @@ class Simulation {
     sampling_.hold(values);
   }
 
-  /// When the next controller is due, s; infinity where there is none.
+  /// Time of the next controller sample (s); infinity if there is none.
   double next_sample() const
     requires may_sample<Subject>
   {
     return static_cast<double>(sampling_.next());
   }
 
-  /// Let controllers that are due take their samples, of a host that goes to times itself.
+  /// Sample the controllers that are due, for a host that sets times itself.
   Fault take_samples() {
     heed_changes();
     return sample();
   }
 
-  /// The host goes to another time: the next samples of controllers are those behind it.
+  /// The host moves to another time: the next samples are those after it.
   void skip_samples(Real t) { sampling_.go_to(t, rounding()); }
 
-  /// Go on from a time, coordinates and speeds as they are, with the accelerations that belong to them; guides are where the host has them.
+  /// Continue from a time, coordinates and velocities as given, with their accelerations; guides are where the host has them.
   Fault go_to(Real t, const Real* q, const Real* v) {
     jump_to(t);
     unmeasured_ = 1;
@@ -339,8 +338,7 @@ class Simulation {
     return accelerate();
   }
 
-  /// Move the coordinates by displacements, one for each speed, then close the loops by moving the masses least; speeds stay as near as closed loops
-  /// let them, and accelerations follow.
+  /// Displace coordinates, one number per velocity, then project positions and velocities in the mass metric and find accelerations.
   Fault displace(const Real* delta) {
     heed_changes();
     const StateOf<Subject> from = state_;
@@ -352,7 +350,7 @@ class Simulation {
     return fault;
   }
 
-  /// Put the Jacobian of the equations by the speeds into `columns`, column by column.
+  /// Write the Jacobian of the constraints with respect to velocities into `columns`, column by column.
   void jacobian(Real* columns) {
     heed_changes();
     subject().begin_step(state_.t, Real(1));
@@ -368,7 +366,7 @@ class Simulation {
     }
   }
 
-  /// The mechanism, its roads and its starter at the present time.
+  /// Set mechanism, roads and starter to the present time.
   M& mechanism() { return mechanism_; }
   const Road<Real>* roads() const { return roads_; }
   auto& starter() {
@@ -377,7 +375,7 @@ class Simulation {
     return initialisation_->starter();
   }
 
-  /// Go to the state at a time that `find` finds from the present one.
+  /// Move to the state at a time that `find` computes from the present one.
   template <class Find>
   Fault seek(Real t, Find find) {
     const auto before = followed_;
@@ -393,11 +391,11 @@ class Simulation {
     return go_to(t, found.q.data(), found.v.data());
   }
 
-  /// How cut joints are held, and their penalties, as `load_mechanism` takes them.
+  /// Closure and penalties of the cut joints, as `load_mechanism` takes them.
   StabilisationSettings stabilisation() { return Integrator::stabilise(settings_, penalties_); }
   const Cuts<M>& penalties() const { return penalties_; }
 
-  /// The columns at the present state.
+  /// The outputs at the present state.
   const Real* report() {
     heed_parameters();
     if (!is_reported_) {
@@ -408,8 +406,7 @@ class Simulation {
     return columns_.data();
   }
 
-  /// Where bodies and markers are in the present state, and how they move, as the generated function has it; before a start in the coordinates and
-  /// speeds from which one is sought.
+  /// Poses and velocities of bodies and markers in the present state; before a start those of the start values.
   void pose(Real* numbers) {
     const auto tell = [&](const auto& state) {
       mechanism_.begin_step(state.t, Real(1));
@@ -424,20 +421,20 @@ class Simulation {
     }
   }
 
-  /// The present state; with its accelerations and multipliers only if it is complete.
+  /// The present state; accelerations and multipliers only if it is complete.
   const StateOf<Subject>& state() const { return state_; }
   const StateOf<Subject>& complete_state() {
     heed_parameters();
     return steps_->complete(state_);
   }
 
-  /// The state with the accelerations of the present inputs, where `complete_state` has those of the last step.
+  /// The state with accelerations for the present inputs; `complete_state` has those of the last step.
   const StateOf<Subject>& present_state() {
     heed_changes();
     return steps_->complete(state_);
   }
 
-  /// Everything that the next steps follow from.
+  /// Everything that the next steps depend on.
   struct Memory {
     Settings settings;
     Array<M, static_sizes<M>().parameters> parameters;
@@ -458,7 +455,7 @@ class Simulation {
             .sampling = sampling_.memory(), .integrator = steps_->memory(), .origin = origin_, .number = number_, .counted = counted_, .unmeasured = unmeasured_};
   }
 
-  /// Go on from what another moment, or another simulation, remembers.
+  /// Restore a memory of this or another simulation.
   void restore(const Memory& memory) {
     settings_ = memory.settings;
     parameters_ = memory.parameters;
@@ -494,7 +491,7 @@ class Simulation {
       return mechanism_;
   }
 
-  /// The state begins where the mechanism has started.
+  /// Take the state that the mechanism started with.
   void take_over(const StateOf<M>& begun, Real motion = Real(1)) {
     if constexpr (is_system) {
       subject().load(parameters_.data(), roads_);
@@ -516,14 +513,14 @@ class Simulation {
         .stabilisation = settings_.stabilisation, .equilibrium = settings_.equilibrium, .fixed_point_step = Integrator::fixed_point_step(settings_)};
   }
 
-  /// Times of steps are those of whole steps since now.
+  /// Count whole steps from now.
   void count_from_here() {
     origin_ = state_.t;
     number_ = 0;
     counted_ = settings_.dt;
   }
 
-  /// Steps have another length from now on, from which a given penalty and the frequency may follow, or another tolerance.
+  /// Change the step length, on which a given penalty and the frequency may depend, or the tolerance.
   void heed_settings() {
     if (settings_.dt == counted_) return;
     count_from_here();
@@ -532,7 +529,7 @@ class Simulation {
     load();
   }
 
-  /// Load the mechanism and get ready for steps; the state stays.
+  /// Load the mechanism and prepare for steps; the state is unchanged.
   void load() {
     load_subject();
     subject().begin_step(state_.t, Real(1));
@@ -567,12 +564,12 @@ class Simulation {
     }
   }
 
-  /// Parameters that have changed count from now on.
+  /// Apply changed parameters from now on.
   void heed_parameters() {
     if (!std::equal(parameters_.begin(), parameters_.end(), loaded_.begin())) begin_again([this] { load(); });
   }
 
-  /// Begin steps anew at a state to which other steps led: what they expect of accelerations stays.
+  /// Restart steps at a state that other steps led to; the extrapolation of accelerations stays.
   template <class Begin>
   void begin_again(Begin begin) {
     if constexpr (requires { steps_->expected(); }) {
@@ -584,12 +581,12 @@ class Simulation {
     }
   }
 
-  /// So do inputs, but those that move guides: calls follow these.  Earlier reports are of the inputs of the last step.
+  /// The same for inputs that move no guide; guides follow calls. Earlier outputs belong to the inputs of the last step.
   void heed_changes() {
     if (take_changes()) steps_->restart_after_input_jump(state_);
   }
 
-  /// Whether inputs that move no guide have another value, rate or acceleration now; steps begin with the accelerations that these give.
+  /// Whether inputs that move no guide have changed their value, rate or acceleration; steps begin with the resulting accelerations.
   bool take_changes() {
     heed_parameters();
     if (followed_.others_stay(inputs_)) return false;
@@ -605,12 +602,12 @@ class Simulation {
     if (followed_.go_on(inputs_, state_.t, until, Real(settings_.dt), scene) || others_jump) steps_->restart_after_input_jump(state_);
   }
 
-  /// The host goes to a time itself: guides are where it has them.
+  /// The host sets the time itself: guides are where it has them.
   void jump_to(Real t) {
     if (t != state_.t || !followed_.hears_nothing(inputs_)) followed_.begin(inputs_);
   }
 
-  /// Inputs at the present time, as a host gives them; afterwards they are those of the steps.
+  /// Inputs at the present time as the host gives them; afterwards those of the steps.
   InputValues read_inputs(HostInputs<Real, static_sizes<M>().inputs>& inputs) {
     InputValues values;
     if constexpr (sizes.inputs > 0) {
@@ -622,7 +619,7 @@ class Simulation {
     return values;
   }
 
-  /// Value, rate and acceleration that the scene gives an input at a time.
+  /// Value, rate and acceleration of an input in the scene at a time.
   void read_scene([[maybe_unused]] std::size_t i, [[maybe_unused]] Real t, [[maybe_unused]] Real* numbers) {
     if constexpr (Followed::any) {
       mechanism_.drive_by({});
@@ -632,20 +629,20 @@ class Simulation {
     }
   }
 
-  /// Accelerations that belong to the state.
+  /// Accelerations of the state.
   Fault accelerate() {
     heed_changes();
     is_reported_ = false;
     return steps_->accelerate(state_, initialisation_->starter());
   }
 
-  /// No step of the integrator is as short.
+  /// Shorter than any step of the integrator.
   Real rounding() const { return Real(1e-9) * Real(settings_.dt); }
 
-  /// The end of the next step of the settings' length.
+  /// End of the next step of the settings' length.
   Real next_whole() const { return origin_ + Real(number_ + 1) * Real(settings_.dt); }
 
-  /// A call that goes on to a time.  One that gets nowhere leaves what guides follow as it was.
+  /// A call that integrates to a time. If it fails at once, the inputs of guides are unchanged.
   template <class Go>
   Fault call(Real until, Go go_on) {
     if constexpr (!Followed::any) {
@@ -664,7 +661,7 @@ class Simulation {
     }
   }
 
-  /// Make a jump that is too large for steps: the loops are closed where the host has the guide.
+  /// Jump by more than steps can follow: project the loops at the host's guide positions.
   template <class Go>
   Fault jump(Go go_on) {
     const auto before = followed_;
@@ -679,7 +676,7 @@ class Simulation {
     return fault;
   }
 
-  /// The fault of a step, or that of a loop which cannot close where guides go within a few steps.
+  /// The fault of a step, or that of a loop which cannot close at positions that guides reach within a few steps.
   Fault blame_torn_loop(const Fault& fault) {
     constexpr int ahead[] = {0, 1, 4};
     const auto before = followed_;
@@ -697,7 +694,7 @@ class Simulation {
     return blamed;
   }
 
-  /// Be at a state and on trajectories as before a step that failed.
+  /// Return to a state and trajectories as before a failed step.
   void go_back(const StateOf<Subject>& state, const Followed& followed) {
     state_ = state;
     followed_ = followed;
@@ -742,7 +739,7 @@ class Simulation {
     return {};
   }
 
-  /// Guides go over to the next parts of their trajectories, of which none ends before the time that is returned, nor is a controller due; at most `until`.
+  /// Guides enter the next pieces of their trajectories. Returns the time before which no piece ends and no controller is due; at most `until`.
   Real go_over_until(Real until) {
     Real next = until;
     if constexpr (Followed::any) {
@@ -758,19 +755,19 @@ class Simulation {
     return next;
   }
 
-  /// Courses go on to the next part of a step, which begins with the accelerations of what they give where they may jump; when they may next.
+  /// Trajectories enter the next substep, with new accelerations if they may jump. Returns when they next may.
   Real begin_substep_of_trajectories() {
     if (trajectories_->begin_part(state_.t)) restart_exactly();
     return trajectories_->next_jump();
   }
 
-  /// The present state has its accelerations, and multipliers that belong to these.
+  /// Give the present state its accelerations and multipliers.
   void restart_exactly() {
     if constexpr (sizes.equations == 0 || Integrator::finds_events) steps_->restart_after_input_jump(state_);
     else steps_->accelerate(state_, initialisation_->starter());
   }
 
-  /// Controllers that are due take their samples.
+  /// Sample the controllers that are due.
   Fault sample() {
     if constexpr (may_sample<Subject>) {
       if (is_system && sampling_.next() <= state_.t + rounding()) restart_at_sample();  // accelerations of a step only come near to those that outputs need
@@ -791,20 +788,20 @@ class Simulation {
     return {};
   }
 
-  /// What controllers have come to hold counts from now on.
+  /// Apply the new values of controllers.
   void go_on_from_sample() {
     restart_at_sample();
     if (sample_watch_.call) sample_watch_.call(sample_watch_.who);
   }
 
-  /// The present state has the accelerations that forces give it.
+  /// Give the present state the accelerations of its forces.
   void restart_at_sample() {
     is_reported_ = false;
     if constexpr (requires { steps_->restart_after_sample(state_); }) steps_->restart_after_sample(state_);
     else steps_->restart_after_input_jump(state_);
   }
 
-  /// The accelerations that a sample reads are those of the values before.
+  /// A sample reads the accelerations of the previous values.
   Fault sample(std::size_t controller, bool& changes, bool& felt) {
     is_reported_ = false;
     const StateOf<Subject>& x = steps_->complete(state_);
@@ -827,14 +824,14 @@ class Simulation {
     }
   }
 
-  /// The violation where the mechanism or system is at the present time.
+  /// The constraint violation of the mechanism or system at the present time.
   ConstraintViolation find_violation() {
     Equations<Subject> residual, rate;
     find_residuals(residual, rate);
     return largest_violation(sizes.equations, violation_limits_, [&](std::size_t i) { return residual[i]; });
   }
 
-  /// A step to a time, in parts where the trajectory of a guide has parts or controllers are due.
+  /// A step to a time, in substeps between pieces of trajectories and controller samples.
   Fault integrate(Real h, Real until) {
     is_reported_ = false;
     Real next = go_over_until(until);
@@ -870,17 +867,17 @@ class Simulation {
     return part_watch_.call(part_watch_.who, from, h);
   }
 
-  /// What a step has led to, and the samples of controllers at its end.
+  /// Check the result of a step and sample the controllers at its end.
   Fault end_step(const StepStatistics& before) {
     const Fault fault = look_back(before);
     const Fault sampled = sample();
     return fault ? fault : sampled;
   }
 
-  /// Iterations and evaluations up to now.
+  /// Iterations and evaluations so far.
   StepStatistics counted() const { return {.iterations = steps_->iterations(), .evaluations = steps_->evaluations()}; }
 
-  /// What a step has led to: a force that was left out and would act, or more than a limit.
+  /// Check the result of a step: omitted forces that would act, and limits.
   Fault look_back(const StepStatistics& before) {
     last_ = counted();
     last_.iterations -= before.iterations;
@@ -898,7 +895,7 @@ class Simulation {
     if constexpr (requires { steps_->smallest_pivot(); }) statistics.pivot = steps_->smallest_pivot();
   }
 
-  /// Gaps and rates where the mechanism or system is at the present time.
+  /// Violations of position and velocity of the mechanism or system at the present time.
   void measure_loops(StepStatistics& statistics) {
     Equations<Subject> residual, rate;
     find_residuals(residual, rate);
@@ -908,7 +905,7 @@ class Simulation {
     for (const Real& x : rate) statistics.violation_rate = std::max(statistics.violation_rate, std::abs(static_cast<double>(x)));
   }
 
-  /// The state stays where it fails.
+  /// On failure the state is unchanged.
   Fault take_part(Real h, Real until) {
     if constexpr (may_sample<Subject> && Integrator::finds_events)
       if (sampling_.any() && settings_.foresees) steps_->stepper().limit_before_end(sampling_.next());
@@ -923,7 +920,7 @@ class Simulation {
     return steps_->step(state_, settings_, h, until, number_ + 1);
   }
 
-  /// Close loops that a step has left open behind a guide that jumps; the next one begins with accelerations of its own.
+  /// Project loops that a step has left open after a guide's jump; the next step begins with new accelerations.
   Fault close_behind_jump(Real t) {
     state_.t = t;
     Equations<Subject> residual, rate;
@@ -958,16 +955,16 @@ class Simulation {
   [[no_unique_address]] std::conditional_t<may_sample<Subject>, SampleWatch, None> sample_watch_;
   PartWatch part_watch_;
   Trajectories* trajectories_ = nullptr;
-  HostInputs<Real, static_sizes<M>().inputs>* host_ = nullptr;  ///< beside trajectories
+  HostInputs<Real, static_sizes<M>().inputs>* host_ = nullptr;  ///< in addition to trajectories
   Array<Subject, sizes.columns> columns_;
   std::optional<typename StartOf<M>::type> initialisation_;
   std::optional<Integrator> steps_;
-  StepStatistics last_;    ///< of what is counted alone
+  StepStatistics last_;    ///< of what is counted separately
   Limits limits_;
   Real origin_{0};
   long number_ = 0;       ///< of steps since then
-  double counted_ = 0.0;  ///< their length
-  long unmeasured_ = 1;   ///< how many steps there are until violations are measured
+  double counted_ = 0.0;  ///< their total length
+  long unmeasured_ = 1;   ///< steps until violations are measured
   bool is_started_ = false, is_reported_ = false;
 };
 

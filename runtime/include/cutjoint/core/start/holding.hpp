@@ -12,15 +12,15 @@
 
 namespace cutjoint {
 
-/// A mechanism that knows its kinetic energy.
+/// A mechanism with a kinetic energy.
 template <class M>
 concept Weighable = requires(M& m, const typename M::real_type* in, typename M::real_type* out) { m.energy(in, in, in, in, out); };
 
-/// Forces along held coordinates of a mechanism at rest, by which these do not accelerate, in a pose.
+/// Forces along held coordinates of a mechanism at rest which prevent their acceleration, in a pose.
 ///
-/// They change accelerations that keep the loops closed, a, to those of least constraint (Gauss 1829): (a' - a)^T M (a' - a) is least of all that
-/// keep the loops closed and have a'_i = 0 for each held i.  With the columns of N, which are M-orthonormal and keep the loops closed, a' = a + N y
-/// for the shortest y with (N y)_i = -a_i.  M is known by the kinetic energy T(v) = 1/2 v^T M v.
+/// They change accelerations a, which keep the loops closed, by Gauss's principle of least constraint (1829): (a' - a)^T M (a' - a) is minimal
+/// among all a' that keep the loops closed with a'_i = 0 for each held i. The columns of N are M-orthonormal and keep the loops closed. Then
+/// a' = a + N y for the shortest y with (N y)_i = -a_i. M is known from the kinetic energy T(v) = 1/2 v^T M v.
 template <Mechanism M>
 class Holding {
  public:
@@ -32,8 +32,7 @@ class Holding {
         beside_(n_ + m_), order_(n_ + m_), shift_(n_), sum_(n_), still_(n_), zero_(m_),
         jacobian_(m_ * n_), residual_(m_), rate_(m_), at_rest_(m_) {}
 
-  /// Bring accelerations of a state to those with held coordinates; `begin_step` has been called for its time.  One may be in the `same_pose` as the
-  /// state of the last call.
+  /// Change accelerations of a state to those with held coordinates; `begin_step` has been called for its time. `same_pose`: as in the last call.
   template <class Flags>
   void hold(const StateOf<M>& state, const Flags& held, Real* a, bool same_pose) {
     if (!same_pose) find_directions(state);
@@ -41,7 +40,7 @@ class Holding {
     for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] ? Real(0) : a[i] + shift_[i];
   }
 
-  /// Bring accelerations and multipliers of a state to those with held coordinates, where M (a' - a) = -Phi_v^T dlambda + `forces` along these.
+  /// The same with multipliers: M (a' - a) = -Phi_v^T dlambda + `forces` along held coordinates.
   template <class Flags>
   void carry(StateOf<M>& state, const Flags& held, Real* forces) {
     find_directions(state);
@@ -66,7 +65,7 @@ class Holding {
   static constexpr std::size_t known(std::size_t length) { return Weighable<M> ? length : 0; }
   static constexpr std::size_t n = known(static_sizes<M>().speeds), m = known(static_sizes<M>().equations);
 
-  /// Directions count as dependent below this share of what they would be alone, and rows of held coordinates below it of the largest.
+  /// Directions count as dependent below this fraction of their norm; rows of held coordinates below it of the largest.
   static constexpr Real least() { return Real(1e-7); }
 
   Real energy_of(const StateOf<M>& state, const Real* v) {
@@ -75,7 +74,7 @@ class Holding {
     return energy[0];
   }
 
-  /// x_ with A x least apart from b_, both overwritten.
+  /// x_ that minimises |A x - b_|; both are overwritten.
   void solve(dense::Matrix<Real> A) {
     std::fill(x_.begin(), x_.end(), Real(0));
     if (A.rows == 0 || A.columns == 0) return;
@@ -84,7 +83,7 @@ class Holding {
     squares.solve(b_.data(), x_.data(), room_.data());
   }
 
-  /// N: what independent speeds do while the loops stay closed, each without what those before it do.
+  /// N: velocities of each independent speed with the loops closed, orthogonalised against those before.
   void find_directions(const StateOf<M>& state) {
     ways_ = 0;
     find_jacobian(state);
@@ -105,7 +104,7 @@ class Holding {
     }
   }
 
-  /// The Jacobian of the loops by the speeds, (equations, speeds), column by column.
+  /// The Jacobian of the loops with respect to velocities, (equations, speeds), by columns.
   void find_jacobian(const StateOf<M>& state) {
     if (m_ == 0) return;
     mechanism_.constraint_residual(state.q.data(), still_.data(), residual_.data(), at_rest_.data());
@@ -118,8 +117,8 @@ class Holding {
     }
   }
 
-  /// Whether a direction moves mass that those before it do not; it is orthogonal to them then, with T = 1/2.  It is freed of them a second time
-  /// where the first has left less than half of its energy, and with it fewer digits.
+  /// Orthogonalise a direction against those before (T = 1/2); return whether it moves mass. A second pass follows
+  /// if the first left less than half of its energy, and so fewer digits.
   bool add_way(const StateOf<M>& state, Real* column) {
     if (!scale(state, column, Real(0))) return false;
     for (bool again = true; again;) {
@@ -137,7 +136,7 @@ class Holding {
     return true;
   }
 
-  /// Whether a direction has more than some energy; it has T = 1/2 then.
+  /// Whether a direction has more than some energy; it is then scaled to T = 1/2.
   bool scale(const StateOf<M>& state, Real* column, Real more_than) {
     using std::sqrt;
     const Real energy = energy_of(state, column);
@@ -146,7 +145,7 @@ class Holding {
     return true;
   }
 
-  /// shift_ = N y, by which accelerations change.
+  /// shift_ = N y, the change of accelerations.
   template <class Flags>
   void find_change(const Flags& held, const Real* a) {
     using std::sqrt;

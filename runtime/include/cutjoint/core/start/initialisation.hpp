@@ -1,4 +1,4 @@
-// From given coordinates and speeds to a state from which steps can go on.
+// From given coordinates and velocities to a state from which integration can begin.
 #pragma once
 
 #include <algorithm>
@@ -15,11 +15,11 @@
 
 namespace cutjoint {
 
-/// How a coordinate of a start is given: not at all, to stay, or as the place from which the start is sought.
+/// How a start coordinate is given: not at all, fixed, or as the initial guess.
 enum GivenCoordinate : unsigned char { not_given = 0, given_to_stay = 1, given_as_guess = 2 };
 
-/// Loads a mechanism and finds a consistent state.  With `equilibrium` the pose is one at rest; `fixed_point_step` is the length of the steps
-/// whose fixed point the penalties must suit, 0 where there is none.
+/// Loads a mechanism and finds a consistent state; with `equilibrium` at rest. `fixed_point_step`: length of the steps whose fixed-point
+/// iteration limits the penalties, 0 if there is none.
 template <Mechanism M>
 class Initialisation {
  public:
@@ -41,27 +41,27 @@ class Initialisation {
   Initialisation(const Initialisation&) = delete;
   Initialisation& operator=(const Initialisation&) = delete;
 
-  /// A mechanism at rest, which no guide moves, from the state's coordinates, of which those `given` to stay do so.
+  /// A mechanism at rest without moving guides, from the state's coordinates; those `given` as fixed do not move.
   Fault rest(StateOf<M>& state, const Coordinates<M, unsigned char>& given) {
     if (const Fault fault = place(state, given)) return fault;
     starter_.hold(state, placed_, holding_);
     return {};
   }
 
-  /// The forces along given coordinates in a pose at rest that `rest` or `place` has found, which are released when it moves; nought of others.
+  /// Forces along given coordinates in an equilibrium found by `rest` or `place`, released when the motion begins; zero for others.
   const Speeds<M>& holding() const { return holding_; }
   void find_holding(StateOf<M> state) {
     if (starter_.carries()) starter_.hold(state, placed_, holding_);
   }
 
-  /// A mechanism in motion, with speeds that keep its loops closed, of which those `given` stay.
+  /// A mechanism in motion, with velocities that satisfy its loops; those `given` do not change.
   Fault move(StateOf<M>& state, const SpeedFlags<M>& given) {
     if (const Fault fault = starter_.make_consistent(state, given, Real(1))) return fault;
     starter_.accelerate(state, Real(1));
     return starter_.require_finite(state);
   }
 
-  /// Closed loops, and the pose at rest if that is asked for.
+  /// Close the loops, and find the equilibrium if requested.
   Fault place(StateOf<M>& state, const Coordinates<M, unsigned char>& given) {
     turn_reversed(state, given);
     find_placed(given);
@@ -73,17 +73,17 @@ class Initialisation {
     return starter_.assemble(state, placed_, Real(0));
   }
 
-  /// Marks independent speeds that neither `given` ones nor loops determine.
+  /// Mark independent velocities that neither the `given` ones nor the loops determine.
   void find_undetermined(const StateOf<M>& state, const SpeedFlags<M>& given, SpeedFlags<M>& undetermined) {
     starter_.find_undetermined(state, given, undetermined);
   }
 
   Starter<M>& starter() { return starter_; }
 
-  /// Penalties of the cut joints, known when a start has been found; the closure `penalty` has one for all.
+  /// Penalties of the cut joints, after a start has been found; the closure `penalty` has one for all.
   const Cuts<M>& penalties() const { return penalties_; }
 
-  /// Load the mechanism as it is before a pose is known.
+  /// Load the mechanism before a pose is known.
   void load_unweighed() {
     const Real first = finds_penalties() ? Real(1) : Real(*settings_.stabilisation.penalty);
     std::fill(penalties_.begin(), penalties_.end(), first);
@@ -93,15 +93,15 @@ class Initialisation {
  private:
   bool projects() const { return is_projected(settings_.stabilisation.closure); }
 
-  /// Whether penalties are found; a projected closure does so up to a given one.
+  /// Whether penalties are computed; a projected closure computes them up to a given bound.
   bool finds_penalties() const { return projects() || !settings_.stabilisation.penalty; }
 
   void load() { load_mechanism(mechanism_, parameters_, roads_, settings_.stabilisation, penalties_); }
 
-  /// Penalties from the effective masses in this pose, the given one their upper bound.
+  /// Penalties from the effective masses in this pose; a given penalty is their upper bound.
   ///
-  /// Masses with the other cut joints open are measured by light penalties, then those with the others held by penalties of 1e4 times these, and
-  /// again by as many times what was found while that is too light for some direction.
+  /// Masses are measured with light penalties at all cut joints, then with penalties of 1e4 times these at the others, and
+  /// again with this multiple of the result while it is too light in some direction.
   void weigh(const StateOf<M>& state) {
     const Real unbound = std::numeric_limits<Real>::infinity();
     const Real most = settings_.stabilisation.penalty ? Real(*settings_.stabilisation.penalty) : unbound;
@@ -118,7 +118,7 @@ class Initialisation {
     load(state, penalties_of_cuts(held, open, settings_.fixed_point_step), Real(1), most);
   }
 
-  /// Load the mechanism with penalties of so many times the masses, `most` at most.
+  /// Load the mechanism with penalties of a multiple of the masses, at most `most`.
   void load(const StateOf<M>& state, const Cuts<M>& masses, Real times, Real most) {
     for (std::size_t i = 0; i < masses.size(); ++i) penalties_[i] = std::min(times * masses[i], most);
     if (!projects()) std::fill(penalties_.begin(), penalties_.end(), common_penalty(penalties_));
@@ -126,7 +126,7 @@ class Initialisation {
     mechanism_.begin_step(state.t, Real(0));
   }
 
-  /// Turn the given attitudes, of followers beside their bases, into those of outer bodies beside inner ones.
+  /// Convert the given attitudes, of followers relative to bases, into those of outer relative to inner bodies.
   void turn_reversed(StateOf<M>& state, const Coordinates<M, unsigned char>& given) const {
     for (const Chart& chart : charts_of(mechanism_)) {
       const auto first = static_cast<std::size_t>(chart.q + chart.scalars);
@@ -135,7 +135,7 @@ class Initialisation {
     }
   }
 
-  /// Which speeds belong to coordinates that stay: three to a ball's attitude, one to each of the others.
+  /// Which velocities belong to fixed coordinates: three for a ball's attitude, one for each other.
   void find_placed(const Coordinates<M, unsigned char>& given) {
     for (const Chart& chart : charts_of(mechanism_)) {
       const auto q = static_cast<std::size_t>(chart.q), v = static_cast<std::size_t>(chart.v);

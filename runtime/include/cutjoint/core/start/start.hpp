@@ -21,12 +21,11 @@
 
 namespace cutjoint {
 
-/// Which elements of a list are given by the user.
+/// Which elements of a list the user has given.
 template <class M>
 using SpeedFlags = Speeds<M, unsigned char>;
 
-/// Accelerations and multipliers of a state: the augmented update, repeated until the accelerations stay or only rounding is left to
-/// change, 200 times at most.  Of several instances side by side each goes as if it were alone.  `next` and `correction` are scratch.
+/// Accelerations and multipliers of a state: augmented Lagrangian updates until they change by rounding only, at most 200. Lanes are independent. `next`, `correction`: scratch.
 template <Mechanism M>
 void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, Speeds<M>& next, Equations<M>& correction) {
   using Real = typename M::real_type;
@@ -49,22 +48,21 @@ void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, S
   }
 }
 
-/// Finds starts of a mechanism; a speed that is `held` (given by the user) is not changed, nor is its coordinate.  All memory is taken in the
-/// constructor, but for the neighbouring states of a mechanism that finds the accelerations of several side by side (`states_at_once`).
+/// Finds starts of a mechanism. A velocity that is `held` (given by the user) does not change, nor does its coordinate. The constructor
+/// allocates all memory, except neighbouring states of mechanisms that evaluate several at once (`states_at_once`).
 template <Mechanism M>
 class Starter {
  public:
   using Real = typename M::real_type;
 
-  /// Accelerations of a mechanism of the proximal closure do not draw open loops together: `proximal` lets an equilibrium do so.
+  /// Accelerations with the proximal closure do not stabilise open loops: `proximal` lets an equilibrium do so.
   explicit Starter(M& mechanism, bool proximal = false)
       : mechanism_(mechanism), sizes_(sizes_of(mechanism)), n_(sizes_.speeds), m_(sizes_.equations), drawn_(proximal ? m_ : 0),
         matrix_((n_ + m_) * n_), phi_(m_), phid_(m_), still_(m_), right_(n_ + m_), a_(n_ + m_), next_(n_ + m_), step_(n_),
         travel_(n_), room_(n_), left_(n_), beside_(n_), order_(n_), correction_(m_), other_accelerations_(n_), from_(sizes_.coordinates), probe_(design_state(mechanism)), other_(probe_),
         holding_(mechanism) {}
 
-  /// Close the loops by the shortest way from the given coordinates (Gauss-Newton with least-norm steps).  A fault names the equation that
-  /// stays open.
+  /// Close the loops from the given coordinates (Gauss-Newton, least-norm steps). A fault names the equation that stays open.
   Fault assemble(StateOf<M>& state, const SpeedFlags<M>& held, Real motion) {
     mechanism_.begin_step(state.t, motion);
     find_residual(state);
@@ -78,8 +76,8 @@ class Starter {
     return {};
   }
 
-  /// Close the loops from the given coordinates as `assemble` does, or over poses between the design position and these, where the other coordinates
-  /// move less so: from far away the shortest way may lead to another assembly.
+  /// Close the loops as `assemble` does, or along poses between the design position and the given coordinates if the other coordinates then
+  /// move less: from far away, least-norm steps may lead to another assembly.
   Fault assemble_from_design(StateOf<M>& state, const SpeedFlags<M>& held, Real motion) {
     constexpr int stages = 16;
     const StateOf<M>& given = other_ = state;
@@ -96,7 +94,7 @@ class Starter {
     return {};
   }
 
-  /// Change the speeds that are not held, least in the mean square, so that the loops stay closed.
+  /// Change the velocities that are not held, by the least mean square, so that the loops stay closed.
   Fault make_consistent(StateOf<M>& state, const SpeedFlags<M>& held, Real motion) {
     mechanism_.begin_step(state.t, motion);
     find_jacobian(state, held);
@@ -109,7 +107,7 @@ class Starter {
     return {};
   }
 
-  /// Marks independent speeds that neither the user nor the loops determine; as many as degrees of freedom are left.
+  /// Mark independent velocities that neither the user nor the loops determine, one per remaining degree of freedom.
   void find_undetermined(const StateOf<M>& state, const SpeedFlags<M>& held, SpeedFlags<M>& undetermined) {
     for (std::size_t i = 0; i < n_; ++i) undetermined[i] = !held[i] && i < sizes_.joint_speeds();
     if (n_ == 0 || m_ == 0) return;
@@ -118,7 +116,7 @@ class Starter {
     for (std::size_t i = 0; i < squares.rank(); ++i) undetermined[squares.column_at(i)] = false;
   }
 
-  /// A fault when an acceleration is not a finite number.
+  /// A fault if an acceleration is not finite.
   Fault require_finite(const StateOf<M>& state) const {
     for (std::size_t i = 0; i < n_; ++i)
       if (!std::isfinite(static_cast<double>(state.vdot[i])))
@@ -130,8 +128,8 @@ class Starter {
   /// Accelerations and multipliers of the state.
   void accelerate(StateOf<M>& state, Real motion) { cutjoint::accelerate(mechanism_, state, motion, other_accelerations_, correction_); }
 
-  /// The pose near the given one in which nothing accelerates at rest: Newton's method on vdot(q) = 0 with differences and least-norm
-  /// steps, since directions without stiffness (a car's x, y and yaw) are free.  A held coordinate stays, by a force along it where it takes one.
+  /// The equilibrium near the given pose: Newton's method on vdot(q) = 0 with finite differences and least-norm steps, since directions
+  /// without stiffness (a car's x, y and yaw) are free. A held coordinate stays, by a force along it if necessary.
   /// A fault names what still accelerates.
   Fault equilibrate(StateOf<M>& state, const SpeedFlags<M>& held) {
     const StateOf<M> begun = state;
@@ -164,21 +162,21 @@ class Starter {
     return fault;
   }
 
-  /// Accelerations and multipliers of a state that `equilibrate` has found, and the `forces` along held coordinates, of which some carry the weight.
+  /// Accelerations, multipliers and `forces` along held coordinates in a pose that `equilibrate` has found.
   void hold(StateOf<M>& state, const SpeedFlags<M>& held, Speeds<M>& forces) {
     accelerate(state, Real(0));
     if (carries_) holding_.carry(state, held, forces.data());
   }
   bool carries() const { return carries_; }
 
-  /// The Jacobian of the residual by the speeds, (equations, speeds), column by column; `begin_step` has been called for the state's time.
+  /// The Jacobian of the constraints with respect to velocities, (equations, speeds), by columns; `begin_step` has been called for the state's time.
   const Real* jacobian(const StateOf<M>& state) {
     find_jacobian(state, SpeedFlags<M>(n_));
     return matrix_.data();
   }
 
  private:
-  /// Give held coordinates of the probe a share of their way from the design position.
+  /// Move held coordinates of the probe by a fraction of their displacement from the design position.
   void put_between(const StateOf<M>& given, Real share, const SpeedFlags<M>& held) {
     using std::sqrt;
     for (const Chart& chart : charts_of(mechanism_)) {
@@ -196,7 +194,7 @@ class Starter {
     }
   }
 
-  /// Whether coordinates of one state are nearer to the design position than those of another, each compared with itself, whatever its unit.
+  /// Whether coordinates of one state are closer to the design position than those of another, each relative to itself, whatever its unit.
   bool moves_less(const StateOf<M>& one, const StateOf<M>& other) const {
     using std::abs;
     Real more(0);
@@ -213,7 +211,7 @@ class Starter {
 
   static constexpr Real closed() { return Real(1e-14); }
 
-  /// Accelerations (m/s^2, rad/s^2) up to which nothing moves: what coordinates of 1 leave by rounding, where contacts are as stiff as that.
+  /// Accelerations (m/s^2, rad/s^2) that count as zero: the effect of rounding of coordinates of size 1 with stiff contacts.
   Real resting() const { return std::max(Real(1e-6), rounding_); }
 
   static Real size_of(const Real* x, std::size_t length) { return largest(std::span<const Real>(x, length)); }
@@ -228,8 +226,7 @@ class Starter {
 
   void find_residual(const StateOf<M>& state) { mechanism_.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data()); }
 
-  /// The Jacobian of the residual by the speeds, (equations, speeds), held columns zero; exact, since the rate is linear in the speeds.  phi_ is
-  /// the residual then.
+  /// The Jacobian of the residual with respect to velocities, (equations, speeds), held columns zero; exact, since the rate is linear. phi_ is then the residual.
   void find_jacobian(const StateOf<M>& state, const SpeedFlags<M>& held) {
     if (m_ == 0) return;
     std::fill(step_.begin(), step_.end(), Real(0));
@@ -248,13 +245,13 @@ class Starter {
     return squares;
   }
 
-  /// step_ with the matrix of so many rows times it least apart from b, which is overwritten, as the matrix is.
+  /// step_: minimum-norm least-squares solution of matrix step_ = b, a matrix with this many rows; both are overwritten.
   void least_norm(std::size_t rows, Real* b, Real least = Real(1e-7)) {
     std::fill(step_.begin(), step_.end(), Real(0));
     if (rows > 0 && n_ > 0) decomposed(rows, least).solve(b, step_.data(), room_.data());
   }
 
-  /// y = A x of the derivative of the accelerations at rest.
+  /// y = A x for the derivative of the accelerations at rest.
   void multiply(const Real* A, const Real* x, Real* y) const {
     const std::size_t rows = n_ + drawn_;
     std::fill(y, y + rows, Real(0));
@@ -269,8 +266,7 @@ class Starter {
     retract<Real>(charts_of(mechanism_), from_.data(), room_.data(), state.q.data());
   }
 
-  /// The accelerations at rest of what is not held; below them what would draw open loops together at 10 1/s.  The state may be in the `same_pose` as
-  /// the last one that was read.
+  /// Accelerations at rest of what is not held, then loop violations times (10 1/s)^2. `same_pose`: the state has the pose of the last call.
   void read_rest(const StateOf<M>& state, const SpeedFlags<M>& held, Real* a, bool same_pose = false) {
     for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] && !carries_ ? Real(0) : state.vdot[i];
     if (carries_) holding_.hold(state, held, a, same_pose);
@@ -278,7 +274,7 @@ class Starter {
     for (std::size_t i = 0; i < drawn_; ++i) a[n_ + i] = Real(100) * phi_[i];
   }
 
-  /// The derivative of the accelerations at rest by q, by central differences, held columns zero.
+  /// Derivative of the accelerations at rest with respect to q, by central differences, held columns zero.
   void find_stiffness(const StateOf<M>& state, const SpeedFlags<M>& held) {
     const std::size_t rows = n_ + drawn_;
     const Real h = reach_;
@@ -329,7 +325,7 @@ class Starter {
     return sum;
   }
 
-  /// Newton's steps with halving while they lower the accelerations, the largest of which is returned; adds what it moves to `travel_`.
+  /// Newton steps, halved while they do not reduce the accelerations, whose largest is returned; adds the displacement to `travel_`.
   Real seek_rest(StateOf<M>& state, const SpeedFlags<M>& held) {
     const std::size_t rows = n_ + drawn_;
     accelerate(state, Real(0));
@@ -362,9 +358,9 @@ class Starter {
     return size_of(a_.data(), rows);
   }
 
-  /// The way to rest through thick oil, q' = vdot(q), on which the potential falls, by implicit Euler steps that grow as accelerations fall
-  /// (Kelley, Keyes 1998), 100 at most; false where loops cannot close.  Newton's steps alone end where wheels leave the ground or a direction
-  /// without stiffness turns accelerations that are far from rest.
+  /// Pseudo-transient continuation q' = vdot(q), along which the potential falls: at most 100 implicit Euler steps that grow as accelerations
+  /// fall (Kelley, Keyes 1998); false if loops cannot close. Newton's method alone stops where wheels lift off, or where directions
+  /// without stiffness rotate accelerations far from rest.
   bool sink(StateOf<M>& state, const SpeedFlags<M>& held) {
     const std::size_t rows = n_ + drawn_;
     std::fill_n(state.v.begin(), sizes_.joint_speeds(), Real(0));
@@ -387,8 +383,8 @@ class Starter {
     return true;
   }
 
-  /// Move against `step_`, 0.1 at most; where a contact on the way drives back harder than the step was driven, only to where the drive along it has
-  /// fallen to a tenth, found between both ends by secants and bisection.
+  /// Move against `step_`, by 0.1 at most. If a contact then pushes back harder than the step was driven, stop where the force along it has
+  /// fallen to a tenth, located by secants and bisection.
   void find_fall(StateOf<M>& state, const SpeedFlags<M>& held) {
     using std::abs;
     Real fraction = std::min(Real(1), Real(0.1) / std::max(largest(step_), Real(1e-30))), low(0), high = fraction;
@@ -415,12 +411,12 @@ class Starter {
     return sum;
   }
 
-  /// The search for a pose at rest; what its steps have moved along directions without stiffness is taken back.
+  /// The search for the equilibrium; displacements along directions without stiffness are undone.
   Fault seek_rest_near(StateOf<M>& state, const SpeedFlags<M>& held) {
     std::fill_n(state.v.begin(), sizes_.joint_speeds(), Real(0));
     std::fill(travel_.begin(), travel_.end(), Real(0));
     if (!(seek_rest(state, held) <= Real(1))) return not_at_rest(a_.data(), n_ + drawn_);
-    // Differences tell the free directions to some digits only, so the steps have drifted along them.
+    // Finite differences give free directions to a few digits, so the steps have drifted along them.
     find_stiffness(state, held);
     multiply(matrix_.data(), travel_.data(), right_.data());
     least_norm(n_ + drawn_, right_.data());
@@ -429,7 +425,7 @@ class Starter {
     return seek_rest(state, held) <= resting() ? Fault{} : not_at_rest(a_.data(), n_ + drawn_);
   }
 
-  /// Whether what is held accelerates where nothing holds it.
+  /// Whether a held coordinate would accelerate if it were released.
   bool is_loaded(const StateOf<M>& state, const SpeedFlags<M>& held) const {
     using std::abs;
     for (std::size_t i = 0; i < n_; ++i)
@@ -465,8 +461,8 @@ class Starter {
   Holding<M> holding_;
   bool carries_ = false;
   Real rounding_{0};  ///< of accelerations, by their derivatives
-  Real reach_{1e-5};      ///< of differences: shorter than a stiff contact gives way
-  bool patient_ = false;  ///< whether a search for rest goes on where its residual does not fall
+  Real reach_{1e-5};      ///< length of differences: shorter than the deflection of a stiff contact
+  bool patient_ = false;  ///< whether the search continues while its residual does not fall
 };
 
 }  // namespace cutjoint
