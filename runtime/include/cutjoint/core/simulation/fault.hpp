@@ -105,13 +105,13 @@ constexpr const char* text_of(Cause cause) {
     case Cause::start_inconsistent: return "the start does not satisfy an equation";
     case Cause::stages_not_found: return "Newton's iteration converges with no step, however small";
     case Cause::stage_not_converged: return "Newton's iteration did not converge in a stage";
-    case Cause::loops_violated: return "a loop is torn: guides go where it cannot close, or its gap is beyond a hundredth of the mechanism's size, or of a radian";
+    case Cause::loops_violated: return "a loop is torn: guides move where it cannot close, or its position residual exceeds a hundredth of the mechanism's size, or of a radian";
     case Cause::sample_not_finite: return "a controller computes a value that is not finite";
     case Cause::limit_exceeded: return "a step exceeds a limit";
-    case Cause::step_subdivided: return "the step has no derivative: it ended at an event, or was taken in parts";
-    case Cause::simultaneous_events: return "the run has no derivative: forces that change their formulas together would not with other numbers, and change the accelerations";
-    case Cause::speeds_jump: return "the run has no derivative: speeds jump where a guide changes its formula";
-    case Cause::event_at_step_end: return "the run has no derivative: a force changes its formula just where a step ends or a controller takes a sample, and would do so elsewhere with other numbers";
+    case Cause::step_subdivided: return "the step has no derivative: it ended at an event, or was divided into substeps";
+    case Cause::simultaneous_events: return "the run has no derivative: two events coincide that other parameter values would separate, and they change the accelerations";
+    case Cause::speeds_jump: return "the run has no derivative: velocities jump where a guide changes its formula";
+    case Cause::event_at_step_end: return "the run has no derivative: an event lies exactly where a step ends or a controller takes a sample; other parameter values would move it away";
     case Cause::step_size_too_small: return "the run stands still: its steps have become too short for it to reach its end";
   }
   return "unknown cause";
@@ -121,7 +121,7 @@ constexpr const char* text_of(Cause cause) {
 constexpr const char* advice_of_newton(const Fault& fault) {
   if (!(fault.value - fault.value == 0.0) || fault.cause == Cause::newton_infinite) return "try: a smaller dt";
   if (fault.closer) return "it was still getting closer; try: more iterations, or a smaller dt";
-  if (fault.value <= 1e-4 * fault.size) return "what is left may be rounding; try: a larger tolerance";
+  if (fault.value <= 1e-4 * fault.size) return "the residual may be rounding; try: a larger tolerance";
   return "look at the forces on this coordinate, and whether it moves mass; try: a smaller dt";
 }
 
@@ -132,7 +132,7 @@ constexpr const char* shorter_steps = "try: a smaller dt, or compiling with the 
 constexpr const char* advice_of(const Fault& fault) {
   switch (fault.cause) {
     case Cause::none: return "";
-    case Cause::not_converged: return fault.value <= 1e-4 * fault.size ? "what is left may be rounding; try: a larger tolerance" : shorter_steps;
+    case Cause::not_converged: return fault.value <= 1e-4 * fault.size ? "the residual may be rounding; try: a larger tolerance" : shorter_steps;
     case Cause::diverged: return "a force, parameter or input may be out of its range; try: a smaller dt, or compiling with the method recursive-newton, as for stiff models";
     case Cause::loops_not_closed:
     case Cause::speeds_not_found: return "try: a smaller dt";
@@ -140,14 +140,14 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::speeds_inconsistent: return "check the joints' points, guides, and the given coordinates and speeds of this loop; give at most as many as there are degrees of freedom; near a dead centre give others";
     case Cause::infinite_acceleration: return "it may move no mass in this pose, as of massless links in line; try: another pose, or another method";
     case Cause::stages_not_found:
-    case Cause::tolerance_not_met: return "look for a force without bound, or for a singular pose, as where a massless body is in line with what it moves; try: a larger tolerance";
+    case Cause::tolerance_not_met: return "look for an unbounded force, or for a singular pose, as where a massless body is aligned with the body it moves; try: a larger tolerance";
     case Cause::stiff: return "stability limits the steps, as of a stiff model; try: compiling with the method recursive-newton";
     case Cause::accelerations_not_finite: return shorter_steps;
     case Cause::chattering: return "make its law continuous there, or let steps go over it with events: crossed";
     case Cause::mass_matrix_singular: return "a motion may move no mass in this pose; or rounding takes the masses beside a given penalty; try: a smaller penalty";
     case Cause::too_many_steps: return "allow more steps or a larger tolerance; or the motion may have grown without bound";
     case Cause::guard_violated: return "use the full model";
-    case Cause::no_equilibrium: return "check that springs carry the weight near this pose, that no wheel stands far in the road, that every free direction has a spring or is held, and which coordinates are given";
+    case Cause::no_equilibrium: return "check that springs carry the weight near this pose, that no wheel stands far in the road, that every free coordinate has a spring or a given value, and which coordinates are given";
     case Cause::newton_not_converged:
     case Cause::newton_diverging:
     case Cause::newton_infinite: return advice_of_newton(fault);
@@ -159,7 +159,7 @@ constexpr const char* advice_of(const Fault& fault) {
       return "a negative stiffness or damping outweighs the mass over a step this long, or this coordinate has neither mass nor stiffness, and no "
              "equation holds it; try: a smaller dt";
     case Cause::pose_singular: return "try: another dt, or the methods augmented and recursive, which can cross such poses";
-    case Cause::start_not_converged: return "look for a force without bound, or for a pose in which a motion moves no mass; try: a larger penalty";
+    case Cause::start_not_converged: return "look for an unbounded force, or for a pose in which a motion moves no mass; try: a larger penalty";
     case Cause::start_inconsistent: return "coordinates and speeds have to close the loops";
     case Cause::stage_not_converged: return "try: a smaller dt, or the integrator radau5, which chooses its steps";
     case Cause::loops_violated: return "a guide may go where the loop cannot close, or have jumped too far for one step; try: a smaller dt, or the closure proximal";
@@ -167,7 +167,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::limit_exceeded: return "the step is made, and the motion may go on; try: a smaller dt, or another limit";
     case Cause::step_subdivided: return "take this step without its derivative, or differentiate a run";
     case Cause::simultaneous_events: return "derivatives are one-sided there; move one of both, or let steps go over events by the integrator trapezoidal";
-    case Cause::speeds_jump: return "make the course of the guide smooth";
+    case Cause::speeds_jump: return "make the motion of the guide smooth";
     case Cause::event_at_step_end: return "derivatives are one-sided there; try: another dt";
     case Cause::step_size_too_small:
       return "look for a force that jumps where a motion comes to rest, such as sign(rate), and make it steep instead, such as tanh(rate/0.01); or for "
