@@ -1,4 +1,4 @@
-// Derivatives of objectives of a run by all that it depends on, from its end to its beginning.
+// Adjoint sensitivities: derivatives of objectives of a run, computed from its end to its beginning.
 #pragma once
 
 #include <algorithm>
@@ -16,16 +16,16 @@ namespace cutjoint {
 template <class Real, class Fits>
 class LoopFits;
 
-/// No loops whose functions are found with parameters.
+/// No embedded loops that are fitted with parameters.
 struct NoFits {
   static constexpr int length = 0;
 };
 
-/// `StepDerivatives` with the transposed functions T of the mechanism (formulate/transposed.py), which sum up derivatives by values of parameters, `loaded`
-/// of them; `Fits` are the loops whose functions are found with these.
+/// `StepDerivatives` with the transposed functions T of the mechanism (formulate/transposed.py), which accumulate derivatives with respect to parameter values,
+/// `loaded` of them; `Fits` are the embedded loops fitted with these.
 ///
-/// A run is recorded part by part.  From its end on, the derivatives of an objective by all at the end of a part become those by all at its beginning.  The
-/// solution of an implicit step has one of the transposed equations, by the matrix that its derivatives along directions have.
+/// The run is recorded by substeps. Backwards, derivatives with respect to everything at the end of a substep become those at its beginning.
+/// An implicit step takes one solution of the transposed equations, with the matrix of its forward derivatives.
 template <class Simulation, Sized D, Sized S, std::size_t dofs, class T, std::size_t loaded, class Fits = NoFits, class ForceResidual = NoResidual>
 class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
@@ -38,16 +38,16 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   static constexpr std::size_t orders = InputTrajectories<inputs>::orders, coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + (averages ? 3 : 2) * n + m;
 
  public:
-  /// Doubles of a record: a part of a step, a sample or a row.
+  /// Doubles of a record: a substep, a controller sample or an output sample.
   static constexpr std::size_t stages = has_stages ? radau::Table::stages : 0, record = 4 + (2 + stages) * length + held;
 
-  /// Room for records, as many as a run has parts, samples and rows.
+  /// Room for records: the number of substeps, controller samples and output samples of a run.
   struct Tape {
     double* numbers;
     std::size_t records;
   };
 
-  /// So many objectives, sums of the outputs of all rows with `weights` (number, rows, outputs), and their derivatives (number, states), (number, inputs) and
+  /// Objectives, sums of the outputs of all samples with `weights` (number, samples, outputs), and their derivatives (number, states), (number, inputs) and
   /// (number, parameters).
   struct Objectives {
     std::size_t number;
@@ -55,8 +55,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     double *by_state, *by_input, *by_parameter;
   };
 
-  /// Step the simulation so many times, and find how objectives change with the states at the beginning, with a shift of each input all the time, and
-  /// with parameters.
+  /// Take this many steps, and differentiate objectives with respect to the initial states, a constant shift of each input, and
+  /// parameters.
   Fault adjoint_sensitivities(Simulation& simulation, Minimal& minimal, long steps, Trajectory trajectory, const Objectives& objectives, const Tape& tape) {
     const auto begun = simulation.memory();
     this->open(simulation, minimal, nullptr);
@@ -80,17 +80,17 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
  private:
-  static constexpr std::size_t most_moves = m > 0 ? 8 : 1;  ///< of a projection
+  static constexpr std::size_t most_moves = m > 0 ? 8 : 1;  ///< iterations of a projection
 
-  enum class Kind : int { part, sample, row, cut };  ///< the last: where the part before is cut
+  enum class Kind : int { part, sample, row, cut };  ///< `cut`: the substep before is cut at an event
   using Numbers = Fixed<double, n>;
 
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
   static constexpr std::size_t unknowns = n + m;
-  using ByColumns = Fixed<double, ForceResidual::first_acceleration>;  ///< by all that the force residual reads
+  using ByColumns = Fixed<double, ForceResidual::first_acceleration>;  ///< with respect to all that the force residual reads
   using Unknowns = Fixed<double, unknowns>;
 
-  /// A state without its time, or derivatives by one.
+  /// A state without its time, or derivatives with respect to one.
   struct Point {
     Fixed<double, coordinates> q;
     Numbers v, vdot;
@@ -122,16 +122,16 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     }
   };
 
-  static constexpr int anew = 2, averaged_anew = 4;  ///< more of a part's number, where it begins anew, or the rule does with accelerations of the state
+  static constexpr int anew = 2, averaged_anew = 4;  ///< flags of a substep's number: it begins with new accelerations, or its rule averages those of the state
 
   struct Record {
     Kind kind;
-    double h = 0.0, t = 0.0;  ///< the length of a part, and when it begins
-    int first = 0, number = 0;  ///< values of a sample; 1 of a part that begins with the derivative, or the accelerations, of the one before, by Newton's iteration of one that does not end with its own
-    Point from, end;            ///< in place of the end of such a part the derivative, as rates of coordinates and accelerations
+    double h = 0.0, t = 0.0;  ///< length and beginning of a substep
+    int first = 0, number = 0;  ///< values of a sample; `number` is 1 for a substep that begins with the derivative of the one before (explicit), or with its accelerations (Newton), or that does not end with its own
+    Point from, end;            ///< for such a substep `end` has the derivative: rates of coordinates, and accelerations
     std::array<Point, stages> between;
-    Fixed<double, held> values;  ///< that controllers hold meanwhile
-    bool begins_anew = false, averages_anew = false;  ///< a part
+    Fixed<double, held> values;  ///< that controllers hold during the substep
+    bool begins_anew = false, averages_anew = false;  ///< of a substep
   };
 
   // The record
@@ -176,7 +176,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return x.cut_.is_made ? x.write_cut(end) : Fault{};
   }
 
-  /// Where the last part is cut: at a share of its length, in a state, where indicators leave their formulas.
+  /// A cut of the last substep: at a fraction of its length, in a state where indicators change mode.
   Fault write_cut(const StateOf<M>& end) {
     const auto& cut = this->cut_;
     if (cut.left > length) return cut.fault(Cause::step_subdivided, end.t);
@@ -229,7 +229,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     std::copy_n(x, held, record_.values.begin());
   }
 
-  // The way back
+  // Backward sweep
 
   void load_transposed() {
     Simulation& simulation = *simulation_;
@@ -242,7 +242,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     std::copy(x.u_.begin(), x.u_.end(), input);
   }
 
-  /// Be at a time, where controllers hold what they held then.
+  /// Return to a time, with the values that controllers held then.
   void begin_step(double t, [[maybe_unused]] const Fixed<double, held>& values) {
     M& mechanism = simulation_->mechanism();
     if constexpr (held > 0) simulation_->hold(values);
@@ -287,7 +287,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   Fault no_end() const { return {.cause = Cause::accelerations_not_finite, .t = record_.t}; }
 
-  /// Accelerations and multipliers have been found anew from the rest of a state: its derivatives by them become those by that.
+  /// Accelerations and multipliers have been computed anew from a state: derivatives with respect to them become derivatives with respect to the state.
   bool find_anew(const Record& at) {
     be_within(at);
     begin_step(at.t, at.values);
@@ -298,7 +298,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return accelerations_vjp(of.vdot, of.lambda, by_);
   }
 
-  /// Courses of inputs are in the part of a record, or where one ends or the run begins.
+  /// Set input trajectories to the piece of a record, or to where one ends or the run begins.
   void be_within(const Record& at) {
     if (!this->trajectories_) return;
     if (at.kind == Kind::part) this->trajectories_->be_within(at.t, at.t + at.h);
@@ -331,7 +331,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     }
   }
 
-  /// Derivatives by what a function makes of the state become those by the state.
+  /// Derivatives with respect to a function of the state become derivatives with respect to the state.
   template <class Function>
   void outputs_vjp(Function function, const double* by) {
     const Point& x = record_.from;
@@ -363,7 +363,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     else return go_over_rule();
   }
 
-  /// From derivatives also by the accelerations that a rule averages at the end of a step to those at its beginning.
+  /// From derivatives at the end of a step, averaged accelerations included, to those at its beginning.
   template <class Rest>
   bool go_over_means(Rest rest) {
     const Numbers by_mean = by_.mean;
@@ -377,16 +377,16 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return true;
   }
 
-  // Parts up to events, and those behind them
+  // Substeps up to events, and after them
 
   Kind kind_at(std::size_t place) const { return static_cast<Kind>(static_cast<int>(tape_.numbers[place * record])); }
   bool ends_at_event(std::size_t place) const { return kind_at(place) == Kind::cut && tape_.numbers[place * record + 3] > 0.0; }
 
-  /// Whether a part is cut, or begins at an event.
+  /// Whether a substep is cut, or begins at an event.
   bool is_at_event(std::size_t place) const { return indicators > 0 && (record_.kind == Kind::cut || (place > 0 && ends_at_event(place - 1))); }
 
-  /// From derivatives at the end of parts with events between, or where the last one is cut, to those at the beginning of the first, the place of which is returned: by
-  /// how the end changes along all that the beginning has.
+  /// From derivatives at the end of substeps with events between, or where the last one is cut, to those at the beginning of the first, whose index is returned:
+  /// by forward derivatives of the end along everything at the beginning.
   Fault go_over_events(std::size_t& place) {
     const std::size_t last = place;
     place -= kind_at(place) == Kind::cut ? 1 : 0;
@@ -437,7 +437,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return {};
   }
 
-  /// So many directions, along which nothing changes yet; `by` says what is to beside states.
+  /// This many seeds, zero at first; `by` says what each changes besides states.
   void open_rows(std::size_t number, std::array<int, directions>& by) {
     matrix_.fill(0.0);
     by.fill(-1);
@@ -447,7 +447,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     this->loaded_ = Base::no_row;
   }
 
-  /// Add derivatives by the numbers of each piece of an input trajectory that parts touch, as `follow` finds them along these.
+  /// Add derivatives with respect to the coefficients of each piece of an input trajectory that the substeps touch, from `follow` along these.
   template <class Follow>
   Fault visit_pieces([[maybe_unused]] std::size_t first, [[maybe_unused]] std::size_t last, [[maybe_unused]] Follow follow) {
     if constexpr (inputs > 0) {
@@ -472,7 +472,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return {};
   }
 
-  /// The same parts along directions.
+  /// The same substeps, differentiated along seeds.
   Fault follow_parts(std::size_t place, std::size_t last, std::size_t number) {
     this->begins_at_event_ = false;
     for (; place <= last; ++place) {
@@ -518,7 +518,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     for (std::size_t i = 0; i < stages; ++i) this->points_[i] = put(record_.between[i], t + radau::Table::nodes[i + 1].template as<double>() * h);
   }
 
-  /// From the end of a step to its beginning: its loops are closed as force residual have these, and its stages are one solution of transposed equations.
+  /// From the end of a step to its beginning: its loops are projected by the force residual, and its stages need one solution of transposed equations.
   bool go_over_rule() requires has_stages {
     const double h = record_.h;
     put_stages(record_.t, h);
@@ -538,7 +538,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     });
   }
 
-  /// Add derivatives by all that the force residual reads to those by coordinates, speeds, inputs, held values and values of parameters.
+  /// Convert derivatives with respect to all that the force residual reads into those with respect to coordinates, velocities, inputs, held values and parameters; add them.
   void add_columns(const ByColumns& by, Fixed<double, coordinates>& by_q, Numbers& by_v) {
     const double* x = by.data();
     const auto add_next = [&x](auto& derivatives, std::size_t number) {
@@ -549,7 +549,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     add_inputs();
   }
 
-  /// From derivatives behind loops that have been closed by the force residual at the end to those before.
+  /// From derivatives after the projection by the force residual at the end to those before it.
   bool residual_loops_vjp() {
     if constexpr (m > 0) {
       const Point &open = record_.between.back(), &end = record_.end;
@@ -611,8 +611,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   // Implicit steps
 
-  /// From derivatives by the end of a step to those by its beginning: by what leads to its stages, by the `solution` of transposed equations for derivatives by accelerations
-  /// and multipliers, which adds to those by coordinates and speeds of stages, and by what leads to these once more.
+  /// From derivatives at the end of a step to those at its beginning: through the formulas of its stages, the `solution` of transposed equations for derivatives with respect to accelerations
+  /// and multipliers, which adds to those of the stages' coordinates and velocities, and the formulas once more.
   template <class Lead, class Solution>
   bool step_vjp(const Lead& lead, Solution solution) {
     std::array<Fixed<double, coordinates>, Lead::stages> by_q{};
@@ -632,7 +632,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   // Accelerations as functions of states
 
-  /// Accelerations and multipliers of the stage; false where one is no number.
+  /// Accelerations and multipliers of the stage; false if one is not a number.
   bool enter_stage() {
     if (!this->enter(simulation_->mechanism(), stage_)) return false;
     for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] = this->still_[i];
@@ -640,8 +640,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return true;
   }
 
-  /// Add to derivatives by the stage's coordinates and speeds what those by its accelerations and multipliers make: with loops by the matrix of the residual there,
-  /// without by the transposed evaluation, which takes less.
+  /// Add to derivatives with respect to the stage's coordinates and velocities those through its accelerations and multipliers: with loops by the residual's matrix,
+  /// without loops by the transposed evaluation, which is cheaper.
   bool accelerations_vjp(const Numbers& by_vdot, const Fixed<double, m>& by_lambda, Point& to) {
     if constexpr (m > 0) {
       Unknowns by_accelerations;
@@ -720,7 +720,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   // Closed loops
 
-  /// From derivatives behind the projection of the stage to those before.
+  /// From derivatives after the projection of the stage to those before it.
   bool closed_loops_vjp() {
     if constexpr (m > 0) {
       if (!is_explicit && !simulation_->settings().fixed_point.proximal) return true;
@@ -748,14 +748,14 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return true;
   }
 
-  /// From derivatives by a move that removes a violation to those by the violation, and by coordinates, which are added.
+  /// From derivatives with respect to the displacement that removes a violation to those with respect to the violation; those with respect to coordinates are added.
   void move_vjp(const Point& at, const Fixed<double, m>& violation, const Numbers& by_move) {
     transposed_.project_transposed(at.q.data(), violation.data(), by_move.data(), more_.q.data(), by_violation_.data(), more_loaded_.data(), more_input_.data());
     add(more_.q, by_.q);
     add_sums();
   }
 
-  /// Add to derivatives by coordinates and speeds those that derivatives by the residual of loops and its rate make.
+  /// Add to derivatives with respect to coordinates and velocities those through the residual of loops and its rate.
   void residual_vjp(const Point& at, const Fixed<double, m>& by_residual, const Fixed<double, m>& by_rate, Fixed<double, coordinates>& by_q, Numbers& by_v) {
     transposed_.constraint_residual_transposed(at.q.data(), at.v.data(), by_residual.data(), by_rate.data(), more_.q.data(), more_.v.data(),
                                                more_loaded_.data(), more_input_.data());
@@ -763,7 +763,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     add_sums();
   }
 
-  /// The moves that close the loops of a state, or their rates; false where they stay open.
+  /// Displacements that project a state, and their rates; false if loops stay open.
   bool follow_moves(StateOf<M>& now, std::array<Point, most_moves>& before, std::array<Fixed<double, m>, most_moves>& violations, std::size_t& number,
                     bool is_place) {
     constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
@@ -792,7 +792,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   // The beginning
 
-  /// What an objective changes with where the run begins: all that follows from states, inputs and parameters there.
+  /// Derivatives of an objective with respect to where the run begins: everything that follows from states, inputs and parameters there.
   Fault begin_of(const Objectives& objectives, std::size_t objective) {
     double* const by_state = objectives.by_state + objective * states;
     double* const by_input = objectives.by_input + objective * inputs;
@@ -843,7 +843,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return visit_pieces(0, 0, by_piece);
   }
 
-  /// What derivatives by values of parameters in force residual make along a direction.
+  /// The derivative along a seed from derivatives with respect to parameter values in the force residual.
   double by_rows([[maybe_unused]] std::size_t k) const {
     double sum = 0.0;
     if constexpr (decltype(by_rows_)::size() > 0)
@@ -864,12 +864,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   const int* outputs_ = nullptr;
   Record record_{};
   Point by_, more_;
-  Fixed<double, coordinates> by_coordinate_rates_;  ///< derivatives by that with which the part behind begins, which the end of the part before owes
+  Fixed<double, coordinates> by_coordinate_rates_;  ///< derivatives with respect to the derivative at the beginning of the substep after, which is that at the end of the one before
   Numbers by_derivative_;
   bool owes_derivative_ = false;
   Fixed<double, loaded> by_loaded_, more_loaded_;
-  Fixed<double, parameters> by_parameter_;  ///< by events
-  Fixed<double, ForceResidual::loaded> by_rows_;  ///< by values of parameters in force residual
+  Fixed<double, parameters> by_parameter_;  ///< through events
+  Fixed<double, ForceResidual::loaded> by_rows_;  ///< with respect to parameter values in the force residual
   Fixed<double, given> by_input_, more_input_;
   Fixed<double, held> by_held_;
   Fixed<double, Base::columns> by_columns_;

@@ -1,4 +1,4 @@
-// Derivatives of the end of a step by its beginning, by inputs and by parameters.
+// Derivatives of the end of a step with respect to its beginning, inputs and parameters.
 #pragma once
 
 #include <algorithm>
@@ -12,9 +12,9 @@
 
 namespace cutjoint {
 
-/// `Derivatives` of a `Simulation` whose steps go by the trapezoidal rule, by an explicit method or by Radau IIA, of an adaptive one with the lengths that it has chosen.
+/// `Derivatives` of a `Simulation` with the trapezoidal rule, an explicit method or Radau IIA; step lengths chosen by error control count as constants.
 ///
-/// The step is made, and differentiated as it was, part by part.
+/// The step is taken, and its substeps are differentiated as they were taken.
 template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
 class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
@@ -24,8 +24,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
 
   static constexpr std::size_t parameters = M::sizes.parameters;
 
-  /// Step the simulation.  Matrices by rows, of as many rows as there are states: by the states before the step, by a shift of each input during all of
-  /// it, by parameters; a null pointer where one is not wanted.  Where there is a fault the simulation stays.
+  /// Take a step. Matrices by rows, with a row for each state: by the states before the step, by a constant shift of each input
+  /// during it, by parameters; a null pointer where one is not wanted. On a fault the simulation is unchanged.
   Fault step(Simulation& simulation, Minimal& minimal, double* by_state, double* by_input, double* by_parameter) {
     blocks_ = {{{by_state, states}, {by_input, inputs, 0}, {by_parameter, parameters, inputs}}};
     for (const Block& block : blocks_)
@@ -36,20 +36,20 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     return take(simulation);
   }
 
-  /// How many rows a matrix of directions has: states, values that controllers hold, and what goes on from step to step, the changes of coordinates and speeds, and by
-  /// how much those of accelerations, also those that a rule averages, and multipliers differ from what states give them; with loops room for a derivative.
+  /// Rows of a matrix of seeds: states, values that controllers hold, and what is carried from step to step: changes of coordinates and velocities, and
+  /// the differences of accelerations (also averaged ones) and multipliers from those that states give; with loops room for a derivative.
   static constexpr std::size_t rows = states + M::sizes.held + M::sizes.coordinates + (Base::averages ? 3 : 2) * M::sizes.speeds +
                                       (Base::m == 0 ? 0 : std::max(M::sizes.equations, M::sizes.coordinates));
 
-  /// Directions of a run: how states change along each, behind them what controllers hold and what goes on, a matrix (rows, number) by rows, and what
-  /// changes beside them, the number of an input, that of a parameter behind those of inputs, or -1.
+  /// Seeds of a run: the derivative of states along each, then of values that controllers hold and of what is carried, a matrix (rows, number) by rows; and what
+  /// each seed changes besides: the index of an input, that of a parameter after those of inputs, or -1.
   struct Directions {
     double* matrix;
     std::size_t number;
     const int* by;
   };
 
-  /// Outputs of a run by their numbers, with the change of each along directions, where it begins and behind each `every` steps.
+  /// Outputs of a run by their indices, with their derivatives along the seeds, at the beginning and after each `every` steps.
   struct Trajectory {
     std::size_t number;
     const int* outputs;
@@ -57,8 +57,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     double *values, *derivatives;
   };
 
-  /// Events of a run, of which a host wants so many, and the number that has been found: of each the indicator, the time (most) and how it changes along
-  /// directions (most, number), outputs behind it (most, reported) and how these change, the time being that of the event (most, reported, number).
+  /// Events of a run: the number wanted and the number found; of each the indicator, its time (most) and the derivative of the time along
+  /// the seeds (most, number), the outputs after it (most, reported) and their derivatives at the moving time (most, reported, number).
   struct Events {
     int most = 0;
     int* found = nullptr;
@@ -66,10 +66,10 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     double *times = nullptr, *derivatives_of_times = nullptr, *values = nullptr, *derivatives = nullptr;
   };
 
-  /// The next run that is followed along directions tells its events.
+  /// Record the events of the next run with seeds.
   void record_events(const Events& events) { events_ = events; }
 
-  /// Step the simulation so many times; directions then are those of the end, and so is the choice of coordinates, which is made again where it has become poor.
+  /// Take this many steps; seeds are then those of the end, and so is the choice of independent coordinates, which is made again when ill-conditioned.
   Fault run(Simulation& simulation, Minimal& minimal, long steps, const Directions& along, Trajectory trajectory) {
     blocks_ = {{{along.matrix, along.number, -1, along.by, M::sizes.held}, {}, {}}};
     open(simulation, minimal, along.matrix + (states + M::sizes.held) * along.number);
@@ -87,7 +87,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   using Base::averages, Base::indicators, Base::begun_, Base::cut_, Base::ended_, Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
   using typename Base::Steps;
 
-  /// What takes down parts, samples and rows in place of following them.
+  /// Records substeps, controller samples and output samples instead of differentiating them.
   struct Recorder {
     Fault (*part)(void* who, const StateOf<M>& from, const StateOf<M>& end, double h) = nullptr;
     Fault (*sample)(void* who, std::size_t first, std::size_t number) = nullptr;
@@ -95,13 +95,13 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     void* who = nullptr;
   };
 
-  /// The rows of a matrix, or none, and what changes along its columns beside states: the numbers from one on, those of a list, or, -1, nothing.
+  /// The rows of a matrix, or none, and what its columns change besides states: indices from one on, those of a list, or nothing (-1).
   struct Block {
     double* matrix = nullptr;
     std::size_t width = 0;
     int first = -1;
     const int* by = nullptr;
-    std::size_t held = 0;  ///< values of controllers that have rows behind those of states
+    std::size_t held = 0;  ///< values of controllers, with rows after those of states
 
     int at(std::size_t column) const { return by ? by[column] : first < 0 ? -1 : first + static_cast<int>(column); }
   };
@@ -125,7 +125,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     load_all();
   }
 
-  /// All that stays during the steps; parameters are loaded with the directions.
+  /// Everything that is constant during the steps; parameters are loaded with the seeds.
   void load_all() {
     this->load(*simulation_, *minimal_);
     loaded_ = no_row;
@@ -183,7 +183,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     return columns;
   }
 
-  /// Do something for all directions, several side by side, which begin with a number and are so many.
+  /// Apply a function to all seeds, in lanes; arguments are the first seed and the number.
   template <class Use>
   Fault for_rows(Use use) {
     const std::size_t columns = count_columns();
@@ -192,7 +192,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     return {};
   }
 
-  /// A row of outputs at the present state, and how they change along directions.
+  /// A sample of outputs at the present state, with their derivatives along the seeds.
   Fault report(Trajectory& trajectory) {
     if (recorder_.row) return recorder_.row(recorder_.who, trajectory);
     if (trajectory.number == 0) return {};
@@ -212,7 +212,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     return fault;
   }
 
-  /// From changes of states to those of all that goes on from step to step.
+  /// From derivatives of states to those of everything that is carried from step to step.
   Fault find_carried() {
     const auto& state = simulation_->complete_state();
     std::copy(state.vdot.begin(), state.vdot.end(), known_.begin());
@@ -230,7 +230,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     });
   }
 
-  /// From these to changes of states, of coordinates that are chosen anew where they have become poor.
+  /// From these to derivatives of states, with independent coordinates chosen again if they are ill-conditioned.
   Fault find_states() {
     const auto& state = simulation_->complete_state();
     if (minimal_->is_ill_conditioned(simulation_->starter(), simulation_->state()))
@@ -248,10 +248,10 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     });
   }
 
-  /// What goes on from step to step: states, a rest that they do not tell, and accelerations that a rule averages.
+  /// What is carried from step to step: states, a remainder that they do not determine, and accelerations that a rule averages.
   enum class Carried { state, rest, mean };
 
-  /// Visit numbers that go on from step to step, with their changes along directions from one on.
+  /// Visit the carried numbers, with their derivatives along the seeds from one on.
   template <class Visit>
   void visit_carried(std::size_t first, Visit use) {
     double* row = carried_ + first;
@@ -264,7 +264,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     if constexpr (averages) all(this->mean_, Carried::mean);
   }
 
-  /// The rule goes on with the accelerations of the state.
+  /// The rule continues with the accelerations of the state.
   void average_anew() {
     if constexpr (averages) this->mean_ = vdot_;
   }
@@ -273,13 +273,13 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     visit_carried(first, [number](const Dual& x, double* row, Carried) { copy_derivatives(reinterpret_cast<const double*>(&x.derivative), number, row); });
   }
 
-  /// So many derivatives, mostly all.
+  /// This many derivatives, usually all.
   [[gnu::always_inline]] static void copy_derivatives(const double* from, std::size_t number, double* to) {
     if (number == directions) std::memcpy(to, from, sizeof(Tangents));
     else std::copy_n(from, number, to);
   }
 
-  /// How many steps an integrator has made that was asked for as many; of one that divides some, the parts beyond.
+  /// Number of steps or substeps that the integrator has taken with the present one; Newton methods may divide steps.
   long parts_taken(const Steps& steps) const {
     if constexpr (requires { steps.newton(); }) return parts_ + 1 + steps.newton().substeps();
     else return parts_ + 1;
@@ -293,7 +293,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
 
   static Fault follow_sample(void* self, std::size_t first, std::size_t number) { return static_cast<StepDerivatives*>(self)->sample(first, number); }
 
-  /// A controller comes to hold the values of a sample, which change as the present state does.
+  /// A controller's sample: the values that it holds change with the present state.
   Fault sample([[maybe_unused]] std::size_t at, [[maybe_unused]] std::size_t held) {
     if constexpr (indicators > 0)
       if (const Fault fault = end_at_event()) return fault;
@@ -321,13 +321,13 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     return {};
   }
 
-  /// Accelerations are found anew.
+  /// Accelerations are computed anew.
   void forget_carried() { known_.fill(std::numeric_limits<double>::quiet_NaN()), last_derivative_.fill(std::numeric_limits<double>::quiet_NaN()); }
 
-  /// Whether the part that begins at a state does so with accelerations that an input trajectory has made others.
+  /// Whether the substep from a state begins with accelerations that an input trajectory has changed.
   bool begins_anew(const StateOf<M>& from) const { return this->trajectories_ && this->trajectories_->begins_anew(from.t); }
 
-  /// A method has made one of its steps, or the part of it before an event.
+  /// A method has taken a step, or its substep before an event.
   template <class Scheme>
   static void follow_length(void* who, Scheme& scheme) {
     StepDerivatives* const self = static_cast<StepDerivatives*>(who);
@@ -351,7 +351,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     self->last_ = end;
   }
 
-  /// The indicators that have left their formulas since they were counted last.  Where all stays continuous, nothing depends on when that is.
+  /// Count the indicators that have changed mode since the last count. If all is continuous, the time of the change has no effect.
   template <class Stepper>
   void count_indicators(const Stepper& stepper) {
     cut_ = {};
@@ -362,7 +362,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     }
   }
 
-  /// A part has ended at an event whose time changes along directions: nothing else may lie there.
+  /// A substep has ended at an event whose time depends on the seeds: no other event may coincide.
   Fault end_at_event() {
     if (!std::exchange(begins_at_event_, false)) return {};
     for (std::size_t k = 0; k < count_columns(); ++k)
@@ -370,10 +370,10 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     return {};
   }
 
-  /// In place of accelerations, which are found anew behind an event, how its time changes.
+  /// The derivative of the event's time, stored in place of accelerations, which are computed anew after the event.
   double* time_row() { return carried_ + M::sizes.coordinates * blocks_[0].width + n * blocks_[0].width; }
 
-  /// A part of the step has been made from a state to another: what its beginning changes by becomes what its end does.
+  /// A substep has been taken between two states: propagate derivatives from its beginning to its end.
   Fault follow(const StateOf<M>& from, const StateOf<M>& end, double h) {
     if (cut_.left > 0 && !carried_ && !recorder_.part) return cut_.fault(Cause::step_subdivided, from.t);
     if (begins_anew(from)) forget_carried();
@@ -407,7 +407,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     }
   }
 
-  /// What an event leaves: how its time changes, and outputs there for the host.
+  /// Record an event: the derivative of its time, and outputs there for the host.
   Fault keep_event(const StateOf<M>& end, std::size_t first, std::size_t number) {
     for (std::size_t k = 0; k < number; ++k) time_row()[first + k] = ended_[k];
     if (!events_.found || *events_.found >= events_.most) return {};
@@ -458,12 +458,12 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     return {};
   }
 
-  /// Whether accelerations at the end of a part of this length are found anew by Newton's iteration.
+  /// Whether Newton's iteration computes the accelerations at the end of a substep of this length anew.
   bool is_short(double h) const { return (Base::seeks_multipliers || averages) && h < simulation_->settings().dt / 100; }
 
   static Fault no_end(const StateOf<M>& end) { return {.cause = Cause::accelerations_not_finite, .t = end.t}; }
 
-  /// Coordinates, speeds, accelerations and multipliers of a state along directions.
+  /// Derivatives of coordinates, velocities, accelerations and multipliers of a state along the seeds.
   Fault enter_row(const StateOf<M>& state, std::size_t first, std::size_t number) {
     M& mechanism = simulation_->mechanism();
     mechanism.begin_step(state.t, 1.0);
@@ -483,12 +483,12 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     return take_row(mechanism, state, first, number) ? Fault{} : this->not_finite();
   }
 
-  /// Whether what goes on from step to step has the changes of a state's accelerations.
+  /// Whether what is carried has the derivatives of a state's accelerations.
   bool is_known(const StateOf<M>& state) const {
     return carries_derivative ? is_derivative_known_ : goes_on && std::equal(known_.begin(), known_.end(), state.vdot.begin());
   }
 
-  /// The same of what goes on from step to step; accelerations that have been found anew are functions of the rest.
+  /// The same for what is carried; accelerations that have been computed anew are functions of the rest.
   bool take_row(M& mechanism, const StateOf<M>& state, std::size_t first, std::size_t number) {
     this->state_ = &state;
     this->take_inputs(mechanism);
@@ -514,7 +514,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     return true;
   }
 
-  /// Visit columns of the matrices as if they stood side by side: the direction, the matrix, and the column in it.
+  /// Visit the columns of all matrices in order: the seed, the matrix, and the column in it.
   template <class Visit>
   void visit(std::size_t first, std::size_t number, Visit use) {
     for (std::size_t k = 0; k < number; ++k) {
@@ -527,7 +527,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     }
   }
 
-  /// What changes along columns where a part begins.
+  /// What columns change at the beginning of a substep.
   void begin_row(std::size_t first, std::size_t number) {
     dx_.fill(Dual());
     du_.fill(Dual());
@@ -558,24 +558,24 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     });
   }
 
-  static constexpr std::size_t plain_row = no_row - 1;  ///< is loaded where no parameter changes
+  static constexpr std::size_t plain_row = no_row - 1;  ///< loaded if no parameter changes
 
   Simulation* simulation_ = nullptr;
   Minimal* minimal_ = nullptr;
   Recorder recorder_;
   std::array<Block, 3> blocks_{};
-  double* carried_ = nullptr;  ///< rows of a run's matrix that go on from step to step
-  Fixed<double, n> known_;     ///< the accelerations whose changes these have
-  Fixed<double, carries_derivative ? M::sizes.coordinates + n : 0> first_derivative_, last_derivative_;  ///< of an explicit part, and of the one before at its end
-  Fixed<double, averages ? n : 0> next_means_;  ///< accelerations that the rule of the next part averages
+  double* carried_ = nullptr;  ///< rows of a run's matrix that are carried from step to step
+  Fixed<double, n> known_;     ///< the accelerations whose derivatives these are
+  Fixed<double, carries_derivative ? M::sizes.coordinates + n : 0> first_derivative_, last_derivative_;  ///< derivatives at the beginning of an explicit substep, and at the end of the one before
+  Fixed<double, averages ? n : 0> next_means_;  ///< accelerations that the rule of the next substep averages
   long restarts_ = 0;                            ///< as Newton's iteration counts them
-  bool is_averaged_anew_ = false, was_short_ = false;  ///< a part begins with accelerations of the state in their place; the last one was short
-  bool is_loaded_ = false;     ///< what stays during the steps, as the first one takes it
-  long parts_ = 0;  ///< as they are counted by the integrator
-  StateOf<M> last_;  ///< of an adaptive method, where its last step ended
-  Fault followed_;                                     ///< why one of its steps has no derivative
-  Fixed<long, indicators> counted_;                      ///< how often indicators have left their formulas
-  bool begins_at_event_ = false;                       ///< the next part does, whose time changes
+  bool is_averaged_anew_ = false, was_short_ = false;  ///< the next substep averages accelerations of the state; the last one was short
+  bool is_loaded_ = false;     ///< what is constant during the steps, as taken at the first one
+  long parts_ = 0;  ///< as the integrator counts them
+  StateOf<M> last_;  ///< end of the last step of an adaptive method
+  Fault followed_;                                     ///< why a step has no derivative
+  Fixed<long, indicators> counted_;                      ///< how often indicators have changed mode
+  bool begins_at_event_ = false;                       ///< the next substep begins at an event whose time depends on the seeds
   Events events_;
   const Trajectory* trajectory_ = nullptr;
 };
