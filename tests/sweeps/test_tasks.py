@@ -128,6 +128,7 @@ def test_kinematics_at_moved_hardpoints(tmp_path: Path) -> None:
         ({"maximum": "lowest.frequency", "of": "modes"}, "'maximum' is no reduction of a result of modes; of modes take one of value"),
         ({"value": "lowest.frequency", "of": "modes", "unit": "m"}, "unit m does not fit: it is in 1/s; write a unit of that"),
         ({"value": "block.z"}, "'value' belongs to the result of a task; name it: of: kinematics or modes or response or inverse"),
+        ({"value": "lowest.frequency", "of": "modes", "from": 0, "to": 1}, "'to' has no effect on a result of modes"),
         ({"value": "a", "of": "drift"}, "drift"),
         ({"value": "a", "of": {"modes": {}, "inverse": {}}}, "'of' needs one task; write for example of: {kinematics: {axle: front}}"),
     ],
@@ -135,6 +136,18 @@ def test_kinematics_at_moved_hardpoints(tmp_path: Path) -> None:
 def test_wrong(tmp_path: Path, objective: dict[str, Any], message: str) -> None:
     with pytest.raises(ModelError, match=re.escape(message)):
         _study(tmp_path, _POST, "stiffness", [1.0], {"a": objective})
+
+
+@pytest.mark.parametrize("section", ["positions", "rates"])
+def test_starts_that_tasks_do_not_take(tmp_path: Path, section: str) -> None:
+    (tmp_path / "model.yaml").write_text(_POST, encoding="utf-8")
+    name = "heave.displacement" if section == "positions" else "heave.rate"
+    study = {
+        "cutjoint_study": 1, "model": str(tmp_path / "model.yaml"), section: {name: [0.0, 0.1]},
+        "objectives": {"f": {"value": "lowest.frequency", "of": "modes"}, "z": {"maximum": "block.z"}},
+    }  # fmt: skip
+    with pytest.raises(ModelError, match=f"a result of modes does not depend on the {section} that the study varies"):
+        sweep(study, tmp_path / "table.parquet")
 
 
 def test_failures_and_clusters(tmp_path: Path) -> None:

@@ -188,6 +188,13 @@ class _Reading:
             hint = f"of {task} take one of {', '.join(REDUCTIONS_OF[task])}"
             where.fail(f"'{part.reduction}' is no reduction of a result of {task}", hint, (*keys, part.reduction))
             return Objective(name=name, reduction="value", series=-1)
+        for key, value in (("from", part.from_), ("to", part.to)):
+            if value is not None and task != "inverse":
+                where.fail(f"'{key}' has no effect on a result of {task}", "remove it", (*keys, key), at_key=True)
+        for section in ("positions", "rates"):
+            if getattr(self.document, section):
+                hint = f"remove {section}, or put the objective in another study"
+                where.fail(f"a result of {task} does not depend on the {section} that the study varies", hint, keys, at_key=True)
         values = [(key, getattr(options, key)) for key in sorted(options.model_fields_set)]
         dimensions = ((key, _OPTIONS.get(key), value) for key, value in values if value is not None)
         at = (*keys, "of", task)
