@@ -216,8 +216,7 @@ scenes:
   leans: &leans
     end: 0.5
     positions: {moves.x: 0, moves.y: 0}
-    rates: {moves.vx: speed, rear.rolling.bearing.angle_rate: speed/0.3, front.rolling.bearing.angle_rate: speed/0.3}
-    states: {rear.rolling.rolled: 1, front.rolling.rolled: 1}
+    rates: {moves.vx: speed}
     trim: {find: [drive, bars, moves.wz, rear.rolling.bearing.angle_rate, front.rolling.bearing.angle_rate], hold: {frame.ay: lateral,
           frame.wz*speed: lateral}, unsteady: [moves.vy]}
   by_angle:

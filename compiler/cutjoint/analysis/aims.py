@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array, close_loops, design_coordinates, evaluate_closures, make_inputs, retract
+from cutjoint.analysis.closing import Array, close_loops, design_coordinates, evaluate_closures, flat_roads, make_inputs, retract
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import join_and
@@ -86,6 +86,11 @@ class AimedStart:
         search = _Search(self._with({**parameters, parameter: np.nan}), np.ones(self._equations.speeds, dtype=bool), np.zeros(0))
         return bool(np.isnan(search.equations_at(design_coordinates(self._equations))).any())
 
+    def places_at(self, parameters: Mapping[str, float], q: Array, v: Array) -> Array:
+        """The places (rows, places) at coordinates and speeds (rows, speeds)."""
+        search = _Search(self._with(parameters), np.ones(self._equations.speeds, dtype=bool), np.zeros(0))
+        return search.values(np.broadcast_to(q, (len(v), len(q))), v)
+
     def _with(self, parameters: Mapping[str, float]) -> RecursiveEquations:
         return replace(self._equations, parameters=tuple(replace(p, value=parameters[p.name]) for p in self._equations.parameters))
 
@@ -150,7 +155,7 @@ class _Search:
         found = close_loops(self._equations, q, free=self._free)
         if found is None:
             return None
-        left = self._values(found[0][np.newaxis])[0] - self._wanted
+        left = self.values(found[0][np.newaxis])[0] - self._wanted
         return _Reached(q=found[0], left=np.where(np.abs(left) <= _REACHED * np.maximum(1.0, np.abs(self._wanted)), 0.0, left))
 
     def lead(self, q: Array) -> _Reached | None:
@@ -216,14 +221,16 @@ class _Search:
     def _derivatives(self, q: Array) -> Array:
         """The changes of the places (places, speeds) by each speed, by central differences."""
         steps = _DIFFERENCE * np.eye(len(self._free))
-        values = self._values(retract(self._equations, np.broadcast_to(q, (2 * len(steps), len(q))), np.concatenate([steps, -steps])))
+        values = self.values(retract(self._equations, np.broadcast_to(q, (2 * len(steps), len(q))), np.concatenate([steps, -steps])))
         return np.asarray((values[: len(steps)] - values[len(steps) :]).T / (2 * _DIFFERENCE))
 
     def equations_at(self, q: Array) -> Array:
         """The loops' residuals and the places at coordinates."""
-        return np.concatenate([evaluate_closures(self._equations, q)[0], self._values(q[np.newaxis])[0]])
+        return np.concatenate([evaluate_closures(self._equations, q)[0], self.values(q[np.newaxis])[0]])
 
-    def _values(self, q: Array) -> Array:
-        """The places (rows, places) at coordinates (rows, coordinates)."""
-        found = interpret_blocks(self._places, make_inputs(self._equations, q, np.zeros(self._equations.speeds)), {})
+    def values(self, q: Array, v: Array | None = None) -> Array:
+        """The places (rows, places) at coordinates (rows, coordinates), in motion at speeds (rows, speeds) or at rest."""
+        still = np.zeros(self._equations.speeds) if v is None else v
+        inputs = {**make_inputs(self._equations, q, still), "motion": np.full(1, float(v is not None))}
+        found = interpret_blocks(self._places, inputs, flat_roads(self._equations))
         return np.stack([np.broadcast_to(found[block][..., 0, 0], len(q)) for block in self._places], axis=-1)

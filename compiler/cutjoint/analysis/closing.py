@@ -88,7 +88,7 @@ def evaluate_guided_rates(equations: RecursiveEquations, q: Array, t: float) -> 
     close = next(f for f in equations.functions if f.name == "constraint_residual").results
     rates = [close[f"rate:{c.joint}"] for c in equations.closures]
     inputs = {**make_inputs(equations, q, np.zeros(equations.speeds), t), "motion": np.ones(1)}
-    values = interpret_blocks(rates, inputs, _roads(equations))
+    values = interpret_blocks(rates, inputs, flat_roads(equations))
     return np.concatenate([np.zeros(0), *(values[block][:, 0] for block in rates)])
 
 
@@ -100,10 +100,11 @@ def evaluate_rates(equations: RecursiveEquations, q: Array, rates: Sequence[Bloc
 
 def _interpret(equations: RecursiveEquations, q: Array, blocks: Sequence[Block], t: float = 0.0) -> dict[Block, Array]:
     """The blocks at all unit speeds in one batch; what depends on coordinates alone is evaluated once and has no batch axis."""
-    return interpret_blocks(blocks, make_inputs(equations, q, np.eye(equations.speeds), t), _roads(equations))
+    return interpret_blocks(blocks, make_inputs(equations, q, np.eye(equations.speeds), t), flat_roads(equations))
 
 
-def _roads(equations: RecursiveEquations) -> dict[str, RoadTable]:
+def flat_roads(equations: RecursiveEquations) -> dict[str, RoadTable]:
+    """A flat road for each tyre."""
     return {name: FlatRoad() for name in equations.roads}
 
 

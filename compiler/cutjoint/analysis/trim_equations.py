@@ -8,6 +8,7 @@ from itertools import accumulate
 from typing import TypeAlias
 
 import numpy as np
+import sympy
 
 from cutjoint.analysis.aims import AimedStart
 from cutjoint.analysis.closing import Array, evaluate_scene_inputs, retract, retract_changes
@@ -15,9 +16,9 @@ from cutjoint.analysis.linearise import coordinate_names
 from cutjoint.analysis.natural import call, evaluate_changes, evaluate_results
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.inputs import INPUT_ORDERS, INPUTS
-from cutjoint.model.expressions.parse import quantities_read
+from cutjoint.model.expressions.parse import quantities_read, quantity_symbol
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
-from cutjoint.model.records import Model, Scene
+from cutjoint.model.records import Aim, Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import RoadTable
@@ -70,10 +71,29 @@ class TrimParts(AimedStart):
         )  # fmt: skip
         self._first = (0, *accumulate(len(names) for names in self._names))
         units = {f"{joint.name}.{name}": unit for joint in model.joints for name, unit in JOINT_QUANTITIES[joint.kind].items()}
+        self._rolling = self._slips(model)
         self._is_length = np.array([units[name] == "m/s" for name in system.speed_names[: layout.speeds]], dtype=bool)
         self._extent = extent(
             (p for joint in model.joints for p in (joint.at, joint.to) if p is not None), {p.symbol: p.value for p in model.parameters}
         )
+
+    def _slips(self, model: Model) -> AimedStart | None:
+        """The slips of wheels, where a spin is found without a guess."""
+        wheels = [force for force in model.forces if force.has_road]
+        if not wheels or all(unknown.kind != "rate" or unknown.entry in self._scene.rates for unknown in self._trim.find):
+            return None
+        slips = {f: quantity_symbol(f.name, "vx") - f.radius * quantity_symbol(f.name, "spin") for f in wheels}
+        aims = (Aim(name=f.name, expression=slip, value=sympy.Integer(0), unit="m/s", size=1.0, span=f.span) for f, slip in slips.items())
+        return AimedStart(model, replace(self._scene, assemble=tuple(aims)))
+
+    def roll(self, y: Array, unguessed: Collection[str], q: Array, parameters: Mapping[str, float]) -> None:
+        """Begin with speeds without a guess at which wheels roll without slip."""
+        if self._rolling is not None and (at := self._at(SPEEDS, unguessed)):
+            count = self._equations.speeds
+            v = np.zeros((1 + len(at), len(self._names[SPEEDS])))
+            v[0], v[range(1, 1 + len(at)), [i - self._first[SPEEDS] for i in at]] = y[self._first[SPEEDS] : self._first[RATES]], 1.0
+            slip, *by_speed = self._rolling.places_at(parameters, q, v[:, :count])
+            y[at] -= np.linalg.lstsq(np.array(by_speed).T, slip)[0]
 
     def _at(self, part: int, names: Collection[str]) -> list[int]:
         """The indices of numbers of a part."""
@@ -126,6 +146,7 @@ class TrimEquations:
         laws = evaluate_scene_inputs(system, y[self._part(PARAMETERS)], 0.0)
         y[self._part(_INPUTS)] = laws[INPUTS][:: len(INPUT_ORDERS)] if self._names[_INPUTS] else 0.0
         y[self._part(SPEEDS)] = [given.rates.get(name, 0.0) for name in self._names[SPEEDS]]
+        of.roll(y, [u.entry for u in of._trim.find if u.kind == "rate" and u.entry not in given.rates], self._q, given.parameters)
         self._free = np.zeros(len(y), dtype=bool)
         self._free[self._part(MOVES)] = moves
         self._free[self._part(MULTIPLIERS)] = True
