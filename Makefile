@@ -36,7 +36,7 @@ fuzz: setup
 	$(BIN)/python -m tests.fuzz $(or $(SECONDS),300) $(SEED)
 
 # The studies of cutjoint_bench, each by its name; `of` are its modules where they have others, `with` their arguments
-STUDIES := report tables beside bench methods newton batch sweep chain instructions realtime flags waits choice verification stiff errors branches loops roads driving imports
+STUDIES := report tables beside bench methods newton batch sweep chain instructions realtime flags waits choice verification stiff errors branches loops starts roads driving imports
 .PHONY: $(STUDIES) peers
 $(STUDIES): %: setup
 	for study in $(or $(of),$*); do $(BIN)/python -m cutjoint_bench.studies.$$study $(with) || exit; done
