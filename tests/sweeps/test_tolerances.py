@@ -117,7 +117,7 @@ def test_distributions_of_variables_and_vectors(tmp_path: Path) -> None:
     [
         ({"parameters": {"a": {"normal": 0}}}, "a distribution has a width above zero; write a plain number for a constant"),
         ({"parameters": {"a": {"normal": 1, "uniform": 1}}}, "needs one of normal, uniform, triangular; write for example"),
-        ({"parameters": {"a": {"uniform": 1, "from": 1}}}, "'from' and 'to' cut off a normal distribution alone; leave them away"),
+        ({"parameters": {"a": {"uniform": 1, "from": 1}}}, "'from' and 'to' cut off a normal distribution alone; remove them"),
         ({"parameters": {"a": {"normal": 1, "from": 3}}}, "the mean 2 is not between from and to; write limits about it"),
         ({"parameters": {"a": [1, 2]}}, "tolerances need one scene and distributions, no lists; write for example {normal: 0.1 mm}"),
         ({"design": {"tolerances": 9, "correlations": [["a", "b", 0.5]]}}, "'b' has no normal distribution; correlate variables"),

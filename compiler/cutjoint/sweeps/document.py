@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field, StrictInt, StrictStr, Tag, model_validator
+from pydantic import ConfigDict, Field, StrictInt, StrictStr, Tag, model_validator
 
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS
 from cutjoint.model.document.model_file import json_schema
@@ -24,9 +24,15 @@ class Between(Part):
     scale: Literal["linear", "log"] = "linear"
 
 
+#: The distributions of variables.
+DISTRIBUTIONS = ("normal", "uniform", "triangular")
+
+
 class Spread(Part):
     """A distribution about a mean, by default the model's value: a standard deviation of a normal one, which ``from`` and ``to`` may cut
     off, or half the width of a uniform or triangular one."""
+
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [name]} for name in DISTRIBUTIONS]})
 
     normal: Number | None = None
     uniform: Number | None = None
@@ -45,12 +51,9 @@ class Spread(Part):
         if len(self.model_fields_set & {*DISTRIBUTIONS}) != 1:
             raise shape_error(f"needs one of {', '.join(DISTRIBUTIONS)}", "write for example {normal: 0.1 mm}")
         if self.normal is None and not (self.from_ is None and self.to is None):
-            raise shape_error("'from' and 'to' cut off a normal distribution alone", "leave them away")
+            raise shape_error("'from' and 'to' cut off a normal distribution alone", "remove them")
         return self
 
-
-#: The distributions of variables.
-DISTRIBUTIONS = ("normal", "uniform", "triangular")
 
 Values: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")]
