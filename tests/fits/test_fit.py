@@ -287,3 +287,30 @@ def test_a_driven_arm_from_rest_with_ties_starts_and_bootstrap(tmp_path: Path) -
     for name, value in {"friction": 0.3, "size": 0.08}.items():
         assert abs(found[name] - value) < 6 * found.deviations[found.names.index(name)]
         assert found[name] == pytest.approx(value, rel=5e-3)
+
+
+def test_an_experiment_without_input_follows_its_scene_behind_one_that_is_driven(tmp_path: Path) -> None:
+    """Both are of one scene; the torque of the first, which never is zero, would move the second."""
+    text = _PENDULUM.replace("parameters: {", "parameters: {push: {value: 0, unit: N*m, binding: input}, ").replace(
+        "damping: friction}}", "damping: friction}}\n  motor: {kind: joint_force, joint: pin, law: push}"
+    )
+    (tmp_path / "arm.yaml").write_text(text)
+    t, total = np.arange(0.0, 0.501, 0.01), 0.05 + 2.0 * 0.09
+
+    def angle(torque: float) -> Any:
+        def f(_: float, x: Any) -> Any:
+            return [x[1], (2.0 * 9.81 * 0.3 * np.cos(x[0]) - 0.3 * x[1] + torque) / total]
+
+        return solve_ivp(f, (0, 0.5), [1.0, 0.0], t_eval=np.minimum(t, 0.5), rtol=1e-12, atol=1e-12).y[0]
+
+    driven = _write(tmp_path / "driven.csv", t, torque=np.full(len(t), 2.0), pin_angle=angle(2.0))
+    free = _write(tmp_path / "free.csv", t, pin_angle=angle(0.0))
+    start = {"pin.angle": 1.0, "pin.angle_rate": 0.0}
+    found = cutjoint.fit({
+        "cutjoint_fit": 1, "model": str(tmp_path / "arm.yaml"), "integrator": "rk4", "dt": "1 ms", "parameters": {"friction": {}},
+        "experiments": {
+            "driven": {"data": driven, "start": start, "inputs": {"push": {"column": "torque"}}, "signals": {"pin.angle": {}}},
+            "free": {"data": free, "start": start, "signals": {"pin.angle": {}}},
+        },
+    })  # fmt: skip
+    assert found["friction"] == pytest.approx(0.3, rel=1e-6)
