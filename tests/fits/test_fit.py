@@ -314,3 +314,19 @@ def test_an_experiment_without_input_follows_its_scene_behind_one_that_is_driven
         },
     })  # fmt: skip
     assert found["friction"] == pytest.approx(0.3, rel=1e-6)
+
+
+def test_an_experiment_from_the_drawn_pose_behind_one_at_rest(tmp_path: Path) -> None:
+    (tmp_path / "arm.yaml").write_text(_PENDULUM)
+    t = np.arange(0.0, 0.501, 0.01)
+    falls = _scipy_pendulum(t, mass=2.0, inertia=0.05, friction=0.3, angle=0.0, rate=0.0)
+    hangs = _write(tmp_path / "hangs.csv", t, pin_angle=np.full(len(t), np.pi / 2))
+    data = _write(tmp_path / "falls.csv", t, pin_angle=falls)
+    found = cutjoint.fit({
+        "cutjoint_fit": 1, "model": str(tmp_path / "arm.yaml"), "integrator": "rk4", "dt": "1 ms", "parameters": {"friction": {}},
+        "experiments": {
+            "hangs": {"data": hangs, "rest": True, "signals": {"pin.angle": {"deviation": 1e-3}}},
+            "falls": {"data": data, "signals": {"pin.angle": {"deviation": 1e-3}}},
+        },
+    })  # fmt: skip
+    assert found["friction"] == pytest.approx(0.3, rel=1e-6)

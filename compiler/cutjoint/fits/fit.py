@@ -127,7 +127,7 @@ class Solver:
         except CutjointError as error:
             raise RunError(f"{self.study.file}: the runs with the start values fail: {error}") from None
         for words in _open(before):
-            self.note(f"the data do not tell: {words}")
+            self.note(f"the data do not determine: {words}")
         begins = [self.start]
         if self.study.starts > 1:
             points = qmc.Sobol(len(self.names), seed=self.study.seed).random(self.study.starts - 1)
@@ -257,7 +257,7 @@ class Solver:
 
 def _open(found: Identifiability) -> list[str]:
     pairs = [f"{a} and {b} apart (collinearity {index:.3g})" for a, b, index in found.collinear]
-    return [*map(describe, found.open), *(f"{describe(x)}, but hardly" for x in found.nearly_open), *pairs]
+    return [*map(describe, found.open), *(f"{describe(x)} (nearly)" for x in found.nearly_open), *pairs]
 
 
 def _spread(signal: Signal) -> float:

@@ -38,7 +38,7 @@ class Runs:
         sims: dict[tuple[object, ...], Simulation] = {}
         self._cases = []
         for e in study.experiments:
-            key = (e.model.span.file, e.scene.name, tuple(o.column for o in e.outputs), tuple(e.inputs))  # inputs stay set
+            key = (e.model.span.file, e.scene.name, tuple(o.column for o in e.outputs), tuple(e.inputs), e.at_rest)  # both settings stay
             if key not in sims:
                 note(f"compiling {e.model.name}, scene '{e.scene.name}'")
                 sims[key] = load_scene(e.model, e.scene, method=study.method, integrator=study.integrator, linearise=True)
