@@ -62,7 +62,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     this->open(simulation, minimal, nullptr);
     tape_ = tape;
     records_ = 0;
-    const Fault missed = write_run(steps, trajectory);
+    const Fault missed = record_run(steps, trajectory);
     const auto ended = simulation.memory();
     simulation.restore(begun);
     if (missed) return missed;
@@ -72,17 +72,17 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     Fault fault;
     for (std::size_t i = 0; i < objectives.number && !fault; ++i) {
       objective_ = i;
-      fault = go_back(trajectory.number, objectives.weights + i * rows * trajectory.number, rows);
-      if (!fault) fault = begin_of(objectives, i);
+      fault = sweep_backward(trajectory.number, objectives.weights + i * rows * trajectory.number, rows);
+      if (!fault) fault = initial_derivatives(objectives, i);
     }
     simulation.restore(fault ? begun : ended);
     return fault;
   }
 
  private:
-  static constexpr std::size_t most_moves = m > 0 ? 8 : 1;  ///< iterations of a projection
+  static constexpr std::size_t max_projections = m > 0 ? 8 : 1;  ///< iterations of a projection
 
-  enum class Kind : int { part, sample, row, cut };  ///< `cut`: the substep before is cut at an event
+  enum class Kind : int { substep, controller_sample, output_sample, cut };  ///< `cut`: the substep before is cut at an event
   using Numbers = Fixed<double, n>;
 
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
@@ -122,7 +122,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     }
   };
 
-  static constexpr int anew = 2, averaged_anew = 4;  ///< flags of a substep's number: it begins with new accelerations, or its rule averages those of the state
+  static constexpr int restarted = 2, average_restarted = 4;  ///< flags of a substep's number: it begins with new accelerations, or its rule averages those of the state
 
   struct Record {
     Kind kind;
@@ -131,31 +131,31 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     Point from, end;            ///< for such a substep `end` has the derivative: rates of coordinates, and accelerations
     std::array<Point, stages> between;
     Fixed<double, held> values;  ///< that controllers hold during the substep
-    bool begins_anew = false, averages_anew = false;  ///< of a substep
+    bool is_restarted = false, restarts_average = false;  ///< of a substep
   };
 
   // The record
 
-  Fault write_run(long steps, Trajectory& trajectory) {
+  Fault record_run(long steps, Trajectory& trajectory) {
     blocks_ = {};
     blocks_[0].held = held;
-    this->recorder_ = {&write_part, &write_sample, &write_row, this};
+    this->recorder_ = {&record_substep, &record_controller_sample, &record_output_sample, this};
     const Fault fault = this->go_on(steps, trajectory);
     this->recorder_ = {};
     return fault;
   }
 
-  static Fault write_row(void* who, Trajectory& trajectory) {
+  static Fault record_output_sample(void* who, Trajectory& trajectory) {
     Adjoint& x = *static_cast<Adjoint*>(who);
     const double* known = x.simulation_->report();
     for (std::size_t i = 0; i < trajectory.number; ++i) *trajectory.values++ = known[trajectory.outputs[i]];
     x.outputs_ = trajectory.outputs;
     x.record_.number = 0;
     x.record_.from.take(x.simulation_->complete_state());
-    return x.write(Kind::row, x.simulation_->state().t, 0.0);
+    return x.write(Kind::output_sample, x.simulation_->state().t, 0.0);
   }
 
-  static Fault write_part(void* who, const StateOf<M>& from, const StateOf<M>& end, double h) {
+  static Fault record_substep(void* who, const StateOf<M>& from, const StateOf<M>& end, double h) {
     Adjoint& x = *static_cast<Adjoint*>(who);
     x.record_.from.take(from);
     x.record_.end.take(end);
@@ -171,13 +171,13 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       for (std::size_t i = 0; i < stages; ++i) x.record_.between[i].take(x.points_[i]);
     }
     if constexpr (averages) x.record_.from.mean = x.means_;
-    x.record_.number += (x.begins_anew(from) ? anew : 0) + (x.is_averaged_anew_ ? averaged_anew : 0);
-    if (const Fault fault = x.write(Kind::part, from.t, h)) return fault;
-    return x.cut_.is_made ? x.write_cut(end) : Fault{};
+    x.record_.number += (x.begins_anew(from) ? restarted : 0) + (x.restarts_average_ ? average_restarted : 0);
+    if (const Fault fault = x.write(Kind::substep, from.t, h)) return fault;
+    return x.cut_.is_made ? x.record_cut(end) : Fault{};
   }
 
   /// A cut of the last substep: at a fraction of its length, in a state where indicators change mode.
-  Fault write_cut(const StateOf<M>& end) {
+  Fault record_cut(const StateOf<M>& end) {
     const auto& cut = this->cut_;
     if (cut.left > length) return cut.fault(Cause::step_subdivided, end.t);
     record_.from.take(end);
@@ -188,22 +188,22 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return {};
   }
 
-  static Fault write_sample(void* who, std::size_t first, std::size_t number) {
+  static Fault record_controller_sample(void* who, std::size_t first, std::size_t number) {
     Adjoint& x = *static_cast<Adjoint*>(who);
     x.record_.from.take(x.simulation_->complete_state());
     x.record_.first = static_cast<int>(first), x.record_.number = static_cast<int>(number);
-    return x.write(Kind::sample, x.simulation_->state().t, 0.0);
+    return x.write(Kind::controller_sample, x.simulation_->state().t, 0.0);
   }
 
   Fault write(Kind kind, double t, double h) {
     if (records_ == tape_.records) return {.cause = Cause::too_many_steps, .t = t, .step = static_cast<long>(records_)};
     double* x = tape_.numbers + records_++ * record;
     *x++ = static_cast<double>(kind);
-    *x++ = kind == Kind::sample ? record_.first : h;
+    *x++ = kind == Kind::controller_sample ? record_.first : h;
     *x++ = t;
     *x++ = record_.number;
     x = record_.from.write(x);
-    x = (kind == Kind::part ? record_.end : record_.from).write(x);
+    x = (kind == Kind::substep ? record_.end : record_.from).write(x);
     for (const Point& stage : record_.between) x = stage.write(x);
     if constexpr (held > 0) {
       M& mechanism = simulation_->mechanism();
@@ -220,9 +220,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     record_.h = *x++, record_.first = static_cast<int>(record_.h);
     record_.t = *x++;
     record_.number = static_cast<int>(*x++);
-    const int number = record_.kind == Kind::part ? record_.number : 0;
-    record_.begins_anew = number & anew, record_.averages_anew = number & averaged_anew;
-    record_.number -= number & (anew | averaged_anew);
+    const int number = record_.kind == Kind::substep ? record_.number : 0;
+    record_.is_restarted = number & restarted, record_.restarts_average = number & average_restarted;
+    record_.number -= number & (restarted | average_restarted);
     x = record_.from.read(x);
     x = record_.end.read(x);
     for (Point& stage : record_.between) x = stage.read(x);
@@ -251,45 +251,45 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     transposed_.begin_step(t, 1.0);
   }
 
-  Fault go_back(std::size_t number, const double* weights, std::size_t rows) {
+  Fault sweep_backward(std::size_t number, const double* weights, std::size_t rows) {
     by_.clear();
     by_loaded_.fill(0.0), by_parameter_.fill(0.0), by_input_.fill(0.0), by_held_.fill(0.0);
     if (this->trajectories_) this->trajectories_->clear_derivatives(objective_);
     owes_derivative_ = false;
     read(records_ - 1);
-    by_rows_.fill(0.0);
+    by_residual_values_.fill(0.0);
     for (std::size_t place = records_; place-- > 0;) {
-      be_within(record_);
-      const bool is_part = record_.kind == Kind::part || record_.kind == Kind::cut;
-      const Point behind_row = by_;
+      select_pieces(record_);
+      const bool is_part = record_.kind == Kind::substep || record_.kind == Kind::cut;
+      const Point before_sample = by_;
       if (has_stages && !is_part) by_.vdot.fill(0.0), by_.lambda.fill(0.0);
-      if (record_.kind == Kind::row) go_over_row(number, weights + --rows * number);
-      else if (record_.kind == Kind::sample) go_over_sample();
+      if (record_.kind == Kind::output_sample) reverse_output_sample(number, weights + --rows * number);
+      else if (record_.kind == Kind::controller_sample) reverse_controller_sample();
       else if (is_at_event(place)) {
-        if (const Fault fault = go_over_events(place)) return fault;
-      } else if (!go_over_part()) return no_end();
+        if (const Fault fault = reverse_events(place)) return fault;
+      } else if (!reverse_substep()) return not_finite_step();
       if constexpr (has_stages) {
-        if ((!is_part || record_.number == 0) && !find_anew(record_)) return no_end();
-        if (!is_part) by_.vdot = behind_row.vdot, by_.lambda = behind_row.lambda;
+        if ((!is_part || record_.number == 0) && !reverse_accelerations(record_)) return not_finite_step();
+        if (!is_part) by_.vdot = before_sample.vdot, by_.lambda = before_sample.lambda;
         if (place > 0) read(place - 1);
         continue;
       }
       if (place == 0) break;
-      const Record behind = record_;
+      const Record later = record_;
       read(place - 1);
-      const bool is_new = record_.kind == Kind::sample || behind.begins_anew;
-      const bool ends_otherwise = seeks_multipliers && record_.number == 1;
-      const bool goes_on = !is_explicit && !is_new && !ends_otherwise && behind.from.vdot == record_.end.vdot;
-      if (!goes_on && !find_anew(behind)) return no_end();
+      const bool is_new = record_.kind == Kind::controller_sample || later.is_restarted;
+      const bool recomputes_end = seeks_multipliers && record_.number == 1;
+      const bool reuses_accelerations = !is_explicit && !is_new && !recomputes_end && later.from.vdot == record_.end.vdot;
+      if (!reuses_accelerations && !reverse_accelerations(later)) return not_finite_step();
     }
     return {};
   }
 
-  Fault no_end() const { return {.cause = Cause::accelerations_not_finite, .t = record_.t}; }
+  Fault not_finite_step() const { return {.cause = Cause::accelerations_not_finite, .t = record_.t}; }
 
   /// Accelerations and multipliers have been computed anew from a state: derivatives with respect to them become derivatives with respect to the state.
-  bool find_anew(const Record& at) {
-    be_within(at);
+  bool reverse_accelerations(const Record& at) {
+    select_pieces(at);
     begin_step(at.t, at.values);
     put(at.from, at.t);
     if (!enter_stage()) return false;
@@ -299,11 +299,11 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   /// Set input trajectories to the piece of a record, or to where one ends or the run begins.
-  void be_within(const Record& at) {
+  void select_pieces(const Record& at) {
     if (!this->trajectories_) return;
-    if (at.kind == Kind::part) this->trajectories_->be_within(at.t, at.t + at.h);
-    else if (at.t > begun_at_) this->trajectories_->be_behind(at.t);
-    else this->trajectories_->be_within(at.t, std::numeric_limits<double>::infinity());
+    if (at.kind == Kind::substep) this->trajectories_->select_pieces_within(at.t, at.t + at.h);
+    else if (at.t > begun_at_) this->trajectories_->select_pieces_until(at.t);
+    else this->trajectories_->select_pieces_within(at.t, std::numeric_limits<double>::infinity());
   }
 
   const StateOf<M>& put(const Point& point, double t) {
@@ -315,14 +315,14 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return stage_;
   }
 
-  void go_over_row(std::size_t number, const double* weights) {
+  void reverse_output_sample(std::size_t number, const double* weights) {
     begin_step(record_.t, record_.values);
-    by_columns_.fill(0.0);
-    for (std::size_t i = 0; i < number; ++i) by_columns_[static_cast<std::size_t>(outputs_[i])] += weights[i];
-    outputs_vjp(&T::report_transposed, by_columns_.data());
+    by_outputs_.fill(0.0);
+    for (std::size_t i = 0; i < number; ++i) by_outputs_[static_cast<std::size_t>(outputs_[i])] += weights[i];
+    outputs_vjp(&T::report_transposed, by_outputs_.data());
   }
 
-  void go_over_sample() {
+  void reverse_controller_sample() {
     if constexpr (held > 0) {
       begin_step(record_.t, record_.values);
       Fixed<double, held> by_next;
@@ -357,23 +357,23 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     for (std::size_t i = 0; i < held; ++i) by_held_[i] += more_input_[given - held + i];
   }
 
-  bool go_over_part() {
-    if constexpr (is_explicit) return go_over_derivatives<typename Simulation::Steps::Method>();
-    else if constexpr (averages) return go_over_means([this] { return go_over_rule(); });
-    else return go_over_rule();
+  bool reverse_substep() {
+    if constexpr (is_explicit) return reverse_explicit_step<typename Simulation::Steps::Method>();
+    else if constexpr (averages) return reverse_averages([this] { return reverse_implicit_step(); });
+    else return reverse_implicit_step();
   }
 
   /// From derivatives at the end of a step, averaged accelerations included, to those at its beginning.
   template <class Rest>
-  bool go_over_means(Rest rest) {
+  bool reverse_averages(Rest rest) {
     const Numbers by_mean = by_.mean;
     this->means_ = record_.from.mean;
     this->begin_rule(put(record_.from, record_.t), record_.h);
-    const auto share = this->lead_.by_mean();
+    const auto share = this->formula_.average_weights();
     for (std::size_t i = 0; i < n; ++i) by_.vdot[i] += share.end * by_mean[i];
     if (!rest()) return false;
     for (std::size_t i = 0; i < n; ++i) by_.vdot[i] += share.begin * by_mean[i], by_.mean[i] += share.mean * by_mean[i];
-    if (record_.averages_anew) add(by_.mean, by_.vdot), by_.mean.fill(0.0);
+    if (record_.restarts_average) add(by_.mean, by_.vdot), by_.mean.fill(0.0);
     return true;
   }
 
@@ -387,7 +387,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   /// From derivatives at the end of substeps with events between, or where the last one is cut, to those at the beginning of the first, whose index is returned:
   /// by forward derivatives of the end along everything at the beginning.
-  Fault go_over_events(std::size_t& place) {
+  Fault reverse_events(std::size_t& place) {
     const std::size_t last = place;
     place -= kind_at(place) == Kind::cut ? 1 : 0;
     while (place > 0 && ends_at_event(place - 1)) place -= 2;
@@ -395,7 +395,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     Fixed<double, all> found;
     std::array<int, directions> by{};
     const auto follow = [&](std::size_t number, double* derivatives) {
-      if (const Fault fault = follow_parts(place, last, number)) return fault;
+      if (const Fault fault = differentiate_substeps(place, last, number)) return fault;
       for (std::size_t k = 0; k < number; ++k) {
         const double* row = this->carried_ + k;
         const auto add_rows = [&](const auto& by_end) {
@@ -409,7 +409,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     };
     for (std::size_t first = 0; first < all; first += directions) {
       const std::size_t number = std::min(directions, all - first);
-      open_rows(number, by);
+      open_seeds(number, by);
       for (std::size_t k = 0; k < number; ++k) {
         const std::size_t which = first + k;
         if (which >= moving + held) by[k] = static_cast<int>(which - moving - held);
@@ -419,7 +419,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       if (const Fault fault = follow(number, found.data() + first)) return fault;
     }
     const auto by_piece = [&](double* derivatives) {
-      open_rows(orders, by);
+      open_seeds(orders, by);
       return follow(orders, derivatives);
     };
     if (const Fault fault = visit_pieces(place, last, by_piece)) return fault;
@@ -438,7 +438,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   /// This many seeds, zero at first; `by` says what each changes besides states.
-  void open_rows(std::size_t number, std::array<int, directions>& by) {
+  void open_seeds(std::size_t number, std::array<int, directions>& by) {
     matrix_.fill(0.0);
     by.fill(-1);
     blocks_ = {};
@@ -455,8 +455,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       for (std::size_t i = 0; trajectories && i < trajectories->number(); ++i) {
         const auto piece_at = [&](std::size_t place, bool is_end) {
           read(place);
-          be_within(record_);
-          return trajectories->find(i, record_.t + (is_end && record_.kind == Kind::part ? record_.h : 0.0));
+          select_pieces(record_);
+          return trajectories->find(i, record_.t + (is_end && record_.kind == Kind::substep ? record_.h : 0.0));
         };
         const std::size_t end = piece_at(last, true);
         for (std::size_t piece = piece_at(first, false); piece <= end; ++piece) {
@@ -473,11 +473,11 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   /// The same substeps, differentiated along seeds.
-  Fault follow_parts(std::size_t place, std::size_t last, std::size_t number) {
+  Fault differentiate_substeps(std::size_t place, std::size_t last, std::size_t number) {
     this->begins_at_event_ = false;
     for (; place <= last; ++place) {
       read(place);
-      be_within(record_);
+      select_pieces(record_);
       const StateOf<M> from = put(record_.from, record_.t);
       StateOf<M> end = from;
       const double h = record_.h;
@@ -502,8 +502,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
         for (std::size_t j = 0; j < this->cut_.left; ++j) this->cut_.which[j] = static_cast<std::size_t>(tape_.numbers[place * record + 4 + length + j]);
       }
       if constexpr (has_stages)
-        if (!this->find_part(*simulation_, from, end, h)) return no_end();
-      const Fault fault = this->follow_row(from, end, h, 0, number);
+        if (!this->prepare_substep(*simulation_, from, end, h)) return not_finite_step();
+      const Fault fault = this->propagate_seeds(from, end, h, 0, number);
       is_derivative_known_ = false;
       this->begins_at_event_ = this->cut_.left > 0;
       Base::last_.t = end.t;
@@ -519,7 +519,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   /// From the end of a step to its beginning: its loops are projected by the force residual, and its stages need one solution of transposed equations.
-  bool go_over_rule() requires has_stages {
+  bool reverse_implicit_step() requires has_stages {
     const double h = record_.h;
     put_stages(record_.t, h);
     begin_step(record_.t + h, record_.values);
@@ -545,7 +545,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       for (std::size_t i = 0; i < number; ++i) derivatives[i] += *x++;
     };
     more_input_.fill(0.0);
-    add_next(by_q, coordinates), add_next(by_v, n), add_next(more_input_, given), add_next(by_rows_, by_rows_.size());
+    add_next(by_q, coordinates), add_next(by_v, n), add_next(more_input_, given), add_next(by_residual_values_, by_residual_values_.size());
     add_inputs();
   }
 
@@ -556,10 +556,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       this->force_residual_.find(record_.t + record_.h, end.q, end.v, end.vdot, end.lambda, this->u_);
       if (!this->force_residual_.violations_vjp(by_.v, by_violation_)) return false;
       residual_vjp(open, nothing_, by_violation_, by_.q, by_.v);
-      Fixed<double, coordinates> behind = by_.q;
+      Fixed<double, coordinates> later = by_.q;
       Numbers by_delta;
       by_.q.fill(0.0);
-      RetractionDerivatives<balls>(charts(), open.q.data(), by_delta.data()).vjp(charts(), behind.data(), by_.q.data(), by_delta.data());
+      RetractionDerivatives<balls>(charts(), open.q.data(), by_delta.data()).vjp(charts(), later.data(), by_.q.data(), by_delta.data());
       if (!this->force_residual_.violations_vjp(by_delta, by_violation_)) return false;
       residual_vjp(open, by_violation_, nothing_, by_.q, by_.v);
     }
@@ -568,7 +568,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   // The trapezoidal rule with multipliers that close the loops
 
-  bool go_over_rule() requires seeks_multipliers {
+  bool reverse_implicit_step() requires seeks_multipliers {
     const double h = record_.h;
     const StateOf<M> from = put(record_.from, record_.t), end = put(record_.end, record_.t + h);
     begin_step(end.t, record_.values);
@@ -585,7 +585,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     Point rule;
     rule.take(stage_);
     std::copy_n(by_first.begin(), n, by_.vdot.begin()), std::copy_n(by_first.begin() + n, m, by_.lambda.begin());
-    return step_vjp(this->lead_, [&](auto& x, auto& by_q, auto& by_v) {
+    return step_vjp(this->formula_, [&](auto& x, auto& by_q, auto& by_v) {
       by.fill(0.0);
       if (!this->ends_.rule_vjp(force_residual, x, by, by_violation_)) return false;
       residual_vjp(rule, by_violation_, nothing_, by_q[0], by_v[0]);
@@ -596,12 +596,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   // The trapezoidal rule
 
-  bool go_over_rule() requires(!seeks_multipliers && !has_stages) {
+  bool reverse_implicit_step() requires(!seeks_multipliers && !has_stages) {
     const double h = record_.h;
     const StateOf<M> from = put(record_.from, record_.t), end = put(record_.end, record_.t + h);
     begin_step(end.t, record_.values);
-    if (!this->settle_end(simulation_->mechanism(), from, end, h) || !closed_loops_vjp()) return false;
-    return step_vjp(this->lead_, [&](auto& x, auto& by_q, auto& by_v) {
+    if (!this->converge_end(simulation_->mechanism(), from, end, h) || !closed_loops_vjp()) return false;
+    return step_vjp(this->formula_, [&](auto& x, auto& by_q, auto& by_v) {
       ByColumns by;
       if (!this->force_residual_.end_vjp(x, by)) return false;
       add_columns(by, by_q[0], by_v[0]);
@@ -613,19 +613,19 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   /// From derivatives at the end of a step to those at its beginning: through the formulas of its stages, the `solution` of transposed equations for derivatives with respect to accelerations
   /// and multipliers, which adds to those of the stages' coordinates and velocities, and the formulas once more.
-  template <class Lead, class Solution>
-  bool step_vjp(const Lead& lead, Solution solution) {
-    std::array<Fixed<double, coordinates>, Lead::stages> by_q{};
-    std::array<Numbers, Lead::stages> by_v{}, by_vdot{};
-    Fixed<double, Lead::stages * unknowns> x;
+  template <class Formula, class Solution>
+  bool step_vjp(const Formula& formula, Solution solution) {
+    std::array<Fixed<double, coordinates>, Formula::stages> by_q{};
+    std::array<Numbers, Formula::stages> by_v{}, by_vdot{};
+    Fixed<double, Formula::stages * unknowns> x;
     Point begun;
     by_q.back() = by_.q, by_v.back() = by_.v, by_vdot.back() = by_.vdot;
-    lead.vjp(by_q, by_v, begun, by_vdot);
-    for (std::size_t i = 0; i < Lead::stages; ++i) std::copy(by_vdot[i].begin(), by_vdot[i].end(), x.begin() + i * unknowns);
+    formula.vjp(by_q, by_v, begun, by_vdot);
+    for (std::size_t i = 0; i < Formula::stages; ++i) std::copy(by_vdot[i].begin(), by_vdot[i].end(), x.begin() + i * unknowns);
     std::copy(by_.lambda.begin(), by_.lambda.end(), x.end() - m);
     if (!solution(x, by_q, by_v)) return false;
     begun.clear();
-    lead.vjp(by_q, by_v, begun, by_vdot);
+    formula.vjp(by_q, by_v, begun, by_vdot);
     by_ = begun;
     return true;
   }
@@ -635,8 +635,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   /// Accelerations and multipliers of the stage; false if one is not a number.
   bool enter_stage() {
     if (!this->enter(simulation_->mechanism(), stage_)) return false;
-    for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] = this->still_[i];
-    for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] = this->force_[i] + this->left_[i];
+    for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] = this->vdot_value_[i];
+    for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] = this->lambda_value_[i] + this->lambda_update_[i];
     return true;
   }
 
@@ -662,7 +662,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   // Explicit methods
 
   template <class Table>
-  bool go_over_derivatives() {
+  bool reverse_explicit_step() {
     constexpr std::size_t stages = Table::stages - 1;
     const double h = record_.h;
     const bool begins_with_derivative = carries_derivative && record_.number == 1;
@@ -724,23 +724,23 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   bool closed_loops_vjp() {
     if constexpr (m > 0) {
       if (!is_explicit && !simulation_->settings().fixed_point.proximal) return true;
-      std::array<Point, most_moves> places, speeds;
-      std::array<Fixed<double, m>, most_moves> violations, rates;
+      std::array<Point, max_projections> places, speeds;
+      std::array<Fixed<double, m>, max_projections> violations, rates;
       StateOf<M> now = stage_;
-      std::size_t moved = 0, sped = 0;
-      if (!follow_moves(now, places, violations, moved, true) || !follow_moves(now, speeds, rates, sped, false)) return false;
-      for (std::size_t i = sped; i-- > 0;) {
+      std::size_t position_count = 0, velocity_count = 0;
+      if (!record_projections(now, places, violations, position_count, true) || !record_projections(now, speeds, rates, velocity_count, false)) return false;
+      for (std::size_t i = velocity_count; i-- > 0;) {
         const Point& x = speeds[i];
         move_vjp(x, rates[i], by_.v);
         residual_vjp(x, nothing_, by_violation_, by_.q, by_.v);
       }
-      for (std::size_t i = moved; i-- > 0;) {
+      for (std::size_t i = position_count; i-- > 0;) {
         const Point& x = places[i];
-        Fixed<double, coordinates> behind = by_.q;
+        Fixed<double, coordinates> later = by_.q;
         Numbers by_delta;
         by_.q.fill(0.0);
         simulation_->mechanism().project(x.q.data(), violations[i].data(), found_values_.data());
-        RetractionDerivatives<balls>(charts(), x.q.data(), found_values_.data()).vjp(charts(), behind.data(), by_.q.data(), by_delta.data());
+        RetractionDerivatives<balls>(charts(), x.q.data(), found_values_.data()).vjp(charts(), later.data(), by_.q.data(), by_delta.data());
         move_vjp(x, violations[i], by_delta);
         residual_vjp(x, by_violation_, nothing_, by_.q, by_.v);
       }
@@ -764,26 +764,26 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   /// Displacements that project a state, and their rates; false if loops stay open.
-  bool follow_moves(StateOf<M>& now, std::array<Point, most_moves>& before, std::array<Fixed<double, m>, most_moves>& violations, std::size_t& number,
-                    bool is_place) {
+  bool record_projections(StateOf<M>& now, std::array<Point, max_projections>& before, std::array<Fixed<double, m>, max_projections>& violations, std::size_t& number,
+                    bool is_position) {
     constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
     M& mechanism = simulation_->mechanism();
     Fixed<double, m> residual, rate;
     double last = std::numeric_limits<double>::infinity();
     for (;;) {
       mechanism.constraint_residual(now.q.data(), now.v.data(), residual.data(), rate.data());
-      const Fixed<double, m>& violation = is_place ? residual : rate;
+      const Fixed<double, m>& violation = is_position ? residual : rate;
       double left = 0.0, size = 1.0;
       for (const double x : violation) left = std::max(left, std::abs(x));
-      for (const double x : now.v) size = is_place ? size : std::max(size, std::abs(x));
+      for (const double x : now.v) size = is_position ? size : std::max(size, std::abs(x));
       if (!(left - left == 0.0)) return false;
       if (left <= rounding * size || (left > last / 2 && left <= 1e-9 * size)) return true;
-      if (number == most_moves) return false;
+      if (number == max_projections) return false;
       last = left;
       before[number].take(now);
       violations[number] = violation;
       mechanism.project(now.q.data(), violation.data(), found_values_.data());
-      if (is_place) retract<double>(charts(), before[number].q.data(), found_values_.data(), now.q.data());
+      if (is_position) retract<double>(charts(), before[number].q.data(), found_values_.data(), now.q.data());
       else
         for (std::size_t i = 0; i < n; ++i) now.v[i] += found_values_[i];
       ++number;
@@ -793,7 +793,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   // The beginning
 
   /// Derivatives of an objective with respect to where the run begins: everything that follows from states, inputs and parameters there.
-  Fault begin_of(const Objectives& objectives, std::size_t objective) {
+  Fault initial_derivatives(const Objectives& objectives, std::size_t objective) {
     double* const by_state = objectives.by_state + objective * states;
     double* const by_input = objectives.by_input + objective * inputs;
     double* const by_parameter = objectives.by_parameter + objective * parameters;
@@ -822,7 +822,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     };
     for (std::size_t first = 0; first < all; first += directions) {
       const std::size_t number = std::min(directions, all - first);
-      open_rows(number, by);
+      open_seeds(number, by);
       for (std::size_t k = 0; k < number; ++k) {
         const std::size_t which = first + k;
         if (which >= states) by[k] = static_cast<int>(which - states);
@@ -832,22 +832,22 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
         const std::size_t which = first + k;
         if (which < states) by_state[which] = sum;
         else if (which < states + inputs) by_input[which - states] += sum;
-        else by_parameter[which - states - inputs] += sum + by_rows(k) + by_parameter_[which - states - inputs];
+        else by_parameter[which - states - inputs] += sum + residual_values_jvp(k) + by_parameter_[which - states - inputs];
       };
       if (const Fault fault = follow(number, put)) return fault;
     }
     const auto by_piece = [&](double* derivatives) {
-      open_rows(orders, by);
+      open_seeds(orders, by);
       return follow(orders, [&](std::size_t k, double sum) { derivatives[k] += sum; });
     };
     return visit_pieces(0, 0, by_piece);
   }
 
   /// The derivative along a seed from derivatives with respect to parameter values in the force residual.
-  double by_rows([[maybe_unused]] std::size_t k) const {
+  double residual_values_jvp([[maybe_unused]] std::size_t k) const {
     double sum = 0.0;
-    if constexpr (decltype(by_rows_)::size() > 0)
-      for (std::size_t i = 0; i < by_rows_.size(); ++i) sum += by_rows_[i] * this->force_residual_.changes()[i].derivative[k];
+    if constexpr (decltype(by_residual_values_)::size() > 0)
+      for (std::size_t i = 0; i < by_residual_values_.size(); ++i) sum += by_residual_values_[i] * this->force_residual_.changes()[i].derivative[k];
     return sum;
   }
 
@@ -869,10 +869,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   bool owes_derivative_ = false;
   Fixed<double, loaded> by_loaded_, more_loaded_;
   Fixed<double, parameters> by_parameter_;  ///< through events
-  Fixed<double, ForceResidual::loaded> by_rows_;  ///< with respect to parameter values in the force residual
+  Fixed<double, ForceResidual::loaded> by_residual_values_;  ///< with respect to parameter values in the force residual
   Fixed<double, given> by_input_, more_input_;
   Fixed<double, held> by_held_;
-  Fixed<double, Base::columns> by_columns_;
+  Fixed<double, Base::columns> by_outputs_;
   Fixed<double, m> by_violation_, nothing_;
   Numbers found_values_;
   Fixed<double, Base::rows * directions> matrix_;

@@ -1,4 +1,4 @@
-// Derivatives of a motion and of its outputs by independent coordinates, their rates and inputs.
+// Derivatives of a motion and of its outputs with respect to independent coordinates, their rates and inputs.
 #pragma once
 
 #include <algorithm>
@@ -23,13 +23,12 @@
 
 namespace cutjoint {
 
-/// Derivatives about the present state of a `Simulation` by generated code over dual numbers: the mechanism D, and S, which reports, of a method
-/// without a system the same.
+/// Derivatives about the present state of a `Simulation` by generated code over dual numbers: the mechanism D, and S, which reports outputs; S is
+/// D for a method without a system.
 ///
-/// x = (z, z') are minimal coordinates, behind them first-order states.  Along a direction of x and of inputs u the dependent coordinates
-/// change so that loops stay closed, J_d dz_d = -(J dz + dPhi/du du).  Their rates follow from the residual's rate, which stays zero,
-/// accelerations and multipliers from the force residual `ForceResidual` where there is one, else from the fixed point of the augmented update, taken
-/// for their derivatives.  What controllers hold stays.
+/// x = (z, z', first-order states) with minimal coordinates z.  Along a seed of x and of inputs u the dependent coordinates keep the loops closed,
+/// J_d dz_d = -(J dz + dPhi/du du), and their rates keep the residual's rate zero.  Derivatives of accelerations and multipliers are those of the
+/// `ForceResidual` if there is one, else those of the fixed point of the augmented update.  Values that controllers hold are constant.
 template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
 class Derivatives {
  public:
@@ -38,8 +37,8 @@ class Derivatives {
 
   static constexpr std::size_t states = 2 * dofs + M::sizes.states, inputs = M::sizes.inputs, columns = S::sizes.columns;
 
-  /// Derivatives x' and outputs y along a direction: `states` numbers of x, of each input its value, rate and acceleration, and parameters; a null
-  /// pointer for what stays.
+  /// Directional derivatives of x' and outputs y.  The seed has `states` numbers of x, value, rate and acceleration of each input, and parameters; a null
+  /// pointer counts as zero.
   Fault along(Simulation& simulation, Minimal& minimal, const double* dx, const double* du, const double* dp, double* dxdot, double* dy) {
     if (const Fault fault = begin(simulation, minimal)) return fault;
     for (std::size_t i = 0; dp && i < parameters_.size(); ++i) parameters_[i].derivative[0] = dp[i];
@@ -61,8 +60,8 @@ class Derivatives {
     });
   }
 
-  /// What rates u' and accelerations u'' of inputs add, x' = B_rate u' + B_acceleration u'' and so y: each of the size of B or D.  They reach a
-  /// motion by guides, and are zero without these.
+  /// The terms of input rates and accelerations, x' = B_rate u' + B_acceleration u'' and likewise y, each of the size of B or D.  They are zero
+  /// without guides.
   Fault linearise_rates(Simulation& simulation, Minimal& minimal, double* B_rate, double* B_acceleration, double* D_rate, double* D_acceleration) {
     if (const Fault fault = begin(simulation, minimal)) return fault;
     return derive_columns(simulation, minimal, after, after + 2 * inputs, [&](std::size_t j) {
@@ -82,17 +81,17 @@ class Derivatives {
  protected:
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, joints = M::sizes.joint_speeds();
   static constexpr bool has_system = !std::is_same_v<D, S>;
-  static constexpr std::size_t given = numbers_per_input * inputs + M::sizes.held;  ///< numbers of inputs, and what controllers hold, which stays but along runs
+  static constexpr std::size_t given = numbers_per_input * inputs + M::sizes.held;  ///< numbers of inputs, and values that controllers hold, which change only along runs
 
   struct None {};
 
-  /// Where derivatives of x' and of y by one number go: a column of two matrices of the same width, null pointers where they are not wanted.
+  /// The destination of derivatives of x' and y: a column of two matrices of the same width; a null pointer if not wanted.
   struct Columns {
     double *of_rates, *of_outputs;
     std::size_t column, width;
   };
 
-  /// Derivatives along numbers of a list in turn: states, inputs, parameters, rates of inputs, accelerations of inputs.
+  /// Derivatives with respect to a range of the list: states, inputs, parameters, rates of inputs, accelerations of inputs.
   template <class Place>
   Fault derive_columns(Simulation& simulation, Minimal& minimal, std::size_t first, std::size_t end, Place place) {
     for (std::size_t from = first; from < end; from += directions) {
@@ -125,7 +124,7 @@ class Derivatives {
 
   static std::span<const Chart> charts() { return M::charts; }
 
-  /// Get ready at the present state.
+  /// Prepare at the present state.
   Fault begin(Simulation& simulation, Minimal& minimal) {
     Starter<M>& starter = simulation.starter();
     load(simulation, minimal);
@@ -135,7 +134,7 @@ class Derivatives {
     return minimal.decompose(starter, *state_);
   }
 
-  /// Take over all but states from a simulation; parameters do not change along directions.
+  /// Copy everything but states from a simulation; derivatives of parameters are zero.
   void load(Simulation& simulation, const Minimal& minimal) {
     std::copy(simulation.parameters().begin(), simulation.parameters().end(), parameters_.begin());
     std::copy(simulation.penalties().begin(), simulation.penalties().end(), penalties_.begin());
@@ -157,7 +156,7 @@ class Derivatives {
     if constexpr (ForceResidual::is_there) force_residual_.load_changes(parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
   }
 
-  /// Go to a state, at whose time the mechanism is; false where an acceleration is no number.
+  /// Go to a state; the mechanism is at its time. False if an acceleration is not finite.
   bool enter(M& mechanism, const StateOf<M>& state) {
     state_ = &state;
     take_inputs(mechanism);
@@ -165,7 +164,7 @@ class Derivatives {
     return find_values(mechanism);
   }
 
-  /// Inputs where the mechanism is, and how they change along directions.
+  /// Inputs at the mechanism's time, and their derivatives.
   void take_inputs([[maybe_unused]] M& mechanism) {
     if constexpr (given > 0) std::copy_n(mechanism.last_inputs(), u_.size(), u_.begin());
     if constexpr (inputs > 0)
@@ -175,7 +174,7 @@ class Derivatives {
       }
   }
 
-  /// From here on inputs change along so many directions from one on, beside shifts that have been set, as their trajectories do.
+  /// From now on add the derivatives of input trajectories along these seeds to the shifts of inputs.
   void change_trajectories(std::size_t first, std::size_t number) {
     along_ = {first, number};
     shift_ = du_;
@@ -189,7 +188,7 @@ class Derivatives {
       Tangents by_time{};
       if ((i + 1) % std::size_t{numbers_per_input} != 0) by_time = x.u_[i + 1] * t.derivative;
       else if (const double* const jerk = x.trajectories_ ? x.trajectories_->jerk(i - 2) : nullptr) by_time = *jerk * t.derivative;
-      else if (input[i].value == x.u_[i])  // an acceleration by the law of the scene; others stay
+      else if (input[i].value == x.u_[i])  // an acceleration by the law of the scene; others are constant
         for (std::size_t k = 0; k < directions; ++k) by_time[k] = t.derivative[k] == 0.0 ? 0.0 : input[i].derivative[k];
       input[i] = {x.u_[i], x.du_[i].derivative + by_time};
     }
@@ -201,30 +200,30 @@ class Derivatives {
     std::copy(x.u_.begin(), x.u_.end(), input);
   }
 
-  /// Along the directions that are given, the first `number` of a row.
+  /// Derivatives along the first `number` seeds.
   Fault derive(M& mechanism, Minimal& minimal, std::size_t number) {
     if (!derive_motion(mechanism, minimal, number)) return not_finite();
     chart_accelerations<Dual>(charts(), delta_.data(), v_.data(), vdot_.data(), second_.data());
-    take_derivatives(rate_, minimal, dxdot_.data());
-    take_derivatives(second_, minimal, dxdot_.data() + dofs);
+    gather_derivatives(rate_, minimal, dxdot_.data());
+    gather_derivatives(second_, minimal, dxdot_.data() + dofs);
     for (std::size_t i = 0; i < M::sizes.states; ++i) dxdot_[2 * dofs + i] = vdot_[joints + i];
     report(state_->t);
     return {};
   }
 
-  /// What is stepped, over numbers with derivatives.
+  /// The stepped subject over dual numbers.
   auto& subject() {
     if constexpr (has_system) return system_;
     else return mechanism_;
   }
 
-  /// Outputs along the directions of the state, at its time; the mechanism is there.
+  /// Outputs of the state with their derivatives; the mechanism is at its time.
   void report(const Dual& t) {
     if constexpr (has_system) system_.begin_step(t, 1.0);
     subject().report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), columns_.data());
   }
 
-  /// Coordinates, speeds and accelerations along directions; false where one is no number.
+  /// Derivatives of coordinates, velocities and accelerations; false if one is not finite.
   bool derive_motion(M& mechanism, Minimal& minimal, std::size_t number) {
     mechanism_.begin_step(state_->t, 1.0);
     find_coordinates(minimal);
@@ -232,70 +231,70 @@ class Derivatives {
     return find_accelerations(mechanism, number);
   }
 
-  /// Coordinates whose loops stay closed.
+  /// Coordinates with derivatives that keep the loops closed.
   void find_coordinates(Minimal& minimal) {
     displacement<double>(charts(), minimal.choice().reference.data(), state_->q.data(), values_.data());
-    give_derivatives(dx_.data(), minimal, delta_);
+    scatter_derivatives(dx_.data(), minimal, delta_);
     retract<Dual>(charts(), reference_.data(), delta_.data(), q_.data());
     if constexpr (m > 0) {
       std::copy(state_->v.begin(), state_->v.end(), v_.begin());
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      follow_loops(phi_, minimal, delta_);
+      close_loops_jvp(phi_, minimal, delta_);
       retract<Dual>(charts(), reference_.data(), delta_.data(), q_.data());
     }
   }
 
-  /// Speeds that keep them closed.
+  /// Velocities with derivatives that do.
   void find_speeds(Minimal& minimal) {
     for (std::size_t i = 0; i < M::sizes.states; ++i) v_[joints + i] = {state_->v[joints + i], dx_[2 * dofs + i]};
     for (std::size_t i = 0; i < n; ++i) place_[i] = delta_[i].value;
     chart_rates<double>(charts(), place_.data(), state_->v.data(), values_.data());
-    give_derivatives(dx_.data() + dofs, minimal, rate_);
+    scatter_derivatives(dx_.data() + dofs, minimal, rate_);
     chart_speeds<Dual>(charts(), delta_.data(), rate_.data(), v_.data());
     if constexpr (m > 0) {
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      follow_loops(phid_, minimal, rate_);
+      close_loops_jvp(phid_, minimal, rate_);
       chart_speeds<Dual>(charts(), delta_.data(), rate_.data(), v_.data());
     }
   }
 
-  /// Accelerations and multipliers of the augmented update's fixed point; false where one is no number.
+  /// Accelerations and multipliers at the fixed point of the augmented update; false if one is not finite.
   bool find_values(M& mechanism) {
-    std::copy(state_->lambda.begin(), state_->lambda.end(), force_.begin());
-    std::copy(state_->vdot.begin(), state_->vdot.end(), still_.begin());
+    std::copy(state_->lambda.begin(), state_->lambda.end(), lambda_value_.begin());
+    std::copy(state_->vdot.begin(), state_->vdot.end(), vdot_value_.begin());
     factor_ = 1.0;
     Progress progress(factor_);
     for (int iteration = 0; iteration < (m == 0 ? 1 : 200) && !progress.is_over(); ++iteration) {
-      std::copy(still_.begin(), still_.end(), changed_.begin());
-      for (std::size_t i = 0; i < m; ++i) force_[i] += violation_[i];
-      mechanism.evaluate(state_->q.data(), state_->v.data(), force_.data(), still_.data(), violation_.data());
-      for (std::size_t i = 0; i < n; ++i) changed_[i] -= still_[i];
-      progress.add(size_of(changed_), size_of(still_));
+      std::copy(vdot_value_.begin(), vdot_value_.end(), vdot_change_.begin());
+      for (std::size_t i = 0; i < m; ++i) lambda_value_[i] += violation_[i];
+      mechanism.evaluate(state_->q.data(), state_->v.data(), lambda_value_.data(), vdot_value_.data(), violation_.data());
+      for (std::size_t i = 0; i < n; ++i) vdot_change_[i] -= vdot_value_[i];
+      progress.add(size_of(vdot_change_), size_of(vdot_value_));
     }
-    for (std::size_t i = 0; i < n; ++i) vdot_[i] = still_[i];
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = force_[i], left_[i] = violation_[i];
+    for (std::size_t i = 0; i < n; ++i) vdot_[i] = vdot_value_[i];
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = lambda_value_[i], lambda_update_[i] = violation_[i];
     return progress.is_finite();
   }
 
-  /// Their derivatives; false where one is no number.  The update is affine in multipliers: behind one evaluation along all directions the plain
-  /// equations say what these change.
+  /// Their derivatives; false if one is not finite.  The update is affine in multipliers: after one evaluation over dual numbers their effect
+  /// follows from evaluations over plain numbers.
   bool find_accelerations(M& mechanism, std::size_t number) {
     if constexpr (ForceResidual::is_there)
       if (!is_time_moving_ && solve_force_residual()) return true;
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = force_[i];
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = lambda_value_[i];
     mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
     for (std::size_t k = 0; k < number; ++k) {
       Progress progress(factor_);
       for (int iteration = 0; iteration < 200 && !progress.is_over(); ++iteration) {
         double largest = 0.0, step = 0.0;
         for (std::size_t i = 0; i < m; ++i) {
-          largest = std::max(largest, std::abs(force_[i]));
+          largest = std::max(largest, std::abs(lambda_value_[i]));
           step = std::max(step, std::abs(correction_[i].derivative[k]));
         }
-        if (step > 0.0) change_multipliers(mechanism, (largest > 0.0 ? largest : 1.0) / step, k);
+        if (step > 0.0) correct_multipliers(mechanism, (largest > 0.0 ? largest : 1.0) / step, k);
         double size = 0.0;
         for (const Dual& x : vdot_) size = std::max(size, std::abs(x.derivative[k]));
-        progress.add(step > 0.0 ? size_of(changed_) : 0.0, size);
+        progress.add(step > 0.0 ? size_of(vdot_change_) : 0.0, size);
       }
       for (const Dual& x : vdot_)
         if (!(x.derivative[k] - x.derivative[k] == 0.0)) return false;
@@ -304,40 +303,40 @@ class Derivatives {
     return true;
   }
 
-  /// The same by the force residual; false where that has a derivative that is no number, or masses are singular.
+  /// The same by the force residual; false if a derivative is not finite or the mass matrix is singular.
   bool solve_force_residual() {
     typename ForceResidual::Changes change;
-    for (std::size_t i = 0; i < m; ++i) room_of_forces_[i] = force_[i] + left_[i];
-    force_residual_.find(state_->t, state_->q, state_->v, still_, room_of_forces_, u_);
+    for (std::size_t i = 0; i < m; ++i) lambda_scratch_[i] = lambda_value_[i] + lambda_update_[i];
+    force_residual_.find(state_->t, state_->q, state_->v, vdot_value_, lambda_scratch_, u_);
     if (!force_residual_.solve(q_, v_, du_, dheld_, change)) return false;
-    for (std::size_t i = 0; i < n; ++i) vdot_[i] = {still_[i], change[i].derivative};
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {room_of_forces_[i], change[n + i].derivative};
+    for (std::size_t i = 0; i < n; ++i) vdot_[i] = {vdot_value_[i], change[i].derivative};
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {lambda_scratch_[i], change[n + i].derivative};
     return true;
   }
 
-  /// Correct the multipliers' derivatives along a direction; `scale` makes the change as large as multipliers are.
-  void change_multipliers(M& mechanism, double scale, std::size_t k) {
+  /// Correct the multipliers' derivatives along a seed; `scale` makes the change as large as the multipliers.
+  void correct_multipliers(M& mechanism, double scale, std::size_t k) {
     for (std::size_t i = 0; i < m; ++i) {
       lambda_[i].derivative[k] += correction_[i].derivative[k];
-      room_of_forces_[i] = force_[i] + scale * correction_[i].derivative[k];
+      lambda_scratch_[i] = lambda_value_[i] + scale * correction_[i].derivative[k];
     }
-    mechanism.evaluate(state_->q.data(), state_->v.data(), room_of_forces_.data(), changed_.data(), violation_.data());
+    mechanism.evaluate(state_->q.data(), state_->v.data(), lambda_scratch_.data(), vdot_change_.data(), violation_.data());
     for (std::size_t i = 0; i < n; ++i) {
-      changed_[i] = (changed_[i] - still_[i]) / scale;
-      vdot_[i].derivative[k] += changed_[i];
+      vdot_change_[i] = (vdot_change_[i] - vdot_value_[i]) / scale;
+      vdot_[i].derivative[k] += vdot_change_[i];
     }
-    for (std::size_t i = 0; i < m; ++i) correction_[i].derivative[k] += (violation_[i] - left_[i]) / scale;
+    for (std::size_t i = 0; i < m; ++i) correction_[i].derivative[k] += (violation_[i] - lambda_update_[i]) / scale;
   }
 
-  /// The way of an iteration: over where what is left to come is lost in rounding, or where changes have not become smaller three times.  The update
-  /// makes errors smaller by a factor, the same for all directions, and rounding of multipliers larger by one over that, as stiff as its penalty is.
-  /// Multipliers are off by the share of accelerations that has just changed, accelerations by that times the factor.
+  /// Progress of an iteration.  It ends when the remaining error is below rounding, or after three iterations without a smaller change.  The update
+  /// reduces errors by a factor, equal for all seeds, and magnifies rounding of multipliers by its inverse.  The relative error of multipliers is the
+  /// last relative change of accelerations; that of accelerations is smaller by the factor.
   class Progress {
    public:
     explicit Progress(double& factor) : factor_(factor) {}
 
     void add(double change, double size) {
-      const double share = change > 0.0 && size > 0.0 ? change / size : change;  // all may come to rest
+      const double share = change > 0.0 && size > 0.0 ? change / size : change;  // accelerations may be zero
       if (before_ > 0.0 && share < before_) factor_ = factor_ < 1.0 ? std::max(factor_, share / before_) : share / before_;
       is_over_ = share == 0.0 || share * factor_ <= std::numeric_limits<double>::epsilon() || !(share <= most);
       stalled_ = share < least_ ? 0 : stalled_ + 1;
@@ -357,7 +356,7 @@ class Derivatives {
     double before_ = 0.0, least_ = std::numeric_limits<double>::infinity();
   };
 
-  /// The largest number; not a number where one is none.
+  /// The largest absolute value; NaN if one is NaN.
   static double size_of(const Fixed<double, n>& numbers) {
     double size = 0.0;
     for (const double x : numbers)
@@ -365,20 +364,20 @@ class Derivatives {
     return size;
   }
 
-  /// Numbers with these derivatives of independent ones, and none of others.
-  void give_derivatives(const Dual* derivatives, Minimal& minimal, Fixed<Dual, n>& numbers) {
-    room_.fill(Dual());
-    minimal.take(derivatives, room_);
-    for (std::size_t i = 0; i < n; ++i) numbers[i] = {values_[i], room_[i]};
+  /// Give these derivatives to independent coordinates, and zero to dependent ones.
+  void scatter_derivatives(const Dual* derivatives, Minimal& minimal, Fixed<Dual, n>& numbers) {
+    scratch_.fill(Dual());
+    minimal.take(derivatives, scratch_);
+    for (std::size_t i = 0; i < n; ++i) numbers[i] = {values_[i], scratch_[i]};
   }
 
-  void take_derivatives(const Fixed<Dual, n>& numbers, Minimal& minimal, Dual* derivatives) {
-    for (std::size_t i = 0; i < n; ++i) room_[i] = numbers[i];
-    minimal.put(room_, derivatives);
+  void gather_derivatives(const Fixed<Dual, n>& numbers, Minimal& minimal, Dual* derivatives) {
+    for (std::size_t i = 0; i < n; ++i) scratch_[i] = numbers[i];
+    minimal.put(scratch_, derivatives);
   }
 
-  /// Derivatives of dependent ones that close constraint violations.
-  void follow_loops(const Fixed<Dual, m>& violations, Minimal& minimal, Fixed<Dual, n>& numbers) {
+  /// Derivatives of dependent coordinates such that the constraint violations vanish.
+  void close_loops_jvp(const Fixed<Dual, m>& violations, Minimal& minimal, Fixed<Dual, n>& numbers) {
     Fixed<Along, m> left;
     Fixed<Along, n> step, room;
     for (std::size_t i = 0; i < m; ++i) left[i].derivative = violations[i].derivative;
@@ -386,10 +385,10 @@ class Derivatives {
     for (std::size_t i = 0; i < n; ++i) numbers[i].derivative -= step[i].derivative;
   }
 
-  const StateOf<typename Simulation::Subject>* state_ = nullptr;  ///< the present one, with its accelerations and multipliers
+  const StateOf<typename Simulation::Subject>* state_ = nullptr;  ///< the present state, with its accelerations and multipliers
   D mechanism_;
   [[no_unique_address]] ForceResidual force_residual_;
-  bool is_time_moving_ = false;  ///< the present time changes along directions, which the force residual has no derivative for
+  bool is_time_moving_ = false;  ///< the time depends on the seeds; the force residual has no derivative with respect to it
   [[no_unique_address]] std::conditional_t<has_system, S, None> system_;
   Fixed<Dual, M::sizes.parameters> parameters_;
   Fixed<Dual, M::sizes.cuts> penalties_;
@@ -400,16 +399,16 @@ class Derivatives {
   InputTrajectories<inputs>* trajectories_ = nullptr;
   struct {
     std::size_t first = 0, number = 0;
-  } along_;  ///< directions of trajectories
+  } along_;  ///< seeds of trajectories
   Fixed<Dual, M::sizes.held> dheld_;
   Fixed<Dual, M::sizes.coordinates> reference_, q_;
   Fixed<Dual, n> delta_, rate_, second_, v_, vdot_;
   Fixed<Dual, m> phi_, phid_, lambda_, correction_;
   Fixed<Dual, columns> columns_;
-  Fixed<double, n> values_, place_, still_, changed_;
-  Fixed<Dual, n> room_, step_;
-  double factor_ = 1.0;  ///< by which an update makes errors smaller
-  Fixed<double, m> violation_, left_, force_, room_of_forces_;
+  Fixed<double, n> values_, place_, vdot_value_, vdot_change_;
+  Fixed<Dual, n> scratch_, step_;
+  double factor_ = 1.0;  ///< by which an update reduces errors
+  Fixed<double, m> violation_, lambda_update_, lambda_value_, lambda_scratch_;
 };
 
 }  // namespace cutjoint

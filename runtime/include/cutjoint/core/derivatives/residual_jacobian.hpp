@@ -1,4 +1,4 @@
-// How accelerations change along directions, by the linearised force residual.
+// Derivatives of accelerations by the linearised force residual.
 #pragma once
 
 #include <algorithm>
@@ -22,18 +22,18 @@
 
 namespace cutjoint {
 
-/// No force residual: accelerations are found over numbers with derivatives.
+/// No force residual: accelerations are found over dual numbers.
 struct NoResidual {
   static constexpr bool is_there = false;
 };
 
-/// The force residual and the second rates of loops, r(q, v, vdot, lambda, inputs, parameters) = 0, of a mechanism M, by generated code C of its
-/// derivatives, whose places are those of T: where each row begins, where its derivatives by accelerations and multipliers do, their columns, and where they are written,
-/// those of parts that stand side by side first.  Parameters are in it by values that follow from them alone, as many as are `loaded`.
+/// The force residual and the second rates of loops, r(q, v, vdot, lambda, inputs, parameters) = 0, of a mechanism M, with the Jacobian by
+/// generated code C and its sparsity by T: starts of rows, of their derivatives with respect to accelerations and multipliers, columns, and positions in the output,
+/// those of SIMD groups first.  Parameters enter by `loaded` values that depend on them alone.
 ///
-/// At a state the derivatives are found once, over plain numbers, and a matrix is decomposed once; each direction takes products and a solution.  Loops
-/// yield to multipliers by a share of what their penalties let them, which further solutions take back: equations that depend on each other have the
-/// multipliers to which the augmented update leads.  Two states are kept, where a step begins and where it ends.
+/// At a state the Jacobian is evaluated and a matrix decomposed once; each seed takes products and a solution.  Constraints have a small compliance,
+/// a fraction of that of their penalties, which iterative refinement removes: dependent equations get the multipliers of the augmented update.
+/// Two states are cached, the beginning and the end of a step.
 template <class M, template <class> class C, class T>
 class ResidualJacobian {
  public:
@@ -48,13 +48,13 @@ class ResidualJacobian {
                                first_multiplier = first_acceleration + n, width = first_multiplier + m;
   static std::span<const Chart> charts() { return M::charts; }
   static constexpr bool has_balls = coordinates > M::sizes.joint_speeds();
-  using OfDerivatives = Fixed<double, T::starts[n + m]>;  ///< as they are written
+  using JacobianEntries = Fixed<double, T::starts[n + m]>;  ///< in the order of the output
 
   void drive_by([[maybe_unused]] const InputSource<double>& source) {
     if constexpr (given > 0) plain_.drive_by(source);
   }
 
-  /// Parameters of a simulation as they are, which do not change along directions.
+  /// The parameters of a simulation, with zero derivatives.
   template <class Simulation>
   void load(Simulation& simulation) {
     [[maybe_unused]] const auto& penalties = simulation.penalties();
@@ -65,12 +65,12 @@ class ResidualJacobian {
     are_changing_ = false;
     for (std::size_t cut = 0, i = 0; i < m; ++i) {
       while (cut + 1 < M::sizes.cuts && static_cast<std::size_t>(M::cuts[cut + 1]) <= i) ++cut;
-      yields_[order[n + i]] = 1e-3 / penalties[cut];
+      compliance_[order[n + i]] = 1e-3 / penalties[cut];
     }
     std::fill_n(weights_.begin() + first_acceleration, n + m, 1.0);
   }
 
-  /// How they change.
+  /// Their derivatives.
   template <class Roads, class Penalties>
   void load_changes([[maybe_unused]] const Dual* parameters, [[maybe_unused]] const Roads* roads, [[maybe_unused]] const StabilisationSettings& stabilisation,
                     [[maybe_unused]] const Penalties& penalties) {
@@ -89,7 +89,7 @@ class ResidualJacobian {
     }
   }
 
-  /// Go to a state, and find derivatives where they are not kept.
+  /// Go to a state, and evaluate the Jacobian unless it is cached.
   template <class Q, class V, class L, class Inputs>
   void find(double t, const Q& q, const V& v, const V& vdot, const L& lambda, const Inputs& u) {
     const auto is_same = [](const auto& a, const auto& b) { return std::equal(a.begin(), a.end(), b.begin()); };
@@ -111,32 +111,32 @@ class ResidualJacobian {
     x.decomposed_for = none;
   }
 
-  /// The derivatives at a state.
+  /// The Jacobian at a state.
   template <class State>
-  void find(const State& x, OfDerivatives& derivative) {
+  void find(const State& x, JacobianEntries& derivative) {
     plain_.begin_step(x.t, 1.0);
     plain_.residual_jacobian(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), derivative.data());
     for (std::size_t k = 0; leaves_out_ && k < length; ++k)
       if (!(derivative[k] - derivative[k] == 0.0)) derivative[k] = 0.0, is_left_out_[sources.column[k]] = true;
   }
 
-  /// From here on derivatives are left out that are infinite: what they are by must not change.  False where they have been so far.
+  /// From now on leave out infinite derivatives: seeds must not change their variables.  False if they were left out before.
   bool leave_out_infinite() {
     for (At& x : at_) x.is_found = false, x.decomposed_for = none, x.derivative.fill(0.0);
     is_left_out_.fill(false);
     return !std::exchange(leaves_out_, true);
   }
 
-  /// What the force residual loses by changes of all but accelerations and multipliers, row by row.
+  /// Minus the Jacobian's product with derivatives of all but accelerations and multipliers, row by row.
   template <class Q, class V, class Inputs, class Held>
-  void lose(const OfDerivatives& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, Along* rows) {
+  void subtract_jvp(const JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, Along* rows) {
     Changes found;
-    lose_in_places(derivative, q, v, du, held, found);
+    subtract_jvp_in_slots(derivative, q, v, du, held, found);
     for (std::size_t i = 0; i < n + m; ++i) rows[i] = found[order[i]];
   }
 
-  /// The solution of matrices over accelerations and multipliers, one behind another, in whose place loops yield to these; what they give way by is taken back.
-  /// False where a number is none, or loops stay open.
+  /// Solve with one or several stacked matrices over accelerations and multipliers, in place, and refine for the compliance of constraints.
+  /// False if a number is not finite, or loops stay open.
   template <class Matrix, class Unknowns>
   bool solve(const Matrix& matrix, Unknowns& change) const {
     std::array<Along, Matrix::size> found;
@@ -146,7 +146,7 @@ class ResidualJacobian {
     return is_found;
   }
 
-  /// How coordinates or speeds change least, as masses see it, so that constraint violations close; false where they stay open.
+  /// Derivatives of the smallest displacement or velocity change, in the metric of the masses, that removes violations; false if they remain.
   bool close_violations(const Fixed<Dual, m>& violations, Changes& change) {
     At& x = at_[now_];
     for (std::size_t i = 0; i < n; ++i) change[i] = {};
@@ -154,7 +154,7 @@ class ResidualJacobian {
     return decompose_plain(x) && solve(x.matrix, change);
   }
 
-  /// The same of transposed matrices, of numbers.
+  /// The same for transposed matrices and plain numbers.
   template <class Matrix, std::size_t size>
   bool solve_transposed(const Matrix& matrix, Fixed<double, size>& x) const {
     const auto solve = [&matrix](Fixed<double, size>& unknowns) {
@@ -167,8 +167,8 @@ class ResidualJacobian {
     Fixed<double, size> more = x;
     double before = 1.0;
     for (int iteration = 0; m > 0 && iteration < 16; ++iteration) {
-      double share[2]{}, whole[2]{};  // of what accelerations are multiplied by, and of what multipliers are
-      for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -yields(i % (n + m) - n);
+      double share[2]{}, whole[2]{};  // of the adjoints of the equations of motion, and of those of constraints
+      for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -compliance(i % (n + m) - n);
       solve(more);
       for (std::size_t i = 0; i < size; ++i) {
         x[i] += more[i];
@@ -182,7 +182,7 @@ class ResidualJacobian {
     return std::all_of(x.begin(), x.end(), [](double each) { return each - each == 0.0; });
   }
 
-  /// Derivatives by constraint violations, which `close_violations` has closed, from those by what that moves.
+  /// From derivatives with respect to the result of `close_violations` to those with respect to the violations.
   bool violations_vjp(const Fixed<double, n>& by_move, Fixed<double, m>& by_violation) {
     Numbers x;
     std::copy(by_move.begin(), by_move.end(), x.begin());
@@ -192,58 +192,58 @@ class ResidualJacobian {
     return true;
   }
 
-  /// Derivatives by all but accelerations and multipliers of what `lose` takes from rows, added to `by`.
-  void vjp(const OfDerivatives& derivative, const double* by_rows, Fixed<double, first_acceleration>& by) const {
+  /// The transpose of `subtract_jvp`, added to `by`.
+  void vjp(const JacobianEntries& derivative, const double* by_rows, Fixed<double, first_acceleration>& by) const {
     for (std::size_t i = 0; i < n + m; ++i)
       for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) by[T::columns[k]] -= derivative[T::derivatives[k]] * by_rows[i];
   }
 
-  /// Use each derivative of some rows by accelerations and multipliers: the row, the place of the derivative, and the unknown.
+  /// Visit each derivative of some rows with respect to accelerations and multipliers: the row, the derivative's position, and the unknown.
   template <class Use>
   static void visit_unknowns(std::size_t first, std::size_t end, Use use) {
     for (std::size_t i = first; i < end; ++i)
       for (std::size_t k = T::middles[i]; k < T::starts[i + 1]; ++k) use(i, T::derivatives[k], T::columns[k] - first_acceleration);
   }
 
-  /// Add the entries of the first rows in a stage of a step to a matrix over unknowns of all stages: the row, the stage of the unknown, this, and the number.
-  template <class Lead, class Add>
-  static void gather(const Lead& lead, std::size_t stage, const OfDerivatives& derivative, std::size_t rows, Add add) {
+  /// Add the entries of the first rows in a stage to a matrix over unknowns of all stages: the row, the unknown's stage, the unknown, and the value.
+  template <class Formula, class Add>
+  static void gather_entries(const Formula& formula, std::size_t stage, const JacobianEntries& derivative, std::size_t rows, Add add) {
     for (std::size_t i = 0; i < rows; ++i)
       for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k)
-        for (std::size_t j = 0; T::columns[k] < first_input && j < Lead::stages; ++j)
-          lead.template visit_shares<ResidualJacobian>(T::columns[k], stage, j, [&](std::size_t unknown, double share) { add(i, j, unknown, share * derivative[T::derivatives[k]]); });
+        for (std::size_t j = 0; T::columns[k] < first_input && j < Formula::stages; ++j)
+          formula.template visit_weights<ResidualJacobian>(T::columns[k], stage, j, [&](std::size_t unknown, double share) { add(i, j, unknown, share * derivative[T::derivatives[k]]); });
     visit_unknowns(0, rows, [&](std::size_t i, std::size_t k, std::size_t unknown) { add(i, stage, unknown, derivative[k]); });
   }
 
-  /// How loaded values change along directions.
+  /// Derivatives of loaded values.
   const Fixed<Along, loaded>& changes() const { return changes_; }
 
-  double yields(std::size_t equation) const { return yields_[order[n + equation]]; }
+  double compliance(std::size_t equation) const { return compliance_[order[n + equation]]; }
 
-  // Columns of coordinates: the speed by whose integral one changes, of a quaternion the first of three, whether it is of one, of which ball, and its place there.
+  // Columns of coordinates: the velocity whose integral one is (the first of three for a quaternion), whether it is of a quaternion, of which ball, and its index there.
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
   static std::size_t unknown_of(std::size_t column) { return columns.unknown[column]; }
-  static bool turns(std::size_t column) { return columns.stride[column] > 0; }
+  static bool is_quaternion(std::size_t column) { return columns.stride[column] > 0; }
   static std::array<std::size_t, 2> ball_of(std::size_t column) { return {columns.ball[column], columns.place[column]}; }
 
-  /// How accelerations and multipliers change with all else; false where that is no number, or masses are singular.
+  /// Derivatives of accelerations and multipliers at a state; false if one is not finite, or the mass matrix is singular.
   template <class Q, class V, class Inputs, class Held>
   bool solve(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
     return decompose_plain(at_[now_]) && solve_end(q, v, du, held, change);
   }
 
-  /// The same where they move the state, the end of a trapezoidal step that `decompose_end` has decomposed.
+  /// The same at the end of a trapezoidal step, whose state depends on them; after `decompose_end`.
   template <class Q, class V, class Inputs, class Held>
   bool solve_end(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
     At& x = at_[now_];
     Changes found;
-    lose_in_places(x.derivative, q, v, du, held, found);
+    subtract_jvp_in_slots(x.derivative, q, v, du, held, found);
     const bool is_found = solve_in_places(x.matrix, found);
     for (std::size_t i = 0; i < n + m; ++i) change[i] = found[order[i]];
     return is_found;
   }
 
-  /// From derivatives by accelerations and multipliers that `solve_end` has found, in whose place the solution comes, to those by all that `lose` reads, which are added.
+  /// The transpose of `solve_end`: the solution replaces `by_end`, and derivatives with respect to all that `subtract_jvp` reads are added to `by`.
   bool end_vjp(Numbers& by_end, Fixed<double, first_acceleration>& by) const {
     if (!solve_transposed(at_[now_].matrix, by_end)) return false;
     vjp(at_[now_].derivative, by_end.data(), by);
@@ -253,22 +253,22 @@ class ResidualJacobian {
   /// The same of `solve`.
   bool accelerations_vjp(Numbers& by_accelerations, Fixed<double, first_acceleration>& by) { return decompose_plain(at_[now_]) && end_vjp(by_accelerations, by); }
 
-  /// Decompose r_vdot + h/2 r_v + h^2/4 r_q of the end of a trapezoidal step, with the shares of its lead; false where it is singular.
-  template <class Lead>
-  bool decompose_end(double h, const Lead& lead) {
+  /// Decompose r_vdot + h/2 r_v + h^2/4 r_q of the end of a trapezoidal step, with the weights of its formula; false if it is singular.
+  template <class Formula>
+  bool decompose_end(double h, const Formula& formula) {
     At& x = at_[now_];
     if (x.decomposed_for == h) return true;
     for (std::size_t column = 0; column < first_input; ++column) {
       std::size_t place = columns.share[column];
-      lead.template visit_shares<ResidualJacobian>(column, 0, 0, [&](std::size_t, double share) { weights_[place] = share, place += columns.stride[column]; });
+      formula.template visit_weights<ResidualJacobian>(column, 0, 0, [&](std::size_t, double share) { weights_[place] = share, place += columns.stride[column]; });
     }
     return decompose(x, h);
   }
 
-  /// Whether there is the matrix of the end of a step of this length, from which `correct` goes on.
-  bool knows(double h) const { return at_[now_].decomposed_for == h; }
+  /// Whether `correct` has a matrix for the end of a step of this length.
+  bool has_matrix_for(double h) const { return at_[now_].decomposed_for == h; }
 
-  /// Accelerations that are off by this from those to which they lead: the correction takes its place, and that of multipliers is `vjp`.
+  /// Corrections of accelerations, in place of their errors `left`, and of multipliers, `vjp`.
   void correct(Fixed<double, n>& left, Fixed<double, m>& vjp) {
     At& x = at_[now_];
     double by[n + m], force[n + m];
@@ -283,8 +283,8 @@ class ResidualJacobian {
   static constexpr double none = -1.0;
   static constexpr std::size_t length = T::starts[n + m];
 
-  /// Of each column the unknown by whose change it changes, and where its share stands; of a quaternion the first of three of both.  The three shares of
-  /// one stand a stride apart, beside those of parts that stand side by side.
+  /// The unknown that each column depends on, and the position of its weight; for a quaternion the first of three of both.  The three weights of
+  /// one are a stride apart, beside those of its SIMD group.
   struct Columns {
     std::array<std::uint32_t, width> unknown{}, share{}, stride{};
     std::array<std::uint32_t, coordinates> ball{}, place{};
@@ -317,7 +317,7 @@ class ResidualJacobian {
   };
   static constexpr Columns columns{};
 
-  /// Of each derivative as they are written its row and column.
+  /// The row and column of each derivative in the order of the output.
   struct Sources {
     std::array<std::uint32_t, length> row{}, column{};
 
@@ -327,13 +327,13 @@ class ResidualJacobian {
           row[T::derivatives[k]] = static_cast<std::uint32_t>(i), column[T::derivatives[k]] = static_cast<std::uint32_t>(T::columns[k]);
     }
 
-    /// Whether derivatives side by side belong to one row, and to one column.
+    /// Whether the derivatives of a group belong to one row, and to one column.
     constexpr bool share_row(std::size_t first, std::size_t side) const { return side > 1 && row[first] == row[first + side - 1]; }
     constexpr bool share_column(std::size_t first, std::size_t side) const { return side > 1 && column[first] == column[first + side - 1]; }
   };
   static constexpr Sources sources{};
 
-  /// Visit the first of derivatives that stand so many side by side.
+  /// Visit the first derivative of each group of `side`.
   template <std::size_t side, class Use>
   static constexpr void visit_groups(Use use) {
     std::size_t first = 0;
@@ -342,7 +342,7 @@ class ResidualJacobian {
     for (std::size_t k = first; side == 1 && k < length; ++k) use(k);
   }
 
-  /// Where changes of columns stand, those of parts side by side, and of unknowns.
+  /// The positions of derivatives of columns, groups first, and of unknowns.
   static constexpr auto slots = [] {
     std::array<std::uint32_t, width> found{};
     for (const auto& range : {std::pair{std::size_t{0}, first_acceleration}, std::pair{first_acceleration, width}}) {
@@ -372,13 +372,13 @@ class ResidualJacobian {
     std::uint32_t derivative, place;
   };
 
-  /// Factors of a row, or of rows side by side: first those of a column that is the same for all.
+  /// Factors of a row, or of a group of rows: first those of a column shared by all.
   struct Line {
     std::uint32_t place, first, shared, end;
     bool is_shared, adds;
   };
 
-  /// Products of derivatives side by side by accelerations, or by all but accelerations and multipliers.
+  /// Products of groups with accelerations, or with all but accelerations and multipliers.
   template <bool by_accelerations, std::size_t side>
   struct Products {
     template <class Use>
@@ -410,7 +410,7 @@ class ResidualJacobian {
     }
   };
 
-  /// Of each row the most products that stand side by side; more than there are of one whose products are added to nought.
+  /// The widest group of products of each row; 8 for a row whose products are added to zero.
   template <bool by_accelerations>
   static constexpr auto widest = [] {
     std::array<std::uint16_t, n + m> found{};
@@ -424,7 +424,7 @@ class ResidualJacobian {
     return found;
   }();
 
-  /// Products with changes by `slots`, less than nought, by `order`.
+  /// Minus the products with derivatives in the order `slots`, in the order `order`.
   template <bool by_accelerations, class Number>
   static void find_products(const double* derivatives, const Number* by, Number* found) {
     for (std::size_t i = 0; i < n + m; ++i)
@@ -453,8 +453,8 @@ class ResidualJacobian {
 
   static constexpr bool has_side(std::size_t side) { return side == 1 || std::find(std::begin(T::beside), std::end(T::beside), side) != std::end(T::beside); }
 
-  /// Visit the derivatives that have a place in the matrix, so many side by side: the first of them, its share and its place, of a quaternion by each of three speeds.
-  /// Those whose shares are the same come first.
+  /// Visit the groups of derivatives in the matrix: the first derivative, its weight and its position, for a quaternion by each of three velocities.
+  /// Those with equal weights come first.
   template <std::size_t side, class Use>
   static constexpr void visit_entries(bool are_apart, Use use) {
     constexpr auto& places = Bordered<T>::places;
@@ -469,7 +469,7 @@ class ResidualJacobian {
     std::uint32_t derivative, share, at;
   };
 
-  /// All of them, those behind `same` with shares of their own.
+  /// All of them, those after `same` with weights of their own.
   template <std::size_t side>
   struct Entries {
     static constexpr std::size_t count(bool are_apart) {
@@ -489,7 +489,7 @@ class ResidualJacobian {
     }
   };
 
-  /// A state, the derivatives there, and a matrix as L U: of the length of step, or 0, that it is decomposed for.
+  /// A state, the Jacobian there, and a matrix as L U for the step length, or 0, `decomposed_for`.
   struct At {
     bool is_found = false;
     double t = 0.0, decomposed_for = none;
@@ -497,11 +497,11 @@ class ResidualJacobian {
     Fixed<double, n> v, vdot;
     Fixed<double, m> lambda;
     Fixed<double, given> u;
-    OfDerivatives derivative;
+    JacobianEntries derivative;
     Bordered<T> matrix;
   };
 
-  /// Where the matrix has entries.
+  /// The sparsity of the matrix.
   static constexpr auto pattern = [] {
     typename Bordered<T>::Pattern found{};
     const auto mark = [&]<std::size_t side>() {
@@ -523,17 +523,17 @@ class ResidualJacobian {
   bool decompose(At& x, double h) {
     const auto fill = [&] {
       x.matrix.clear();
-      gather<1>(x), gather<2>(x), gather<4>(x);
-      for (std::size_t i = 0; i < m; ++i) x.matrix.entries()[Bordered<T>::places.of(n + i, n + i)] -= yields_[order[n + i]];
+      gather_entries<1>(x), gather_entries<2>(x), gather_entries<4>(x);
+      for (std::size_t i = 0; i < m; ++i) x.matrix.entries()[Bordered<T>::places.of(n + i, n + i)] -= compliance_[order[n + i]];
       return x.matrix.decompose(pattern);
     };
-    const bool is_regular = fill() || fill();  // with other pivots where those of a matrix before have become small
+    const bool is_regular = fill() || fill();  // with other pivots if those of an earlier matrix have become small
     x.decomposed_for = is_regular ? h : none;
     return is_regular;
   }
 
   template <std::size_t side>
-  void gather(At& x) const {
+  void gather_entries(At& x) const {
     if constexpr (has_side(side)) {
       static constexpr Entries<side> entries{};
       using Sides = Beside<side>;
@@ -545,7 +545,7 @@ class ResidualJacobian {
     }
   }
 
-  /// By place in a matrix of unknowns one behind another: the place of each in that of one state.
+  /// The position of each stacked unknown in the matrix.
   template <class Matrix>
   static constexpr auto places_of = [] {
     std::array<std::uint32_t, Matrix::size> found{};
@@ -559,7 +559,7 @@ class ResidualJacobian {
     return found;
   }();
 
-  /// The solution in the order of places; false where a number is none, or loops stay open.
+  /// The solution in the order of positions; false if a number is not finite, or loops stay open.
   template <class Matrix, std::size_t size>
   bool solve_in_places(const Matrix& matrix, std::array<Along, size>& found) const {
     matrix.solve(found.data());
@@ -570,7 +570,7 @@ class ResidualJacobian {
     return sum == 0.0 && close(matrix, found) && (!leaves_out_ || left_out_stay<Matrix>(found));
   }
 
-  /// Whether nothing changes by which derivatives have been left out.
+  /// Whether the variables of left-out derivatives are constant.
   template <class Matrix, std::size_t size>
   bool left_out_stay(const std::array<Along, size>& found) const {
     const auto stays = [](const Along& x) {
@@ -581,16 +581,16 @@ class ResidualJacobian {
     for (std::size_t c = 0; c < width; ++c)
       if (is_left_out_[c]) {
         if (c < first_acceleration && !stays(by_[slots[c]])) return false;
-        for (std::size_t j = 0; (c < first_input || c >= first_acceleration) && j < (turns(c) ? 3 : 1); ++j)
+        for (std::size_t j = 0; (c < first_input || c >= first_acceleration) && j < (is_quaternion(c) ? 3 : 1); ++j)
           for (std::size_t i = columns.unknown[c] + j; i < size; i += n + m)
             if (!stays(found[places_of<Matrix>[i]])) return false;
       }
     return true;
   }
 
-  /// What the force residual loses by changes of all but accelerations and multipliers, in the order of places.
+  /// `subtract_jvp` in the order of positions.
   template <class Q, class V, class Inputs, class Held>
-  void lose_in_places(const OfDerivatives& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, Changes& found) {
+  void subtract_jvp_in_slots(const JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, Changes& found) {
     const auto put = [this](std::size_t first, const auto& numbers) {
       for (std::size_t j = 0; j < numbers.size(); ++j) by_[slots[first + j]].derivative = numbers[j].derivative;
     };
@@ -598,7 +598,7 @@ class ResidualJacobian {
     find_products<false>(derivative.data(), by_.data(), found.data());
   }
 
-  /// The largest change along each direction of accelerations, or of multipliers.
+  /// The largest derivative of accelerations, or of multipliers, along each seed.
   template <class Matrix, std::size_t size>
   static Tangents largest(const std::array<Along, size>& changes, bool of_multipliers) {
     Tangents most{};
@@ -616,8 +616,8 @@ class ResidualJacobian {
     return share;
   }
 
-  /// Take back what loops have yielded by, which each solution leaves less of by the share by which multipliers still change; false where that does not
-  /// come to an end.
+  /// Refine for the compliance of constraints, whose error decreases as the changes of multipliers do; false if that does not
+  /// converge.
   template <class Matrix, std::size_t size>
   bool close(const Matrix& matrix, std::array<Along, size>& change) const {
     if constexpr (m > 0) {
@@ -625,7 +625,7 @@ class ResidualJacobian {
       const std::array<Along, size>* last = &change;
       for (int iteration = 0; iteration < 8; ++iteration) {
         const Tangents pulled = largest<Matrix>(*last, true);
-        for (std::size_t i = 0; i < size; ++i) more[i].derivative = (*last)[i].derivative * -yields_[own_places<Matrix>[i]];
+        for (std::size_t i = 0; i < size; ++i) more[i].derivative = (*last)[i].derivative * -compliance_[own_places<Matrix>[i]];
         matrix.solve(more.data());
         for (std::size_t i = 0; i < size; ++i) change[i] += more[i];
         if (share_of(largest<Matrix>(more, false), largest<Matrix>(change, false)) * std::min(1.0, share_of(largest<Matrix>(more, true), pulled)) <= 1e-13) return true;
@@ -640,12 +640,12 @@ class ResidualJacobian {
   C<Dual> with_changes_;
   At at_[2];
   int now_ = 0;
-  Fixed<Along, loaded> changes_;  ///< of loaded values along directions
+  Fixed<Along, loaded> changes_;  ///< derivatives of loaded values
   bool are_changing_ = false, leaves_out_ = false;
-  Fixed<bool, width> is_left_out_;  ///< columns of derivatives that have been left out
+  Fixed<bool, width> is_left_out_;  ///< columns of left-out derivatives
   Fixed<Along, first_acceleration> by_;  ///< of all but accelerations and multipliers
-  Fixed<double, n + m> yields_;  ///< by how much loops do to multipliers in the matrix
-  Fixed<double, width + (has_balls ? 3 * coordinates : 0)> weights_;  ///< the shares of columns in the matrix, of quaternions by each of three speeds
+  Fixed<double, n + m> compliance_;  ///< of constraints, in the matrix
+  Fixed<double, width + (has_balls ? 3 * coordinates : 0)> weights_;  ///< of columns in the matrix, for quaternions by each of three velocities
 };
 
 }  // namespace cutjoint

@@ -16,9 +16,9 @@ namespace cutjoint {
 ///
 /// The step is taken, and its substeps are differentiated as they were taken.
 template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
-class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResidual> {
+class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
-  using Base = PartDerivatives<Simulation, D, S, dofs, ForceResidual>;
+  using Base = SubstepDerivatives<Simulation, D, S, dofs, ForceResidual>;
   using typename Base::M, typename Base::Minimal;
   using Base::inputs, Base::states;
 
@@ -83,8 +83,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   }
 
  protected:
-  using Base::n, Base::joints, Base::is_explicit, Base::goes_on, Base::carries_derivative, Base::no_row, Base::loaded_, Base::is_derivative_known_, Base::coordinate_rates_;
-  using Base::averages, Base::indicators, Base::begun_, Base::cut_, Base::ended_, Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
+  using Base::n, Base::joints, Base::is_explicit, Base::reuses_accelerations, Base::carries_derivative, Base::no_row, Base::loaded_, Base::is_derivative_known_, Base::coordinate_rates_;
+  using Base::averages, Base::indicators, Base::dt_begin_, Base::cut_, Base::dt_end_, Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
   using typename Base::Steps;
 
   /// Records substeps, controller samples and output samples instead of differentiating them.
@@ -120,7 +120,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
       const auto& newton = simulation.steps().newton();
       this->rule_ = newton_settings(simulation.settings()).rule;
       next_means_ = newton.means(), restarts_ = newton.restarts();
-      is_averaged_anew_ = was_short_ = false;
+      restarts_average_ = was_short_ = false;
     }
     load_all();
   }
@@ -151,27 +151,27 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
 
   Fault take(Simulation& simulation) {
     const auto before = simulation.memory();
-    const auto sample = blocks_[0].held > 0 ? &follow_sample : nullptr;
+    const auto sample = blocks_[0].held > 0 ? &on_sample : nullptr;
     Fault fault;
     if constexpr (Base::is_stepped) {
       auto& stepper = simulation.steps().stepper();
       last_ = simulation.state();
-      followed_ = this->refused_ = {};
+      substep_fault_ = this->refused_ = {};
       count_indicators(stepper);
-      stepper.watch({&follow_length, this});
-      simulation.watch_parts({nullptr, sample, this});
+      stepper.watch({&on_accepted_step, this});
+      simulation.watch_substeps({nullptr, sample, this});
       fault = simulation.step();
       stepper.watch({});
       if (!fault || has_made_step(fault)) {
-        if (!followed_) followed_ = end_at_event();
-        if (followed_) fault = followed_;
+        if (!substep_fault_) substep_fault_ = end_at_event();
+        if (substep_fault_) fault = substep_fault_;
       }
     } else {
-      parts_ = parts_taken(simulation.steps());
-      simulation.watch_parts({&follow_part, sample, this});
+      substeps_ = count_substeps(simulation.steps());
+      simulation.watch_substeps({&on_substep, sample, this});
       fault = simulation.step();
     }
-    simulation.watch_parts({});
+    simulation.watch_substeps({});
     if (fault && !has_made_step(fault)) simulation.restore(before);
     return fault;
   }
@@ -185,7 +185,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
 
   /// Apply a function to all seeds, in lanes; arguments are the first seed and the number.
   template <class Use>
-  Fault for_rows(Use use) {
+  Fault for_seeds(Use use) {
     const std::size_t columns = count_columns();
     for (std::size_t first = 0; first < columns; first += directions)
       if (const Fault fault = use(first, std::min(directions, columns - first))) return fault;
@@ -200,8 +200,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     const double* known = simulation_->report();
     for (std::size_t i = 0; i < trajectory.number; ++i) *trajectory.values++ = known[trajectory.outputs[i]];
     const auto& state = simulation_->complete_state();
-    const Fault fault = for_rows([&](std::size_t first, std::size_t number) -> Fault {
-      if (const Fault odd = enter_row(state, first, number)) return odd;
+    const Fault fault = for_seeds([&](std::size_t first, std::size_t number) -> Fault {
+      if (const Fault odd = load_seeds(state, first, number)) return odd;
       Base::report(state.t);
       for (std::size_t i = 0; i < trajectory.number; ++i)
         for (std::size_t k = 0; k < number; ++k)
@@ -217,15 +217,15 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     const auto& state = simulation_->complete_state();
     std::copy(state.vdot.begin(), state.vdot.end(), known_.begin());
     double* const carried = carried_;
-    return for_rows([&](std::size_t first, std::size_t number) -> Fault {
+    return for_seeds([&](std::size_t first, std::size_t number) -> Fault {
       carried_ = nullptr;
-      const Fault fault = enter_row(state, first, number);
+      const Fault fault = load_seeds(state, first, number);
       carried_ = carried;
       if (fault) return fault;
       visit_carried(first, [&](Dual& x, const double* row, Carried kind) {
         for (std::size_t k = 0; k < number && kind != Carried::state; ++k) x.derivative[k] += row[k];
       });
-      keep_row(first, number);
+      store_carried(first, number);
       return {};
     });
   }
@@ -236,13 +236,13 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     if (minimal_->is_ill_conditioned(simulation_->starter(), simulation_->state()))
       if (const Fault fault = minimal_->choose(simulation_->starter(), simulation_->state())) return fault;
     std::copy(minimal_->choice().reference.begin(), minimal_->choice().reference.end(), reference_.begin());
-    return for_rows([&](std::size_t first, std::size_t number) -> Fault {
-      if (const Fault fault = enter_row(state, first, number)) return fault;
-      end_row(first, number);
+    return for_seeds([&](std::size_t first, std::size_t number) -> Fault {
+      if (const Fault fault = load_seeds(state, first, number)) return fault;
+      store_states(first, number);
       if (!this->enter(simulation_->mechanism(), state) || !this->find_accelerations(simulation_->mechanism(), number)) return this->not_finite();
-      average_anew();
+      restart_average();
       visit_carried(first, [&](const Dual& x, double* row, Carried kind) {
-        for (std::size_t k = 0; k < number && kind != Carried::state; ++k) row[k] = goes_on || kind == Carried::mean ? row[k] - x.derivative[k] : 0.0;
+        for (std::size_t k = 0; k < number && kind != Carried::state; ++k) row[k] = reuses_accelerations || kind == Carried::mean ? row[k] - x.derivative[k] : 0.0;
       });
       return {};
     });
@@ -265,11 +265,11 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   }
 
   /// The rule continues with the accelerations of the state.
-  void average_anew() {
+  void restart_average() {
     if constexpr (averages) this->mean_ = vdot_;
   }
 
-  void keep_row(std::size_t first, std::size_t number) {
+  void store_carried(std::size_t first, std::size_t number) {
     visit_carried(first, [number](const Dual& x, double* row, Carried) { copy_derivatives(reinterpret_cast<const double*>(&x.derivative), number, row); });
   }
 
@@ -280,18 +280,18 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   }
 
   /// Number of steps or substeps that the integrator has taken with the present one; Newton methods may divide steps.
-  long parts_taken(const Steps& steps) const {
-    if constexpr (requires { steps.newton(); }) return parts_ + 1 + steps.newton().substeps();
-    else return parts_ + 1;
+  long count_substeps(const Steps& steps) const {
+    if constexpr (requires { steps.newton(); }) return substeps_ + 1 + steps.newton().substeps();
+    else return substeps_ + 1;
   }
 
-  static Fault follow_part(void* who, const StateOf<M>& from, double h) {
+  static Fault on_substep(void* who, const StateOf<M>& from, double h) {
     StepDerivatives* const self = static_cast<StepDerivatives*>(who);
-    if (self->parts_taken(self->simulation_->steps()) != ++self->parts_) return {.cause = Cause::step_subdivided, .t = from.t};
+    if (self->count_substeps(self->simulation_->steps()) != ++self->substeps_) return {.cause = Cause::step_subdivided, .t = from.t};
     return self->follow(from, self->simulation_->state(), h);
   }
 
-  static Fault follow_sample(void* self, std::size_t first, std::size_t number) { return static_cast<StepDerivatives*>(self)->sample(first, number); }
+  static Fault on_sample(void* self, std::size_t first, std::size_t number) { return static_cast<StepDerivatives*>(self)->sample(first, number); }
 
   /// A controller's sample: the values that it holds change with the present state.
   Fault sample([[maybe_unused]] std::size_t at, [[maybe_unused]] std::size_t held) {
@@ -303,8 +303,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
       const auto& state = simulation_->complete_state();
       Fixed<Dual, M::sizes.held> next;
       bool changes = false;
-      const Fault fault = for_rows([&](std::size_t first, std::size_t number) -> Fault {
-        if (const Fault odd = enter_row(state, first, number)) return odd;
+      const Fault fault = for_seeds([&](std::size_t first, std::size_t number) -> Fault {
+        if (const Fault odd = load_seeds(state, first, number)) return odd;
         if constexpr (Base::has_system) this->system_.begin_step(state.t, 1.0);
         this->subject().sample(q_.data(), v_.data(), vdot_.data(), lambda_.data(), next.data());
         for (std::size_t i = at; i < at + held; ++i)
@@ -329,9 +329,9 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
 
   /// A method has taken a step, or its substep before an event.
   template <class Scheme>
-  static void follow_length(void* who, Scheme& scheme) {
+  static void on_accepted_step(void* who, Scheme& scheme) {
     StepDerivatives* const self = static_cast<StepDerivatives*>(who);
-    if (self->followed_) return;
+    if (self->substep_fault_) return;
     StateOf<M> end = self->last_;
     if constexpr (Base::has_stages) {
       end = scheme.stages().present();
@@ -347,7 +347,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
       const auto [begin, length] = scheme.last_step();
       if (end.t != begin + length || self->cut_.left > 0) self->cut_.is_made = true, self->cut_.share = (end.t - begin) / length, h = length;
     }
-    self->followed_ = self->follow(self->last_, end, h);
+    self->substep_fault_ = self->follow(self->last_, end, h);
     self->last_ = end;
   }
 
@@ -379,11 +379,11 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     if (begins_anew(from)) forget_carried();
     if constexpr (averages) {
       const auto& newton = simulation_->steps().newton();
-      is_averaged_anew_ = was_short_ || newton.restarts() - is_short(h) != restarts_;
-      this->means_ = is_averaged_anew_ ? from.vdot : next_means_;
+      restarts_average_ = was_short_ || newton.restarts() - is_short(h) != restarts_;
+      this->means_ = restarts_average_ ? from.vdot : next_means_;
       next_means_ = newton.means(), restarts_ = newton.restarts(), was_short_ = is_short(h);
     }
-    const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, h) : follow_rows(from, end, h); };
+    const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, h) : propagate_all(from, end, h); };
     const auto goes_on_to_event = [&] {
       const Fault fault = go();
       std::copy(end.vdot.begin(), end.vdot.end(), known_.begin());
@@ -409,22 +409,22 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
 
   /// Record an event: the derivative of its time, and outputs there for the host.
   Fault keep_event(const StateOf<M>& end, std::size_t first, std::size_t number) {
-    for (std::size_t k = 0; k < number; ++k) time_row()[first + k] = ended_[k];
+    for (std::size_t k = 0; k < number; ++k) time_row()[first + k] = dt_end_[k];
     if (!events_.found || *events_.found >= events_.most) return {};
     const auto at = static_cast<std::size_t>(*events_.found);
     const std::size_t columns = count_columns();
     events_.which[at] = static_cast<int>(cut_.which[0]);
     events_.times[at] = end.t;
-    for (std::size_t k = 0; k < number; ++k) events_.derivatives_of_times[at * columns + first + k] = ended_[k];
+    for (std::size_t k = 0; k < number; ++k) events_.derivatives_of_times[at * columns + first + k] = dt_end_[k];
     for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = end.q[i];
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
     if (!this->enter(simulation_->mechanism(), end)) return this->not_finite();
-    mechanism_.begin_step(Dual(end.t, ended_), 1.0);
+    mechanism_.begin_step(Dual(end.t, dt_end_), 1.0);
     this->is_time_moving_ = true;
     const bool is_found = this->find_accelerations(simulation_->mechanism(), number);
     this->is_time_moving_ = false;
     if (!is_found) return this->not_finite();
-    Base::report(Dual(end.t, ended_));
+    Base::report(Dual(end.t, dt_end_));
     for (std::size_t i = 0; i < trajectory_->number; ++i) {
       const Dual& x = this->columns_[static_cast<std::size_t>(trajectory_->outputs[i])];
       events_.values[at * trajectory_->number + i] = x.value;
@@ -433,26 +433,26 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
     return {};
   }
 
-  Fault follow_rows(const StateOf<M>& from, const StateOf<M>& end, double h) {
+  Fault propagate_all(const StateOf<M>& from, const StateOf<M>& end, double h) {
     if (!is_loaded_) load_all();
     is_loaded_ = true;
-    if (count_columns() > 0 && !this->find_part(*simulation_, from, end, h)) return no_end(end);
-    const Fault fault = for_rows([&](std::size_t first, std::size_t number) { return follow_row(from, end, h, first, number); });
+    if (count_columns() > 0 && !this->prepare_substep(*simulation_, from, end, h)) return not_finite_step(end);
+    const Fault fault = for_seeds([&](std::size_t first, std::size_t number) { return propagate_seeds(from, end, h, first, number); });
     simulation_->mechanism().begin_step(end.t, 1.0);
     return fault;
   }
 
-  Fault follow_row(const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t first, std::size_t number) {
+  Fault propagate_seeds(const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t first, std::size_t number) {
     for (;;) {
-      if (const Fault fault = enter_row(from, first, number)) return fault;
+      if (const Fault fault = load_seeds(from, first, number)) return fault;
       if (this->go(*simulation_, from, end, h, number)) break;
       if (this->refused_) return this->refused_;
-      if (!this->force_residual_.leave_out_infinite() || !this->find_part(*simulation_, from, end, h)) return no_end(end);
+      if (!this->force_residual_.leave_out_infinite() || !this->prepare_substep(*simulation_, from, end, h)) return not_finite_step(end);
     }
-    if (!this->close_end(*simulation_, end)) return {.cause = Cause::pose_singular, .t = end.t};
+    if (!this->project_end(*simulation_, end)) return {.cause = Cause::pose_singular, .t = end.t};
     if (this->speeds_jump(end)) return cut_.fault(Cause::speeds_jump, end.t);
-    if (carried_) keep_row(first, number);
-    else end_row(first, number);
+    if (carried_) store_carried(first, number);
+    else store_states(first, number);
     if constexpr (indicators > 0)
       if (cut_.left > 0) return keep_event(end, first, number);
     return {};
@@ -461,15 +461,15 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   /// Whether Newton's iteration computes the accelerations at the end of a substep of this length anew.
   bool is_short(double h) const { return (Base::seeks_multipliers || averages) && h < simulation_->settings().dt / 100; }
 
-  static Fault no_end(const StateOf<M>& end) { return {.cause = Cause::accelerations_not_finite, .t = end.t}; }
+  static Fault not_finite_step(const StateOf<M>& end) { return {.cause = Cause::accelerations_not_finite, .t = end.t}; }
 
   /// Derivatives of coordinates, velocities, accelerations and multipliers of a state along the seeds.
-  Fault enter_row(const StateOf<M>& state, std::size_t first, std::size_t number) {
+  Fault load_seeds(const StateOf<M>& state, std::size_t first, std::size_t number) {
     M& mechanism = simulation_->mechanism();
     mechanism.begin_step(state.t, 1.0);
-    begin_row(first, number);
-    begun_ = Tangents{};
-    for (std::size_t k = 0; k < number && begins_at_event_; ++k) begun_[k] = time_row()[first + k];
+    seed_columns(first, number);
+    dt_begin_ = Tangents{};
+    for (std::size_t k = 0; k < number && begins_at_event_; ++k) dt_begin_[k] = time_row()[first + k];
     this->is_time_moving_ = begins_at_event_;
     if (!carried_ || !is_known(state))
       if (!this->enter(mechanism, state)) return this->not_finite();
@@ -477,22 +477,22 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
       if (first == 0)
         if (const Fault fault = minimal_->decompose(simulation_->starter(), state)) return fault;
       if (!this->derive_motion(mechanism, *minimal_, number)) return this->not_finite();
-      average_anew();
+      restart_average();
       return {};
     }
-    return take_row(mechanism, state, first, number) ? Fault{} : this->not_finite();
+    return load_carried(mechanism, state, first, number) ? Fault{} : this->not_finite();
   }
 
   /// Whether what is carried has the derivatives of a state's accelerations.
   bool is_known(const StateOf<M>& state) const {
-    return carries_derivative ? is_derivative_known_ : goes_on && std::equal(known_.begin(), known_.end(), state.vdot.begin());
+    return carries_derivative ? is_derivative_known_ : reuses_accelerations && std::equal(known_.begin(), known_.end(), state.vdot.begin());
   }
 
   /// The same for what is carried; accelerations that have been computed anew are functions of the rest.
-  bool take_row(M& mechanism, const StateOf<M>& state, std::size_t first, std::size_t number) {
+  bool load_carried(M& mechanism, const StateOf<M>& state, std::size_t first, std::size_t number) {
     this->state_ = &state;
     this->take_inputs(mechanism);
-    mechanism_.begin_step(Dual(state.t, begun_), 1.0);
+    mechanism_.begin_step(Dual(state.t, dt_begin_), 1.0);
     const auto take = [](const auto& values, auto& numbers) {
       for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i].value = values[i];
     };
@@ -510,7 +510,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
       copy_derivatives(row, number, reinterpret_cast<double*>(&x.derivative));
     });
     if (!is_carried && !this->find_accelerations(mechanism, number)) return false;
-    if (is_averaged_anew_) average_anew();
+    if (restarts_average_) restart_average();
     return true;
   }
 
@@ -528,7 +528,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   }
 
   /// What columns change at the beginning of a substep.
-  void begin_row(std::size_t first, std::size_t number) {
+  void seed_columns(std::size_t first, std::size_t number) {
     dx_.fill(Dual());
     du_.fill(Dual());
     for (Dual& x : parameters_) x.derivative = Tangents{};
@@ -547,11 +547,11 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   }
 
   /// Independent coordinates and rates at the end.
-  void end_row(std::size_t first, std::size_t number) {
+  void store_states(std::size_t first, std::size_t number) {
     displacement<Dual>(charts(), reference_.data(), q_.data(), delta_.data());
     chart_rates<Dual>(charts(), delta_.data(), v_.data(), rate_.data());
-    this->take_derivatives(delta_, *minimal_, dx_.data());
-    this->take_derivatives(rate_, *minimal_, dx_.data() + dofs);
+    this->gather_derivatives(delta_, *minimal_, dx_.data());
+    this->gather_derivatives(rate_, *minimal_, dx_.data() + dofs);
     std::copy(v_.begin() + joints, v_.end(), dx_.begin() + 2 * dofs);
     visit(first, number, [this](std::size_t k, const Block& block, std::size_t column) {
       for (std::size_t i = 0; i < states; ++i) block.matrix[i * block.width + column] = dx_[i].derivative[k];
@@ -569,11 +569,11 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, ForceResi
   Fixed<double, carries_derivative ? M::sizes.coordinates + n : 0> first_derivative_, last_derivative_;  ///< derivatives at the beginning of an explicit substep, and at the end of the one before
   Fixed<double, averages ? n : 0> next_means_;  ///< accelerations that the rule of the next substep averages
   long restarts_ = 0;                            ///< as Newton's iteration counts them
-  bool is_averaged_anew_ = false, was_short_ = false;  ///< the next substep averages accelerations of the state; the last one was short
+  bool restarts_average_ = false, was_short_ = false;  ///< the next substep averages accelerations of the state; the last one was short
   bool is_loaded_ = false;     ///< what is constant during the steps, as taken at the first one
-  long parts_ = 0;  ///< as the integrator counts them
+  long substeps_ = 0;  ///< as the integrator counts them
   StateOf<M> last_;  ///< end of the last step of an adaptive method
-  Fault followed_;                                     ///< why a step has no derivative
+  Fault substep_fault_;                                     ///< why a step has no derivative
   Fixed<long, indicators> counted_;                      ///< how often indicators have changed mode
   bool begins_at_event_ = false;                       ///< the next substep begins at an event whose time depends on the seeds
   Events events_;

@@ -1,4 +1,4 @@
-// Derivatives of the end of a part of a step, which is taken as a whole, along directions of its beginning.
+// Derivatives of the end of a substep with respect to its beginning.
 #pragma once
 
 #include <algorithm>
@@ -15,11 +15,11 @@
 
 namespace cutjoint {
 
-/// `Derivatives` of a `Simulation` with the formulas of its integrator, over numbers with derivatives, from the closed loops of a part's beginning to those of its end.
+/// `Derivatives` of a `Simulation` with the formulas of its integrator over dual numbers, from the consistent state at a substep's beginning to that at its end.
 ///
-/// What is found by iteration, multipliers and the way to closed loops, goes on until derivatives stay too, so that they are those of the solution.
+/// Iterations for multipliers and projections continue until derivatives converge too: they are those of the converged solution.
 template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
-class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceResidual> {
+class SubstepDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
   using Base = EventDerivatives<Simulation, D, S, dofs, ForceResidual>;
   using typename Base::M;
@@ -27,74 +27,74 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
  protected:
   using typename Base::Steps;
   using Base::m, Base::n, Base::has_stages, Base::is_explicit, Base::seeks_multipliers, Base::indicators;
-  using Base::begun_, Base::charts, Base::cut_, Base::ended_, Base::from_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
+  using Base::dt_begin_, Base::charts, Base::cut_, Base::dt_end_, Base::from_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
 
-  /// Whether a step begins with the accelerations that the one before has found, before loops are closed at its end.
-  static constexpr bool goes_on = !is_explicit && (!Base::has_system || m > 0 || has_stages);
+  /// Whether a step begins with the accelerations of the previous one, found before the projection at its end.
+  static constexpr bool reuses_accelerations = !is_explicit && (!Base::has_system || m > 0 || has_stages);
 
-  /// Whether it begins with the derivative that the one before has found where its last stage stood, before loops were closed.
+  /// Whether it begins with the state derivative of the previous one's last stage, found before the projection.
   static constexpr bool carries_derivative = is_explicit && m > 0;
 
-  [[no_unique_address]] std::conditional_t<has_stages, radau::StageDerivatives<ForceResidual>, typename Base::None> stages_;  ///< of a step, the stages of which stand at
+  [[no_unique_address]] std::conditional_t<has_stages, radau::StageDerivatives<ForceResidual>, typename Base::None> stages_;  ///< of a step with stages at `points_`
   std::array<StateOf<M>, has_stages ? radau::Table::stages : 0> points_;
 
-  Fixed<Dual, M::sizes.coordinates> coordinate_rates_;  ///< rates of coordinates of that derivative
-  bool is_derivative_known_ = false;             ///< that derivative is there where a part begins, in `coordinate_rates_` and in accelerations
-  bool wants_derivative_ = false;                ///< it is to be there at the end
+  Fixed<Dual, M::sizes.coordinates> coordinate_rates_;  ///< rates of coordinates in that state derivative
+  bool is_derivative_known_ = false;             ///< a substep begins with it, in `coordinate_rates_` and accelerations
+  bool wants_derivative_ = false;                ///< it is needed at the end
 
-  /// Get ready for a part from a state to another; false where its end has no derivative.
-  bool find_part(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
+  /// Prepare for a substep between two states; false if its end has no derivative.
+  bool prepare_substep(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
     if constexpr (has_stages) return find_stages(simulation.mechanism(), from, h);
     if constexpr (seeks_multipliers) return this->find_rule(simulation.mechanism(), from, end, h);
-    this->is_settled_ = false;
+    this->is_converged_ = false;
     return true;
   }
 
-  /// From the beginning of the part to its end along directions; false where that has no derivative.
+  /// Propagate derivatives from the beginning of the substep to its end; false if there are none.
   bool go(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
     M& mechanism = simulation.mechanism();
-    if constexpr (is_explicit) return go_by_derivatives(mechanism, from, end, h, number);
-    else if constexpr (has_stages) return go_by_stages(mechanism, from, end, h, number);
+    if constexpr (is_explicit) return propagate_explicit(mechanism, from, end, h, number);
+    else if constexpr (has_stages) return propagate_stages(mechanism, from, end, h, number);
     else {
       bool is_found = false;
-      if constexpr (seeks_multipliers) is_found = this->go_by_rule(mechanism, end);
-      else is_found = this->go_by_fixed_point(mechanism, from, end, h);
+      if constexpr (seeks_multipliers) is_found = this->propagate_rule(mechanism, end);
+      else is_found = this->propagate_fixed_point(mechanism, from, end, h);
       this->average();
       return is_found;
     }
   }
 
-  /// The projection of the part's end; false where loops stay open.
-  bool close_end(Simulation& simulation, const StateOf<M>& end) {
-    if constexpr (has_stages) return close_by_force_residual(end);
+  /// The projection at the end; false if loops stay open.
+  bool project_end(Simulation& simulation, const StateOf<M>& end) {
+    if constexpr (has_stages) return project_by_force_residual(end);
     else if constexpr (seeks_multipliers) return true;
-    else return !(is_explicit || simulation.settings().fixed_point.proximal) || close_loops();
+    else return !(is_explicit || simulation.settings().fixed_point.proximal) || project_loops();
   }
 
  private:
-  /// An explicit method, whose last stage begins the next step.
-  bool go_by_derivatives(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+  /// An explicit method whose last stage is the first of the next step (FSAL).
+  bool propagate_explicit(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
     if constexpr (!is_explicit) return false;
-    else return go_by_table<typename Steps::Method>(mechanism, from, end, h, number);
+    else return propagate_by_table<typename Steps::Method>(mechanism, from, end, h, number);
   }
 
   template <class Table>
-  bool go_by_table(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+  bool propagate_by_table(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
     constexpr std::size_t last = Table::stages - 1, all = indicators > 0 ? Table::all : Table::stages;
     std::array<Fixed<Dual, M::sizes.coordinates>, all> place_derivatives;
     std::array<Fixed<Dual, n>, all> speed_derivatives;
-    const Dual length(h, -begun_);
+    const Dual length(h, -dt_begin_);
     from_ = q_;
     speeds_ = v_;
     stage_ = from;
     Dual now;
-    const auto lead = [&](std::size_t stage) {
+    const auto set_stage = [&](std::size_t stage) {
       q_ = from_;
       v_ = speeds_;
       add_derivatives(length, Table::weights[stage], place_derivatives, q_);
       add_derivatives(length, Table::weights[stage], speed_derivatives, v_);
       const double node = Table::nodes[stage].template as<double>();
-      now = Dual(stage_.t = from.t + node * h, (1.0 - node) * begun_);
+      now = Dual(stage_.t = from.t + node * h, (1.0 - node) * dt_begin_);
       mechanism.begin_step(stage_.t, 1.0);
     };
     const auto derive = [&] {
@@ -110,37 +110,37 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     if (!is_derivative_known_) coordinate_rates<Dual>(charts(), q_.data(), v_.data(), coordinate_rates_.data());
     for (std::size_t stage = 0; stage < last;) {
       keep(stage);
-      lead(++stage);
+      set_stage(++stage);
       if ((stage < last || wants_derivative_ || cut_.is_made) && !derive()) return false;
     }
-    ended_ = Tangents{};
+    dt_end_ = Tangents{};
     if constexpr (indicators > 0)
       if (cut_.is_made) {
         keep(last);
         const auto places = q_;
         const auto speeds = v_;
         for (std::size_t stage = Table::stages; stage < all; ++stage) {
-          lead(stage);
+          set_stage(stage);
           if (!derive()) return false;
           keep(stage);
         }
         q_ = places;
         v_ = speeds;
-        this->template interpolate<Table>(length, from_, place_derivatives, q_, this->turning_);
-        this->template interpolate<Table>(length, speeds_, speed_derivatives, v_, this->bending_);
+        this->template interpolate<Table>(length, from_, place_derivatives, q_, this->qdot_at_event_);
+        this->template interpolate<Table>(length, speeds_, speed_derivatives, v_, this->vdot_at_event_);
         mechanism.begin_step(stage_.t = end.t, 1.0);
         this->take_inputs(mechanism);
-        if (!this->meet_event(mechanism, end, number)) return false;
+        if (!this->shift_to_event(mechanism, end, number)) return false;
       }
     this->take_inputs(mechanism);
-    mechanism_.begin_step(Dual(stage_.t, ended_), 1.0);
+    mechanism_.begin_step(Dual(stage_.t, dt_end_), 1.0);
     normalise<Dual>(charts(), q_.data());
     return true;
   }
 
   // Coupled stages
 
-  /// Derivatives of the residual of the equations of motion in the stages of a step; false where they do not determine these.
+  /// Jacobians of the equations of motion in the stages of a step; false if their matrix is singular.
   bool find_stages(M& mechanism, const StateOf<M>& from, double h) {
     this->along_ = {};
     return stages_.find(this->force_residual_, h, from, points_, [&](std::size_t i) {
@@ -149,8 +149,8 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     });
   }
 
-  /// The end of a step whose stages balance forces as they do in the run.
-  bool go_by_stages(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+  /// The end of a step with coupled stages.
+  bool propagate_stages(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
     from_ = q_, speeds_ = v_;
     const bool moves = this->is_time_moving_;
     const auto solve = [&](auto& change) {
@@ -159,45 +159,45 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
         if (moves || this->trajectories_) mechanism.begin_step(points_[i].t, 1.0);
         if (!moves) {
           if (this->trajectories_) this->take_inputs(mechanism);
-          this->force_residual_.lose(stages_.derivative(i), stages_.q(i), stages_.v(i), this->du_, this->dheld_, rows);
+          this->force_residual_.subtract_jvp(stages_.derivative(i), stages_.q(i), stages_.v(i), this->du_, this->dheld_, rows);
           continue;
         }
         q_ = stages_.q(i);
         v_ = stages_.v(i);
         if (!this->enter(mechanism, points_[i])) return false;
-        mechanism_.begin_step(Dual(points_[i].t, (from.t + h - points_[i].t) / h * begun_), 1.0);
+        mechanism_.begin_step(Dual(points_[i].t, (from.t + h - points_[i].t) / h * dt_begin_), 1.0);
         if (!this->find_accelerations(mechanism, number)) return false;
-        stages_.gain(i, vdot_, this->lambda_, rows);
+        stages_.add_jvp(i, vdot_, this->lambda_, rows);
       }
       return this->force_residual_.solve(stages_.matrix(), change);
     };
-    if (!this->go_by(stages_, points_.back(), -begun_, solve)) return false;
-    ended_ = Tangents{};
-    be_at(mechanism, points_.back().t);
+    if (!this->propagate_implicit(stages_, points_.back(), -dt_begin_, solve)) return false;
+    dt_end_ = Tangents{};
+    set_time(mechanism, points_.back().t);
     if constexpr (indicators > 0)
       if (cut_.is_made) {
         StateOf<D> begin;
         begin.q = from_, begin.v = speeds_, begin.vdot = this->before_;
-        return close_by_force_residual(points_.back()) && cut(mechanism, end, Dual(h, -begun_), begin, stages_.shift(), number);
+        return project_by_force_residual(points_.back()) && cut(mechanism, end, Dual(h, -dt_begin_), begin, stages_.shift(), number);
       }
     return true;
   }
 
-  /// Be at a time that changes along directions as a part's end does.
-  void be_at(M& mechanism, double t) {
+  /// Set the time, with the derivative of the substep's end.
+  void set_time(M& mechanism, double t) {
     mechanism.begin_step(t, 1.0);
     this->take_inputs(mechanism);
-    mechanism_.begin_step(Dual(t, ended_), 1.0);
+    mechanism_.begin_step(Dual(t, dt_end_), 1.0);
   }
 
-  /// From the end of a step to where it is cut, by the interpolant that goes on from its beginning and has found a `shift`.
+  /// From the end of a step to its cut, by the interpolant over the step with displacement `shift`.
   bool cut(M& mechanism, const StateOf<M>& end, const Dual& length, StateOf<D>& begin, Fixed<Dual, n> shift, std::size_t number) {
     StateOf<D> done;
     done.q = q_, done.v = v_, done.vdot = vdot_;
     stepping::Interpolant<D> between(charts(), begin);
     typename stepping::Interpolant<D>::Vector at;
     between.join(length, begin, done, shift);
-    between.at(Dual(cut_.share, (cut_.share - 1.0) / length.value * begun_), at);
+    between.at(Dual(cut_.share, (cut_.share - 1.0) / length.value * dt_begin_), at);
     std::copy_n(at.begin(), q_.size(), q_.begin());
     std::copy_n(at.begin() + q_.size(), n, v_.begin());
     const auto still = [](auto&... numbers) {
@@ -211,17 +211,17 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     Dual share(cut_.share);
     share.derivative[0] = 1.0 / length.value;
     between.at(share, at);
-    for (std::size_t i = 0; i < q_.size(); ++i) this->turning_[i] = at[i].derivative[0];
-    for (std::size_t i = 0; i < n; ++i) this->bending_[i] = at[q_.size() + i].derivative[0];
-    be_at(mechanism, end.t);
-    if (!this->meet_event(mechanism, end, number)) return false;
-    be_at(mechanism, end.t);
+    for (std::size_t i = 0; i < q_.size(); ++i) this->qdot_at_event_[i] = at[i].derivative[0];
+    for (std::size_t i = 0; i < n; ++i) this->vdot_at_event_[i] = at[q_.size() + i].derivative[0];
+    set_time(mechanism, end.t);
+    if (!this->shift_to_event(mechanism, end, number)) return false;
+    set_time(mechanism, end.t);
     return true;
   }
 
-  /// Derivatives of a state that stay on closed loops, as the force residual has these; what closes them as masses do comes near to what the run's tangents do by the
+  /// Project derivatives of a state onto the loops by the force residual, in the metric of the masses; the run uses that of its tangents, which differs by the
   /// violations that steps leave.
-  bool close_by_force_residual(const StateOf<M>& state) {
+  bool project_by_force_residual(const StateOf<M>& state) {
     if constexpr (m > 0) {
       typename ForceResidual::Changes change;
       this->force_residual_.find(state.t, state.q, state.v, state.vdot, state.lambda, this->u_);
@@ -237,8 +237,8 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     return true;
   }
 
-  /// The projection of a step's end; false where loops stay open.
-  bool close_loops() {
+  /// The projection at a step's end by the mechanism; false if loops stay open.
+  bool project_loops() {
     if constexpr (m > 0) {
       const auto measure = [this] { mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data()); };
       const bool closed = close(phi_, q_, measure, [this] { retract<Dual>(charts(), from_.data(), step_.data(), q_.data()); }, from_);
@@ -247,7 +247,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     return true;
   }
 
-  /// The largest number, by 1 + the largest of others, or derivative, by the largest along its direction; not a number where one is none.
+  /// The largest value relative to 1 + the largest of `others`, or derivative relative to the largest along its seed; NaN if one is NaN.
   template <class Numbers, class Others>
   static double largest_share(const Numbers& numbers, const Others& others) {
     const Dual most = largest(numbers), size = largest(others);
@@ -260,7 +260,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     return share;
   }
 
-  /// The largest number and derivatives; not a number where one is none.
+  /// The largest absolute value and derivatives; NaN if one is NaN.
   template <class Numbers>
   static Dual largest(const Numbers& numbers) {
     Dual most, odd;
@@ -273,7 +273,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     return most + odd;
   }
 
-  /// Whether numbers and their derivatives are so small, as those of a violation that numbers hardly change for are by the rounding of parameters.
+  /// Whether values and derivatives are at most `most`, as those of a violation that only rounding of parameters changes.
   template <class Numbers>
   static bool is_at_most(const Numbers& numbers, double most) {
     const Dual found = largest(numbers);
@@ -282,7 +282,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceRes
     return found.value <= most;
   }
 
-  /// Moves until a violation and its derivatives are rounding, or the next one leaves no more.
+  /// Project until a violation and its derivatives are rounding or no longer decrease.
   template <class Numbers, class Measure, class Move>
   bool close(const Fixed<Dual, m>& violation, Numbers& numbers, Measure measure, Move move, Numbers& before) {
     constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();

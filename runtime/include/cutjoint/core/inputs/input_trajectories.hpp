@@ -10,28 +10,28 @@
 
 namespace cutjoint {
 
-/// An input over time in pieces that begin at `times`, the first of which holds before, too: of each the value and its first three derivatives where it begins.
-/// Where it `jumps` from piece to piece, steps end at these times and begin anew.
+/// An input over time in pieces that begin at `times`; the first one also holds before. Each has the value and its first three derivatives at its beginning.
+/// If it `jumps` between pieces, steps end at these times and restart.
 struct InputTrajectory {
   int input = 0, jumps = 0;
   long pieces = 0;
   const double *times = nullptr, *numbers = nullptr;
-  const double* changes = nullptr;  ///< of these numbers along directions (directions, pieces, 4)
-  double* derivatives = nullptr;         ///< of objectives by these numbers (objectives, pieces, 4)
+  const double* changes = nullptr;  ///< of these numbers along seeds (seeds, pieces, 4)
+  double* derivatives = nullptr;         ///< of objectives with respect to these numbers (objectives, pieces, 4)
 };
 
-/// Courses of inputs, `n` at most.  Within a part of a step the piece where it begins holds from its beginning on, and the piece where it ends to its end.
+/// Trajectories of at most `n` inputs.  Within a substep the piece of its beginning holds from there on, and the piece of its end up to there.
 template <std::size_t n>
 class InputTrajectories {
  public:
   static constexpr std::size_t orders = 4;
 
-  /// What numbers of trajectories change along directions.
+  /// Which numbers of trajectories depend on the seeds.
   enum class Along { nothing, changes, piece };
 
   std::size_t number() const { return number_; }
 
-  /// Whether the input of one is such.
+  /// Whether the input of one satisfies a condition.
   template <class Is>
   bool any_of(Is is) const {
     return std::any_of(trajectories_.begin(), trajectories_.begin() + number_, [is](const InputTrajectory& x) { return is(static_cast<std::size_t>(x.input)); });
@@ -44,17 +44,17 @@ class InputTrajectories {
     trajectories_[number_++] = trajectory;
   }
 
-  /// A run begins at a time, with steps of a length.
+  /// Begin a run at a time, with steps of length dt.
   void begin(double t, double dt) {
-    be_within(t, std::numeric_limits<double>::infinity());
+    select_pieces_within(t, std::numeric_limits<double>::infinity());
     rounding_ = 1e-9 * dt;
     jumps_ = false;
     along_ = Along::nothing;
   }
 
-  /// A part of a step begins; whether an input trajectory may jump there.
-  bool begin_part(double t) {
-    be_within(t, std::numeric_limits<double>::infinity());
+  /// Begin a substep; return whether an input trajectory may jump there.
+  bool begin_substep(double t) {
+    select_pieces_within(t, std::numeric_limits<double>::infinity());
     jumps_ = false;
     for (std::size_t i = 0; i < number_; ++i) {
       const std::size_t now = find(i, t);
@@ -63,7 +63,7 @@ class InputTrajectories {
     return jumps_;
   }
 
-  /// Where one may jump next, infinity where none does.
+  /// The time of the next possible jump, or infinity.
   double next_jump() const {
     double next = std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < number_; ++i)
@@ -71,19 +71,19 @@ class InputTrajectories {
     return next;
   }
 
-  void end_part(double until) { until_ = until; }
+  void end_substep(double until) { until_ = until; }
 
-  /// Whether accelerations were found anew at a time, where the present part begins.
+  /// Whether the substep that begins at this time restarted with new accelerations.
   bool begins_anew(double t) const { return jumps_ && t == from_; }
 
-  /// Be in a part of a step; a time by itself belongs to the part that ends there.
-  void be_within(double from, double until) {
+  /// Select the pieces of a substep; a time by itself belongs to the substep that ends there.
+  void select_pieces_within(double from, double until) {
     from_ = from;
     until_ = until;
   }
-  void be_behind(double t) { be_within(-std::numeric_limits<double>::infinity(), t); }
+  void select_pieces_until(double t) { select_pieces_within(-std::numeric_limits<double>::infinity(), t); }
 
-  /// Value, rate and acceleration of each at a time, among those of all inputs.
+  /// Fill in value, rate and acceleration of each at a time.
   void fill(double t, double* input) {
     for (std::size_t i = 0; i < number_; ++i) {
       const InputTrajectory& trajectory = trajectories_[i];
@@ -92,14 +92,14 @@ class InputTrajectories {
     }
   }
 
-  /// The third derivative of the input at a place among numbers of inputs, where it was filled in last; a null pointer without an input trajectory.
+  /// The third derivative, at the time last filled in, of the input at this index of the array; a null pointer without a trajectory.
   const double* jerk(std::size_t at) const {
     for (std::size_t i = 0; i < number_; ++i)
       if (place(trajectories_[i]) == at) return trajectories_[i].numbers + orders * pieces_[i] + 3;
     return nullptr;
   }
 
-  /// Directions from one on, so many, are those of the host, or the numbers of one piece.
+  /// Let seeds be those of the host, or the numbers of one piece.
   void change_along(Along along) { along_ = along; }
   void change_piece(std::size_t trajectory, std::size_t piece) {
     along_ = Along::piece;
@@ -107,7 +107,7 @@ class InputTrajectories {
     piece_ = piece;
   }
 
-  /// Add how inputs change along directions from one on where they were filled in last.
+  /// Add derivatives of inputs, at the time last filled in, along seeds from `first` on.
   template <class Numbers>
   void add_changes(std::size_t first, std::size_t number, Numbers& du) const {
     if (along_ == Along::piece) {
@@ -125,7 +125,7 @@ class InputTrajectories {
     }
   }
 
-  /// Add derivatives of an objective by inputs where they were filled in last to those by numbers of trajectories.
+  /// From derivatives of an objective with respect to inputs, at the time last filled in, add those with respect to numbers of trajectories.
   void vjp(std::size_t objective, const double* by_input) const {
     for (std::size_t i = 0; i < number_; ++i) {
       const double *by = by_input + place(trajectories_[i]), since = since_[i];
@@ -138,7 +138,7 @@ class InputTrajectories {
     }
   }
 
-  /// Derivatives of an objective by the numbers of a piece.
+  /// Derivatives of an objective with respect to the numbers of a piece.
   double* derivatives_of(std::size_t objective, std::size_t trajectory, std::size_t piece) const {
     const InputTrajectory& x = trajectories_[trajectory];
     return x.derivatives ? x.derivatives + orders * (objective * static_cast<std::size_t>(x.pieces) + piece) : nullptr;
@@ -171,7 +171,7 @@ class InputTrajectories {
 
   std::size_t number_ = 0;
   Fixed<InputTrajectory, n> trajectories_;
-  Fixed<std::size_t, n> pieces_;  ///< that hold where inputs were filled in last
+  Fixed<std::size_t, n> pieces_;  ///< at the time last filled in
   Fixed<double, n> since_;        ///< their beginning
   double from_ = 0.0, until_ = 0.0, rounding_ = 0.0;
   bool jumps_ = false;

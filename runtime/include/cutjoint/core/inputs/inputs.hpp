@@ -3,19 +3,19 @@
 
 namespace cutjoint {
 
-/// Of an input in turn: its value, its rate and its acceleration.  Laws read the value; guides need all three.
+/// Value, rate and acceleration of an input, in this order.  Laws read the value; guides need all three.
 inline constexpr int numbers_per_input = 3;
 
-/// The events of inputs where a step begins: whether accelerations jump, whether a guide that jumps may leave loops open, and whether the trajectory of one
-/// has parts within the step.
+/// Events of inputs at the beginning of a step: whether accelerations jump, whether a guide's jump may leave loops open, and whether a guide's trajectory
+/// has several pieces within the step.
 struct StepBegin {
   bool jumps = false, opens = false, parts = false;
 };
 
-/// A source of inputs.  `fill` receives the array of a step, with three numbers for each input in the order of the description: the values
-/// of the scene's laws at time t.  It writes the inputs of the source and leaves the others.  It is called whenever a step or a part of one
-/// begins, with any t in the step, and must depend on nothing but t until the step ends.  `host` is handed on as it is.  Without `fill` the
-/// scene's laws alone are the source.  With `begin` the source is told of each step, from t to another time, and says what that begins with.
+/// A source of inputs.  `fill` receives the array of a step, three numbers for each input in the order of the description, with the values
+/// of the scene's laws at time t.  It overwrites the inputs of the source.  It is called with any t in a step or substep
+/// and must depend on t alone until the step ends.  `host` is its first argument.  Without `fill` the scene's laws are the only source.
+/// `begin` is called at the beginning of each step, from t to `until`, and returns its events.
 template <class Real>
 struct InputSource {
   void (*fill)(void* host, Real t, Real* input) = nullptr;
@@ -23,13 +23,13 @@ struct InputSource {
   StepBegin (*begin)(void* host, Real t, Real until) = nullptr;
 };
 
-/// The array of a step: `length` numbers, those of the inputs, then what the scene's laws are watched by.
+/// The array of a step: `length` numbers, those of the inputs, then those that monitor the scene's laws.
 template <class Real, int length>
 class StepInputs {
  public:
   void drive_by(const InputSource<Real>& source) { source_ = source; }
 
-  /// The array at time t: the scene's laws, then what the source gives instead.
+  /// The array at time t: the scene's laws, overwritten by the source.
   template <class Generated>
   const Real* at(Real t, const Generated& generated) {
     generated.scene_inputs(t, input_);
@@ -45,8 +45,8 @@ class StepInputs {
   Real input_[length] = {};
 };
 
-/// A source whose host holds the values of all `count` inputs and may change them between steps.  Rates and accelerations are zero, so that
-/// a guide stands still within a step and jumps between steps: a law does not mind, a guide should be interpolated.
+/// A zero-order hold of all `count` inputs, which the host may change between steps.  Rates and accelerations are zero: a guide
+/// stands still within a step and jumps between steps, so inputs of guides should be interpolated.
 template <class Real>
 struct Held {
   const Real* values;
@@ -64,7 +64,7 @@ struct Held {
   }
 };
 
-/// The cubic with these values and rates at 0 and at `length`, at `at` beyond 0: value, rate and acceleration.
+/// Value, rate and acceleration at `at` of the cubic with these values and rates at 0 and at `length`.
 template <class Real>
 void interpolate(Real at, Real length, Real begin, Real begin_rate, Real end, Real end_rate, Real* numbers) {
   const Real derivative = (end - begin) / length;
@@ -74,8 +74,8 @@ void interpolate(Real at, Real length, Real begin, Real begin_rate, Real end, Re
   numbers[2] = 2 * second + 6 * at * third;
 }
 
-/// A source whose host gives values, and if it likes rates, of all `count` inputs at the begin and at the end of a step or of a sampling
-/// interval.  Between them an input follows the cubic with these values and rates; without rates, a straight line.
+/// A source with values, and optionally rates, of all `count` inputs at the beginning and end of a step or sampling
+/// interval.  Inputs are cubic in between; linear without rates.
 template <class Real>
 struct Interpolated {
   Real begin_time, end_time;

@@ -1,4 +1,4 @@
-// Inputs of several instances side by side.
+// Inputs of several instances in SIMD lanes.
 #pragma once
 
 #include <array>

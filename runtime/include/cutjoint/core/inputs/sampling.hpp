@@ -1,4 +1,4 @@
-// What controllers hold between the samples that they take.
+// Values that controllers hold between their samples.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@
 
 namespace cutjoint {
 
-/// When the controllers of a mechanism or system take samples.
+/// The sample times of the controllers of a mechanism or system.
 template <class M>
 auto samples_of(const M& subject) {
   if constexpr (Sized<M>) {
@@ -28,12 +28,12 @@ auto samples_of(const M& subject) {
   }
 }
 
-/// Whether a mechanism or system may have controllers, as far as its class knows.
+/// Whether a mechanism or system may have controllers, as known at compile time.
 template <class M>
 constexpr bool may_sample = !Sized<M> || static_sizes<M>().controllers > 0;
 
-/// The values that controllers hold, and how many samples each has taken.  It is a source of inputs: behind those of another source it puts what is held.
-/// A value that is no number yet is the scene's, its start.
+/// The values that controllers hold (zero-order hold), and their numbers of samples.  As a source of inputs it appends these values to those of another
+/// source.  Before the first sample a value is NaN, and the scene's start value is used.
 template <class M>
 class Sampling {
  public:
@@ -50,7 +50,7 @@ class Sampling {
     begin();
   }
 
-  /// The source that gives what is held behind the inputs of another; this object must outlive its use.
+  /// The source that appends held values to another's inputs; this object must outlive its use.
   InputSource<Real> source(const InputSource<Real>& others) {
     others_ = others;
     return times_.empty() ? others : InputSource<Real>{&fill, this, others.begin ? &begin_others : nullptr};
@@ -65,7 +65,7 @@ class Sampling {
     std::fill(memory_.numbers.begin(), memory_.numbers.end(), 0L);
   }
 
-  /// The time of the next sample, infinity without controllers.
+  /// The time of the next sample; infinity without controllers.
   Real next() const {
     Real next = std::numeric_limits<Real>::infinity();
     for (std::size_t i = 0; i < times_.size(); ++i) next = std::min(next, time_of(i));
@@ -74,7 +74,7 @@ class Sampling {
 
   bool is_due(std::size_t i, Real t, Real rounding) const { return time_of(i) <= t + rounding; }
 
-  /// Somebody else has gone to a time: the next samples are those behind it.
+  /// The time was set from outside: the next samples are those after it.
   void go_to(Real t, Real rounding) {
     for (std::size_t i = 0; i < times_.size(); ++i) {
       const double passed = (static_cast<double>(t + rounding) - times_[i].offset) / times_[i].every;
@@ -82,20 +82,20 @@ class Sampling {
     }
   }
 
-  /// Controllers hold these values, of the samples up to a time.
+  /// Set the values held after the samples up to a time.
   void go_on(Real t, Real rounding, const Array<M, static_sizes<M>().held>& values) {
     memory_.values = values;
     go_to(t, rounding);
   }
 
-  /// Controllers hold these values for a while, until they are restored.
+  /// Set the held values until they are restored.
   void hold(const Array<M, static_sizes<M>().held>& values) { memory_.values = values; }
 
-  /// Where a function puts the next values of all.
+  /// The destination of the next values of all controllers.
   Real* next_values() { return next_.data(); }
 
-  /// A controller holds its next values; whether they are finite.  Unless they are, it holds what it held.  Some of them `change`, and of those some
-  /// are `felt`: motion follows from them.
+  /// Take over the next values of a controller; false if one is not finite, with the old ones unchanged.  `changes`: one has changed; `felt`: the motion
+  /// depends on one that has.
   bool take(std::size_t i, bool& changes, bool& felt) {
     const std::size_t first = first_of(i), end = first + held_by(i);
     for (std::size_t k = first; k < end; ++k)
@@ -113,7 +113,7 @@ class Sampling {
   /// Whether its samples read accelerations or multipliers.
   bool is_accelerated(std::size_t i) const { return times_[i].accelerated; }
 
-  /// Its values among those of all.
+  /// The index of its first value.
   std::size_t first_of(std::size_t controller) const {
     std::size_t first = 0;
     for (std::size_t i = 0; i < controller; ++i) first += held_by(i);
@@ -122,7 +122,7 @@ class Sampling {
 
   std::size_t held_by(std::size_t controller) const { return static_cast<std::size_t>(times_[controller].held); }
 
-  /// Whether what a controller holds is of a sample at a time.
+  /// Whether a controller's last sample was at this time.
   bool is_of(std::size_t controller, Real t, Real rounding) const {
     const Real last = time_of(controller) - Real(times_[controller].every);
     return memory_.numbers[controller] > 0 && last <= t + rounding && t <= last + rounding;
@@ -161,7 +161,7 @@ class Sampling {
   InputSource<Real> others_;
 };
 
-/// What holds nothing.
+/// No controllers.
 template <class M>
 struct NoSampling {
   struct Memory {};
@@ -175,7 +175,7 @@ struct NoSampling {
   void go_to(typename M::real_type, typename M::real_type) {}
 };
 
-/// Room for speeds where a mechanism or system may have controllers.
+/// Memory for velocities if a mechanism or system may have controllers.
 template <class M>
 struct NoRoom {
   explicit NoRoom(std::size_t) {}

@@ -1,4 +1,4 @@
-// How the end of a trapezoidal step whose multipliers close the loops changes along directions, by force residual.
+// Derivatives of the end of a trapezoidal step whose multipliers close the loops, by the force residual.
 #pragma once
 
 #include <algorithm>
@@ -15,80 +15,80 @@
 
 namespace cutjoint {
 
-/// Derivatives by `ForceResidual` of all that Newton's iteration leaves at the end of a step.  With accelerations a and multipliers that lead to coordinates q
-/// and speeds v, and the projections of speeds and accelerations in the norm of the tangent A there, these are
+/// Derivatives by `ForceResidual` of the end of a step by Newton's iteration: accelerations a, multipliers, coordinates q and velocities v of the rule, and the
+/// projections of velocities and accelerations in the metric of the tangent A there:
 ///
 ///     f(q, v, a, lambda) = 0     Phi(q) = 0         A (v_1 - v) + Phi_q^T mu = 0     Phid(q, v_1) = 0         A (vdot - a) + Phi_q^T nu = 0     Phidd(q, v_1, vdot) = 0
 ///
-/// f being the force residual.  A times a move is how f changes on the way of it, so that derivatives of that are the differences of derivatives there.  Where the run has
-/// the tangent of another pose, what that makes is missing.
+/// f is the force residual.  Derivatives of A times a displacement are differences of Jacobians along it.  The effect of a reused tangent of
+/// another pose is neglected.
 template <class ForceResidual>
 class ClosedEndDerivatives {
  public:
   static constexpr std::size_t n = ForceResidual::n, m = ForceResidual::m, coordinates = ForceResidual::coordinates, all = n + m;
   using Changes = typename ForceResidual::Changes;
   using Columns = Fixed<double, ForceResidual::first_acceleration>;
-  using First = Fixed<double, all>;  ///< by accelerations and multipliers that lead to the end
+  using First = Fixed<double, all>;  ///< with respect to accelerations and multipliers of the rule
 
-  /// Of a step by its lead; `rule` has what leads to its end, in which the force residual is.  False where a matrix is singular.
-  template <class Lead, class State>
-  bool find(ForceResidual& force_residual, const Lead& lead, const State& rule, const State& end) {
-    by_place_ = lead.by_place().end;
+  /// Prepare for a step by its formula; `rule` is the end before the projections.  False if a matrix is singular.
+  template <class Formula, class State>
+  bool find(ForceResidual& force_residual, const Formula& formula, const State& rule, const State& end) {
+    position_weights_ = formula.position_weights().end;
     force_residual.find(rule, rule_);
     force_residual.find(end, end_);
-    const auto decomposes = [&] { return decompose(force_residual, lead); };
-    if (!decomposes() && !decomposes()) return false;  // with other pivots where those of matrices before have become small
+    const auto decomposes = [&] { return decompose(force_residual, formula); };
+    if (!decomposes() && !decomposes()) return false;  // with other pivots if those of earlier matrices have become small
     Changes pushed{}, moved{};
     ForceResidual::visit_unknowns(n, all, [&](std::size_t row, std::size_t k, std::size_t column) {
       pushed[row].derivative[0] += end_[k] * (end.vdot[column] - rule.vdot[column]);
       moved[row].derivative[0] += end_[k] * (end.v[column] - rule.v[column]);
     });
     if (!force_residual.solve(projections_, pushed) || !force_residual.solve(projections_, moved)) return false;
-    const auto move = [&](double scale, const Changes& by, typename ForceResidual::OfDerivatives& derivative) {
+    const auto move = [&](double scale, const Changes& by, typename ForceResidual::JacobianEntries& derivative) {
       State at = rule;
       Fixed<double, n> shift;
       for (std::size_t i = 0; i < n; ++i) {
         const double x = scale * by[i].derivative[0];
-        at.vdot[i] += x, at.v[i] += lead.by_speed().end * x, shift[i] = by_place_ * x;
+        at.vdot[i] += x, at.v[i] += formula.velocity_weights().end * x, shift[i] = position_weights_ * x;
       }
       retract<double>(ForceResidual::charts(), rule.q.data(), shift.data(), at.q.data());
       for (std::size_t i = 0; i < m; ++i) at.lambda[i] += scale * by[n + i].derivative[0];
       force_residual.find(at, derivative);
       for (std::size_t k = 0; k < derivative.size(); ++k) derivative[k] = (derivative[k] - rule_[k]) / scale;
     };
-    move(1 / lead.by_speed().end, moved, speeds_);
+    move(1 / formula.velocity_weights().end, moved, speeds_);
     move(1.0, pushed, accelerations_);
     return true;
   }
 
-  /// Accelerations and multipliers that lead to the end, where loops open by `violations` along directions without their changes.
+  /// Derivatives of accelerations and multipliers of the rule; `violations` has those of the residual for constant accelerations.
   template <class Q, class V, class Inputs, class Held>
   bool solve_rule(ForceResidual& force_residual, const Q& q, const V& v, const Fixed<Dual, m>& violations, const Inputs& du, const Held& held, Changes& change) const {
-    force_residual.lose(rule_, q, v, du, held, change.data());
-    for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -1 / by_place_ * violations[i].derivative;
+    force_residual.subtract_jvp(rule_, q, v, du, held, change.data());
+    for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -1 / position_weights_ * violations[i].derivative;
     return force_residual.solve(matrix_, change);
   }
 
-  /// How speeds change by their projection, whose rates of loops open by `violations` along directions without it; `first` are the changes that lead to the end.
+  /// Derivatives of the projection of velocities; `violations` has those of the residual's rate before it, `first` those of the rule.
   template <class Q, class V, class Inputs, class Held>
   bool solve_speeds(ForceResidual& force_residual, const Q& q, const V& v, const Fixed<Dual, m>& violations, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
-    lose(force_residual, speeds_, q, v, du, held, first, change);
+    subtract_jvp(force_residual, speeds_, q, v, du, held, first, change);
     for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -violations[i].derivative;
     return force_residual.solve(projections_, change);
   }
 
-  /// How accelerations do, by speeds before and behind their projection.
+  /// Derivatives of the projection of accelerations, with velocities before and after theirs.
   template <class Q, class V, class Inputs, class Held>
   bool solve_accelerations(ForceResidual& force_residual, const Q& q, const V& v, const V& projected, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
     Changes loops;
-    lose(force_residual, accelerations_, q, v, du, held, first, change);
-    force_residual.lose(end_, q, projected, du, held, loops.data());
+    subtract_jvp(force_residual, accelerations_, q, v, du, held, first, change);
+    force_residual.subtract_jvp(end_, q, projected, du, held, loops.data());
     ForceResidual::visit_unknowns(n, all, [&](std::size_t row, std::size_t k, std::size_t column) { loops[row].derivative -= end_[k] * first[column].derivative; });
     std::copy_n(loops.begin() + n, m, change.begin() + n);
     return force_residual.solve(projections_, change);
   }
 
-  /// From derivatives by the move of accelerations to those by all that `lose` reads, with speeds before their projection and behind it, and by what leads to the end.
+  /// The transpose of `solve_accelerations`: derivatives with respect to all that `subtract_jvp` reads, with velocities before and after their projection, and to the rule.
   bool accelerations_vjp(const ForceResidual& force_residual, const Fixed<double, n>& by_move, Columns& by, Columns& by_projected, First& by_first) const {
     First x, loops;
     if (!vjp(force_residual, projections_, accelerations_, by_move, {}, x, by, &by_first)) return false;
@@ -98,7 +98,7 @@ class ClosedEndDerivatives {
     return true;
   }
 
-  /// From derivatives by the move of speeds to those by all that `lose` reads, by what leads to the end, and by violations of their rates.
+  /// The transpose of `solve_speeds`: derivatives with respect to all that `subtract_jvp` reads, to the rule, and to violations of rates.
   bool speeds_vjp(const ForceResidual& force_residual, const Fixed<double, n>& by_move, Columns& by, First& by_first, Fixed<double, m>& by_violation) const {
     First x;
     if (!vjp(force_residual, projections_, speeds_, by_move, {}, x, by, &by_first)) return false;
@@ -106,14 +106,14 @@ class ClosedEndDerivatives {
     return true;
   }
 
-  /// From derivatives by accelerations and multipliers that lead to the end to those by all that `lose` reads, and by constraint violations.
+  /// The transpose of `solve_rule`: derivatives with respect to all that `subtract_jvp` reads, and to constraint violations.
   bool rule_vjp(const ForceResidual& force_residual, const First& by_first, Columns& by, Fixed<double, m>& by_violation) const {
     First x;
     Fixed<double, n> by_a;
     Fixed<double, m> by_lambda;
     std::copy_n(by_first.begin(), n, by_a.begin()), std::copy_n(by_first.begin() + n, m, by_lambda.begin());
     if (!vjp(force_residual, matrix_, rule_, by_a, by_lambda, x, by, nullptr)) return false;
-    for (std::size_t i = 0; i < m; ++i) by_violation[i] = -1 / by_place_ * x[n + i];
+    for (std::size_t i = 0; i < m; ++i) by_violation[i] = -1 / position_weights_ * x[n + i];
     return true;
   }
 
@@ -121,15 +121,15 @@ class ClosedEndDerivatives {
   using Places = typename ForceResidual::Places;
   using Matrix = Bordered<Places>;
 
-  /// What forces lose by changes of all, `first` being those of accelerations and multipliers.
+  /// `subtract_jvp` of the equations of motion, with derivatives `first` of accelerations and multipliers.
   template <class Q, class V, class Inputs, class Held>
-  void lose(ForceResidual& force_residual, const typename ForceResidual::OfDerivatives& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
-    force_residual.lose(derivative, q, v, du, held, change.data());
+  void subtract_jvp(ForceResidual& force_residual, const typename ForceResidual::JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
+    force_residual.subtract_jvp(derivative, q, v, du, held, change.data());
     ForceResidual::visit_unknowns(0, n, [&](std::size_t i, std::size_t k, std::size_t column) { change[i].derivative -= derivative[k] * first[column].derivative; });
   }
 
-  /// The solution x of transposed equations, and from it derivatives by all that forces read, with `by_first` those by accelerations and multipliers, which are added.
-  bool vjp(const ForceResidual& force_residual, const Matrix& matrix, const typename ForceResidual::OfDerivatives& derivative, const Fixed<double, n>& by_move, const Fixed<double, m>& by_lambda,
+  /// The solution x of transposed equations, and its derivatives with respect to all that forces read; those with respect to accelerations and multipliers are added to `by_first`.
+  bool vjp(const ForceResidual& force_residual, const Matrix& matrix, const typename ForceResidual::JacobianEntries& derivative, const Fixed<double, n>& by_move, const Fixed<double, m>& by_lambda,
             First& x, Columns& by, First* by_first) const {
     std::copy(by_lambda.begin(), by_lambda.end(), std::copy(by_move.begin(), by_move.end(), x.begin()));
     if (!force_residual.solve_transposed(matrix, x)) return false;
@@ -140,30 +140,30 @@ class ClosedEndDerivatives {
     return true;
   }
 
-  template <class Lead>
-  bool decompose(const ForceResidual& force_residual, const Lead& lead) {
+  template <class Formula>
+  bool decompose(const ForceResidual& force_residual, const Formula& formula) {
     auto &rule = matrix_.entries(), &projections = projections_.entries();
     const auto at = [](std::size_t i, std::size_t j) { return Matrix::places.of(i, j); };
     rule.fill(0.0), projections.fill(0.0);
-    force_residual.gather(lead, 0, rule_, n, [&](std::size_t i, std::size_t, std::size_t j, double x) { rule[at(i, j)] += x, projections[at(i, j)] += x; });
+    force_residual.gather_entries(formula, 0, rule_, n, [&](std::size_t i, std::size_t, std::size_t j, double x) { rule[at(i, j)] += x, projections[at(i, j)] += x; });
     ForceResidual::visit_unknowns(n, all, [&](std::size_t i, std::size_t k, std::size_t j) {
       projections[at(i, j)] += end_[k];
-      if (!is_turn(j)) rule[at(i, j)] += end_[k];
+      if (!is_rotation(j)) rule[at(i, j)] += end_[k];
     });
-    for (std::size_t i = n; i < all; ++i) rule[at(i, i)] -= force_residual.yields(i - n), projections[at(i, i)] -= force_residual.yields(i - n);
-    if constexpr (balls > 0) turn_violations(lead.delta());
+    for (std::size_t i = n; i < all; ++i) rule[at(i, i)] -= force_residual.compliance(i - n), projections[at(i, i)] -= force_residual.compliance(i - n);
+    if constexpr (balls > 0) rotate_violations(formula.delta());
     const bool is_regular = matrix_.decompose(Matrix::everywhere);
     return projections_.decompose(Matrix::everywhere) && is_regular;
   }
 
-  static bool is_turn(std::size_t speed) {
+  static bool is_rotation(std::size_t speed) {
     for (const Chart& chart : ForceResidual::charts())
       if (chart.ball && speed >= static_cast<std::size_t>(chart.v + chart.scalars) && speed < static_cast<std::size_t>(chart.v + chart.scalars + 3)) return true;
     return false;
   }
 
-  /// How loops open by the rotation vectors of balls.
-  void turn_violations(const double* delta) {
+  /// Add the derivatives of constraints with respect to the rotation vectors of balls.
+  void rotate_violations(const double* delta) {
     Fixed<double, 9 * balls> turned;
     turn_matrices<double>(ForceResidual::charts(), delta, turned.data());
     const double* T = turned.data();
@@ -179,9 +179,9 @@ class ClosedEndDerivatives {
 
   static constexpr std::size_t balls = ForceResidual::balls;
 
-  double by_place_ = 0.0;  ///< coordinates at the end by accelerations there
-  typename ForceResidual::OfDerivatives rule_, end_, accelerations_, speeds_;  ///< what leads to the end, there, and of tangents times the moves of projections
-  Matrix matrix_, projections_;  ///< of what leads to the end, and of projections
+  double position_weights_ = 0.0;  ///< of accelerations in coordinates at the end
+  typename ForceResidual::JacobianEntries rule_, end_, accelerations_, speeds_;  ///< Jacobians before the projections, after them, and of tangents times the displacements of projections
+  Matrix matrix_, projections_;  ///< of the rule, and of projections
 };
 
 }  // namespace cutjoint

@@ -1,4 +1,4 @@
-// How the stages of a step by Radau IIA change along directions, by the balances of forces in them.
+// Derivatives of the stages of a step by Radau IIA, by the force residuals in them.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@
 
 namespace cutjoint::radau {
 
-/// A weight of the table: what the stage j adds to the stage i, both counted from 0, for a step of length 1; and the square of these.
+/// A weight of the table: of stage j in stage i, both counted from 0; `twice` is the matrix's square.
 constexpr double weight(std::size_t i, std::size_t j) { return Table::weights[i + 1][j + 1].as<double>(); }
 inline constexpr auto twice = [] {
   std::array<std::array<double, Table::stages>, Table::stages> found{};
@@ -26,14 +26,14 @@ inline constexpr auto twice = [] {
   return found;
 }();
 
-/// How the rotation vectors of a ball in all stages, theta_i = h sum_j A_ij rho(theta_j, omega_j), follow from angular velocities in all of them, and from h.
+/// Derivatives of the rotation vectors of a ball in all stages, theta_i = h sum_j A_ij rho(theta_j, omega_j), with respect to angular velocities and h.
 struct BallStages {
   static constexpr std::size_t size = 3 * Table::stages;
 
   double by_omega[size][size], by_length[size];
-  double turned[Table::stages][4][size];  ///< quaternions by accelerations
+  double quaternion_by_vdot[Table::stages][4][size];  ///< quaternions by accelerations
 
-  /// Of the vectors and angular velocities, by stage and component, in a step of length h.
+  /// Evaluate them from vectors and angular velocities, by stage and component, in a step of length h.
   template <class Theta, class Omega>
   void find(double h, Theta theta, Omega omega) {
     constexpr Chart here{0, 0, 0, true};
@@ -68,31 +68,31 @@ struct BallStages {
   }
 };
 
-/// Derivatives of r(q_i, v_i, a_i, lambda_i) = 0, a `Balance`, in all stages i of a step of length h, and the lead (derivatives/rule_derivatives.hpp)
+/// Derivatives of r(q_i, v_i, a_i, lambda_i) = 0, a `ForceResidual`, in all stages i of a step of length h, and the formula (derivatives/rule_derivatives.hpp)
 ///
 ///     v_i = v_0 + h sum_j A_ij a_j         delta_i = h sum_j A_ij T(delta_j)^-1 v_j         q_i = retract(q_0, delta_i)
 ///
-/// with the matrix of both over accelerations and multipliers of all stages, which decomposes as that of one does.
-template <class Balance>
+/// with the matrix of both over accelerations and multipliers of all stages, decomposed by blocks like that of one.
+template <class ForceResidual>
 class StageDerivatives {
  public:
-  static constexpr std::size_t stages = Table::stages, n = Balance::n, m = Balance::m, coordinates = Balance::coordinates, unknowns = n + m;
+  static constexpr std::size_t stages = Table::stages, n = ForceResidual::n, m = ForceResidual::m, coordinates = ForceResidual::coordinates, unknowns = n + m;
 
-  /// Of the stages, in which the balance is, `find(i)` being called before; false where the matrix is singular.
+  /// Evaluate at the stages, with `find(i)` called before each; false if the matrix is singular.
   template <class State, class Points, class Find>
-  bool find(Balance& balance, double h, const State& from, const Points& points, Find find) {
+  bool find(ForceResidual& force_residual, double h, const State& from, const Points& points, Find find) {
     h_ = h;
     for (std::size_t i = 0; i < stages; ++i) {
       find(i);
-      balance.find(points[i], derivative_[i]);
-      displacement<double>(Balance::charts(), from.q.data(), points[i].q.data(), delta_[i].data());
-      turning_[i] = {Balance::charts(), from.q.data(), delta_[i].data()};
+      force_residual.find(points[i], derivative_[i]);
+      displacement<double>(ForceResidual::charts(), from.q.data(), points[i].q.data(), delta_[i].data());
+      retraction_[i] = {ForceResidual::charts(), from.q.data(), delta_[i].data()};
       for (std::size_t l = 0; l < coordinates; ++l) q_[i][l].value = points[i].q[l];
       for (std::size_t l = 0; l < n; ++l) {  // sums over stages: differences over a short step would be rounding
         v_[i][l].value = points[i].v[l], accelerations_[i][l] = speeds_[i][l] = 0.0;
         for (std::size_t j = 0; j < stages; ++j) accelerations_[i][l] += weight(i, j) * points[j].vdot[l], speeds_[i][l] += weight(i, j) * points[j].v[l];
       }
-      for (const Chart& chart : Balance::charts())
+      for (const Chart& chart : ForceResidual::charts())
         for (int k = chart.v; k < chart.v + chart.scalars; ++k) delta_[i][static_cast<std::size_t>(k)] = h * speeds_[i][static_cast<std::size_t>(k)];
     }
     for_balls([&](auto place, std::size_t at) {
@@ -102,15 +102,15 @@ class StageDerivatives {
         for (std::size_t j = 0; j < BallStages::size; ++j) {
           double theta = 0.0;
           for (std::size_t l = 0; l < stages; ++l) theta += ball.by_omega[i][3 * l + j % 3] * h * weight(l, j / 3);
-          for (std::size_t c = 0; c < 4; ++c) ball.turned[i / 3][c][j] += turning_[i / 3][place].by[c][4 + i % 3] * theta;
+          for (std::size_t c = 0; c < 4; ++c) ball.quaternion_by_vdot[i / 3][c][j] += retraction_[i / 3][place].by[c][4 + i % 3] * theta;
         }
     });
-    return decompose(balance) || decompose(balance);  // with other pivots where those of a matrix before have become small
+    return decompose(force_residual) || decompose(force_residual);  // with other pivots if those of an earlier matrix have become small
   }
 
-  /// Changes of coordinates and speeds of the stages by those of the step's start and of its length.
+  /// Derivatives of coordinates and velocities of the stages for constant accelerations, from those of the step's start and length.
   template <class Q, class V>
-  void leave(const Q& q, const V& v, const V&, const V&, const Tangents& length) {
+  void begin_jvp(const Q& q, const V& v, const V&, const V&, const Tangents& length) {
     shift_ = Fixed<Dual, n>();
     for (std::size_t i = 0; i < stages; ++i) {
       for (std::size_t l = 0; l < n; ++l) v_[i][l].derivative = v[l].derivative + accelerations_[i][l] * length;
@@ -119,9 +119,9 @@ class StageDerivatives {
     move(v_, length, true);
   }
 
-  /// What accelerations add; coordinates and speeds become those of the last stage.
+  /// Add the terms of accelerations; coordinates and velocities become those of the last stage.
   template <class Q, class V>
-  void arrive(const Along* change, Q& q, V& v) {
+  void end_jvp(const Along* change, Q& q, V& v) {
     std::array<Fixed<Along, n>, stages> more;
     for (std::size_t i = 0; i < stages; ++i)
       for (std::size_t l = 0; l < n; ++l) {
@@ -132,12 +132,12 @@ class StageDerivatives {
     q = q_.back(), v = v_.back();
   }
 
-  /// From derivatives by coordinates and speeds of the stages to those by the step's start, and, added, by accelerations.
+  /// From derivatives with respect to coordinates and velocities of the stages to those with respect to the step's start; those with respect to accelerations are added.
   template <class Q, class V, class Point>
   void vjp(const std::array<Q, stages>& by_q, std::array<V, stages> by_v, Point& begun, std::array<V, stages>& by_vdot) const {
     std::array<V, stages> by_delta{};
-    for (std::size_t i = 0; i < stages; ++i) turning_[i].vjp(Balance::charts(), by_q[i].data(), begun.q.data(), by_delta[i].data());
-    for (const Chart& chart : Balance::charts())
+    for (std::size_t i = 0; i < stages; ++i) retraction_[i].vjp(ForceResidual::charts(), by_q[i].data(), begun.q.data(), by_delta[i].data());
+    for (const Chart& chart : ForceResidual::charts())
       for (int k = 0; k < chart.scalars; ++k)
         for (std::size_t i = 0; i < stages; ++i)
           for (std::size_t j = 0; j < stages; ++j) by_v[j][static_cast<std::size_t>(chart.v + k)] += h_ * weight(i, j) * by_delta[i][static_cast<std::size_t>(chart.v + k)];
@@ -152,33 +152,33 @@ class StageDerivatives {
       }
   }
 
-  /// What the balance of a stage gains by changes of accelerations and multipliers in it.
+  /// The Jacobian's product with derivatives of accelerations and multipliers in a stage.
   template <class Vdot, class Lambda>
-  void gain(std::size_t stage, const Vdot& vdot, const Lambda& lambda, Along* rows) const {
+  void add_jvp(std::size_t stage, const Vdot& vdot, const Lambda& lambda, Along* rows) const {
     std::fill_n(rows, unknowns, Along{});
-    Balance::visit_unknowns(0, unknowns, [&](std::size_t i, std::size_t k, std::size_t j) { rows[i].derivative += derivative_[stage][k] * (j < n ? vdot[j].derivative : lambda[j - n].derivative); });
+    ForceResidual::visit_unknowns(0, unknowns, [&](std::size_t i, std::size_t k, std::size_t j) { rows[i].derivative += derivative_[stage][k] * (j < n ? vdot[j].derivative : lambda[j - n].derivative); });
   }
 
-  /// Use each unknown of stage j by which a coordinate or speed in stage i changes, and how steeply it does.
+  /// Visit each unknown of stage j that a coordinate or velocity in stage i depends on, with the partial derivative.
   template <class Residual, class Use>
-  void visit_shares(std::size_t column, std::size_t i, std::size_t j, Use use) const {
-    if (column >= Balance::first_speed) return use(column - Balance::first_speed, h_ * weight(i, j));
-    const std::size_t unknown = Balance::unknown_of(column);
-    if (!Balance::turns(column)) return use(unknown, h_ * h_ * twice[i][j]);
+  void visit_weights(std::size_t column, std::size_t i, std::size_t j, Use use) const {
+    if (column >= ForceResidual::first_speed) return use(column - ForceResidual::first_speed, h_ * weight(i, j));
+    const std::size_t unknown = ForceResidual::unknown_of(column);
+    if (!ForceResidual::is_quaternion(column)) return use(unknown, h_ * h_ * twice[i][j]);
     if constexpr (balls > 0) {
-      const auto [ball, c] = Balance::ball_of(column);
-      for (std::size_t k = 0; k < 3; ++k) use(unknown + k, balls_[ball].turned[i][c][3 * j + k]);
+      const auto [ball, c] = ForceResidual::ball_of(column);
+      for (std::size_t k = 0; k < 3; ++k) use(unknown + k, balls_[ball].quaternion_by_vdot[i][c][3 * j + k]);
     }
   }
 
-  const typename Balance::OfDerivatives& derivative(std::size_t stage) const { return derivative_[stage]; }
+  const typename ForceResidual::JacobianEntries& derivative(std::size_t stage) const { return derivative_[stage]; }
   const auto& matrix() const { return matrix_; }
   const auto& q(std::size_t stage) const { return q_[stage]; }
   const auto& v(std::size_t stage) const { return v_[stage]; }
   const Fixed<Dual, n>& shift() const { return shift_; }  ///< the displacement of the step
 
  private:
-  using Places = typename Balance::Places;
+  using Places = typename ForceResidual::Places;
 
   /// The parts of the unknowns of all stages.
   struct Stacked {
@@ -191,9 +191,9 @@ class StageDerivatives {
   };
   using Matrix = Bordered<Stacked>;
 
-  static constexpr std::size_t balls = Balance::has_balls ? Balance::balls : 0;
+  static constexpr std::size_t balls = ForceResidual::has_balls ? ForceResidual::balls : 0;
 
-  /// Changes of coordinates of the stages by those of speeds in all of them, and of the length.
+  /// Add derivatives of coordinates of the stages through velocities in all of them, and through the length.
   template <class Speeds>
   void move(const Speeds& speeds, const Tangents& length, bool from_start) {
     for (std::size_t i = 0; i < stages; ++i) {
@@ -208,36 +208,36 @@ class StageDerivatives {
           for (std::size_t j = 0; j < BallStages::size; ++j) theta += balls_[place].by_omega[3 * i + k][j] * speeds[j / 3][at + j % 3].derivative;
         }
       });
-      turning_[i].jvp(Balance::charts(), delta, q_[i], from_start);
+      retraction_[i].jvp(ForceResidual::charts(), delta, q_[i], from_start);
       for (std::size_t l = 0; i + 1 == stages && l < n; ++l) shift_[l] = {delta_[i][l], shift_[l].derivative + delta[l].derivative};
     }
   }
 
-  /// Each ball: its number, and where its angular velocity begins.
+  /// Visit each ball: its index, and the first index of its angular velocity.
   template <class Use>
   static void for_balls([[maybe_unused]] Use use) {
     if constexpr (balls > 0) {
       std::size_t place = 0;
-      for (const Chart& chart : Balance::charts())
+      for (const Chart& chart : ForceResidual::charts())
         if (chart.ball) use(place++, static_cast<std::size_t>(chart.v + chart.scalars));
     }
   }
 
-  bool decompose(const Balance& balance) {
+  bool decompose(const ForceResidual& force_residual) {
     auto& entries = matrix_.entries();
     const auto at = [](std::size_t i, std::size_t row, std::size_t j, std::size_t unknown) { return Matrix::places.of(i * unknowns + row, j * unknowns + unknown); };
     entries.fill(0.0);
     for (std::size_t i = 0; i < stages; ++i) {
-      balance.gather(*this, i, derivative_[i], unknowns, [&](std::size_t row, std::size_t j, std::size_t unknown, double x) { entries[at(i, row, j, unknown)] += x; });
-      for (std::size_t l = 0; l < m; ++l) entries[at(i, n + l, i, n + l)] -= balance.yields(l);
+      force_residual.gather_entries(*this, i, derivative_[i], unknowns, [&](std::size_t row, std::size_t j, std::size_t unknown, double x) { entries[at(i, row, j, unknown)] += x; });
+      for (std::size_t l = 0; l < m; ++l) entries[at(i, n + l, i, n + l)] -= force_residual.compliance(l);
     }
     return matrix_.decompose(Matrix::everywhere);
   }
 
   double h_ = 0.0;
-  std::array<typename Balance::OfDerivatives, stages> derivative_;
-  std::array<Fixed<double, n>, stages> delta_, speeds_, accelerations_;  ///< displacements, and means of speeds and accelerations up to the stages
-  std::array<RetractionDerivatives<balls>, stages> turning_;
+  std::array<typename ForceResidual::JacobianEntries, stages> derivative_;
+  std::array<Fixed<double, n>, stages> delta_, speeds_, accelerations_;  ///< displacements, and averages of velocities and accelerations up to the stages
+  std::array<RetractionDerivatives<balls>, stages> retraction_;
   std::array<Fixed<Dual, coordinates>, stages> q_;
   std::array<Fixed<Dual, n>, stages> v_;
   Fixed<Dual, n> shift_;

@@ -223,7 +223,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     s->minimal.read(s->sim.state(), numbers);
     Fault fault = s->sim.set_input_trajectories(&s->trajectories);
     const auto close = [s, &numbers](auto& starter, auto& found) { return s->minimal.close(s->sim.mechanism(), starter, numbers, found); };
-    if (!fault && s->trajectories.any_of([](std::size_t input) { return Model::Sim::Followed::is_guiding(input); })) fault = s->sim.seek(s->sim.state().t, close);
+    if (!fault && s->trajectories.any_of([](std::size_t input) { return Model::Sim::Smoothed::is_guiding(input); })) fault = s->sim.seek(s->sim.state().t, close);
     if (!fault) fault = run();
     const Fault behind = s->sim.set_input_trajectories(nullptr);
     s->trajectories.clear();

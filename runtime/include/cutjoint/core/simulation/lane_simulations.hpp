@@ -20,37 +20,37 @@ struct LaneMechanism {
 };
 
 /// The inputs of a simulation in a lane, whose host gives no others from now on.
-template <class Followed>
-class LaneFollowed {
+template <class Smoothed>
+class SmoothedLaneInputs {
  public:
-  void begin(const typename Followed::Inputs& given, const Followed& followed, double dt) {
+  void begin(const typename Smoothed::Inputs& given, const Smoothed& smoothed, double dt) {
     given_ = given;
-    followed_ = followed;
+    smoothed_ = smoothed;
     dt_ = dt;
   }
 
   /// Where it is when a step begins, and once more if that step is tried again.
-  const Followed& followed() const { return followed_; }
+  const Smoothed& smoothed() const { return smoothed_; }
 
   /// A source that gives these.
   InputSource<double> source() {
-    InputSource<double> source = followed_.used().source();
-    if (Followed::any && source.fill) source = {&fill, this, &go_on};
+    InputSource<double> source = smoothed_.used().source();
+    if (Smoothed::any && source.fill) source = {&fill, this, &go_on};
     return source;
   }
 
  private:
-  static void fill(void* host, double t, double* input) { Followed::Inputs::fill(&static_cast<LaneFollowed*>(host)->followed_.used(), t, input); }
+  static void fill(void* host, double t, double* input) { Smoothed::Inputs::fill(&static_cast<SmoothedLaneInputs*>(host)->smoothed_.used(), t, input); }
 
   static StepBegin go_on(void* host, double t, double until) {
-    LaneFollowed& own = *static_cast<LaneFollowed*>(host);
+    SmoothedLaneInputs& own = *static_cast<SmoothedLaneInputs*>(host);
     const auto no_scene = [](std::size_t, double, double*) {};  // who follows the host already needs none
-    const bool jumps = own.followed_.go_on(own.given_, t, until, own.dt_, no_scene);
-    return {jumps, own.followed_.is_catching_up(), own.followed_.next_end() < until - 1e-9 * own.dt_};
+    const bool jumps = own.smoothed_.go_on(own.given_, t, until, own.dt_, no_scene);
+    return {jumps, own.smoothed_.is_catching_up(), own.smoothed_.next_end() < until - 1e-9 * own.dt_};
   }
 
-  typename Followed::Inputs given_;
-  Followed followed_;
+  typename Smoothed::Inputs given_;
+  Smoothed smoothed_;
   double dt_ = 0.0;
 };
 
@@ -95,7 +95,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
     for (std::size_t k = 0; k < sims.size(); ++k) {
       if (!sims[k]) continue;
       const auto memory = sims[k]->memory();
-      inputs_[k].begin(memory.inputs, memory.followed, memory.settings.dt);
+      inputs_[k].begin(memory.inputs, memory.smoothed, memory.settings.dt);
       this->put(static_cast<int>(k), start_from(k, memory));
       this->expect(static_cast<int>(k), memory.integrator.expected);
       if (!first) first = sims[k];
@@ -116,7 +116,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
   void call(Together together, Alone alone) {
     const auto going = this->going();
     together();
-    if constexpr (Sim::Followed::any)
+    if constexpr (Sim::Smoothed::any)
       for (int k = 0; k < width; ++k)
         if (going[k] && !this->goes(k) && !has_made_step(this->fault(k))) go_alone(k, alone);
   }
@@ -127,17 +127,17 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
     Sim& alone = *sims_[place];
     Memory memory = alone.memory();
     this->leave(k, memory);
-    memory.followed = inputs_[place].followed();
+    memory.smoothed = inputs_[place].smoothed();
     alone.restore(memory);
     const Fault fault = go_on(alone);
     memory = alone.memory();
-    inputs_[place].begin(memory.inputs, memory.followed, memory.settings.dt);
+    inputs_[place].begin(memory.inputs, memory.smoothed, memory.settings.dt);
     this->go_on_from(k, start_from(place, memory), fault);
     this->expect(k, memory.integrator.expected);
   }
 
   std::array<Sim*, width> sims_{};
-  std::array<LaneFollowed<typename Sim::Followed>, width> inputs_;
+  std::array<SmoothedLaneInputs<typename Sim::Smoothed>, width> inputs_;
 };
 
 }  // namespace cutjoint

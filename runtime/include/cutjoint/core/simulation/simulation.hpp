@@ -68,7 +68,7 @@ class Simulation {
   using Subject = typename Integrator::Subject;
   using Steps = Integrator;
   using Settings = typename SettingsOf<Integrator>::type;
-  using Followed = FollowedInputs<Real, static_sizes<M>().inputs, guiding...>;
+  using Smoothed = SmoothedInputs<Real, static_sizes<M>().inputs, guiding...>;
   using Trajectories = InputTrajectories<static_sizes<M>().inputs>;
 
   /// `violation_limits` of the equations (m or rad): beyond them a loop counts as torn.
@@ -76,7 +76,7 @@ class Simulation {
     requires Sized<M>
       : settings_(settings), roads_(roads), violation_limits_(violation_limits), start_(design_state(mechanism_)), state_(design_state(subject())), sampling_(subject()), columns_(sizes.columns) {
     for (std::size_t i = 0; i < sizes.parameters; ++i) parameters_[i] = parameters[i];
-    drive_by(followed_.used());
+    drive_by(smoothed_.used());
   }
 
   Simulation(M& mechanism, const Settings& settings, const Real* parameters, const Road<Real>* roads)
@@ -95,10 +95,10 @@ class Simulation {
   Fault set_input_trajectories(Trajectories* trajectories)
     requires Sized<M>
   {
-    heed_changes();
+    apply_changes();
     trajectories_ = trajectories;
     if (trajectories) trajectories->begin(static_cast<double>(state_.t), settings_.dt);
-    drive_by(followed_.used());
+    drive_by(smoothed_.used());
     return accelerate();
   }
 
@@ -113,13 +113,13 @@ class Simulation {
   void watch_samples(const SampleWatch& watch) { sample_watch_ = watch; }
 
   /// A callback after each step or substep, with the states at its ends, and before a controller holds this many values of a sample.
-  struct PartWatch {
+  struct SubstepWatch {
     Fault (*call)(void* who, const StateOf<Subject>& from, Real h) = nullptr;
     Fault (*sample)(void* who, std::size_t first, std::size_t number) = nullptr;
     void* who = nullptr;
   };
 
-  void watch_parts(const PartWatch& watch) { part_watch_ = watch; }
+  void watch_substeps(const SubstepWatch& watch) { substep_watch_ = watch; }
 
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
@@ -166,7 +166,7 @@ class Simulation {
     is_started_ = false;
     unmeasured_ = 1;
     inputs_.begin(state_.t);
-    followed_.begin(inputs_);
+    smoothed_.begin(inputs_);
     sampling_.begin();
     StateOf<M> begun = start_;
     if (settings_.equilibrium)
@@ -218,19 +218,19 @@ class Simulation {
 
   /// Apply changes since the last step, as the next step would.
   void settle() {
-    heed_settings();
+    apply_settings();
     follow(next_whole());
   }
 
   /// A step of the settings' length; on failure the state is unchanged.
   Fault step() {
-    heed_settings();
+    apply_settings();
     return call(next_whole(), [this] { return whole_step(); });
   }
 
   /// Steps to a time; the last one is shorter if they do not end there.
   Fault advance(double until) {
-    heed_settings();
+    apply_settings();
     return call(Real(until), [this, until] { return steps_to(Real(until)); });
   }
 
@@ -239,7 +239,7 @@ class Simulation {
     requires Integrator::finds_events
   {
     event = -1;
-    heed_settings();
+    apply_settings();
     return call(Real(until), [this, until, &event] { return steps_to_event(Real(until), event); });
   }
 
@@ -247,7 +247,7 @@ class Simulation {
   Real next_time()
     requires Integrator::finds_events
   {
-    heed_settings();
+    apply_settings();
     return Integrator::adaptive ? std::numeric_limits<Real>::infinity() : next_whole();
   }
 
@@ -320,7 +320,7 @@ class Simulation {
 
   /// Sample the controllers that are due, for a host that sets times itself.
   Fault take_samples() {
-    heed_changes();
+    apply_changes();
     return sample();
   }
 
@@ -340,7 +340,7 @@ class Simulation {
 
   /// Displace coordinates, one number per velocity, then project positions and velocities in the mass metric and find accelerations.
   Fault displace(const Real* delta) {
-    heed_changes();
+    apply_changes();
     const StateOf<Subject> from = state_;
     cutjoint::displace(charts_of(subject()), from.q, delta, state_.q);
     const Fault fault = steps_->close(state_);
@@ -352,7 +352,7 @@ class Simulation {
 
   /// Write the Jacobian of the constraints with respect to velocities into `columns`, column by column.
   void jacobian(Real* columns) {
-    heed_changes();
+    apply_changes();
     subject().begin_step(state_.t, Real(1));
     if constexpr (has_system) {
       Speeds<Subject> unit;
@@ -370,7 +370,7 @@ class Simulation {
   M& mechanism() { return mechanism_; }
   const Road<Real>* roads() const { return roads_; }
   auto& starter() {
-    heed_changes();
+    apply_changes();
     mechanism_.begin_step(state_.t, Real(1));
     return initialisation_->starter();
   }
@@ -378,13 +378,13 @@ class Simulation {
   /// Move to the state at a time that `find` computes from the present one.
   template <class Find>
   Fault seek(Real t, Find find) {
-    const auto before = followed_;
+    const auto before = smoothed_;
     StateOf<Subject> found = state_;
-    heed_changes();
+    apply_changes();
     jump_to(t);
     mechanism_.begin_step(found.t = t, Real(1));
     if (const Fault fault = find(initialisation_->starter(), found)) {
-      followed_ = before;
+      smoothed_ = before;
       mechanism_.begin_step(state_.t, Real(1));
       return fault;
     }
@@ -397,7 +397,7 @@ class Simulation {
 
   /// The outputs at the present state.
   const Real* report() {
-    heed_parameters();
+    apply_parameters();
     if (!is_reported_) {
       const StateOf<Subject>& x = steps_->complete(state_);
       subject().report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), columns_.data());
@@ -408,29 +408,29 @@ class Simulation {
 
   /// Poses and velocities of bodies and markers in the present state; before a start those of the start values.
   void pose(Real* numbers) {
-    const auto tell = [&](const auto& state) {
+    const auto find_poses = [&](const auto& state) {
       mechanism_.begin_step(state.t, Real(1));
       mechanism_.poses(state.q.data(), state.v.data(), numbers);
     };
     if (is_started_) {
-      heed_parameters();
-      tell(state_);
+      apply_parameters();
+      find_poses(state_);
     } else {
       initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
-      tell(start_);
+      find_poses(start_);
     }
   }
 
   /// The present state; accelerations and multipliers only if it is complete.
   const StateOf<Subject>& state() const { return state_; }
   const StateOf<Subject>& complete_state() {
-    heed_parameters();
+    apply_parameters();
     return steps_->complete(state_);
   }
 
   /// The state with accelerations for the present inputs; `complete_state` has those of the last step.
   const StateOf<Subject>& present_state() {
-    heed_changes();
+    apply_changes();
     return steps_->complete(state_);
   }
 
@@ -439,7 +439,7 @@ class Simulation {
     Settings settings;
     Array<M, static_sizes<M>().parameters> parameters;
     HostInputs<Real, static_sizes<M>().inputs> inputs;
-    Followed followed;
+    Smoothed smoothed;
     StateOf<Subject> state;
     Cuts<M> penalties;
     [[no_unique_address]] typename SamplingOf<Subject>::Memory sampling;
@@ -451,7 +451,7 @@ class Simulation {
   };
 
   Memory memory() const {
-    return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .followed = followed_, .state = state_, .penalties = penalties_,
+    return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .smoothed = smoothed_, .state = state_, .penalties = penalties_,
             .sampling = sampling_.memory(), .integrator = steps_->memory(), .origin = origin_, .number = number_, .counted = counted_, .unmeasured = unmeasured_};
   }
 
@@ -460,7 +460,7 @@ class Simulation {
     settings_ = memory.settings;
     parameters_ = memory.parameters;
     inputs_ = memory.inputs;
-    followed_ = memory.followed;
+    smoothed_ = memory.smoothed;
     state_ = memory.state;
     penalties_ = memory.penalties;
     sampling_.restore(memory.sampling);
@@ -521,7 +521,7 @@ class Simulation {
   }
 
   /// Change the step length, on which a given penalty and the frequency may depend, or the tolerance.
-  void heed_settings() {
+  void apply_settings() {
     if (settings_.dt == counted_) return;
     count_from_here();
     if (settings_.stabilisation.penalty && settings_.stabilisation.closure == Closure::penalty)
@@ -565,7 +565,7 @@ class Simulation {
   }
 
   /// Apply changed parameters from now on.
-  void heed_parameters() {
+  void apply_parameters() {
     if (!std::equal(parameters_.begin(), parameters_.end(), loaded_.begin())) begin_again([this] { load(); });
   }
 
@@ -582,29 +582,29 @@ class Simulation {
   }
 
   /// The same for inputs that move no guide; guides follow calls. Earlier outputs belong to the inputs of the last step.
-  void heed_changes() {
+  void apply_changes() {
     if (take_changes()) steps_->restart_after_input_jump(state_);
   }
 
   /// Whether inputs that move no guide have changed their value, rate or acceleration; steps begin with the resulting accelerations.
   bool take_changes() {
-    heed_parameters();
-    if (followed_.others_stay(inputs_)) return false;
-    const InputValues before = read_inputs(followed_.used());
-    followed_.take_others(inputs_);
-    return !(read_inputs(followed_.used()) == before);
+    apply_parameters();
+    if (smoothed_.others_are_unchanged(inputs_)) return false;
+    const InputValues before = read_inputs(smoothed_.used());
+    smoothed_.take_others(inputs_);
+    return !(read_inputs(smoothed_.used()) == before);
   }
 
   /// A call from the present time to another begins: guides follow the host.
   void follow(Real until) {
     const bool others_jump = take_changes();
     const auto scene = [this](std::size_t i, Real t, Real* numbers) { read_scene(i, t, numbers); };
-    if (followed_.go_on(inputs_, state_.t, until, Real(settings_.dt), scene) || others_jump) steps_->restart_after_input_jump(state_);
+    if (smoothed_.go_on(inputs_, state_.t, until, Real(settings_.dt), scene) || others_jump) steps_->restart_after_input_jump(state_);
   }
 
   /// The host sets the time itself: guides are where it has them.
   void jump_to(Real t) {
-    if (t != state_.t || !followed_.hears_nothing(inputs_)) followed_.begin(inputs_);
+    if (t != state_.t || !smoothed_.is_unchanged(inputs_)) smoothed_.begin(inputs_);
   }
 
   /// Inputs at the present time as the host gives them; afterwards those of the steps.
@@ -614,24 +614,24 @@ class Simulation {
       drive_by(inputs);
       mechanism_.begin_step(state_.t, Real(1));
       std::copy_n(mechanism_.last_inputs(), values.size(), values.begin());
-      drive_by(followed_.used());
+      drive_by(smoothed_.used());
     }
     return values;
   }
 
   /// Value, rate and acceleration of an input in the scene at a time.
   void read_scene([[maybe_unused]] std::size_t i, [[maybe_unused]] Real t, [[maybe_unused]] Real* numbers) {
-    if constexpr (Followed::any) {
+    if constexpr (Smoothed::any) {
       mechanism_.drive_by({});
       mechanism_.begin_step(t, Real(1));
       std::copy_n(mechanism_.last_inputs() + numbers_per_input * i, numbers_per_input, numbers);
-      drive_by(followed_.used());
+      drive_by(smoothed_.used());
     }
   }
 
   /// Accelerations of the state.
   Fault accelerate() {
-    heed_changes();
+    apply_changes();
     is_reported_ = false;
     return steps_->accelerate(state_, initialisation_->starter());
   }
@@ -645,18 +645,18 @@ class Simulation {
   /// A call that integrates to a time. If it fails at once, the inputs of guides are unchanged.
   template <class Go>
   Fault call(Real until, Go go_on) {
-    if constexpr (!Followed::any) {
-      heed_changes();
+    if constexpr (!Smoothed::any) {
+      apply_changes();
       return go_on();
     } else {
-      const auto before = followed_;
+      const auto before = smoothed_;
       const StateOf<Subject> from = state_;
-      if (until - state_.t > rounding() && followed_.is_due(inputs_, state_.t, rounding())) follow(until);
-      else heed_changes();
+      if (until - state_.t > rounding() && smoothed_.is_due(inputs_, state_.t, rounding())) follow(until);
+      else apply_changes();
       Fault fault = go_on();
-      if (fault && !has_made_step(fault)) fault = followed_.is_catching_up() ? jump(go_on) : fault;
+      if (fault && !has_made_step(fault)) fault = smoothed_.is_catching_up() ? jump(go_on) : fault;
       if (fault && !has_made_step(fault)) fault = blame_torn_loop(fault);
-      if (fault && state_.t == from.t) go_back(from, before);
+      if (fault && state_.t == from.t) restore_state(from, before);
       return fault;
     }
   }
@@ -664,28 +664,28 @@ class Simulation {
   /// Jump by more than steps can follow: project the loops at the host's guide positions.
   template <class Go>
   Fault jump(Go go_on) {
-    const auto before = followed_;
+    const auto before = smoothed_;
     const StateOf<Subject> from = state_;
-    followed_.begin(inputs_);
+    smoothed_.begin(inputs_);
     Fault fault = steps_->close(state_);
     if (!fault) {
       steps_->restart_after_input_jump(state_);
       fault = go_on();
     }
-    if (fault && state_.t == from.t) go_back(from, before);
+    if (fault && state_.t == from.t) restore_state(from, before);
     return fault;
   }
 
   /// The fault of a step, or that of a loop which cannot close at positions that guides reach within a few steps.
   Fault blame_torn_loop(const Fault& fault) {
     constexpr int ahead[] = {0, 1, 4};
-    const auto before = followed_;
+    const auto before = smoothed_;
     const StateOf<Subject> from = state_;
     Fault blamed = fault;
     for (const int steps : ahead) {
-      followed_.look_ahead(state_.t, Real(steps * settings_.dt));
+      smoothed_.look_ahead(state_.t, Real(steps * settings_.dt));
       const Fault open = steps_->close(state_);
-      go_back(from, before);
+      restore_state(from, before);
       if (open.cause != Cause::loops_not_closed) continue;
       blamed = {.cause = Cause::loops_violated, .list = open.list, .index = open.index, .t = fault.t, .step = fault.step, .value = open.value,
                 .size = violation_limits_[open.index]};
@@ -695,9 +695,9 @@ class Simulation {
   }
 
   /// Return to a state and trajectories as before a failed step.
-  void go_back(const StateOf<Subject>& state, const Followed& followed) {
+  void restore_state(const StateOf<Subject>& state, const Smoothed& smoothed) {
     state_ = state;
-    followed_ = followed;
+    smoothed_ = smoothed;
     subject().begin_step(state_.t, Real(1));
     begin_again([this] { steps_->begin(state_); });
   }
@@ -726,7 +726,7 @@ class Simulation {
   Fault steps_to_event(Real until, int& event) {
     const long events = steps_->events();
     while (until - state_.t > rounding() && event < 0) {
-      const Real whole = next_whole(), end = Integrator::adaptive ? until : std::min(whole, until), next = go_over_until(end);
+      const Real whole = next_whole(), end = Integrator::adaptive ? until : std::min(whole, until), next = enter_pieces_until(end);
       is_reported_ = false;
       const StepStatistics before = counted();
       if (const Fault fault = steps_->step_to_event(state_, settings_, next, number_ + 1)) return fault;
@@ -740,24 +740,24 @@ class Simulation {
   }
 
   /// Guides enter the next pieces of their trajectories. Returns the time before which no piece ends and no controller is due; at most `until`.
-  Real go_over_until(Real until) {
+  Real enter_pieces_until(Real until) {
     Real next = until;
-    if constexpr (Followed::any) {
-      if (followed_.go_over(state_.t, rounding())) steps_->restart_after_input_jump(state_);
-      next = std::min(next, followed_.next_end());
+    if constexpr (Smoothed::any) {
+      if (smoothed_.advance_piece(state_.t, rounding())) steps_->restart_after_input_jump(state_);
+      next = std::min(next, smoothed_.next_end());
     }
     if constexpr (may_sample<Subject>) next = std::min(next, sampling_.next());
     if constexpr (has_trajectories)
       if (trajectories_) next = std::min(next, begin_substep_of_trajectories());
     next = next < until - rounding() ? next : until;
     if constexpr (has_trajectories)
-      if (trajectories_) trajectories_->end_part(next);
+      if (trajectories_) trajectories_->end_substep(next);
     return next;
   }
 
   /// Trajectories enter the next substep, with new accelerations if they may jump. Returns when they next may.
   Real begin_substep_of_trajectories() {
-    if (trajectories_->begin_part(state_.t)) restart_exactly();
+    if (trajectories_->begin_substep(state_.t)) restart_exactly();
     return trajectories_->next_jump();
   }
 
@@ -807,8 +807,8 @@ class Simulation {
     const StateOf<Subject>& x = steps_->complete(state_);
     subject().begin_step(state_.t, Real(1));
     subject().sample(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), sampling_.next_values());
-    if (part_watch_.sample)
-      if (const Fault fault = part_watch_.sample(part_watch_.who, sampling_.first_of(controller), sampling_.held_by(controller))) return fault;
+    if (substep_watch_.sample)
+      if (const Fault fault = substep_watch_.sample(substep_watch_.who, sampling_.first_of(controller), sampling_.held_by(controller))) return fault;
     if (!sampling_.take(controller, changes, felt))
       return {.cause = Cause::sample_not_finite, .list = FaultList::controllers, .index = static_cast<int>(controller), .t = static_cast<double>(state_.t),
               .step = number_ + 1};
@@ -834,17 +834,17 @@ class Simulation {
   /// A step to a time, in substeps between pieces of trajectories and controller samples.
   Fault integrate(Real h, Real until) {
     is_reported_ = false;
-    Real next = go_over_until(until);
-    if (!(next < until)) return integrate_part(h, until);
+    Real next = enter_pieces_until(until);
+    if (!(next < until)) return integrate_substep(h, until);
     const StateOf<Subject> from = state_;
-    const auto before = followed_;
+    const auto before = smoothed_;
     const auto held = sampling_.memory();
     Fault exceeded;
-    for (;; next = go_over_until(until)) {
-      const Fault fault = integrate_part(next - state_.t, next);
+    for (;; next = enter_pieces_until(until)) {
+      const Fault fault = integrate_substep(next - state_.t, next);
       if (fault && fault.cause != Cause::limit_exceeded) {
         sampling_.restore(held);
-        go_back(from, before);
+        restore_state(from, before);
         return fault;
       }
       if (fault && !exceeded) exceeded = fault;
@@ -852,24 +852,24 @@ class Simulation {
     }
   }
 
-  Fault integrate_part(Real h, Real until) {
+  Fault integrate_substep(Real h, Real until) {
     const StepStatistics before = counted();
-    if (const Fault fault = part_watch_.call ? take_watched_part(h, until) : take_part(h, until)) return fault;
+    if (const Fault fault = substep_watch_.call ? take_watched_substep(h, until) : take_substep(h, until)) return fault;
     state_.t = until;
     if (const Fault fault = watch_violations()) return fault;
     return end_step(before);
   }
 
-  [[gnu::noinline]] Fault take_watched_part(Real h, Real until) {
+  [[gnu::noinline]] Fault take_watched_substep(Real h, Real until) {
     const StateOf<Subject> from = state_;
-    if (const Fault fault = take_part(h, until)) return fault;
+    if (const Fault fault = take_substep(h, until)) return fault;
     state_.t = until;
-    return part_watch_.call(part_watch_.who, from, h);
+    return substep_watch_.call(substep_watch_.who, from, h);
   }
 
   /// Check the result of a step and sample the controllers at its end.
   Fault end_step(const StepStatistics& before) {
-    const Fault fault = look_back(before);
+    const Fault fault = check_step(before);
     const Fault sampled = sample();
     return fault ? fault : sampled;
   }
@@ -878,7 +878,7 @@ class Simulation {
   StepStatistics counted() const { return {.iterations = steps_->iterations(), .evaluations = steps_->evaluations()}; }
 
   /// Check the result of a step: omitted forces that would act, and limits.
-  Fault look_back(const StepStatistics& before) {
+  Fault check_step(const StepStatistics& before) {
     last_ = counted();
     last_.iterations -= before.iterations;
     last_.evaluations -= before.evaluations;
@@ -906,11 +906,11 @@ class Simulation {
   }
 
   /// On failure the state is unchanged.
-  Fault take_part(Real h, Real until) {
+  Fault take_substep(Real h, Real until) {
     if constexpr (may_sample<Subject> && Integrator::finds_events)
       if (sampling_.any() && settings_.foresees) steps_->stepper().limit_before_end(sampling_.next());
-    if constexpr (Followed::any)
-      if (watches_violations() && followed_.is_catching_up()) {
+    if constexpr (Smoothed::any)
+      if (watches_violations() && smoothed_.is_catching_up()) {
         const StateOf<Subject> from = state_;
         Fault fault = steps_->step(state_, settings_, h, until, number_ + 1);
         if (!fault) fault = close_behind_jump(until);
@@ -945,7 +945,7 @@ class Simulation {
   const double* violation_limits_;
   Array<M, static_sizes<M>().parameters> parameters_, loaded_;
   HostInputs<Real, static_sizes<M>().inputs> inputs_;
-  Followed followed_;
+  Smoothed smoothed_;
   StateOf<M> start_;
   StateOf<Subject> state_;
   Coordinates<M, unsigned char> given_coordinates_;
@@ -953,7 +953,7 @@ class Simulation {
   Cuts<M> penalties_;
   [[no_unique_address]] SamplingOf<Subject> sampling_;
   [[no_unique_address]] std::conditional_t<may_sample<Subject>, SampleWatch, None> sample_watch_;
-  PartWatch part_watch_;
+  SubstepWatch substep_watch_;
   Trajectories* trajectories_ = nullptr;
   HostInputs<Real, static_sizes<M>().inputs>* host_ = nullptr;  ///< in addition to trajectories
   Array<Subject, sizes.columns> columns_;
