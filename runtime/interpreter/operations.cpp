@@ -146,7 +146,7 @@ constexpr Entry entries[] = {
     one<[](auto a) { return 1.0 - a; }>("not"),
     three<[](auto condition, auto a, auto b) { return condition != 0.0 ? a : b; }>("where"),
     function_of_one<[](double a) { return std::abs(a); }>("abs"),
-#define CUTJOINT_ENTRY(name, slope) function_of_one<[](double a) { return std::name(a); }>(#name),
+#define CUTJOINT_ENTRY(name, derivative) function_of_one<[](double a) { return std::name(a); }>(#name),
     CUTJOINT_FUNCTIONS(CUTJOINT_ENTRY)
     function_of_two<[](double a, double b) { return std::atan2(a, b); }>("atan2"),
     function_of_two<[](double a, double b) { return std::pow(a, b); }>("pow"),

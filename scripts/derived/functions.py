@@ -1,4 +1,4 @@
-"""The functions of one number as a list of C++, with the slopes that their rows have."""
+"""The functions of one number as a list of C++, with the derivatives that their rows have."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def header() -> str:
     lines = []
     for row in rows:
         assert row.partials is not None
-        (slope,) = row.partials(Calculus(Text()), "y", "x")  # type: ignore[type-var]
-        lines.append(f"  X({row.name}, {slope})")
+        (derivative,) = row.partials(Calculus(Text()), "y", "x")  # type: ignore[type-var]
+        lines.append(f"  X({row.name}, {derivative})")
     return """// Functions of one number x with value y: `make regenerate` writes this file from the rows of compiler/cutjoint/ops.py.
 #pragma once
 
-/// X(name, slope) of those that namespace std has by the same name.
+/// X(name, derivative) of those that namespace std has by the same name.
 #define CUTJOINT_FUNCTIONS(X) \\
 """ + " \\\n".join(lines) + "\n"

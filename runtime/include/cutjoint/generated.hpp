@@ -7,14 +7,14 @@
 namespace cutjoint {
 
 /// A generated class behind the virtual functions that mechanisms and systems have in common; its description stands apart.
-template <class Base, class Told, class Generated>
+template <class Base, class Described, class Generated>
 class Behind : public Base {
  public:
   using Real = typename Base::real_type;
 
-  explicit Behind(const Told& description) : description_(description) {}
+  explicit Behind(const Described& description) : description_(description) {}
 
-  const Told& description() const final { return description_; }
+  const Described& description() const final { return description_; }
   void begin_step(Real t, Real motion) final { generated_.begin_step(t, motion); }
 
   void drive_by([[maybe_unused]] const InputSource<Real>& source) final {
@@ -51,7 +51,7 @@ class Behind : public Base {
   Generated generated_;
 
  private:
-  const Told& description_;
+  const Described& description_;
 };
 
 /// A generated mechanism, as the driver takes it.

@@ -106,7 +106,7 @@ class Projection {
 
   Mask close_speeds(StateOf<M>& state, Mask going) { return close(state, going, state.v, other_, Cause::speeds_not_found); }
 
-  /// Steps that move coordinates or speeds by what is open: the residual, in gap_, or its rate, in other_.  Returns the instances of which it stays
+  /// Steps that move coordinates or speeds by what is open: the residual, in violation_, or its rate, in other_.  Returns the instances of which it stays
   /// open.  No template, which the flags of another file might compile.
   Mask close(StateOf<M>& state, Mask going, std::span<Real> moved, const Equations<M>& open, Cause cause) {
     iterations_ = 0;
@@ -214,7 +214,7 @@ class Projection {
   Speeds<M> still_;
   int iterations_ = 0;
   Real rounding_{64 * std::numeric_limits<Scalar>::epsilon()}, share_{1e-3};  ///< shares of a size that is rounding, of a violation that may be left
-  bool is_measured_ = false;  ///< whether gap_ and other_ are those of the present coordinates and speeds: positions leave them to speeds
+  bool is_measured_ = false;  ///< whether violation_ and other_ are those of the present coordinates and speeds: positions leave them to speeds
   std::array<Fault, Instances::number> faults_{};
   FallingResiduals<M> solver_;
 };

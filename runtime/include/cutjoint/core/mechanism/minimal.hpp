@@ -21,7 +21,7 @@ namespace cutjoint {
 
 /// Independent coordinates z of a mechanism and their rates, x = (z, z'), from which all others follow by its loops; behind them its first-order states.
 ///
-/// All coordinates are counted by the delta of `retract` from a reference, in which scalars are nought: a scalar is itself, a ball has its rotation
+/// All coordinates are counted by the delta of `retract` from a reference, in which scalars are 0: a scalar is itself, a ball has its rotation
 /// vector.  Of these, one for each speed, `dofs` are independent; the others follow from closed loops by Newton's method, and their rates from
 /// loops that stay closed.  Which are independent is chosen anew where loops give others a better hold.
 template <Sized M, std::size_t dofs>
@@ -175,7 +175,7 @@ class MinimalCoordinates {
   static std::span<const Chart> charts() { return M::charts; }
   static Real magnitude(Real x) { return x < Real(0) ? -x : x; }
 
-  /// The origin of the delta: nought for scalars, for balls their turn in a state.
+  /// The origin of the delta: 0 for scalars, for balls their attitude in a state.
   static Coordinates<M> reference_at(const StateOf<M>& state) {
     Coordinates<M> reference = state.q;
     for (const Chart& chart : charts())
@@ -235,7 +235,7 @@ class MinimalCoordinates {
     return squares;
   }
 
-  /// The solution of J x = b by dependent ones, with independent ones nought.
+  /// The solution of J x = b by dependent ones, with independent ones 0.
   template <class Number>
   void solve(const dense::LeastSquares<Real>& squares, Number* b, Number* step, Number* room) const {
     squares.solve(b, step, room);

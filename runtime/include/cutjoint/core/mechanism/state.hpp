@@ -48,7 +48,7 @@ struct State {
   State(std::size_t coordinates, std::size_t speeds, std::size_t equations)
       : q(coordinates), v(speeds), vdot(speeds), lambda(equations) {}
 
-  /// The design position at rest of what has a description: coordinates nought, balls not turned.
+  /// The design position at rest of a mechanism with a description: coordinates 0, unit quaternions.
   template <class Described>
     requires requires(const Described& d) { d.coordinates.size(), d.charts.size(); }
   explicit State(const Described& d) : State(d.coordinates.size(), d.speeds.size(), d.equations.size()) {
@@ -83,7 +83,7 @@ struct ArraysOf<M> {
 template <class M>
 using StateOf = State<typename M::real_type, typename ArraysOf<M>::type>;
 
-/// The design position at rest: coordinates nought, balls not turned.
+/// The design position at rest: coordinates 0, unit quaternions.
 template <class M>
 StateOf<M> design_state(const M& mechanism) {
   const Sizes sizes = sizes_of(mechanism);

@@ -12,7 +12,7 @@
 namespace cutjoint {
 
 /// Factors complex matrices with the pattern of a system's whole tangents, from the last unknown to the first: the coordinates of a tree stand parents first,
-/// so that little is filled in.  A row counts from its first entry that is not nought.  The pivot is the diagonal's, unless it is below a thousandth of the
+/// so that little is filled in.  A row counts from its first nonzero entry.  The pivot is the diagonal's, unless it is below a thousandth of the
 /// largest of its column (Golub, Van Loan, Matrix Computations, section 3.4).  Real and imaginary parts stand apart, so that rows are changed by vectors.
 template <class S>
 class ComplexSolver {
@@ -98,7 +98,7 @@ class ComplexSolver {
     std::swap(last_[k], last_[largest]);
   }
 
-  /// Take from row i what makes its entry in the column of the pivot nought; the factor takes that entry's place.
+  /// Eliminate row i's entry in the column of the pivot; the factor is stored in its place.
   void eliminate(std::size_t k, std::size_t i, const Real* a, const Real* b) {
     Real *re = row(re_, i), *im = row(im_, i);
     if (re[k] == Real(0) && im[k] == Real(0)) return;

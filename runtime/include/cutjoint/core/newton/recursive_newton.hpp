@@ -14,7 +14,7 @@ namespace cutjoint {
 /// The residual is cheap beside its tangent, so that factors are reused, over steps too, while they bring the iteration on; a step that fails
 /// even with a tangent in each iteration is taken in halves.
 ///
-/// Gaps of the equations are then corrected along the Phi_q of the tangent.  Along the present one, which differs by epsilon, the penalty
+/// Violations are then corrected along the Phi_q of the tangent.  Along the present one, which differs by epsilon, the penalty
 /// would push epsilon dt^2/4 alpha / mass times too far in the free directions.  Multipliers are corrected once the iteration is near its
 /// end: before, Phi has parts that no force of the equations answers to, which redundant equations would keep.
 template <class S, class Solver>

@@ -25,7 +25,7 @@ struct FixedPattern {
   std::span<const int> row;    ///< the row of each entry
 };
 
-/// The sizes of the tangent that a class knows; nought for one that does not.
+/// The sizes of the tangent if the class knows them, else 0.
 template <class S>
 constexpr TangentSizes static_tangent() {
   if constexpr (Sized<S>) return {static_cast<std::size_t>(S::pattern.size), S::pattern.row.size(), static_cast<std::size_t>(S::factors)};

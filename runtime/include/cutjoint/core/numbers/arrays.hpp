@@ -26,7 +26,7 @@ concept Sized = requires {
   { M::sizes } -> std::convertible_to<Sizes>;
 };
 
-/// The sizes that a class knows; nought for one that does not.
+/// The sizes if the class knows them, else 0.
 template <class M>
 constexpr Sizes static_sizes() {
   if constexpr (Sized<M>) return M::sizes;

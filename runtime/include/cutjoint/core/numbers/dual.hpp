@@ -131,7 +131,7 @@ inline double value_of(const Dual& a) { return a.value; }
 template <class A>
 concept Differentiated = requires(const A& a) { a.derivative, value_of(a); };
 
-#define CUTJOINT_FOLLOW(name, slope)                           \
+#define CUTJOINT_FOLLOW(name, steepness)                       \
   template <Differentiated A>                                  \
   A name(const A& a) {                                         \
     const auto x = value_of(a), y = [&] {                      \
@@ -139,7 +139,7 @@ concept Differentiated = requires(const A& a) { a.derivative, value_of(a); };
       return name(x);                                          \
     }();                                                       \
     using std::cos, std::cosh, std::sin, std::sinh, std::sqrt; \
-    return follow(y, slope, a);                                \
+    return follow(y, steepness, a);                            \
   }
 CUTJOINT_FUNCTIONS(CUTJOINT_FOLLOW)
 #undef CUTJOINT_FOLLOW

@@ -1,7 +1,7 @@
 // Functions of one number x with value y: `make regenerate` writes this file from the rows of compiler/cutjoint/ops.py.
 #pragma once
 
-/// X(name, slope) of those that namespace std has by the same name.
+/// X(name, derivative) of those that namespace std has by the same name.
 #define CUTJOINT_FUNCTIONS(X) \
   X(sqrt, (0.5 / y)) \
   X(sin, cos(x)) \

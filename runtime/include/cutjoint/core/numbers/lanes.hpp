@@ -149,7 +149,7 @@ Lanes<Real, N> each(Lanes<Real, N> a, Lanes<Real, N> b, Function function) {
   return result;
 }
 
-#define CUTJOINT_EACH(name, slope)           \
+#define CUTJOINT_EACH(name, derivative)      \
   template <PlainReal Real, int N>           \
   Lanes<Real, N> name(Lanes<Real, N> a) {    \
     return each(a, [](Real x) {              \

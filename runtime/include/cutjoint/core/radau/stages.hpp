@@ -220,7 +220,7 @@ class Stages : public StepStart<S, Solver> {
     return out;
   }
 
-  /// An iteration over all stages.  Gaps of the equations are corrected along their directions in the pose of the tangent, Phi_q.
+  /// An iteration over all stages.  Violations are corrected along the Phi_q of the tangent's pose.
   /// So are the multipliers, by alpha (Phidd + Phi_q da): where Phi_q has turned, the new Phidd is another one, and alpha would enlarge the difference.
   Fault correct(bool renew, Real w) {
     constexpr std::size_t middle = 2;

@@ -9,7 +9,7 @@
 namespace cutjoint::radau {
 
 /// The collocation method of order 5 whose last stage is the end of the step, with an estimate of order 3.  Source: Hairer, Wanner, Solving Ordinary
-/// Differential Equations II (1996), sections IV.5 and IV.8.  In each row the slope at the step's start comes before those of the stages.
+/// Differential Equations II (1996), sections IV.5 and IV.8.  The first number of each row is the weight of the derivative at the step's start.
 struct Table {
   static constexpr int order = 4;  ///< that of the estimate and one, which steps follow
   static constexpr std::size_t stages = 3;

@@ -1,4 +1,4 @@
-// Steps of an explicit Runge-Kutta method, and what lies between their ends.
+// Steps of an explicit Runge-Kutta method, and its interpolant.
 #pragma once
 
 #include <algorithm>
@@ -10,14 +10,14 @@
 
 namespace cutjoint::runge_kutta {
 
-/// A method whose last stage stands at the end of the step, so that its derivative begins the next one.
+/// A method whose last stage is the end of the step, and so the first of the next one (FSAL).
 ///
-/// Between the ends, with s the share of the step,
+/// The interpolant, with s the fraction of the step, is
 ///
 ///     y(s) = y + s (d + (1 - s) (b + s (c + (1 - s) (w + s (...)))))      d = end - y,  b = h f(y) - d,  c = d - h f(end) - b
 ///
-/// where w and those that follow are h times the derivatives weighted by the rows of the table's `dense`.  Stages that stand there alone are found when the
-/// first place between the ends is asked for.
+/// where w and the following are h times the derivatives weighted by the rows of the table's `dense`.  Stages of the interpolant alone are evaluated when
+/// it is used first.
 template <class Dynamics, class Table>
 class Formula {
  public:
@@ -33,10 +33,10 @@ class Formula {
     parts_.fill(at_);
   }
 
-  /// The state has been changed otherwise than by a step: no derivative is known.
+  /// Forget the derivative: the state has been changed other than by a step.
   void restart() { begun_ = false; }
 
-  /// The derivative where the next step begins, if it is known.
+  /// The derivative at the beginning of the next step, if known.
   struct Memory {
     Vector derivative;
     long begun;  ///< 0 or 1; a bool would leave bytes of a snapshot to chance
@@ -80,22 +80,22 @@ class Formula {
     return below > Real(0) ? h * sqrt(above / below) : Real(0);
   }
 
-  /// The attempted step from y at t counts; its interpolant stays until the next one does.
+  /// Accept the attempted step from y at t; its interpolant is valid until the next one is accepted.
   void accept(Real t, Real h, const Vector& y, const Vector& end) {
     const auto &first = derivatives_[0], &last = derivatives_[Table::stages - 1];
     if constexpr (Table::all == Table::stages) weigh_between(h);
     for (std::size_t i = 0; i < y.size(); ++i) {
-      const Real shift = end[i] - y[i], bend = h * first[i] - shift;
+      const Real shift = end[i] - y[i], quadratic = h * first[i] - shift;
       parts_[0][i] = y[i];
       parts_[1][i] = shift;
-      parts_[2][i] = bend;
-      parts_[3][i] = shift - h * last[i] - bend;
+      parts_[2][i] = quadratic;
+      parts_[3][i] = shift - h * last[i] - quadratic;
     }
     derivatives_[0].swap(derivatives_[Table::stages - 1]);
     accepted_ = {t, h, Table::all > Table::stages};
   }
 
-  /// The accepted step at the share s of its length; s somewhat above 1 goes on from it.
+  /// The accepted step at the fraction s of its length; s slightly above 1 extrapolates.
   void interpolate(Real s, Vector& y) {
     if constexpr (Table::all > Table::stages)
       if (accepted_.lacks_stages) find_stages_between();
@@ -118,7 +118,7 @@ class Formula {
     for (std::size_t i = 0; i < Table::dense.size(); ++i) weigh(h, Table::dense[i], parts_[4 + i]);
   }
 
-  /// The derivatives at the step's ends stand in their places meanwhile.
+  /// Meanwhile the derivatives at the step's ends are in their own positions.
   void find_stages_between() {
     const auto [t, h, lacks_stages] = accepted_;
     derivatives_[0].swap(derivatives_[Table::stages - 1]);
@@ -132,7 +132,7 @@ class Formula {
     accepted_.lacks_stages = false;
   }
 
-  /// The step whose interpolant there is, and whether stages of that are still to be found.
+  /// The step of the interpolant, and whether stages of that are not evaluated yet.
   struct Accepted {
     Real t{0}, h{0};
     bool lacks_stages = false;

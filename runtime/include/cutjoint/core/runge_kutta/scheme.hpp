@@ -207,9 +207,9 @@ class Scheme {
     Vector& change = errors_[0];
     dynamics_.derive(t_ + probe, trial_, change);
     for (std::size_t i = 0; i < y_.size(); ++i) change[i] -= end_[i];
-    const Real bend = std::max(derivative, largest(change) / probe);
-    const Real by_bend = bend <= Real(1e-15) ? std::max(Real(1e-6), probe * Real(1e-3)) : pow(Real(0.01) / bend, Real(1) / Real(Table::order));
-    return std::min(Real(100) * probe, by_bend);
+    const Real largest_derivative = std::max(derivative, largest(change) / probe);
+    const Real by_second_derivative = largest_derivative <= Real(1e-15) ? std::max(Real(1e-6), probe * Real(1e-3)) : pow(Real(0.01) / largest_derivative, Real(1) / Real(Table::order));
+    return std::min(Real(100) * probe, by_second_derivative);
   }
 
   std::ptrdiff_t middle() const { return static_cast<std::ptrdiff_t>(sizes_of(dynamics_.subject()).coordinates); }

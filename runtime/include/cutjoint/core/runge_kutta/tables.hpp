@@ -1,7 +1,7 @@
-// Coefficients of explicit Runge-Kutta methods whose last stage is the beginning of the next step.
+// Coefficients of explicit Runge-Kutta methods whose last stage is the first of the next step.
 //
-// `errors` has one estimate, or two of different orders that one is made of, `dense` what the interpolant has beside the cubic of both ends; stages from
-// `stages` to `all` are for that alone.  Steps count as stiff where the length times the largest eigenvalue is above `stiff`.
+// `errors` has one estimate, or two of different orders to be combined, `dense` the terms of the interpolant beyond the Hermite cubic; stages from
+// `stages` to `all` are for these alone.  A step is stiff if its length times the largest eigenvalue exceeds `stiff`.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace cutjoint::runge_kutta {
 
-/// The classical method of order 4, with the slope at the end as a fifth stage.  Between its ends the cubic of both slopes (Hermite).
+/// The classical method of order 4, with the derivative at the end as a fifth stage, and the Hermite cubic as interpolant.
 struct ClassicalTable {
   static constexpr int order = 4;
   static constexpr bool adaptive = false;  ///< the error is not estimated

@@ -98,7 +98,7 @@ class Trapezoidal {
   /// What the last iteration changed the accelerations of a mechanism alone by, as a share of 1 + the largest of them.
   double change() const { return static_cast<double>(change_ / size_); }
 
-  /// Count evaluations from nought.
+  /// Count evaluations from 0.
   void count_anew() { evaluations_ = typename Instances::Count{}; }
 
  private:
