@@ -171,10 +171,10 @@ def close_loops(
     """
     rows = np.zeros((0, equations.speeds)) if across is None else across[np.newaxis]
     sizes, arm, best = sizes_of_speeds(equations), equations.topology.arm, np.inf
-    for _ in range(_ITERATIONS):
+    for left in reversed(range(_ITERATIONS)):
         residual, jacobian = evaluate_closures(equations, q, t)
         error = float(np.abs(residual).max(initial=0.0)) / arm
-        if error == 0.0 or best / 2 <= error < CLOSED:
+        if error == 0.0 or (error < CLOSED and (best / 2 <= error or not left)):
             return q, jacobian
         if not np.isfinite(error):
             return None

@@ -131,12 +131,12 @@ class BlockLoops:
         """Poses near coordinates that close the loops with the speed of the number ``held`` not moved, or by steps ``across`` a direction
         of speeds, until no gap is larger than ``enough`` or it is rounding; None where one does not close."""
         best = np.inf
-        for _ in range(25):
+        for left in reversed(range(25)):
             residual, jacobian = self.evaluate(q, u)
             error = float(np.abs(residual).max(initial=0.0))
             if not np.isfinite(error):
                 return None
-            if error < enough or (error < 1e-12 and error >= best / 2):
+            if error < enough or (error < 1e-12 and (error >= best / 2 or not left)):
                 return Poses(q=q, jacobian=jacobian, residual=residual)
             best = min(best, error)
             free = _without(jacobian, held)

@@ -173,12 +173,12 @@ class Linkage:
     def close(self, q: Array, prescribed: Array) -> Pose | None:
         """The pose near coordinates with what is prescribed there; None where the loops do not close."""
         best = np.inf
-        for _ in range(_ITERATIONS):
+        for left in reversed(range(_ITERATIONS)):
             residual, jacobian, values = self._equations(q, prescribed)
             error = float(np.abs(residual).max())
             if not np.isfinite(error):
                 return None
-            if error < _CLOSED and error >= best / 2:
+            if error < _CLOSED and (error >= best / 2 or not left):
                 return self._pose(q, prescribed, jacobian, values)
             best = min(best, error)
             step = -np.linalg.pinv(jacobian, rcond=TOLERANCE) @ residual
