@@ -173,7 +173,7 @@ FOUR = ("one", "two", "three", "four")
 
 def test_an_angle_that_no_pose_counts_is_refused_with_the_reason() -> None:
     outputs = f"outputs: [{', '.join(f'{name}.angle' for name in FOUR)}]"
-    with pytest.raises(TopologyError, match="an angle whose turns no pose shows in a loop with more than two directions") as error:
+    with pytest.raises(TopologyError, match="an angle whose full turns no pose shows in a loop with more than two directions") as error:
         build_topology(read_model_text(BENNETT.replace("OUTPUTS", outputs), "skew.yaml"))
     assert "scene 'move' has its coordinate among the outputs" in str(error.value)
 

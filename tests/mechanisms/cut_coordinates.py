@@ -9,7 +9,7 @@ from cutjoint.elements.joint import rate_name
 from cutjoint.formulate.forces import variable
 from cutjoint.model.records import Joint, JointForce, Model, Output
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.measured import turns_around
+from cutjoint.topology.measured import angles_around
 from cutjoint.topology.records import Topology
 from cutjoint.topology.spanning_tree import joints_around
 
@@ -18,7 +18,7 @@ def measured(topology: Topology) -> Iterator[tuple[Joint, str, bool]]:
     """Cut joint, coordinate, and whether its value is known beside its rate."""
     for cut in topology.cuts:
         for coordinate in cut.element.measurable:
-            counted = cut.element.advances or turns_around(cut, joints_around(topology.tree, cut)) is not None
+            counted = cut.element.advances or angles_around(cut, joints_around(topology.tree, cut)) is not None
             yield cut, coordinate, coordinate not in cut.element.angles or counted
 
 

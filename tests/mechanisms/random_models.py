@@ -15,7 +15,7 @@ import sympy
 
 from cutjoint.elements.joint import Fault
 from cutjoint.elements.joints import JOINTS
-from cutjoint.model.elements.geometry import GLOBAL_AXES, turned_axes
+from cutjoint.model.elements.geometry import GLOBAL_AXES, rotated_axes
 from cutjoint.model.records import (
     COORDINATES,
     GROUND,
@@ -508,7 +508,7 @@ def with_ball_springs(model: Model, seed: int) -> Model:
     springs = []
     for i, (stiffness, damping) in enumerate([(20 * STRENGTH.symbol, 0), (sympy.Integer(7), sympy.Float(0.4)), (0, SIZE.symbol)]):
         base, follower = rng.choice(names, 2, replace=False)
-        rest = turned_axes(tuple(map(sympy.Float, rng.uniform(-1, 1, 3)))) if i == 1 else GLOBAL_AXES
+        rest = rotated_axes(tuple(map(sympy.Float, rng.uniform(-1, 1, 3)))) if i == 1 else GLOBAL_AXES
         springs.append(BallSpring(
             name=f"ball_{i}_spring", of=f"ball_{i}", base=str(base), follower=str(follower), axes=rest, stiffness=sympy.sympify(stiffness),
             damping=sympy.sympify(damping), active=True, span=NOWHERE,

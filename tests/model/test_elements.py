@@ -91,7 +91,7 @@ def test_points_are_sums_of_a_point_and_vectors(written: str, expected: tuple[fl
     ("written", "expected"),
     [
         ("{sum: §[A]}", "sum needs at least 2 items, got 1"),
-        ("{sum: [A, §B]}", "sum: only the first can be a point; write {from: P, to: Q} for the way to another"),
+        ("{sum: [A, §B]}", "sum: only the first can be a point; write {from: P, to: Q} for a vector"),
         ("{sum: [§{from: A, to: B}, A]}", "sum begins with a vector; begin with a point"),
         ("{sum: [A, {from: A, to: §C}]}", "unknown point 'C'; points here: A, B"),
         ("{sum: [A, {along: §[0, 0, 0], by: 3}]}", "sum.along has no direction: its length is zero"),

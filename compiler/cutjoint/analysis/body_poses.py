@@ -61,7 +61,7 @@ def _inputs(equations: PoseEquations, t: Array, q: Array, parameters: Mapping[st
     }
 
 
-def find_followers(
+def find_dependent_joints(
     equations: PoseEquations, t: Array, q: Array, v: Array, parameters: Mapping[str, float]
 ) -> Mapping[str, tuple[Array, Array]]:  # fmt: skip
     """The coordinates (times, n) and speeds (times, k) of joints that functions move, by coordinates and speeds (times, ...) of the others;
@@ -112,13 +112,13 @@ def _carried(design: Array, now: Array) -> Array:
     """Rotations (times, 3, 3) that take a direction (3,) to those of ``now`` (times, 3), each by the smallest turn from the one before."""
     rotation, before, rotations = np.eye(3), design / np.linalg.norm(design), []
     for direction in now / np.linalg.norm(now, axis=1, keepdims=True):
-        rotation = _smallest_turn(before, direction) @ rotation
+        rotation = _smallest_rotation(before, direction) @ rotation
         rotations.append(rotation)
         before = direction
     return np.array(rotations)
 
 
-def _smallest_turn(start: Array, end: Array) -> Array:
+def _smallest_rotation(start: Array, end: Array) -> Array:
     """The rotation matrix (3, 3) from a unit vector to another, by Rodrigues' formula."""
     x, y, z = np.cross(start, end)
     skew, cosine = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), float(start @ end)

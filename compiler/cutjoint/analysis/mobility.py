@@ -97,7 +97,7 @@ def require_guides(equations: RecursiveEquations) -> None:
         rates = evaluate_guided_rates(equations, q, time)
         if not np.abs(rates).max(initial=0.0) > 0:
             continue
-        left = _not_made_up_for(evaluate_closures(equations, q, time)[1], rates)
+        left = _uncompensated(evaluate_closures(equations, q, time)[1], rates)
         if np.abs(left).max() < _PART * np.abs(rates).max() or close_loops(equations, q, t=time) is not None:
             return
         violations = np.maximum(violations, np.abs(left))
@@ -117,7 +117,7 @@ def _rates(equations: RecursiveEquations, joint: Joint) -> Iterator[object]:
         yield sympy.diff(guide.subs(laws), TIME)
 
 
-def _not_made_up_for(jacobian: Array, rates: Array) -> Array:
+def _uncompensated(jacobian: Array, rates: Array) -> Array:
     """The rest of rates that speeds cannot make up for."""
     if not jacobian.size:
         return rates

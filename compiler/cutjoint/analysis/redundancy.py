@@ -169,7 +169,7 @@ def require_loads(topology: Topology, scene: Scene) -> Topology:
         return topology
     equations = formulate_recursive(topology, scene, tuple(Output(element=f.name, quantity="load", span=f.span) for f in forces))
     poses = _regular(explore(equations))
-    shares = np.max([_ways(equations, pose) for pose in poses], axis=0)
+    shares = np.max([_largest_load_changes(equations, pose) for pose in poses], axis=0)
     loose = [f.name for f, share in zip(forces, shares, strict=True) if share > _DETERMINED]
     if loose and not (_is_constant(poses) and all(_is_even(equations, *at) for at in product(poses, np.linspace(0.0, scene.end, _TIMES)))):
         raise refuse_friction(
@@ -202,7 +202,7 @@ def _is_even(equations: RecursiveEquations, pose: Pose, t: float) -> bool:
     return bool(np.allclose(one, other, rtol=1e-7, atol=1e-9 * size))
 
 
-def _ways(equations: RecursiveEquations, pose: Pose) -> Array:
+def _largest_load_changes(equations: RecursiveEquations, pose: Pose) -> Array:
     """The largest change of each load, a length, by unit multipliers of the null space both ways, beside those by single multipliers."""
     null = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T
     changes = np.abs(_changes(equations, pose, np.concatenate([null, -null])))

@@ -20,12 +20,12 @@ from cutjoint.package.errors import EquationsError
 from cutjoint.topology.geometry import TOLERANCE, balanced
 
 #: The part of the largest singular value by which the form bends at least; differences have an error of 1e-8.
-_BENDS = 1e-4
+_LEAST_CURVATURE = 1e-4
 _DIFFERENCE = 1e-4
 
 
 #: Singular values between these shares of the largest neither hold a motion, by any method, nor leave it free.
-_FREE, _HELD = 2e-11, 1e-5
+_FREE_BELOW, _LOCKED_ABOVE = 2e-11, 1e-5
 
 
 class ShakyError(EquationsError, ValueError):
@@ -65,11 +65,11 @@ def describe_misfit(equations: RecursiveEquations) -> str:
         return ""
     jacobian, sizes = evaluate_closures(equations, design_coordinates(equations))[1], sizes_of_speeds(equations)
     values = _shares(jacobian * sizes)
-    rank = int(np.sum(values > _FREE))
-    if not rank or values[rank - 1] > _HELD:
+    rank = int(np.sum(values > _FREE_BELOW))
+    if not rank or values[rank - 1] > _LOCKED_ABOVE:
         return ""
     poses, guides = explore(equations), any(t.joint.guide is not None for t in equations.topology.tree)
-    if any(_shares(pose.jacobian * sizes)[rank - 1] > _HELD for pose in poses) or (guides and not poses[0].free.size):
+    if any(_shares(pose.jacobian * sizes)[rank - 1] > _LOCKED_ABOVE for pose in poses) or (guides and not poses[0].free.size):
         return ""
     right = sizes * np.linalg.svd(balanced(jacobian * sizes))[2][rank - 1]
     speed = int(np.abs(right).argmax())
@@ -113,12 +113,12 @@ def find_shakiness(equations: RecursiveEquations) -> Shakiness | None:
     if rank == equations.speeds or np.abs(residual).max(initial=0.0) > CLOSED:
         return None
     free, across = right[rank:], left[:, rank:]
-    bend = _bend(equations, q, free, across, _BENDS * values.max())
+    bend = _second_order_forms(equations, q, free, across, _LEAST_CURVATURE * values.max())
     if bend is None:
         return None
     spread = np.linalg.eigvalsh(bend)
     definite = np.where((spread > 0).all(axis=1) | (spread < 0).all(axis=1), np.abs(spread).min(axis=1), 0.0)
-    if not definite.max(initial=0.0) > _BENDS * values.max():
+    if not definite.max(initial=0.0) > _LEAST_CURVATURE * values.max():
         return None
     equation = int(np.argmax(np.abs(across[:, np.argmax(definite)])))
     return Shakiness(
@@ -127,7 +127,7 @@ def find_shakiness(equations: RecursiveEquations) -> Shakiness | None:
     )  # fmt: skip
 
 
-def _bend(equations: RecursiveEquations, q: Array, free: Array, across: Array, least: float) -> Array | None:
+def _second_order_forms(equations: RecursiveEquations, q: Array, free: Array, across: Array, least: float) -> Array | None:
     """The forms w . Phi_qq(d, d) in the free directions (k, speeds), for each w, a column: (w, k, k).
 
     None as soon as no form is larger than ``least``, or smaller than -``least``, along all directions so far: the least eigenvalue of a

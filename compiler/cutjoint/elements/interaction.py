@@ -124,7 +124,7 @@ class Mechanics(Protocol):
     def spin(self, carrier: Carrier) -> Block:
         """The angular velocity of a body."""
 
-    def spin_beside(self, carrier: Carrier) -> tuple[Block, Block]:
+    def spin_and_relative_rate(self, carrier: Carrier) -> tuple[Block, Block]:
         """An angular velocity, and the rate about its axis by which a wheel turns beside it."""
 
     def in_body(self, carrier: Carrier, vector: Block) -> Block:

@@ -81,7 +81,7 @@ class End(StrEnum):
 
 
 @dataclass(frozen=True)
-class Carried:
+class BodyDirection:
     """A direction that one of the joint's bodies carries."""
 
     end: End
@@ -89,7 +89,7 @@ class Carried:
 
 
 class JointDisplacement(StrEnum):
-    """The way from the base's point of a joint to the follower's."""
+    """The displacement from the base's point of a joint to the follower's."""
 
     VECTOR = "way"
 
@@ -98,8 +98,8 @@ class JointDisplacement(StrEnum):
 class Product:
     """A weight times the scalar product of two vectors."""
 
-    left: Carried | JointDisplacement
-    right: Carried
+    left: BodyDirection | JointDisplacement
+    right: BodyDirection
     weight: Fraction = Fraction(1)
 
 
@@ -154,7 +154,7 @@ class SameDistance:
 
 @dataclass(frozen=True)
 class Advance:
-    """The way along the axis is the pitch times the angle about it."""
+    """The displacement along the axis is the pitch times the angle about it."""
 
     names: tuple[str, ...] = ("advance",)
     joins_points: ClassVar[bool] = True
@@ -163,8 +163,8 @@ class Advance:
 Condition: TypeAlias = SamePoint | SameDirection | SameAttitude | Products | SameDistance | Advance
 
 
-def _on_base(direction: Direction) -> Carried:
-    return Carried(End.BASE, direction)
+def _on_base(direction: Direction) -> BodyDirection:
+    return BodyDirection(End.BASE, direction)
 
 
 #: The follower's point stays on the base's axis.
@@ -179,15 +179,15 @@ IN_PLANE = Products(names=("height",), base=(Direction.AXIS,), sums=((Product(Jo
 #: The base's axis and the follower's second one stay perpendicular.
 PERPENDICULAR = Products(
     names=("angle",), base=(Direction.AXIS,), follower=(Direction.AXIS_2,),
-    sums=((Product(_on_base(Direction.AXIS), Carried(End.FOLLOWER, Direction.AXIS_2)),),),
+    sums=((Product(_on_base(Direction.AXIS), BodyDirection(End.FOLLOWER, Direction.AXIS_2)),),),
 )  # fmt: skip
 
 #: The follower does not turn about the axis: it carries two directions across it, and each leans towards the base's other one alike.
-NO_TWIST = Products(
+NO_AXIAL_ROTATION = Products(
     names=("twist",), base=(Direction.ACROSS_1, Direction.ACROSS_2), follower=(Direction.ACROSS_1, Direction.ACROSS_2),
     sums=((
-        Product(Carried(End.FOLLOWER, Direction.ACROSS_1), _on_base(Direction.ACROSS_2), Fraction(1, 2)),
-        Product(Carried(End.FOLLOWER, Direction.ACROSS_2), _on_base(Direction.ACROSS_1), Fraction(-1, 2)),
+        Product(BodyDirection(End.FOLLOWER, Direction.ACROSS_1), _on_base(Direction.ACROSS_2), Fraction(1, 2)),
+        Product(BodyDirection(End.FOLLOWER, Direction.ACROSS_2), _on_base(Direction.ACROSS_1), Fraction(-1, 2)),
     ),),
 )  # fmt: skip
 
@@ -415,12 +415,12 @@ class JointElement:
     @property
     def base_directions(self) -> tuple[Direction, ...]:
         """The directions that the base carries in the equations of the cut joint."""
-        return tuple(dict.fromkeys(d for c in self.conditions for d in _carried(c)[0]))
+        return tuple(dict.fromkeys(d for c in self.conditions for d in _body_directions(c)[0]))
 
     @property
     def follower_directions(self) -> tuple[Direction, ...]:
         """The directions that the follower carries in the equations of the cut joint."""
-        return tuple(dict.fromkeys(d for c in self.conditions for d in _carried(c)[1]))
+        return tuple(dict.fromkeys(d for c in self.conditions for d in _body_directions(c)[1]))
 
     # Consequences of the directions
 
@@ -435,7 +435,7 @@ def rate_name(coordinate: str) -> str:
     return f"v{coordinate}" if coordinate in DESIGN_FRAME else f"{coordinate}_rate"
 
 
-def _carried(condition: Condition) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
+def _body_directions(condition: Condition) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
     """The directions that base and follower carry for a condition."""
     match condition:
         case SameDirection():

@@ -8,7 +8,7 @@ from cutjoint.elements.joint import (
     AXIAL_FRAME,
     DESIGN_FRAME,
     IN_PLANE,
-    NO_TWIST,
+    NO_AXIAL_ROTATION,
     ON_LINE,
     PERPENDICULAR,
     Advance,
@@ -120,7 +120,7 @@ _CONSTANT_VELOCITY = JointElement(
     ),
     axis_is_bisector=True,
     chain=(_HALF, Turn("angle_2", Direction.ACROSS_2), _HALF),
-    conditions=(SamePoint(), NO_TWIST),
+    conditions=(SamePoint(), NO_AXIAL_ROTATION),
     operations=Operations(placing=(155, 405), closing=(265, 405, 485)),
 )
 

@@ -16,7 +16,7 @@ import sympy
 from cutjoint.elements.joint import (
     AXIAL_FRAME,
     Advance,
-    Carried,
+    BodyDirection,
     Condition,
     Direction,
     End,
@@ -107,12 +107,12 @@ def _scaled_rows(joint: Joint, condition: Condition) -> Iterator[Sequence[Scalar
 
 
 def _rows(joint: Joint, condition: Condition) -> Iterator[Sequence[Scalar] | Scalar]:
-    apart = P - P0
+    r = P - P0
     b = dict(zip(joint.element.base_directions, B, strict=False))
     f = dict(zip(joint.element.follower_directions, F, strict=False))
     match condition:
         case SamePoint():
-            yield apart
+            yield r
         case SameDirection():
             yield f[condition.direction] - b[condition.direction]
         case SameAttitude():
@@ -120,21 +120,21 @@ def _rows(joint: Joint, condition: Condition) -> Iterator[Sequence[Scalar] | Sca
             yield sum((b[d].cross(f[d]) for d in condition.frame), sympy.zeros(3, 1)) / 2
         case Products():
             for products in condition.sums:
-                terms = (sympy.sympify(p.weight) * _factor(p.left, apart, b, f).dot(_factor(p.right, apart, b, f)) for p in products)
+                terms = (sympy.sympify(p.weight) * _factor(p.left, r, b, f).dot(_factor(p.right, r, b, f)) for p in products)
                 yield sum(terms, sympy.Integer(0))
         case SameDistance():
             length = sympy.Matrix(rod_of(joint)).norm()
-            yield (apart.dot(apart) - length**2) / (2 * length)
+            yield (r.dot(r) - length**2) / (2 * length)
         case Advance():
             axis, first, second = (b[d] for d in AXIAL_FRAME)
-            angle = axis.dot(apart) / joint.pitch
+            angle = axis.dot(r) / joint.pitch
             yield f[Direction.ACROSS_1].dot(second * sympy.cos(angle) - first * sympy.sin(angle))
 
 
-def _factor(factor: Carried | JointDisplacement, apart: Matrix, b: Mapping[Direction, Matrix], f: Mapping[Direction, Matrix]) -> Matrix:
+def _factor(factor: BodyDirection | JointDisplacement, r: Matrix, b: Mapping[Direction, Matrix], f: Mapping[Direction, Matrix]) -> Matrix:
     """The symbols of a factor of a product."""
     if isinstance(factor, JointDisplacement):
-        return apart
+        return r
     return (b if factor.end is End.BASE else f)[factor.direction]
 
 

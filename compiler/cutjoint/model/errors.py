@@ -74,7 +74,7 @@ class Problems:
         return ModelError(self._found.values(), model)
 
 
-class Unheard(Problems):
+class IgnoredProblems(Problems):
     """Takes problems that another reading notes."""
 
     def add(self, span: Span, element: str, message: str, hint: str = "") -> None:

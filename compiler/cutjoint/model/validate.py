@@ -1,4 +1,4 @@
-"""Checks of the whole model: unique names, physical masses, and a way from every body to the ground."""
+"""Checks of the whole model: unique names, physical masses, and a path from every body to the ground."""
 
 import math
 import re
@@ -228,7 +228,7 @@ def check_guides(joints: Collection[Joint], note: Callable[[Joint, str, str], No
     prescribed = [j for j in joints if not j.cut and (j.guide is not None or j.element.is_rigid)]
     closing = [j for j in joints if j not in prescribed]
     for joint in (*prescribed, *closing):
-        loop = _way(held, joint.base, joint.follower)
+        loop = _path(held, joint.base, joint.follower)
         guided = sorted((other for other in (*loop, joint) if other.guide is not None), key=lambda other: other.span)
         if loop and guided:
             names = ", ".join(f"'{other.name}'" for other in guided)
@@ -239,8 +239,8 @@ def check_guides(joints: Collection[Joint], note: Callable[[Joint, str, str], No
             held.setdefault(joint.follower, []).append((joint.base, joint))
 
 
-def _way(held: dict[str, list[tuple[str, Joint]]], start: str, end: str) -> list[Joint]:
-    """The joints on a way between two bodies; none where there is no way."""
+def _path(held: dict[str, list[tuple[str, Joint]]], start: str, end: str) -> list[Joint]:
+    """The joints on a path between two bodies; none without one."""
     ways: dict[str, list[Joint]] = {start: []}
     waiting = [start]
     while waiting:

@@ -94,39 +94,39 @@ def _is_inner(force: Force, carrier: Mapping[str, str], inner: Collection[str]) 
 
 def _give_over(model: Model, body: Body, frozen: "Frozen") -> Model:
     """The model with a body's mass and all that stands on it on its carrier."""
-    to, turn, way = frozen.carriers[body.name], *frozen.shift(body.name)
+    to, rotation, shift = frozen.carriers[body.name], *frozen.shift(body.name)
     if frozen.is_moved(body.name):
-        forces = tuple(_moved_force(f, body.name, turn, way) for f in model.forces)
-        markers = tuple(_moved_marker(m, body.name, turn, way) for m in model.markers)
-        model, body = replace(model, forces=forces, markers=markers), _moved_body(body, turn, way)
+        forces = tuple(_moved_force(f, body.name, rotation, shift) for f in model.forces)
+        markers = tuple(_moved_marker(m, body.name, rotation, shift) for m in model.markers)
+        model, body = replace(model, forces=forces, markers=markers), _moved_body(body, rotation, shift)
     if to != GROUND:
         model = replace(model, bodies=tuple(merged(b, body) if b.name == to else b for b in model.bodies))
     return hand_over(model, body.name, to)
 
 
-def _placed(point: Vector, turn: NDArray[np.float64], way: NDArray[np.float64]) -> Vector:
-    x, y, z = sympy.Matrix(turn) * sympy.Matrix(point) + sympy.Matrix(way)
+def _placed(point: Vector, rotation: NDArray[np.float64], shift: NDArray[np.float64]) -> Vector:
+    x, y, z = sympy.Matrix(rotation) * sympy.Matrix(point) + sympy.Matrix(shift)
     return x, y, z
 
 
-def _moved_body(body: Body, turn: NDArray[np.float64], way: NDArray[np.float64]) -> Body:
+def _moved_body(body: Body, rotation: NDArray[np.float64], shift: NDArray[np.float64]) -> Body:
     xx, yy, zz, xy, xz, yz = body.inertia
-    R = sympy.Matrix(turn)
+    R = sympy.Matrix(rotation)
     J = R * sympy.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) * R.T
     inertia = (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
-    return replace(body, centre_of_mass=_placed(body.centre_of_mass, turn, way), inertia=inertia)
+    return replace(body, centre_of_mass=_placed(body.centre_of_mass, rotation, shift), inertia=inertia)
 
 
-def _moved_marker(marker: Marker, body: str, turn: NDArray[np.float64], way: NDArray[np.float64]) -> Marker:
-    return replace(marker, point=_placed(marker.point, turn, way)) if marker.body == body else marker
+def _moved_marker(marker: Marker, body: str, rotation: NDArray[np.float64], shift: NDArray[np.float64]) -> Marker:
+    return replace(marker, point=_placed(marker.point, rotation, shift)) if marker.body == body else marker
 
 
-def _moved_force(force: Force, body: str, turn: NDArray[np.float64], way: NDArray[np.float64]) -> Force:
+def _moved_force(force: Force, body: str, rotation: NDArray[np.float64], shift: NDArray[np.float64]) -> Force:
     """A force with its points and directions in a body where that is at the start."""
     placed: dict[str, Any] = {}
     for place in force.places:
         if place.body(force) == body and not force.has_frame:
-            placed[place.field] = _placed(place.of(force), turn, way if isinstance(place, Point) else np.zeros(3))
+            placed[place.field] = _placed(place.of(force), rotation, shift if isinstance(place, Point) else np.zeros(3))
     return replace(force, **placed)
 
 
@@ -153,14 +153,14 @@ class Frozen:
         return carrier
 
     def shift(self, body: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The turn (3, 3) and the way (3,) from where the body is drawn to where it is at the start, as seen from its carrier."""
+        """The rotation (3, 3) and shift (3,) of the body from its drawn pose to that at the start, in the frame of its carrier."""
         seen = self.poses[body].seen_from(self.poses[self.carriers[body]])
         return seen.R[0], seen.r[0]
 
     def is_moved(self, body: str) -> bool:
         """Return whether the body is away from the place at which it is drawn."""
-        turn, way = self.shift(body)
-        return bool(max(np.abs(turn - np.eye(3)).max(), np.abs(way).max()) > _SAME)
+        rotation, shift = self.shift(body)
+        return bool(max(np.abs(rotation - np.eye(3)).max(), np.abs(shift).max()) > _SAME)
 
     def problem(self, scene: Scene) -> tuple[Note, set[str]] | None:
         """The joints that cannot be frozen, and the reason."""
@@ -170,7 +170,7 @@ class Frozen:
         inner = [j for j in self.model.joints if carrier[j.base] == carrier[j.follower]]
         for joint in inner:
             if reason := _need(self.model, scene, joint):
-                return self._stays(joint, reason), self._way_around(joint)
+                return self._stays(joint, reason), self._path_around(joint)
         for element in (*self.model.joints, *self.model.forces, *self.model.reactions):
             for body in sorted(_fixed_in(element, {j.name for j in inner}) - {GROUND}):
                 if carrier[body] != body and self.is_moved(body):
@@ -189,8 +189,8 @@ class Frozen:
         note = self._stays(next(b for b in self.model.bodies if b.name == body), reason)
         return note, {j.name for j in self.joints if body in (j.base, j.follower)}
 
-    def _way_around(self, joint: Joint) -> set[str]:
-        """The joints that hold the two bodies of a joint together: itself, or one way between them."""
+    def _path_around(self, joint: Joint) -> set[str]:
+        """The joints that hold the two bodies of a joint together: itself, or one path between them."""
         if joint in self.joints:
             return {joint.name}
         ways: dict[str, set[str]] = {joint.base: set()}

@@ -7,7 +7,7 @@ from cutjoint.elements.joint import ATTITUDE
 from cutjoint.model.elements.mirror import ANGLES, reflected_law
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES, reaction_component, reported_element
 from cutjoint.model.records import Force, Joint, JointForce, Model, Output, Reaction, Scalar, Scene
-from cutjoint.reduce.plane import AsymmetryError, InPlane, Plane, is_nought
+from cutjoint.reduce.plane import AsymmetryError, InPlane, Plane, is_zero
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ class PlaneModel:
                 found[key] = value
             elif component in (kept := self.in_plane[name].kept):
                 found[f"{name}.{kept[component][0]}"] = kept[component][1] * value
-            elif not is_nought(value):
+            elif not is_zero(value):
                 raise AsymmetryError(name, f"starts with a {component} that leaves the plane {self.plane}", joint.span)
         return found
 

@@ -80,7 +80,7 @@ def _shorten(outcome: Outcome, link: _Link) -> Outcome:
         rods = link.rods()
         _require_idle(outcome, link)
         forces = tuple(_moved(force, link) for force in outcome.model.forces)
-        reactions = tuple(_told(reaction, link, rods, outcome.model.forces) for reaction in outcome.model.reactions)
+        reactions = tuple(_converted(reaction, link, rods, outcome.model.forces) for reaction in outcome.model.reactions)
         markers = tuple(_moved_marker(marker, link) for marker in outcome.model.markers)
     except _StaysError as reason:
         return replace(outcome, left=(*outcome.left, Note(element=link.body.name, words=str(reason), span=link.body.span)))
@@ -140,7 +140,7 @@ def _moved_marker(marker: Marker, link: _Link) -> Marker:
     return replace(marker, body=_carrier(link, marker.body, marker.point, marker))
 
 
-def _told(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint], forces: Sequence[Force]) -> Reaction | RodForce:
+def _converted(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint], forces: Sequence[Force]) -> Reaction | RodForce:
     """The force in the link's cut joint, from those in the rods.
 
     The link has no weight: its cut joint gives it the force that the rods give to the other end, less the force that acts on the link

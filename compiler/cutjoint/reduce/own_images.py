@@ -10,7 +10,7 @@ from cutjoint.formulate.quantities import needs_place
 from cutjoint.model.elements.build import Elements
 from cutjoint.model.elements.mirror import coordinate_signs, mirror_elements, reflected_law
 from cutjoint.model.records import Binding, Body, Force, Joint, Model, Scene, Vector
-from cutjoint.reduce.plane import AsymmetryError, Plane, is_same, put_in
+from cutjoint.reduce.plane import AsymmetryError, Plane, is_same, substitute
 
 #: Fields of a force that say who it is and what it acts on.
 _NAMING = frozenset({"name", "span", "active", "base", "follower", "body"})
@@ -44,8 +44,8 @@ def _settle(model: Model, scene: Scene) -> Elements:
     }  # fmt: skip
     forces = (replace(f, active=needs_place(f, model, scene, scene.outputs)) for f in model.forces)
     return Elements(
-        tuple(put_in(b, inputs) for b in model.bodies), tuple(put_in(j, inputs) for j in model.joints),
-        tuple(put_in(f, inputs) for f in forces), (), (),
+        tuple(substitute(b, inputs) for b in model.bodies), tuple(substitute(j, inputs) for j in model.joints),
+        tuple(substitute(f, inputs) for f in forces), (), (),
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import COORDINATES, GROUND, Binding, Joint, JointKind, Model, Scene, Vector
 from cutjoint.reduce.in_plane import PlaneModel
 from cutjoint.reduce.own_images import require_own_images
-from cutjoint.reduce.plane import AsymmetryError, InPlane, Plane, is_nought, restrict
+from cutjoint.reduce.plane import AsymmetryError, InPlane, Plane, is_zero, restrict
 from cutjoint.topology.build import build_topology
 
 #: Sine of the angle within which directions given in digits count as parallel.
@@ -133,7 +133,7 @@ def _restricted(joint: Joint, plane: Plane) -> InPlane:
     """A joint of the tree with its motions in the plane; guides of the others must be zero."""
     found = restrict(joint, plane)
     for coordinate, guide in zip(COORDINATES[joint.kind], joint.guide or (), strict=False):
-        if coordinate not in found.kept and not is_nought(guide):
+        if coordinate not in found.kept and not is_zero(guide):
             raise AsymmetryError(joint.name, f"has a guide of its {coordinate} that moves it out of the plane {plane}", joint.span)
     return found
 

@@ -48,11 +48,11 @@ class Plane:
 
     def along_normal(self, direction: Vector) -> bool:
         """Return whether a direction stands across the plane."""
-        return all(is_nought(c) for c in cross(self.normal, direction))
+        return all(is_zero(c) for c in cross(self.normal, direction))
 
     def within(self, direction: Vector) -> bool:
         """Return whether a direction, or a point, lies in the plane."""
-        return is_nought(direction["xyz".index(self.axis)])
+        return is_zero(direction["xyz".index(self.axis)])
 
     def tangents(self) -> tuple[Vector, Vector]:
         """The directions of the displacements of a planar joint whose normal is the plane's."""
@@ -60,7 +60,7 @@ class Plane:
         return first, cross(self.normal, first)
 
 
-def is_nought(expression: Scalar) -> bool:
+def is_zero(expression: Scalar) -> bool:
     """Return whether an expression is zero for all values of its symbols, as far as multiplying out shows."""
     return bool(expression == 0 or sympy.expand(expression) == 0)
 
@@ -73,19 +73,19 @@ def is_same(a: Any, b: Any) -> bool:
         return len(a) == len(b) and all(is_same(x, y) for x, y in zip(a, b, strict=True))
     if a == b:
         return True
-    return isinstance(a, sympy.Expr) and isinstance(b, sympy.Expr) and is_nought(a - b)
+    return isinstance(a, sympy.Expr) and isinstance(b, sympy.Expr) and is_zero(a - b)
 
 
-def put_in(record: _Record, values: Mapping[Scalar, Scalar]) -> _Record:
+def substitute(record: _Record, values: Mapping[Scalar, Scalar]) -> _Record:
     """A record with values in place of symbols, in all its expressions."""
-    return replace(record, **{f.name: _put_in(getattr(record, f.name), values) for f in fields(record)})  # type: ignore[type-var, arg-type]
+    return replace(record, **{f.name: _substituted(getattr(record, f.name), values) for f in fields(record)})  # type: ignore[type-var, arg-type]
 
 
-def _put_in(value: Any, values: Mapping[Scalar, Scalar]) -> Any:
+def _substituted(value: Any, values: Mapping[Scalar, Scalar]) -> Any:
     if isinstance(value, tuple):
-        return tuple(_put_in(part, values) for part in value)
+        return tuple(_substituted(part, values) for part in value)
     if isinstance(value, Mapping):
-        return {key: _put_in(part, values) for key, part in value.items()}
+        return {key: _substituted(part, values) for key, part in value.items()}
     return value.xreplace(values) if isinstance(value, sympy.Basic) else value
 
 

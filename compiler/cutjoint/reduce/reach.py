@@ -15,7 +15,7 @@ from cutjoint.model.records import GROUND, Body, Gear, JointForce, Model, Reacti
 
 def drop_unreached(model: Model, scene: Scene) -> Outcome:
     """The pass: keeps the bodies that are joined, directly or not, to one that an output is about."""
-    given = _given_motion(model)
+    given = _prescribed_motion(model)
     group = _groups(model, scene, given)
     asked = {o.element for o in scene.outputs}
     wanted = {group[b] for element in _elements(model) if element.name in asked for b in _felt(element, model) if b in group}
@@ -50,7 +50,7 @@ def _is_carried(reaction: Reaction | RodForce, model: Model, given: set[str]) ->
     return isinstance(reaction, Reaction) and next(bodies_of(j) for j in model.joints if j.name == reaction.joint) <= given
 
 
-def _given_motion(model: Model) -> set[str]:
+def _prescribed_motion(model: Model) -> set[str]:
     """The ground, and bodies that guides alone lead to."""
     given, grows = {GROUND}, True
     while grows:

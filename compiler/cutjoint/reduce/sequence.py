@@ -21,7 +21,7 @@ from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.planar import drop_idle_equations, flatten
-from cutjoint.reduce.plane import put_in
+from cutjoint.reduce.plane import substitute
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.run_file import parameter_values, placed, trimmed
@@ -235,11 +235,12 @@ def fix_inputs(outcome: Outcome) -> Outcome:
     laws = input_functions(model, scene)
     if not laws:
         return outcome
-    guards = (replace(put_in(g, laws), force=put_in(g.force, laws)) for g in model.guards)
+    guards = (replace(substitute(g, laws), force=substitute(g.force, laws)) for g in model.guards)
     settled = replace(
         model, parameters=tuple(p for p in model.parameters if p.binding is not Binding.INPUT),
-        joints=tuple(put_in(j, laws) for j in model.joints), forces=tuple(put_in(f, laws) for f in model.forces), guards=tuple(guards),
-        states=tuple(put_in(s, laws) for s in model.states), signals=tuple(put_in(s, laws) for s in model.signals),
+        joints=tuple(substitute(j, laws) for j in model.joints),
+        forces=tuple(substitute(f, laws) for f in model.forces), guards=tuple(guards),
+        states=tuple(substitute(s, laws) for s in model.states), signals=tuple(substitute(s, laws) for s in model.signals),
         controllers=tuple(_put_in_controller(c, laws) for c in model.controllers),
     )  # fmt: skip
     return replace(outcome, model=settled, scene=replace(scene, inputs={}))
@@ -247,5 +248,5 @@ def fix_inputs(outcome: Outcome) -> Outcome:
 
 def _put_in_controller(controller: Controller, laws: Mapping[Scalar, Scalar]) -> Controller:
     return replace(
-        controller, signals=tuple(put_in(s, laws) for s in controller.signals), held=tuple(put_in(h, laws) for h in controller.held)
+        controller, signals=tuple(substitute(s, laws) for s in controller.signals), held=tuple(substitute(h, laws) for h in controller.held)
     )

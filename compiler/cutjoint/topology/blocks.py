@@ -84,9 +84,9 @@ def _block(topology: Topology, known: Mapping[str, str], joints: Sequence[Joint]
     base = min(parts, key=lambda part: min(len(_bodies_in(above, b)) for b, p in known.items() if p == part))
     touched = sorted({body for joint in joints for body in (joint.base, joint.follower) if known[body] == base})
     carrier = _common(above, touched)
-    ways = [t.joint for body in touched for t in _way(above, body, carrier)]
+    paths = [t.joint for body in touched for t in _path(above, body, carrier)]
     inner = [b for b, part in known.items() if part in parts - {base}]
-    drives = tuple(dict.fromkeys(joint for joint in ways if joint.guide is not None))
+    drives = tuple(dict.fromkeys(joint for joint in paths if joint.guide is not None))
     return Block(
         carrier=carrier, bodies=tuple(t.child for t in topology.tree if t.child in inner),
         joints=tuple(j for j in topology.model.joints if j in joints), drives=drives,
@@ -106,6 +106,6 @@ def _common(above: Mapping[str, TreeJoint], bodies: Sequence[str]) -> str:
     return next(body for body in _bodies_in(above, bodies[0]) if body in shared)
 
 
-def _way(above: Mapping[str, TreeJoint], body: str, carrier: str) -> list[TreeJoint]:
-    way = _bodies_in(above, body)
-    return [above[one] for one in way[: way.index(carrier)]]
+def _path(above: Mapping[str, TreeJoint], body: str, carrier: str) -> list[TreeJoint]:
+    path = _bodies_in(above, body)
+    return [above[one] for one in path[: path.index(carrier)]]

@@ -31,7 +31,7 @@ class Use:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SignedTurn:
+class SignedRotation:
     """A tree joint whose ``coordinate`` joins an angle with a ``sign``."""
 
     joint: Joint
@@ -75,13 +75,14 @@ def reason_not_to_measure(cut: Joint, uses: Iterable[Use], around: Sequence[Tree
     for use in uses:
         if use.coordinate not in cut.element.measurable:
             return f"{use.reason}, which a cut {cut.kind} joint does not have"
-        if not use.rate_alone and use.coordinate in cut.element.angles and not cut.element.advances and turns_around(cut, around) is None:
-            return f"{use.reason}, an angle whose turns no pose shows in a loop with more than two directions of axes"
+        is_angle = use.coordinate in cut.element.angles and not cut.element.advances
+        if is_angle and not use.rate_alone and angles_around(cut, around) is None:
+            return f"{use.reason}, an angle whose full turns no pose shows in a loop with more than two directions of axes"
     return ""
 
 
-def turns_around(cut: Joint, around: Sequence[TreeJoint]) -> tuple[SignedTurn, ...] | None:
-    """The turns whose sum is the angle of a cut joint: those next to it in its loop about its direction.
+def angles_around(cut: Joint, around: Sequence[TreeJoint]) -> tuple[SignedRotation, ...] | None:
+    """The joint angles whose signed sum is the angle of a cut joint: those next to it in its loop about its direction.
 
     None if the others are not all about one other direction.
     """
@@ -92,7 +93,7 @@ def turns_around(cut: Joint, around: Sequence[TreeJoint]) -> tuple[SignedTurn, .
     if not all(_sign(others[0], joint) for joint in others):
         return None
     return tuple(
-        SignedTurn(
+        SignedRotation(
             joint=t.joint, coordinate=t.joint.element.angles[0],
             sign=_sign(cut, t.joint) * (1 if is_inwards else -1) * (-1 if t.reversed else 1),
         )

@@ -7,7 +7,7 @@ from typing import Any
 from cutjoint.elements.joint import Direction
 from cutjoint.kernels.joints import direction_of, slide_axis
 from cutjoint.model.records import COORDINATES, Joint
-from cutjoint.topology.measured import turns_around
+from cutjoint.topology.measured import angles_around
 from cutjoint.topology.records import Topology
 from cutjoint.topology.spanning_tree import joints_around
 from cutjoint_bench.twin.trees import Trees
@@ -27,7 +27,7 @@ def describe_cut_coordinate(trees: Trees, topology: Topology, cut: Joint, coordi
 
 def _turns(topology: Topology, cut: Joint) -> list[dict[str, Any]] | None:
     """The turns that add up to an angle; None where they do not."""
-    turns, body_of = turns_around(cut, joints_around(topology.tree, cut)), {t.joint.name: t.child for t in topology.tree}
+    turns, body_of = angles_around(cut, joints_around(topology.tree, cut)), {t.joint.name: t.child for t in topology.tree}
     return None if turns is None else [
         {"body": body_of[t.joint.name], "coordinate": COORDINATES[t.joint.kind].index(t.coordinate), "sign": t.sign} for t in turns
     ]  # fmt: skip

@@ -12,7 +12,7 @@ from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnC
 from cutjoint.elements.joint import (
     AXIAL_FRAME,
     Advance,
-    Carried,
+    BodyDirection,
     Condition,
     Direction,
     JointDisplacement,
@@ -174,7 +174,7 @@ def _product(product: Product) -> Json:
     return {"left": _factor(product.left), "right": _factor(product.right), "weight": float(product.weight)}
 
 
-def _factor(factor: Carried | JointDisplacement) -> list[str]:
+def _factor(factor: BodyDirection | JointDisplacement) -> list[str]:
     return ["way"] if isinstance(factor, JointDisplacement) else [factor.end, factor.direction]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from cutjoint.analysis.body_poses import find_followers
+from cutjoint.analysis.body_poses import find_dependent_joints
 from cutjoint.analysis.embedding.block_loops import BlockLoops, NoAssemblyError
 from cutjoint.analysis.embedding.fits import Ranges, Wanted, accuracy, fit
 from cutjoint.analysis.embedding.independent import NO_INDEPENDENT, Followed, fastest_joints, find_independent, follow, spanning_cuts
@@ -246,7 +246,7 @@ def state_of_loops(
     t, q, v = (np.array([kept[name]], dtype=float) for name in ("t", "q", "v"))
     places = dict(zip(functions.coordinate_names, q[0], strict=True))
     speeds = dict(zip(functions.speed_names, v[0], strict=True))
-    followers = find_followers(derive_poses(functions.topology, functions.scene), t, q, v, parameters)
+    followers = find_dependent_joints(derive_poses(functions.topology, functions.scene), t, q, v, parameters)
     charts: Mapping[str, Chart] = {chart.joint: chart for chart in loops.charts}
     for joint, (place, rate) in followers.items():
         chart = charts[joint]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from cutjoint.elements.force import Bristle, ForceElement, ForceField, Mirror, OnJoint, Reader, Shape
-from cutjoint.elements.interactions import Rubbing
+from cutjoint.elements.interactions import CoordinateFriction
 from cutjoint.elements.terms import Scalar
 
 #: Fields of what the joint's load is, beside the coefficients and the bristle's.
@@ -42,7 +42,7 @@ class JointFriction(OnJoint):
             ForceField("damping_speed", Shape.NUMBER, 0.01, words=" of the surfaces by which sticking is damped", unit="m/s"),
             ForceField("settling", Shape.NUMBER, 1e-3, words=" time by which sliding friction lags", unit="s"),
         ),
-        interaction=Rubbing(),
+        interaction=CoordinateFriction(),
         laws=("law",),
     )  # fmt: skip
 

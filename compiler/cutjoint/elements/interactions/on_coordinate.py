@@ -34,7 +34,7 @@ class OnCoordinate(Interaction):
 
 
 @dataclass(frozen=True)
-class Rubbing(Interaction):
+class CoordinateFriction(Interaction):
     """A law over the ``rate`` of a joint's coordinate and a bristle, times a load that stays, or that of the joint by all forces."""
 
     by_load: ClassVar[bool] = True

@@ -48,7 +48,7 @@ class RollingContact(WheelContact):
         return self._contact(force, m)[1]
 
     def _contact(self, force: forces.Wheel, m: Mechanics) -> tuple[Ground, dict[str, Block]]:
-        b, centre, axis, (w, beside) = m.b, m.point(self.centre), m.direction(self.axis), m.spin_beside(self.centre.carrier)
+        b, centre, axis, (w, beside) = m.b, m.point(self.centre), m.direction(self.axis), m.spin_and_relative_rate(self.centre.carrier)
         road = meet_road(m, force, centre.x, axis.x)
         n, y, spin = road.n, road.axis, b.dot(road.axis, w)
         lean, per_upright = b.dot(n, y), b.call("div", b.number(1.0), b.letter(road.upright, "u"))

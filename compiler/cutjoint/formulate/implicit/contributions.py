@@ -115,14 +115,14 @@ def wrench_tangent(
 
     Where the element ``sees`` more than its own bodies, all motions may change it.
     """
-    b, together = motions.k.builder, motions.columns()
+    b, is_embedded = motions.k.builder, motions.columns()
     parts = list(paths(motions, wrenches))
-    keys = dict.fromkeys(together) if sees else dict.fromkeys(k.key for _, _, path in parts for k in path)
+    keys = dict.fromkeys(is_embedded) if sees else dict.fromkeys(k.key for _, _, path in parts for k in path)
     for _, wrench, rows in parts:
         for key in keys:
-            change, k = variations[key].of(wrench), together[key][0]
+            change, k = variations[key].of(wrench), is_embedded[key][0]
             for j in rows:
-                value, xi = b.dot(j.s, change), motions.carrying(together[key], j)
+                value, xi = b.dot(j.s, change), motions.carrying(is_embedded[key], j)
                 if not is_zero(xi):
                     value = b.add(value, b.dot(motion_cross(b, xi, j.s), wrench))
                 if not is_zero(value):
@@ -195,7 +195,7 @@ def inertial_tangent(motions: Motions, of: Mapping[str, Composite]) -> Iterator[
         fixed = b.add(inertial, force_cross(b, k.xi, whole.F))
         for body in motions.chains[k.body]:
             for j in motions.of_body[body]:
-                if not motions.turns(k, j):
+                if not motions.carries(k, j):
                     yield j, k, b.dot(j.s, fixed)
     for j in motions.all():
         whole = of[j.body]
@@ -204,7 +204,7 @@ def inertial_tangent(motions: Motions, of: Mapping[str, Composite]) -> Iterator[
         row, turning = b.mul(whole.M, j.s), b.mul(b.transpose(whole.B), j.s)
         for body in motions.chains[j.body]:
             for k in motions.of_body[body]:
-                if motions.turns(k, j):
+                if motions.carries(k, j):
                     yield j, k, b.add(b.dot(row, k.c), b.dot(turning, b.take(k.DV, (3, 6))))
 
 
@@ -217,7 +217,7 @@ def coupled_tangent(motions: Motions, layout: StateLayout, model: Model, system:
         change = by_state(b, state.name, motions.weights.damping)
         with b.section("tangent", state.name, "what f changes by motions, and forces by x", state.span.place):
             columns = motions.columns().items()
-            yield from ((place, together[0].row, b.neg(variations[key].of(rates[state.name]))) for key, together in columns)
+            yield from ((place, is_embedded[0].row, b.neg(variations[key].of(rates[state.name]))) for key, is_embedded in columns)
             yield from ((row, place, b.neg(entry)) for row, entry in _force_changes(motions, change, system))
 
 

@@ -314,24 +314,24 @@ class _System:
         for gear, multipliers in zip(self.gears, self.gear_multipliers, strict=True):
             with b.section("tangent", gear.element.name, "J^T J", gear.element.span.place):
                 yield from gear_tangent(motions, gear, multipliers)
-        together = motions.columns()
+        is_embedded = motions.columns()
         for body, force in self.system.joint_forces.items():
             with b.section("tangent", body, "tau by the joint's own motions", ""):
                 own = motions.of_body[body]
                 keys = dict.fromkeys(m.key for m in own)
                 for j in {m.index: m for m in own}.values():
-                    for key in together if seeing else keys:
+                    for key in is_embedded if seeing else keys:
                         change = b.element(variations[key].of(force), j.index)
                         if key in keys or not is_zero(change):
-                            yield j, together[key][0], b.neg(times(b, j.derivative, change))
+                            yield j, is_embedded[key][0], b.neg(times(b, j.derivative, change))
         for body, own in motions.of_body.items():
             if (armature := self.k.armature(body)) is not None:
                 with b.section("tangent", body, "the armature", ""):
                     yield own[0], own[0], armature
         for j in motions.all():
-            if j.bent is not None:
+            if j.derivative_change is not None:
                 with b.section("tangent", j.body, "the bend of its functions (S^T F^c - tau)", ""):
-                    yield j, j, b.mul(j.bent, b.element(self.unbalanced[j.body], j.index))
+                    yield j, j, b.mul(j.derivative_change, b.element(self.unbalanced[j.body], j.index))
 
     def constraint_residual(self) -> dict[str, Block]:
         """Phi, Phid and Phidd."""

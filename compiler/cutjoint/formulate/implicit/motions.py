@@ -59,13 +59,13 @@ class Motion:
     DV: Block
     c: Block
     derivative: Block | None = None
-    bent: Block | None = None
-    together: bool = False
+    derivative_change: Block | None = None
+    is_embedded: bool = False
 
     @property
     def key(self) -> tuple[int, int]:
         """A pair of numbers that distinguishes the motion from all others; those of an assembly, which change at once, have one."""
-        return self.row, -1 if self.together else self.group
+        return self.row, -1 if self.is_embedded else self.group
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,7 @@ class Motions:
         for motions in self.of_body.values():
             yield from motions
 
-    def turns(self, k: Motion, j: Motion) -> bool:
+    def carries(self, k: Motion, j: Motion) -> bool:
         """Return whether motion k carries the column of motion j along."""
         if k.body == j.body:
             return k.group < j.group
@@ -97,7 +97,7 @@ class Motions:
 
     def carrying(self, k: Sequence[Motion], j: Motion) -> Block:
         """The displacement xi of those of motions k that carry the column of motion j along."""
-        return self.k.builder.total([self.k.builder.zero(6), *(m.xi for m in k if self.turns(m, j))])
+        return self.k.builder.total([self.k.builder.zero(6), *(m.xi for m in k if self.carries(m, j))])
 
     def variations(self) -> dict[tuple[int, int], Variation]:
         """The changes of blocks with each motion's acceleration, by its key."""
@@ -106,7 +106,7 @@ class Motions:
 
     def _variation(self, motions: Sequence[Motion], inputs: Inputs) -> Variation:
         k, b = self.k, self.k.builder
-        turns: dict[Block, Block] = {}
+        rotations: dict[Block, Block] = {}
         changes: dict[Block, Block] = {}
         for body, frame in k.frames.items():
             moving = [m for m in motions if body != GROUND and m.body in self.chains[body]]
@@ -114,7 +114,7 @@ class Motions:
                 continue
             v, w = halves(b, b.total([m.xi for m in moving]))
             if frame.R.op != "const":
-                turns[frame.R] = w
+                rotations[frame.R] = w
             if frame.r.op != "const":
                 changes[frame.r] = b.add(v, b.cross(w, frame.r))
             if frame.Z.op != "const":
@@ -133,7 +133,7 @@ class Motions:
             places = k.motions[follower.body].position
             if follower.derivative is not None and follower.index < len(places):
                 changes[places[follower.index]] = b.mul(stiffness, follower.derivative)
-        return Variation(b, inputs, frozenset({f"q:{chart.joint}", f"v:{chart.joint}", f"vdot:{chart.joint}"}), changes, turns)
+        return Variation(b, inputs, frozenset({f"q:{chart.joint}", f"v:{chart.joint}", f"vdot:{chart.joint}"}), changes, rotations)
 
 
 def _unit(b: Builder, size: int, index: int, value: Block) -> Block:
@@ -158,20 +158,20 @@ def derive_motions(k: Kinematics, Zdd: Mapping[str, Block], weights: StepWeights
 
 @dataclass(frozen=True, kw_only=True)
 class _Speed:
-    """A joint's speed by its unknown, which is that of ``row``.
+    """A speed of a joint as a function of the unknown of ``row``; factors that are None are 1.
 
-    ``derivative`` of the coordinate by the unknown's, which changes by ``bent``; changes ``displaced`` of the coordinate, ``quickened`` of
-    the speed, ``accelerated`` of the acceleration.  What is None is 1.
+    * ``derivative``: of the joint's coordinate with respect to the unknown's coordinate, ``derivative_change``: its change in a step.
+    * ``position_change``, ``velocity_change``, ``acceleration_change``: those of coordinate, speed and acceleration.
     """
 
     row: int
     derivative: Block | None
-    bent: Block | None
-    displaced: Block
-    quickened: Block
-    accelerated: Block | None
+    derivative_change: Block | None
+    position_change: Block
+    velocity_change: Block
+    acceleration_change: Block | None
     acceleration: Block
-    together: bool
+    is_embedded: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,8 +192,9 @@ class _Assemblies:
             is_independent = any(assembly.independent == joint.name for assembly in model.assemblies)
             return [
                 _Speed(
-                    row=motion.chart.v + i, derivative=None, bent=None, displaced=self.weights.stiffness, quickened=self.weights.damping,
-                    accelerated=None, acceleration=b.element(vdot, i), together=is_independent,
+                    row=motion.chart.v + i, derivative=None, derivative_change=None, position_change=self.weights.stiffness,
+                    velocity_change=self.weights.damping, acceleration_change=None, acceleration=b.element(vdot, i),
+                    is_embedded=is_independent,
                 )
                 for i in range(size)
             ]  # fmt: skip
@@ -205,13 +206,13 @@ class _Assemblies:
         found = []
         for i, (rate, bend) in enumerate(zip(motion.rate, motion.acceleration, strict=True)):
             derivative = b.element(motion.derivative, i)
-            bent = change.of(derivative)
-            accelerated = b.total([derivative, change.of(bend), b.mul(vdot, bent)])
+            derivative_change = change.of(derivative)
+            acceleration_change = b.total([derivative, change.of(bend), b.mul(vdot, derivative_change)])
             found.append(
                 _Speed(
-                    row=chart.v, derivative=derivative, bent=bent, quickened=change.of(rate),
-                    displaced=b.mul(self.weights.stiffness, derivative), accelerated=accelerated,
-                    acceleration=b.add(b.mul(derivative, vdot), bend), together=True,
+                    row=chart.v, derivative=derivative, derivative_change=derivative_change, velocity_change=change.of(rate),
+                    position_change=b.mul(self.weights.stiffness, derivative), acceleration_change=acceleration_change,
+                    acceleration=b.add(b.mul(derivative, vdot), bend), is_embedded=True,
                 )
             )  # fmt: skip
         return found
@@ -239,14 +240,14 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
         else:
             added = b.total([b.scale(motion.rate[i], column) for i, column in columns.items()])
             after = b.add(before, added)
-            accelerated = b.total([b.scale(speeds[i].acceleration, column) for i, column in columns.items()])
-            A_after = b.add(A_before, b.add(accelerated, motion_cross(b, before, added)))
+            relative = b.total([b.scale(speeds[i].acceleration, column) for i, column in columns.items()])
+            A_after = b.add(A_before, b.add(relative, motion_cross(b, before, added)))
         for i, column in columns.items():
             speed, still = speeds[i], takes_pole_along and i < len(joint.element.coordinates)
-            xi = b.zero(6) if still else b.scale(speed.displaced, shifts[i])
-            moved = b.scale(speed.quickened, column)
+            xi = b.zero(6) if still else b.scale(speed.position_change, shifts[i])
+            moved = b.scale(speed.velocity_change, column)
             DV = b.add(moved, motion_cross(b, after, xi))
-            c = b.add(times(b, speed.accelerated, column), b.scale(speed.quickened, motion_cross(b, before, column)))
+            c = b.add(times(b, speed.acceleration_change, column), b.scale(speed.velocity_change, motion_cross(b, before, column)))
             c = b.sub(b.sub(c, motion_cross(b, xi, A_after)), motion_cross(b, DV, after))
             which = (joint.element.speeds[i], *([] if part.share == 1 else [str(n)]))
             for block, symbol in ((xi, "xi"), (DV, "DV"), (c, "c")):
@@ -254,7 +255,7 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
             s, shift = times(b, speed.derivative, column), times(b, speed.derivative, shifts[i])
             yield Motion(
                 body=body, row=speed.row, index=i, group=n, share=part.share, s=s, shift=shift, xi=xi, after=after, moved=moved, DV=DV,
-                c=c, derivative=speed.derivative, bent=speed.bent, together=speed.together,
+                c=c, derivative=speed.derivative, derivative_change=speed.derivative_change, is_embedded=speed.is_embedded,
             )  # fmt: skip
         before, A_before = after, A_after
 
@@ -322,15 +323,15 @@ def gear_tangent(motions: Motions, gear: GearClosure, force: Block) -> Iterator[
     """constraint J^T J, and stiffness times the change of J^T ``force``: row, column, value; of motions that share a coordinate one stands
     for all."""
     b = motions.k.builder
-    ends, bends = (
+    ends, seconds = (
         [(next(m for m in motions.of_body[body] if m.index == place), factor) for body, (place, factor) in of.items()]
-        for of in (gear.row, gear.bend)
+        for of in (gear.row, gear.row_derivative)
     )
     for j, first in ends:
         for k, second in ends:
             yield j, k, b.mul(motions.weights.constraint, b.mul(first, second))
-    for j, bent in bends:
-        yield j, j, b.mul(motions.weights.stiffness, b.mul(bent, force))
+    for j, second in seconds:
+        yield j, j, b.mul(motions.weights.stiffness, b.mul(second, force))
 
 
 def gear_weights(k: Kinematics, gear: GearClosure) -> Block:

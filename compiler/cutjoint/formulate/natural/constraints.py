@@ -178,7 +178,7 @@ class ConstraintMaker:
     def _body(self, group: Group) -> Iterator[Constraint]:
         """The constraints that keep a group rigid and hold it to shared nodes outside its basis."""
         for u, w in group.pairs:
-            name = _way_name(u) if u == w else f"{_way_name(u)}*{_way_name(w)}"
+            name = _displacement_name(u) if u == w else f"{_displacement_name(u)}*{_displacement_name(w)}"
             yield self._stacked(group.name, [name], [self._remaining_row(group.name, u, w)])
         for node in group.surplus:
             yield from self._held(group, node)
@@ -265,11 +265,11 @@ class ConstraintMaker:
         left, right = (self._displacement(joint) if isinstance(f, JointDisplacement) else self._direction(f) for f in factors)
         return left, right, term.left is JointDisplacement.VECTOR
 
-    def _add_term(self, row: _Row, weight: Block, left: Uses, right: Uses, is_way: bool) -> None:
+    def _add_term(self, row: _Row, weight: Block, left: Uses, right: Uses, is_displacement: bool) -> None:
         b = self._b
         row.product(weight, left, right)
-        row.is_length = row.is_length or is_way
-        if is_way:
+        row.is_length = row.is_length or is_displacement
+        if is_displacement:
             factor = b.mul(b.number(2.0), weight) if left is right else weight
             row.by_displacement = b.transpose(b.scale(factor, self._m.of(total(right)).x))
 
@@ -304,8 +304,8 @@ class ConstraintMaker:
             change = b.add(b.dot(u.x, w.v), b.dot(w.x, u.v))
             found.rate = b.add(found.rate, b.mul(b.mul(turned, rate), product))
             twice = b.mul(b.mul(b.number(2.0), b.mul(turned, rate)), change)
-            bent = b.mul(b.sub(b.mul(turned, acceleration), b.mul(weight, b.mul(rate, rate))), product)
-            found.drift = b.add(found.drift, b.add(twice, bent))
+            second = b.mul(b.sub(b.mul(turned, acceleration), b.mul(weight, b.mul(rate, rate))), product)
+            found.drift = b.add(found.drift, b.add(twice, second))
         return found
 
     def _gear(self, gear: Gear) -> _Row:
@@ -315,8 +315,8 @@ class ConstraintMaker:
         if gear.law is not None:
             b, inner = self._b, self._row()
             self._add_terms(inner, ((gear.second, 1),))
-            law, derivative, bent = gear_derivatives(gear, self._m.translator, inner.residual)
-            drift = b.add(b.mul(derivative, inner.drift), b.mul(bent, b.mul(inner.rate, inner.rate)))
+            law, derivative, second = gear_derivatives(gear, self._m.translator, inner.residual)
+            drift = b.add(b.mul(derivative, inner.drift), b.mul(second, b.mul(inner.rate, inner.rate)))
             row.known(law, b.mul(derivative, inner.rate), drift)
             for use, gradient in inner.by_use:
                 row.add_gradient((use,), b.neg(b.mul(derivative, gradient)))
@@ -387,6 +387,6 @@ def _design(form: Form) -> list[Scalar]:
     return [sum((c * node.place[i] for node, c in form.items()), sympy.Integer(0)) for i in range(3)]
 
 
-def _way_name(form: Form) -> str:
+def _displacement_name(form: Form) -> str:
     """A way by the name of its end."""
     return next(iter(form)).name

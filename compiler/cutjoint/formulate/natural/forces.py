@@ -193,7 +193,7 @@ class NodalMechanics(Laws):
         x, y, z = (form for form, _ in self._axes(self._body(carrier)))
         return self.motions.spin(self._body(carrier), (x, y, z))
 
-    def spin_beside(self, carrier: Carrier) -> tuple[Block, Block]:
+    def spin_and_relative_rate(self, carrier: Carrier) -> tuple[Block, Block]:
         """The angular velocity of the wheel, and none beside it."""
         return self.spin(carrier), self.b.zero(1)
 

@@ -69,7 +69,7 @@ def find_free_body(layout: Layout, model: Model, reaction: Reaction, joint: Join
             continue
         if node in group.surplus:
             return FreeBody(group=group.name, node=node, sign=sign, held=True)
-        if node in group.basis and _meets_alone(layout, model, joint, node, group.name) and not _is_held_twice(layout, node):
+        if node in group.basis and _meets_alone(layout, model, joint, node, group.name) and not _is_constrained_twice(layout, node):
             return FreeBody(group=group.name, node=node, sign=sign, held=False)
     message = f"natural coordinates do not give the force of joint '{joint.name}': {_reason(joint)}"
     raise ModelError([_refusal(reaction, message)])
@@ -88,7 +88,7 @@ def _meets_alone(layout: Layout, model: Model, joint: Joint, node: Node, group: 
     return all(layout.group_of[body] != group for body in bodies)
 
 
-def _is_held_twice(layout: Layout, node: Node) -> bool:
+def _is_constrained_twice(layout: Layout, node: Node) -> bool:
     """Return whether the carriers of a point share another point: the force along the line between them is then not determined."""
     others = (n for n in layout.nodes if n.kind is NodeKind.POINT and n is not node)
     return any(len(layout.carriers[n] & layout.carriers[node]) > 1 for n in others)

@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import sympy
 
-from cutjoint.elements.joint import Advance, Carried, Condition, Direction, End, JointDisplacement, Products, SameDistance
+from cutjoint.elements.joint import Advance, BodyDirection, Condition, Direction, End, JointDisplacement, Products, SameDistance
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.kernels.joints import direction_of, rod_of
 from cutjoint.model.records import Joint, Scalar, Vector
@@ -18,7 +18,7 @@ class Arm:
 
     body: str
     place: Vector
-    carried: Carried
+    carried: BodyDirection
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,14 +91,14 @@ def _rows(joint: Joint, condition: Condition) -> Iterator[JointRow]:
 
 
 def _along(joint: Joint, direction: Direction) -> Term:
-    return Term(left=JointDisplacement.VECTOR, right=_arm(joint, Carried(End.BASE, direction)))
+    return Term(left=JointDisplacement.VECTOR, right=_arm(joint, BodyDirection(End.BASE, direction)))
 
 
-def _factor(joint: Joint, factor: Carried | JointDisplacement) -> Arm | JointDisplacement:
+def _factor(joint: Joint, factor: BodyDirection | JointDisplacement) -> Arm | JointDisplacement:
     return factor if isinstance(factor, JointDisplacement) else _arm(joint, factor)
 
 
-def _arm(joint: Joint, carried: Carried) -> Arm:
+def _arm(joint: Joint, carried: BodyDirection) -> Arm:
     body = joint.base if carried.end is End.BASE else joint.follower
     return Arm(body=body, place=direction_of(joint, carried.direction), carried=carried)
 
@@ -107,8 +107,8 @@ def angle_arms(joint: Joint, coordinate: str) -> tuple[Arm, Arm, Arm]:
     """An angle's directions: it is counted from the first towards the second, both of one body, to the third, of the other body."""
     measure = joint.element.measures[coordinate]
     other = End.FOLLOWER if measure.carrier is End.BASE else End.BASE
-    first, second = (_arm(joint, Carried(measure.carrier, d)) for d in (measure.first, measure.second))
-    return first, second, _arm(joint, Carried(other, measure.pointer))
+    first, second = (_arm(joint, BodyDirection(measure.carrier, d)) for d in (measure.first, measure.second))
+    return first, second, _arm(joint, BodyDirection(other, measure.pointer))
 
 
 def _angle_row(joint: Joint, name: str, coordinate: str, guide: Scalar | None) -> AngleRow:

@@ -16,8 +16,8 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from cutjoint.formulate.natural.needs import Collector, Need, Needs, asked_angles
-from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName, Use, is_nought
+from cutjoint.formulate.natural.needs import Collector, Need, Needs, requested_angles
+from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName, Use, is_zero
 from cutjoint.formulate.quantities import needs_place
 from cutjoint.kernels.joints import direction_of
 from cutjoint.model.elements.geometry import GLOBAL_AXES
@@ -151,7 +151,7 @@ def homogeneous(kind: NodeKind, place: Vector) -> list[Scalar]:
 def combination(group: Group, kind: NodeKind, place: Vector) -> dict[Node, Scalar]:
     """A point or direction of a group over its basis."""
     coefficients = [_clean(c) for c in group.inverse * sympy.Matrix(homogeneous(kind, place))]
-    return {n: c for n, c in zip(group.basis, coefficients, strict=True) if not is_nought(c)}
+    return {n: c for n, c in zip(group.basis, coefficients, strict=True) if not is_zero(c)}
 
 
 def _clean(c: Scalar) -> Scalar:
@@ -170,7 +170,7 @@ def lay_out(topology: Topology, scene: Scene, outputs: Sequence[Output]) -> Layo
     for body in _outwards(topology):
         if builder.group_of[body] == body:
             builder.lay_out(body)
-    for joint, coordinate in asked_angles(model, scene, outputs):
+    for joint, coordinate in requested_angles(model, scene, outputs):
         body = joint.base if joint.follower == GROUND else joint.follower
         node = Node(title=NodeName(joint.name, coordinate), kind=NodeKind.ANGLE, body=body, place=(sympy.Integer(0),) * 3)
         builder.layout.nodes.append(node)
@@ -224,7 +224,7 @@ class _Builder:
         reactions = {r.name: r.joint for r in self._model.reactions if isinstance(r, Reaction)}
         first = {reactions[o.element] for o in outputs if o.element in reactions}
         joints = sorted((j for j in self._model.joints if not j.element.is_rigid), key=lambda j: j.name not in first)
-        for joint, coordinate in asked_angles(self._model, scene, outputs):
+        for joint, coordinate in requested_angles(self._model, scene, outputs):
             collector.angle(joint, coordinate)
         for joint in joints:
             collector.joint(joint, idle=joint.element.holds_one_turn)

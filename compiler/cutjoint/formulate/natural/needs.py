@@ -81,7 +81,7 @@ def require_coordinates(model: Model, scene: Scene, outputs: Sequence[Output]) -
         ])  # fmt: skip
 
 
-def asked_angles(model: Model, scene: Scene, outputs: Sequence[Output]) -> list[tuple[Joint, str]]:
+def requested_angles(model: Model, scene: Scene, outputs: Sequence[Output]) -> list[tuple[Joint, str]]:
     """The joints' angles that laws, gears, screws or outputs use; each becomes a coordinate of its own."""
     joints = {j.name: j for j in model.joints}
     wanted = {(o.element, o.quantity.removesuffix("_rate")) for o in outputs if o.element in joints}

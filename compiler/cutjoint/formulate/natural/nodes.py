@@ -100,7 +100,7 @@ def combine(*terms: tuple[Scalar, Form]) -> dict[Node, Scalar]:
     for factor, form in terms:
         for node, coefficient in form.items():
             result[node] = result.get(node, 0) + factor * coefficient
-    return {node: c for node, c in result.items() if not is_nought(c)}
+    return {node: c for node, c in result.items() if not is_zero(c)}
 
 
 def total(uses: Uses) -> Form:
@@ -108,7 +108,7 @@ def total(uses: Uses) -> Form:
     return combine(*((use.sign, use.form) for use in uses)) if len(uses) > 1 else uses[0].form
 
 
-def is_nought(value: Scalar) -> bool:
+def is_zero(value: Scalar) -> bool:
     """Return whether a coefficient of order one is zero but for rounding."""
     if not isinstance(value, int | float):
         if not value.is_number:

@@ -8,7 +8,7 @@ from cutjoint.formulate.natural.constraints import Constraint, multipliers
 from cutjoint.formulate.natural.forces import Element
 from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, require_force, share, slide_forces
 from cutjoint.formulate.natural.motion import NodeMotions
-from cutjoint.formulate.natural.nodes import Use, is_nought
+from cutjoint.formulate.natural.nodes import Use, is_zero
 from cutjoint.formulate.natural.quantities import NaturalQuantities
 from cutjoint.formulate.quantities import reading, reported_symbol
 from cutjoint.model.expressions.quantities import reaction_component
@@ -91,7 +91,7 @@ class ReactionMaker:
         return terms
 
     def _weighted(self, part: Scalar, block: Block) -> list[Block]:
-        return [] if is_nought(part) else [self.motions.times(part, block)]
+        return [] if is_zero(part) else [self.motions.times(part, block)]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, hal
 from cutjoint.kernels.joints import direction_of, slide_axis
 from cutjoint.model.records import COORDINATES, Joint, Vector
 from cutjoint.program.blocks import Block, Builder
-from cutjoint.topology.measured import turns_around
+from cutjoint.topology.measured import angles_around
 from cutjoint.topology.spanning_tree import joints_around
 
 
@@ -70,7 +70,7 @@ def _displacement(k: Kinematics, cut: Joint, axis: Vector) -> Measured:
 
 
 def _angle(k: Kinematics, cut: Joint) -> Measured:
-    around = turns_around(cut, joints_around(k.topology.tree, cut))
+    around = angles_around(cut, joints_around(k.topology.tree, cut))
     if around is not None and not cut.element.advances:
         turns = [(measure(k, turn.joint.name, turn.coordinate), turn.sign) for turn in around]
         positions = _signed_sum(k.builder, [(turn.position, sign) for turn, sign in turns if turn.position is not None])

@@ -250,7 +250,7 @@ class WrenchMechanics(Laws):
         """The angular velocity of a body."""
         return self._spin(self._body(carrier))
 
-    def spin_beside(self, carrier: Carrier) -> tuple[Block, Block]:
+    def spin_and_relative_rate(self, carrier: Carrier) -> tuple[Block, Block]:
         """The angular velocity of the wheel, or of a rotor's carrier and the rate of the bearing."""
         body = self._body(carrier)
         return self._spin(self._of(body)), self.b.zero(1) if self._of(body) == body else self.k.motions[body].rate[0]

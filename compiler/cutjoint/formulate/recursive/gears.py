@@ -16,16 +16,16 @@ from cutjoint.program.blocks import BindingTime, Block, Builder
 
 @dataclass(frozen=True, kw_only=True)
 class GearClosure(Closing):
-    """A gear's blocks, with the ``drift`` that guides and the bend of a law add to Phi''.
+    """A gear's blocks, with the ``drift`` that guides and the curvature of a law add to Phi''.
 
-    ``row`` is its Jacobian: by the bodies whose joints have unknowns the place among these and the factor.  ``bend`` has the change of the
-    factor with its own coordinate, where a law makes it change.
+    * ``row``: its Jacobian, by body whose joint has unknowns: (place among these, factor)
+    * ``row_derivative``: in the same form, the derivative of the factor with respect to its coordinate, where a law has one
     """
 
     gear: Gear
     drift: Block
     row: Mapping[str, tuple[int, Block]]
-    bend: Mapping[str, tuple[int, Block]]
+    row_derivative: Mapping[str, tuple[int, Block]]
 
     @property
     def element(self) -> Gear:
@@ -52,7 +52,7 @@ def derive_gears(k: Kinematics, gears: tuple[Gear, ...], numbers: Numbers) -> tu
 def _derive(k: Kinematics, gear: Gear, numbers: Numbers) -> GearClosure:
     b, name = k.builder, gear.name
     motions = {m.tree_joint.joint.name: m for m in k.motions.values()}
-    row, bend = dict[str, tuple[int, Block]](), dict[str, tuple[int, Block]]()
+    row, row_derivative = dict[str, tuple[int, Block]](), dict[str, tuple[int, Block]]()
     residual = rate = drift = b.zero(1)
     for coordinate, number in gear.terms:
         motion, factor = motions[coordinate.joint], k.translator.scalar(number)
@@ -67,18 +67,19 @@ def _derive(k: Kinematics, gear: Gear, numbers: Numbers) -> GearClosure:
         motion = motions[gear.second.joint]
         place = motion.tree_joint.joint.element.coordinates.index(gear.second.name)
         position, speed = motion.position[place], motion.rate[place]
-        law, derivative, bent = (b.neg(each) for each in gear_derivatives(gear, k.translator, position))
+        law, derivative, second = (b.neg(each) for each in gear_derivatives(gear, k.translator, position))
         residual, rate = b.add(residual, law), b.add(rate, b.mul(derivative, speed))
-        drift = b.add(drift, b.mul(bent, b.mul(speed, speed)))
+        drift = b.add(drift, b.mul(second, b.mul(speed, speed)))
         if motion.acceleration:
             drift = b.add(drift, b.mul(derivative, motion.acceleration[place]))
         else:
-            row[motion.tree_joint.child], bend[motion.tree_joint.child] = (place, derivative), (place, bent)
+            row[motion.tree_joint.child], row_derivative[motion.tree_joint.child] = (place, derivative), (place, second)
     b.name(residual, "Phi", name, rows=NAMES)
     b.name(rate, "Phid", name, rows=NAMES)
     of_rate, of_residual = stabilisation(b, numbers)
     s = b.name(b.add(drift, b.add(b.scale(of_rate, rate), b.scale(of_residual, residual))), "s", name, rows=NAMES)
     multipliers = b.symbol(f"lambda:{name}", 1, BindingTime.ITERATION)
     return GearClosure(
-        gear=gear, names=NAMES, residual=residual, rate=rate, drift=drift, s=s, multipliers=multipliers, row=row, bend=bend
+        gear=gear, names=NAMES, residual=residual, rate=rate, drift=drift, s=s, multipliers=multipliers,
+        row=row, row_derivative=row_derivative,
     )  # fmt: skip

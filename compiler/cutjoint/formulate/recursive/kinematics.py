@@ -207,7 +207,7 @@ def derive_kinematics(
     zero, still = b.zero(3), b.zero(6)
     origin = (sympy.Integer(0),) * 3
     if axes != GROUND:
-        k.turn = _turn_of(k, next(t for t in topology.tree if t.child == axes), charts)
+        k.turn = _pole_rotation(k, next(t for t in topology.tree if t.child == axes), charts)
     k.frames[GROUND] = Frame(R=k.from_global(b.identity(3)), r=zero, origin=origin, Z=still, pole=zero, root=GROUND)
     for t in topology.tree:
         equation = "R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)"
@@ -249,7 +249,7 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -
     )  # fmt: skip
 
 
-def _turn_of(k: Kinematics, t: TreeJoint, charts: Mapping[str, Chart]) -> Block:
+def _pole_rotation(k: Kinematics, t: TreeJoint, charts: Mapping[str, Chart]) -> Block:
     """The rotation of a body next to the ground from its own axes to global ones."""
     kernel = derive_joint(t.joint, t.reversed)
     with k.builder.section("kinematics", t.joint.name, "R, from the axes in which all vectors are resolved", t.joint.span.place):

@@ -98,11 +98,11 @@ def _distance(k: Kinematics, joint: Joint) -> _Terms:
     n = b.name(b.scale(share, way), "n", name)
     speeds = (k.velocity(joint.follower, point), k.velocity(joint.base, start))
     turned = (b.cross(halves(b, k.frames[body].Z)[1], v) for body, v in zip((joint.follower, joint.base), speeds, strict=True))
-    speed, bent = b.name(b.sub(*speeds), "speed", name), b.sub(*turned)
+    speed, drift = b.name(b.sub(*speeds), "speed", name), b.sub(*turned)
     return _Terms(
         residual=b.mul(b.number(0.5), b.sub(b.dot(n, way), length)), rate=b.dot(n, speed),
         A=b.stack([[b.transpose(n), b.transpose(b.cross(point, n))]]),
-        gamma=b.add(b.mul(share, b.dot(speed, speed)), b.dot(n, bent)),
+        gamma=b.add(b.mul(share, b.dot(speed, speed)), b.dot(n, drift)),
     )  # fmt: skip
 
 

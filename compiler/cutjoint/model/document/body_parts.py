@@ -110,7 +110,7 @@ class Visual(Part):
         if self.mesh is None and (self.colour is None or any(x is not None for x in (self.at, self.scale, self.x, self.y, self.z))):
             raise shape_error("needs a mesh, or a colour alone")
         if self.mesh is not None:
-            _require_beside(self.mesh)
+            _require_mesh(self.mesh)
         if self.colour is not None and not re.fullmatch("#[0-9a-fA-F]{6}", self.colour):
             raise shape_error(f"colour '{printable(self.colour)}' is none", "write red, green and blue as \"#d9480f\", in quotes")
         if self.scale is not None and not 1e-9 <= self.scale <= 1e9:
@@ -118,7 +118,7 @@ class Visual(Part):
         return self
 
 
-def _require_beside(mesh: str) -> None:
+def _require_mesh(mesh: str) -> None:
     """Check that a text names a mesh in the model file's folder or below it."""
     if not mesh.lower().endswith(MESHES):
         raise shape_error(f"mesh '{printable(mesh)}' is of no kind that is known", f"name a file that ends in {', '.join(MESHES)}")

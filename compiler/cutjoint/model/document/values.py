@@ -179,7 +179,7 @@ Direction: TypeAlias = Annotated[
 ]
 
 
-class Way(FromTo):
+class ScaledDisplacement(FromTo):
     """The vector from one point to another, or a multiple of it."""
 
     times: Number = 1
@@ -196,7 +196,7 @@ Addend: TypeAlias = Annotated[
     Annotated[Triple, Tag("<list>")]
     | Annotated[StrictStr, Tag("<text>")]
     | Annotated[Midpoint, Tag("<midpoint>")]
-    | Annotated[Way, Tag("<from>")]
+    | Annotated[ScaledDisplacement, Tag("<from>")]
     | Annotated[Along, Tag("<along>")],
     discriminated_by(
         {

@@ -18,7 +18,7 @@ from cutjoint.model.elements.build import Elements, read_elements, read_points
 from cutjoint.model.elements.geometry import read_point
 from cutjoint.model.elements.instances import MAX_ELEMENTS, Use, count_elements, find_uses, known_submodels
 from cutjoint.model.elements.mirror import mirror_elements
-from cutjoint.model.errors import Problems, Unheard, nearest
+from cutjoint.model.errors import IgnoredProblems, Problems, nearest
 from cutjoint.model.expressions.dependencies import check_loops
 from cutjoint.model.expressions.functions import read_functions
 from cutjoint.model.expressions.machine import Machine
@@ -61,7 +61,7 @@ def expand(source: Source, problems: Problems, shaped: Shaped, tunables: Tunable
 
 def _survey(scope: Scope, model: model_file.Document) -> Mapping[str, Quantified]:
     """All elements by name; whatever reads quantities fails here, without a problem."""
-    unheard = replace(scope, problems=Unheard(), tunables=TunableNumbers(), own=_own(scope, model), read=lambda *_: FAILED_TERM)
+    unheard = replace(scope, problems=IgnoredProblems(), tunables=TunableNumbers(), own=_own(scope, model), read=lambda *_: FAILED_TERM)
     return _read(unheard, model, Machine(dict)).by_name()
 
 
@@ -157,8 +157,8 @@ def _inner(where: Element, use: Use, around: Scope) -> Scope:
     assert use.submodel is not None
     instance, mirror = use.instance, use.instance.mirror
     if not _check_accepted(where, instance, use.submodel):  # its numbers mean something else, and so does what they lead to
-        around = replace(around, problems=Unheard())
-        where = replace(where, scope=replace(where.scope, problems=Unheard()))
+        around = replace(around, problems=IgnoredProblems())
+        where = replace(where, scope=replace(where.scope, problems=IgnoredProblems()))
     arguments = _arguments(where, use, use.submodel)
     symbols = frozenset().union(*(term.value.free_symbols for term in arguments.values()))
     own = {*use.submodel.states, *use.submodel.signals}
@@ -237,7 +237,7 @@ def _points(where: Element, use: Use) -> dict[str, Vector]:
     if not given:
         return {}
     _match_keys(where, "points", given, tuple(use.submodel.points), "point", use.instance.use, needed=())
-    around = read_points(replace(where.scope, problems=Unheard()), use.around[-1].part)
+    around = read_points(replace(where.scope, problems=IgnoredProblems()), use.around[-1].part)
     inner = replace(where, scope=with_points(where.scope, around))
     return {name: read_point(inner, point, ("points", name)) for name, point in given.items()}
 

@@ -16,7 +16,7 @@ from cutjoint.model.document.source import Path
 from cutjoint.model.document.values import SpringDamper
 from cutjoint.model.elements.friction import read_friction
 from cutjoint.model.elements.gears import Naming, read_coordinate
-from cutjoint.model.elements.geometry import GLOBAL_AXES, coincide, read_across, read_axes, read_direction, read_point, turned_axes
+from cutjoint.model.elements.geometry import GLOBAL_AXES, coincide, read_across, read_axes, read_direction, read_point, rotated_axes
 from cutjoint.model.expressions.laws import LawKind, read_law, read_names, soft_stops
 from cutjoint.model.expressions.parse import variable
 from cutjoint.model.expressions.scope import Element
@@ -154,7 +154,7 @@ def _ball_spring(element: Element, joint: joint_parts.Joint, spring: joint_parts
         for name, unit in (("stiffness", "N*m"), ("damping", "N*m*s"))
     )
     rest = None if spring.free_rotation is None else element.triple(spring.free_rotation, ANGLE, ("spring", "free_rotation"))
-    axes = GLOBAL_AXES if rest is None else turned_axes(rest)
+    axes = GLOBAL_AXES if rest is None else rotated_axes(rest)
     return BallSpring(**common, of=element.name, base=base, follower=follower, axes=axes, stiffness=stiffness, damping=damping)
 
 

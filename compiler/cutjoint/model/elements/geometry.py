@@ -22,7 +22,7 @@ GLOBAL_AXES: tuple[Vector, Vector, Vector] = (
     (sympy.Integer(0), sympy.Integer(0), sympy.Integer(1)),
 )
 #: Added to the square of a turn, rad, so that none has a direction.
-_NO_TURN = 1e-300
+_TINY = 1e-300
 #: Directions shorter than this are zero.
 SHORTEST = 1e-12
 
@@ -45,27 +45,27 @@ def read_point(element: Element, point: Any, keys: Path) -> Vector:
 
 def _sum(element: Element, addends: tuple[Any, ...], keys: Path) -> Vector:
     """A point, and vectors that lead on from it."""
-    if isinstance(addends[0], values.Way | values.Along):
+    if isinstance(addends[0], values.ScaledDisplacement | values.Along):
         element.fail(f"{field_name(keys)} begins with a vector", "begin with a point", (*keys, 0))
         return (FAILED, FAILED, FAILED)
     total = read_point(element, addends[0], (*keys, 0))
     for i, addend in enumerate(addends[1:], 1):
-        way = _read_vector(element, addend, (*keys, i))
-        total = _vector(a + b for a, b in zip(total, way, strict=True))
+        vector = _read_vector(element, addend, (*keys, i))
+        total = _vector(a + b for a, b in zip(total, vector, strict=True))
     return total
 
 
 def _read_vector(element: Element, vector: Any, keys: Path) -> Vector:
     """A vector in m: three numbers, from one point to another, or along a direction."""
     match vector:
-        case values.Way():
+        case values.ScaledDisplacement():
             times = element.scalar(vector.times, NONE, (*keys, "times"))
             return _vector(times * c for c in _between(element, vector, keys))
         case values.Along():
             direction, by = read_direction(element, vector.along, (*keys, "along")), element.scalar(vector.by, LENGTH, (*keys, "by"))
             return _vector(by * c for c in direction)
         case str() | values.Midpoint():
-            element.fail(f"{field_name(keys)}: only the first can be a point", "write {from: P, to: Q} for the way to another", keys)
+            element.fail(f"{field_name(keys)}: only the first can be a point", "write {from: P, to: Q} for a vector", keys)
             return (FAILED, FAILED, FAILED)
     return element.triple(vector, LENGTH, keys)
 
@@ -165,9 +165,9 @@ def read_axes(element: Element, part: Any, keys: Path) -> tuple[Vector, Vector, 
     return (axes["x"], axes["y"], axes["z"])
 
 
-def turned_axes(turn: Vector) -> tuple[Vector, Vector, Vector]:
+def rotated_axes(turn: Vector) -> tuple[Vector, Vector, Vector]:
     """The directions x, y, z turned by a rotation vector, rad (Rodrigues); that of no turn may depend on parameters."""
-    angle = sympy.sqrt(sum(part**2 for part in turn) + _NO_TURN)
+    angle = sympy.sqrt(sum(part**2 for part in turn) + _TINY)
     first, second = sympy.sin(angle) / angle, 2 * (sympy.sin(angle / 2) / angle) ** 2
     along = [_vector(turn[i] * part for part in turn) for i in range(3)]
     x, y, z = (

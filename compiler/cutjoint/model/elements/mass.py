@@ -104,13 +104,13 @@ def _given(element: Element, body: body_parts.Body) -> Lump:
     mass = zero if body.mass is None else element.scalar(body.mass, MASS, ("mass",))
     inertia = _inertia(element, body.inertia)
     if body.about is not None:
-        inertia = _moved(element, inertia, mass, _way(read_point(element, body.about, ("about",)), centre))
+        inertia = _moved(element, inertia, mass, _displacement(read_point(element, body.about, ("about",)), centre))
     return Lump(mass, centre, inertia)
 
 
-def _moved(element: Element, inertia: Matrix, mass: Scalar, way: Matrix) -> Matrix:
-    """An inertia about a point taken to the centre of mass, ``way`` from there, by the parallel-axis theorem."""
-    central = inertia - _steiner(mass, way)
+def _moved(element: Element, inertia: Matrix, mass: Scalar, displacement: Matrix) -> Matrix:
+    """The inertia about the centre of mass, from that about a point ``displacement`` away, by the parallel-axis theorem."""
+    central = inertia - _steiner(mass, displacement)
     problem = moments_problem([element.value(central[ij]) for ij in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
     if not problem:
         return central
@@ -118,13 +118,13 @@ def _moved(element: Element, inertia: Matrix, mass: Scalar, way: Matrix) -> Matr
     return _scaled(FAILED, sympy.ones(3, 3))
 
 
-def _way(start: Vector, end: Vector) -> Matrix:
+def _displacement(start: Vector, end: Vector) -> Matrix:
     return sympy.Matrix([b - a for a, b in zip(start, end, strict=True)])
 
 
-def _steiner(mass: Scalar, way: Matrix) -> Matrix:
-    """The inertia of a point mass at the end of a way: m (d.d 1 - d d^T)."""
-    return _scaled(mass, _scaled(way.dot(way), sympy.eye(3)) - way * way.T)
+def _steiner(mass: Scalar, displacement: Matrix) -> Matrix:
+    """The inertia of a point mass at a displacement d: m (d.d 1 - d d^T)."""
+    return _scaled(mass, _scaled(displacement.dot(displacement), sympy.eye(3)) - displacement * displacement.T)
 
 
 def _scaled(factor: Scalar, matrix: Matrix) -> Matrix:
@@ -204,7 +204,7 @@ def _compound(element: Element, shapes: tuple[body_parts.Shape, ...]) -> Lump:
     x, y, z = (sum((lump.mass * lump.centre[i] for lump in lumps), sympy.Integer(0)) / mass for i in range(3))
     inertia = sympy.zeros(3, 3)
     for lump in lumps:
-        inertia += lump.inertia + _steiner(lump.mass, _way((x, y, z), lump.centre))
+        inertia += lump.inertia + _steiner(lump.mass, _displacement((x, y, z), lump.centre))
     return Lump(mass, (x, y, z), inertia, tuple(shape for lump in lumps for shape in lump.shapes))
 
 
@@ -235,7 +235,7 @@ def _rod(element: Element, shape: body_parts.Rod, keys: Path) -> Lump:
         element.fail("from and to are the same point", "a rod has two ends", (*keys, "rod", "to"))
     mass = _positive(element, shape.mass, MASS, (*keys, "mass"))
     x, y, z = ((a + b) / 2 for a, b in zip(start, end, strict=True))
-    return Lump(mass, (x, y, z), _steiner(mass / 12, _way(start, end)), (Shape(kind=ShapeKind.ROD, points=(start, end)),))
+    return Lump(mass, (x, y, z), _steiner(mass / 12, _displacement(start, end)), (Shape(kind=ShapeKind.ROD, points=(start, end)),))
 
 
 def _box(element: Element, shape: body_parts.Box, keys: Path) -> Lump:

@@ -8,7 +8,7 @@ from cutjoint.model.document import model_file
 from cutjoint.model.document.values import Table
 from cutjoint.model.elements.controllers import dimension_of_sample, memory_term
 from cutjoint.model.elements.mirror import Image
-from cutjoint.model.errors import Unheard
+from cutjoint.model.errors import IgnoredProblems
 from cutjoint.model.expressions.laws import dimension_of_lookup
 from cutjoint.model.expressions.operations import ExpressionError, Term
 from cutjoint.model.expressions.parse import quantity_symbol
@@ -95,7 +95,7 @@ class Machine:
         if signal not in self._dimensions and signal in self._signals:
             self._dimensions[signal] = None
             scope, value = self._signals[signal]
-            where = element(replace(scope, problems=Unheard()), "signal", "signals", signal.removeprefix(scope.prefix))
+            where = element(replace(scope, problems=IgnoredProblems()), "signal", "signals", signal.removeprefix(scope.prefix))
             self._dimensions[signal] = dimension_of_lookup(where, value)
         return self._dimensions.get(signal)
 
@@ -105,6 +105,6 @@ class Machine:
         if key not in self._dimensions and controller in self._controllers:
             self._dimensions[key] = None
             scope, part = self._controllers[controller]
-            where = element(replace(scope, problems=Unheard()), "controller", "controllers", controller.removeprefix(scope.prefix))
+            where = element(replace(scope, problems=IgnoredProblems()), "controller", "controllers", controller.removeprefix(scope.prefix))
             self._dimensions[key] = dimension_of_sample(where, part, value)
         return self._dimensions.get(key)
