@@ -88,6 +88,17 @@ def test_simulate_writes_a_table_and_its_units(tmp_path: Path) -> None:
 
 
 @needs_cpp
+def test_simulate_without_a_file_prints_a_summary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("slide.yaml").write_text(SLIDE)
+    result = call("simulate", "slide.yaml", "--scene", "moved", "--implementation", "interpreted")
+    assert result.exit_code == 0, result.output
+    assert "results: 1 columns, 101 rows, not written; --out FILE writes them" in result.output
+    assert "converged  yes" in result.output
+    assert [path.name for path in tmp_path.iterdir()] == ["slide.yaml"]
+
+
+@needs_cpp
 def test_simulate_takes_a_closure(tmp_path: Path) -> None:
     run = ("simulate", FOUR_BAR, "--end", "0.5", "--closure", "proximal")
     result = call(*run, "--out", tmp_path / "run.csv", "--steps", tmp_path / "steps.csv")

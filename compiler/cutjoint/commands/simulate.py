@@ -37,7 +37,7 @@ IMPLICIT_METHOD = METHODS[DEFAULT_METHOD].instead[0]
 def command(
     model: Path, scene: str | None, method: str | None, accuracy: float | None, tolerance: float | None, implementation: str,
     solver: str | None, integrator: str | None, events: str | None, precision: str, closure: str | None, loops: str, dt: float | None,
-    end: float | None, iterations: int | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path, steps: Path | None,
+    end: float | None, iterations: int | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None, steps: Path | None,
     error: bool, verbose: bool, plots: Path | None, compare: tuple[Path, ...], view: Path | None, ghost_page: Path | None,
     functions: Path | None,
 ) -> None:  # fmt: skip
@@ -46,7 +46,8 @@ def command(
         {"the model": model, "the page of another run": ghost_page, **{f"the table {path}": path for path in compare}},
         tables={"--out": out, "--steps": steps}, plots=plots, documents=[("--view", view)],
     )  # fmt: skip
-    require_writer(out)
+    if out is not None:
+        require_writer(out)
     others = _read_others(compare, plots)
     parameters = options.read_parameters(changes)
     asked = Options(
@@ -83,8 +84,10 @@ def command(
     console = options.console_beside(out, steps)
     if run.failure is None:
         with options.progress_bar("estimating the error") if error else nullcontext():
-            write_error(out, run.error if error else None, prepared.compilation.implementation)
-        console.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
+            if out is not None:
+                write_error(out, run.error if error else None, prepared.compilation.implementation)
+        size = f"{len(run.columns)} columns, {run.t.size} rows"
+        console.print(f"results: {size}, not written; --out FILE writes them" if out is None else f"results: {out}, {size}", markup=False)
         if error:
             console.print(tables.error_facts(run.error))
     if elsewhere := tables.rows_elsewhere(prepared.run):
