@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 from jsonschema import Draft202012Validator
 
 from cutjoint.cli import main
-from cutjoint.commands.renamed import in_new_words
+from cutjoint.commands.renamed import rename_arguments
 from tests.conftest import MODELS, ROOT, needs_cpp
 from tests.mechanisms.gears import TEXT as GEARED
 
@@ -55,7 +55,7 @@ def test_earlier_words_of_options_work_and_the_new_ones_are_reported(tmp_path: P
 
 @pytest.mark.parametrize("words", [("--integrator", "sdirk4"), ("--integrator=sdirk4",)])
 def test_integrators_of_earlier_versions_are_reported(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
-    assert in_new_words(["simulate", "a.yaml", *words, "--out", "sdirk4"]) == [
+    assert rename_arguments(["simulate", "a.yaml", *words, "--out", "sdirk4"]) == [
         "simulate", "a.yaml", *(word.replace("sdirk4", "radau5") for word in words), "--out", "sdirk4",
     ]  # fmt: skip
     assert capsys.readouterr().err == "simulate --integrator sdirk4 is now radau5\n"

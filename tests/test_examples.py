@@ -77,7 +77,7 @@ def test_a_vehicle_against_the_clock_catches_up_and_drops_what_is_too_much(iltis
         with suppress(BlockingIOError):  # there are as many as the system keeps
             while True:
                 datagram = view.recv(65536)
-                assert poses.take(datagram)
+                assert poses.receive(datagram)
                 seen.append(json.loads(poses.wait(len(seen))[1]))
                 wheels.append(np.frombuffer(datagram[16:]).reshape(-1, 16)[3, :3])  # front left
     (x, y, z), loaded = np.transpose(wheels), 0.364325 - (1260 + 4 * 63.35) * 9.81 / 4 / 460000

@@ -20,7 +20,7 @@ from cutjoint.compile.prepared import Request
 from cutjoint.methods import IMPLEMENTATIONS, INTEGRATORS, PRECISIONS, SOLVERS, Implementation
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package import extensions
-from cutjoint.package.extensions import COMMANDS, EXPORTERS, Door, MissingPackageError
+from cutjoint.package.extensions import COMMANDS, EXPORTERS, ExtensionPoint, MissingPackageError
 from cutjoint.run.additions import Export, Exporter
 from cutjoint.toolchain.drivers import Kind
 from cutjoint_bench import driver
@@ -43,7 +43,9 @@ def install(monkeypatch: pytest.MonkeyPatch, *points: EntryPoint) -> None:
 
 
 @pytest.mark.parametrize(("door", "name"), KNOWN, ids=[name for _, name in KNOWN])
-def test_every_known_addition_is_there_or_its_package_is_named(door: Door[Any], name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_known_addition_is_there_or_its_package_is_named(
+    door: ExtensionPoint[Any], name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert door.load(name).name == name
     install(monkeypatch)
     assert name in door.names()
@@ -98,7 +100,7 @@ def test_an_implementation_that_is_not_installed(how: tuple[str, ...], monkeypat
 
 
 def test_implementations_of_other_packages_have_their_place_in_the_catalogue() -> None:
-    assert set(IMPLEMENTATIONS.names()) == {x.value for x in Implementation if x.is_twin}
+    assert set(IMPLEMENTATIONS.names()) == {x.value for x in Implementation if x.is_generic}
 
 
 def test_a_backend_is_imported_without_what_compiles() -> None:

@@ -12,9 +12,9 @@ from click.testing import CliRunner, Result
 from cutjoint.cli import main
 from cutjoint.commands import preparing
 from cutjoint.methods import AUTO
-from cutjoint.toolchain import later
+from cutjoint.toolchain import background
+from cutjoint.toolchain.background import BackgroundBuild
 from cutjoint.toolchain.build import FLAGS, build_interpreter
-from cutjoint.toolchain.later import Later
 from tests.conftest import MODELS, needs_cpp
 
 pytestmark = needs_cpp
@@ -23,20 +23,20 @@ IS_INTERACTIVE = preparing._is_interactive
 
 
 @pytest.fixture
-def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Later]]:
+def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[BackgroundBuild]]:
     """No patience with any compile; the begun ones end with the test."""
     build_interpreter("recursive", flags=FLAGS)
     monkeypatch.setattr(preparing, "PATIENCE", 0.0)
     monkeypatch.setattr(preparing, "_is_interactive", lambda: True)
-    all_begun: list[Later] = []
-    begin = later.build_later
+    all_begun: list[BackgroundBuild] = []
+    begin = background.build_in_background
 
-    def build_later(*args: object, **how: object) -> Later | None:
+    def build_in_background(*args: object, **how: object) -> BackgroundBuild | None:
         if (one := begin(*args, **how)) is not None:  # type: ignore[arg-type]
             all_begun.append(one)
         return one
 
-    monkeypatch.setattr("cutjoint.compile.pipeline.build_later", build_later)
+    monkeypatch.setattr("cutjoint.compile.pipeline.build_in_background", build_in_background)
     yield all_begun
     for one in all_begun:
         one.process.wait()
@@ -65,7 +65,7 @@ def table(out: Path) -> np.ndarray:
     return np.loadtxt(out, delimiter=",", skiprows=1)
 
 
-def test_the_first_answer_is_interpreted_and_the_next_compiled(begun: list[Later], model: Path, tmp_path: Path) -> None:
+def test_the_first_answer_is_interpreted_and_the_next_compiled(begun: list[BackgroundBuild], model: Path, tmp_path: Path) -> None:
     first = simulate(model, tmp_path / "first.csv")
     assert first.exit_code == 0, first.output
     assert "interpreted, since compiling takes about" in first.output
@@ -79,9 +79,9 @@ def test_the_first_answer_is_interpreted_and_the_next_compiled(begun: list[Later
 
 
 def test_compiled_code_that_is_there_first_takes_over(
-    begun: list[Later], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    begun: list[BackgroundBuild], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Later, "done", property(lambda self: self.process.wait() == 0))
+    monkeypatch.setattr(BackgroundBuild, "done", property(lambda self: self.process.wait() == 0))
     done = simulate(model, tmp_path / "run.csv")
     assert done.exit_code == 0, done.output
     assert len(begun) == 1
@@ -93,13 +93,15 @@ def test_compiled_code_that_is_there_first_takes_over(
     assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "run.csv").read_bytes()
 
 
-def test_who_asks_for_generated_code_waits_for_it(begun: list[Later], model: Path, tmp_path: Path) -> None:
+def test_who_asks_for_generated_code_waits_for_it(begun: list[BackgroundBuild], model: Path, tmp_path: Path) -> None:
     assert simulate(model, tmp_path / "run.csv", "generated").exit_code == 0
     assert not begun
     assert implementation_of(tmp_path / "run.csv") == "generated"
 
 
-def test_scripts_wait_for_generated_code(begun: list[Later], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scripts_wait_for_generated_code(
+    begun: list[BackgroundBuild], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(preparing, "_is_interactive", IS_INTERACTIVE)
     assert simulate(model, tmp_path / "run.csv").exit_code == 0
     assert not begun
@@ -107,8 +109,8 @@ def test_scripts_wait_for_generated_code(begun: list[Later], model: Path, tmp_pa
 
 
 def test_a_compile_that_fails_leaves_the_answer(
-    begun: list[Later], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    begun: list[BackgroundBuild], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(later, "_START", "raise SystemExit(1)")
+    monkeypatch.setattr(background, "_START", "raise SystemExit(1)")
     assert simulate(model, tmp_path / "run.csv").exit_code == 0
     assert implementation_of(tmp_path / "run.csv") == "interpreted"

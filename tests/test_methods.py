@@ -64,7 +64,7 @@ def test_records_name_what_there_is() -> None:
         assert set(method.closures) <= set(CLOSURES)
         assert any(method.name in i.methods for i in INTEGRATORS.values())
     for name, solver in IMPLEMENTATIONS.load("generic").solvers.items():
-        assert METHODS[name].twin
+        assert METHODS[name].has_generic
         assert SOLVERS[solver].suits(METHODS[name])
     for integrator in INTEGRATORS.values():
         assert set(integrator.methods) <= set(METHODS)
@@ -146,7 +146,8 @@ def test_a_scenes_integrator_is_meant_for_the_methods_that_it_takes(integrator: 
     for method, implementation in product(METHODS, Implementation):
         found = told(scene, method, implementation, Options())
         assert isinstance(found, dict)
-        takes = method in INTEGRATORS[integrator].methods and (implementation is not Implementation.GENERIC or INTEGRATORS[integrator].twin)
+        known = INTEGRATORS[integrator]
+        takes = method in known.methods and (implementation is not Implementation.GENERIC or known.has_generic)
         assert (found["integrator"] == integrator) or not takes
         assert takes or found["integrator"] == told(rest, method, implementation, Options())["integrator"]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.commands.renamed import in_new_words
+from cutjoint.commands.renamed import rename_arguments
 from cutjoint.package.renamed import MEMBERS, NAMES
 from tests.conftest import MODELS
 
@@ -53,5 +53,5 @@ def test_old_members_have_new_ones() -> None:
     ("simulate a.yaml --loops compiled --beside b.csv --over c.html", "simulate a.yaml --loops embedded --compare b.csv --ghost c.html"),
 ])  # fmt: skip
 def test_options_and_their_values(old: str, new: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert in_new_words(old.split()) == new.split()
+    assert rename_arguments(old.split()) == new.split()
     assert "is now" in capsys.readouterr().err

@@ -15,7 +15,7 @@ from cutjoint.cli import main
 from cutjoint.commands import options
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.report.tables import loop_table, real_time
-from cutjoint.toolchain.waits import Watch
+from cutjoint.toolchain.progress import Watch
 from cutjoint.topology.build import build_topology
 from tests.conftest import MODELS, needs_cpp
 
@@ -167,7 +167,7 @@ def test_a_first_model_is_said_to_compile_what_all_models_share(monkeypatch: pyt
     driver, own = "driver/CMakeFiles/driver.dir/recursive.cpp.o", "CMakeFiles/start.dir/start.cpp.o"
     watch = Watch(tmp_path, ["g++"], [driver, own])
     with options.progress_bar("compiling swing"):
-        watch.tell()
+        watch.notify()
         _wait_for("compiling swing and, once, what all models share: 0 %", written)
         watch.finish(driver)
         _wait_for("compiling swing: 50 %", written)

@@ -116,7 +116,7 @@ if not TYPE_CHECKING:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         from types import FunctionType
 
-        from cutjoint.package.renamed import NAMES, renamed, with_old_words
+        from cutjoint.package.renamed import NAMES, accept_old_names, renamed
 
         if name in NAMES:
             return __getattr__(renamed(name, NAMES))
@@ -124,7 +124,7 @@ if not TYPE_CHECKING:
             if name in names:
                 found = getattr(import_module(home), name)
                 if isinstance(found, FunctionType):
-                    found = with_old_words(found)
+                    found = accept_old_names(found)
                     found.__module__ = __name__
                 globals()[name] = found
                 return found

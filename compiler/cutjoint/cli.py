@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from cutjoint.commands.renamed import in_new_words
+from cutjoint.commands.renamed import rename_arguments
 from cutjoint.model.text import escaped_lines
 from cutjoint.package.extensions import COMMANDS, MissingPackageError
 from cutjoint.run.stopping import Terminated, ended_by_signals
@@ -42,7 +42,7 @@ class _Commands(click.Group):
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
         """The command, its name and its arguments; names of earlier versions work too."""
-        return super().resolve_command(ctx, in_new_words(args))
+        return super().resolve_command(ctx, rename_arguments(args))
 
     def invoke(self, ctx: click.Context) -> object:
         """Call a command; a signal that ends it is no error, and its message names the partial results."""
@@ -110,10 +110,10 @@ def _fault_of_argument(text: str) -> str:
         return f"the argument {text!a} is not UTF-8; rename the file, or write another name"
     if not value and (not option or text.endswith("=")):
         return f"the argument {text!a} is empty; write a value, or leave the option away"
-    return f"{value}: a link that leads to itself; remove it, or write another name" if _leads_to_itself(value) else ""
+    return f"{value}: a link that leads to itself; remove it, or write another name" if _is_link_loop(value) else ""
 
 
-def _leads_to_itself(path: str) -> bool:
+def _is_link_loop(path: str) -> bool:
     try:
         os.stat(path)
     except OSError as error:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any, TypeVar
 
-from cutjoint.package.extensions import BENCH, Door, DriverExtension, Named
+from cutjoint.package.extensions import BENCH, DriverExtension, ExtensionPoint, Named
 
 #: The method of a scene that lets `auto` choose model, method and step.
 AUTO = "auto"
@@ -38,7 +38,7 @@ class Implementation(StrEnum):
     GENERIC = "generic"  #: a generic solver that interprets the model at run time
 
     @property
-    def is_twin(self) -> bool:
+    def is_generic(self) -> bool:
         """Return whether the equations are written by hand, not derived by the compiler."""
         return self is Implementation.GENERIC
 
@@ -54,14 +54,19 @@ class Loops(StrEnum):
 class Method:
     """A formulation with its step solver.
 
-    ``closures`` are those that a scene can choose from; other methods have one treatment of cut joints, and start with PLAIN_CLOSURE.
-    ``symmetric`` is whether the tangent of a step is symmetric, ``saddle_point`` whether multipliers are unknowns too, which requires
-    pivoting and the omission of dependent equations. ``events`` is whether steps can end at events. ``instead`` are methods to try where
-    this one fails. ``holds_structures`` is whether it simulates shaky structures, whose loops fix the pose to second order only.
-    ``functions`` is whether it supports loop embedding. ``default_updates`` is the default number of multiplier updates of a method with
-    settings of its own; its default penalty follows from masses and step. ``twin`` is whether a generic solver has it, ``fixed_cost``
-    whether steps can have a fixed number of iterations, ``batch`` whether runs can be evaluated in lanes, ``tangents`` whether a run can
-    report the Jacobians of its accelerations.
+    Attributes:
+        closures: those that a scene can choose from; other methods have one treatment of cut joints, and start with PLAIN_CLOSURE.
+        symmetric: the tangent of a step is symmetric.
+        saddle_point: multipliers are unknowns too, which requires pivoting and the omission of dependent equations.
+        events: steps can end at events.
+        alternatives: methods to try where this one fails.
+        default_updates: default number of multiplier updates of a method with settings of its own.
+        has_generic: a generic solver supports it.
+        fixed_cost: steps can have a fixed number of iterations.
+        batch: runs can be evaluated in lanes.
+        tangents: a run can report the Jacobians of its accelerations.
+        supports_shaky: it simulates shaky structures, whose loops fix the pose to second order only.
+        functions: it supports loop embedding.
     """
 
     name: str
@@ -70,13 +75,13 @@ class Method:
     symmetric: bool = False
     saddle_point: bool = False
     events: bool = False
-    instead: tuple[str, ...] = ()
+    alternatives: tuple[str, ...] = ()
     default_updates: int | None = None
-    twin: bool = False
+    has_generic: bool = False
     fixed_cost: bool = False
     batch: bool = False
     tangents: bool = False
-    holds_structures: bool = False
+    supports_shaky: bool = False
     functions: bool = False
 
     @property
@@ -95,7 +100,7 @@ class Method:
         """The closure that a scene names, if the method has it; otherwise the ``usual`` one, that of the integrator."""
         if wanted in self.closures:
             return CLOSURES[wanted]
-        can_choose = wanted is None and self.closures and not implementation.is_twin
+        can_choose = wanted is None and self.closures and not implementation.is_generic
         return CLOSURES[(usual or DEFAULT_CLOSURE) if can_choose else PLAIN_CLOSURE]
 
 
@@ -123,11 +128,18 @@ class Steps:
 class Integrator:
     """A time integrator.
 
-    ``methods`` are those that it supports, ``steps`` its classes by method (empty for other packages); ``order`` and ``about`` are for
-    readers. ``closures`` are those that it supports and ``closure`` the default; ``twin`` is whether generic solvers have it. ``events`` is
-    its default, None if its steps cannot end at events. An ``adaptive`` one chooses steps by the tolerance. ``uses_solver`` is whether
-    steps solve with the linear solver of a method that has one. ``settings`` are those that it reads besides the method's;
-    ``largest_penalty`` bounds a penalty that is not given for the method itself. ``balances`` is whether it integrates work and energy too.
+    Attributes:
+        methods: those that it supports.
+        order, about: for readers.
+        steps: its C++ classes by method, empty for other packages.
+        closures, closure: those that it supports, and the default.
+        has_generic: generic solvers support it.
+        events: its default, None if its steps cannot end at events.
+        adaptive: it chooses steps by the tolerance.
+        uses_solver: steps solve with the linear solver of a method that has one.
+        settings: those that it reads besides the method's.
+        largest_penalty: bound of a penalty that is not given for the method itself.
+        balances_energy: it integrates work and energy too.
     """
 
     name: str
@@ -137,7 +149,7 @@ class Integrator:
     steps: Mapping[str, Steps] = field(default_factory=dict)
     closures: tuple[str, ...] = ("penalty",)
     closure: str = "proximal"
-    twin: bool = False
+    has_generic: bool = False
     events: Events | None = Events.LOCATED
     adaptive: bool = False
     uses_solver: bool = False
@@ -146,11 +158,11 @@ class Integrator:
     fixed_cost: bool = False
     batch: bool = False
     tangents: bool = False
-    balances: bool = True
+    balances_energy: bool = True
 
-    def takes(self, method: Method, implementation: Implementation) -> bool:
+    def supports(self, method: Method, implementation: Implementation) -> bool:
         """Return whether the integrator supports an implementation of a method."""
-        return method.name in self.methods and (self.twin or not implementation.is_twin)
+        return method.name in self.methods and (self.has_generic or not implementation.is_generic)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +177,7 @@ class Closure:
     name: str
     penalty_of_each_cut: bool = False
     refinements: int = 0
-    twin: bool = False
+    has_generic: bool = False
     fixed_cost: bool = False
 
 
@@ -210,7 +222,7 @@ class Catalogue(dict[str, R]):
     Looking up one of these raises `MissingPackageError` if its package is not installed.
     """
 
-    def __init__(self, *records: R, added: Door[DriverExtension[R]]) -> None:
+    def __init__(self, *records: R, added: ExtensionPoint[DriverExtension[R]]) -> None:
         super().__init__(_catalogue(*records))
         self.added = added
 
@@ -226,18 +238,18 @@ class Catalogue(dict[str, R]):
 METHODS: Mapping[str, Method] = _catalogue(
     Method(
         name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal", "solved"), events=True,
-        instead=("recursive-newton",), twin=True, fixed_cost=True, batch=True, tangents=True, functions=True,
+        alternatives=("recursive-newton",), has_generic=True, fixed_cost=True, batch=True, tangents=True, functions=True,
     ),
     Method(
-        name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), default_updates=20,
-        twin=True, holds_structures=True,
+        name="augmented", formulation=Formulation.NATURAL, symmetric=True, alternatives=("recursive-newton",), default_updates=20,
+        has_generic=True, supports_shaky=True,
     ),
     Method(
-        name="classical", formulation=Formulation.NATURAL, saddle_point=True, instead=("augmented", "recursive-newton"),
-        twin=True,
+        name="classical", formulation=Formulation.NATURAL, saddle_point=True, alternatives=("augmented", "recursive-newton"),
+        has_generic=True,
     ),
     Method(
-        name="recursive-newton", formulation=Formulation.IMPLICIT, events=True, instead=("recursive", "augmented"), default_updates=20,
+        name="recursive-newton", formulation=Formulation.IMPLICIT, events=True, alternatives=("recursive", "augmented"), default_updates=20,
         functions=True,
     ),
 )  # fmt: skip
@@ -282,7 +294,7 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
             "classical": Steps(header="cutjoint/core/newton/classical.hpp", name="ClassicalSteps<Mechanism, System>"),
             "recursive-newton": _NEWTON,
         },
-        closures=_ALL_CLOSURES, twin=True, events=Events.CROSSED, uses_solver=True, fixed_cost=True, batch=True, tangents=True,
+        closures=_ALL_CLOSURES, has_generic=True, events=Events.CROSSED, uses_solver=True, fixed_cost=True, batch=True, tangents=True,
     ),
     _explicit("rk4", "ClassicalTable", order="4", stages=5, adaptive=False, about="bounded work in a step"),
     _explicit("dormand-prince", "DormandPrinceTable", order="5(4)", stages=7, about="error: the difference of orders 5 and 4"),
@@ -294,7 +306,7 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
         steps={"recursive-newton": replace(_NEWTON, name="GeneralisedAlphaSteps<Mechanism, System>", averages=True)},
         events=Events.CROSSED, uses_solver=True, settings=("spectral_radius",),
     ),
-    added=Door(group="cutjoint.integrators", what="an integrator", packages={"reference": BENCH}),
+    added=ExtensionPoint(group="cutjoint.integrators", what="an integrator", packages={"reference": BENCH}),
 )  # fmt: skip
 
 #: The steps of the core by the names of methods and integrators.
@@ -310,23 +322,25 @@ FORMER_INTEGRATORS: Mapping[str, str] = {"sdirk4": "radau5", "sdirk4-fixed": "ra
 
 #: The treatments of cut joints.
 CLOSURES: Mapping[str, Closure] = _catalogue(
-    Closure(name="penalty", twin=True, fixed_cost=True),
+    Closure(name="penalty", has_generic=True, fixed_cost=True),
     Closure(name="proximal", penalty_of_each_cut=True, refinements=1, fixed_cost=True),
     Closure(name="solved", penalty_of_each_cut=True, refinements=2, fixed_cost=True),
 )
 
 #: Of the names of `Implementation`: records of `run/additions.py`.
-IMPLEMENTATIONS: Door[Any] = Door(group="cutjoint.implementations", what="an implementation", packages={"generic": BENCH})
+IMPLEMENTATIONS: ExtensionPoint[Any] = ExtensionPoint(
+    group="cutjoint.implementations", what="an implementation", packages={"generic": BENCH}
+)  # fmt: skip
 
 #: The emitted factorisation, and libraries.
 SOLVERS: Catalogue[Solver] = Catalogue(
     Solver(name="emitted"), Solver(name="eigen-ldlt", symmetric=True), Solver(name="eigen-lu"),
-    added=Door(group="cutjoint.solvers", what="a linear solver", packages=dict.fromkeys(("cholmod", "klu", "umfpack"), BENCH)),
+    added=ExtensionPoint(group="cutjoint.solvers", what="a linear solver", packages=dict.fromkeys(("cholmod", "klu", "umfpack"), BENCH)),
 )  # fmt: skip
 
 PRECISIONS: Catalogue[Precision] = Catalogue(
     Precision(name="double", type="double", packed=True),
-    added=Door(group="cutjoint.precisions", what="a number type", packages=dict.fromkeys(("single", "extended", "quad"), BENCH)),
+    added=ExtensionPoint(group="cutjoint.precisions", what="a number type", packages=dict.fromkeys(("single", "extended", "quad"), BENCH)),
 )
 
 DEFAULT_METHOD = "recursive"

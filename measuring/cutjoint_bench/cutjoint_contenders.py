@@ -130,7 +130,7 @@ def cutjoint_contenders() -> Iterator[Contender]:
     for method in METHODS:
         for solver in (s.name for s in ALL_SOLVERS.values() if s.suits(METHODS[method]) and s.name != DEFAULT_SOLVER):
             yield _contender(f"{method}/{solver}", f"{method}, {solver}", "solvers", method=method, solver=solver)
-    for method in names_of(METHODS, lambda m: m.twin):
+    for method in names_of(METHODS, lambda m: m.has_generic):
         yield Contender(
             name=f"{method}/generic", label=f"{method}, generic twin", group="generic", prepare=partial(_prepare_twin, method=method),
             identify=partial(identify_code, method=method, implementation=Implementation.GENERIC),
@@ -198,7 +198,7 @@ def identify_code(
 
 def has_added(artifact: Artifact) -> bool:
     """Return whether a simulator has C++ of this package: it is the twin, or its driver has additions."""
-    return artifact.implementation.is_twin or artifact.precision != DEFAULT_PRECISION or bool(artifact.additions)
+    return artifact.implementation.is_generic or artifact.precision != DEFAULT_PRECISION or bool(artifact.additions)
 
 
 def identity(source: Source, *, added: bool = False) -> Mapping[str, str]:

@@ -28,7 +28,7 @@ from cutjoint.run.results import Array, Trajectory
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulation import simulate
-from cutjoint.toolchain.cache import alone, cache_folder, read_record, write_record
+from cutjoint.toolchain.cache import cache_folder, exclusive, read_record, write_record
 from cutjoint_bench.progress import Say, silently
 from cutjoint_bench.records import Case
 
@@ -73,7 +73,7 @@ def find_reference(case: Case, *, precision: str = "quad", say: Say = silently) 
     place = cache_folder() / "references" / f"{key}.json"
     if (record := read_record(place)) is not None:
         return _from_json(record)
-    with alone(place):
+    with exclusive(place):
         if (record := read_record(place)) is None:
             say(f"{case.name}: integrating the reference")
             record = _as_json(_integrate(case, artifacts, precision))

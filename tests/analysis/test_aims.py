@@ -19,7 +19,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Aim, Model
 from cutjoint.package.errors import RunError
 from cutjoint.reduce.sequence import reduction_sequence
-from cutjoint.run.run_file import make_run_file, parameter_values, placed
+from cutjoint.run.run_file import make_run_file, parameter_values, with_solved_coordinates
 from cutjoint.run.scenes import find_case
 from cutjoint.run.simulation import simulate
 from cutjoint.stepping.load import load_scene
@@ -130,7 +130,7 @@ def test_the_nearest_has_the_least_squares() -> None:
     least = np.min((leaning - radians(10)) ** 2 + (angles - radians(30)) ** 2)
     found = model()
     with pytest.raises(RunError) as error:
-        placed(found, found.scenes["both"], parameter_values(found, {}))
+        with_solved_coordinates(found, found.scenes["both"], parameter_values(found, {}))
     numbers = [float(text.split(" in ")[0]) for text in str(error.value).split(" = ")[1:]]
     assert sum(radians(number - wanted) ** 2 for number, wanted in zip(numbers, (10, 30), strict=True)) == pytest.approx(least, rel=1e-4)
 
@@ -164,7 +164,7 @@ def test_random_mechanisms_find_a_pose_with_the_places_of_another(seed: int) -> 
         Aim(name=f"{name}.{axis}", expression=quantity_symbol(name, axis), value=sympy.Float(value), unit="m", size=1.0, span=loops.span)
         for (name, axis), value in wanted.items()
     )
-    found = placed(loops, replace(scene(), assemble=aims), parameter_values(loops, {}))
+    found = with_solved_coordinates(loops, replace(scene(), assemble=aims), parameter_values(loops, {}))
     q = np.array([float(found.positions[name]) for name in equations.coordinate_names])
     for chart in equations.charts:
         if chart.ball and chart.reversed:

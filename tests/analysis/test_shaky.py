@@ -25,7 +25,7 @@ from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.shaky import screws, six_axes, six_text
 from tests.physics.simulation import compile_scene, compile_text, completed, simulate
 
-REFUSING = [name for name, method in METHODS.items() if not method.holds_structures]
+REFUSING = [name for name, method in METHODS.items() if not method.supports_shaky]
 
 #: Two bars from support to support with a hinge between them, in line or, with a HEIGHT, not; all axes parallel.
 BARS = """

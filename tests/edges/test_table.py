@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from cutjoint.commands.renamed import in_new_words
+from cutjoint.commands.renamed import rename_arguments
 from cutjoint.commands.table import OPTIONS, Setting
 from cutjoint.model.ranges import fault_of_setting
 
@@ -62,13 +62,13 @@ OLD = [
 
 @pytest.mark.parametrize(("old", "new"), OLD)
 def test_words_of_an_earlier_version_are_those_of_this_one(old: str, new: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert in_new_words(old.split()) == new.split()
+    assert rename_arguments(old.split()) == new.split()
     assert " ".join(capsys.readouterr().err.split()).endswith(f"is now cutjoint {new}")
 
 
 @pytest.mark.parametrize("words", ["simulate press.yaml --out x.csv", "compile press.yaml --batch x", "simulate --batch", "check", ""])
 def test_other_words_stay(words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert in_new_words(words.split()) == words.split()
+    assert rename_arguments(words.split()) == words.split()
     assert capsys.readouterr().err == ""
 
 

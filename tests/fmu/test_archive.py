@@ -17,9 +17,9 @@ from click.testing import CliRunner, Result
 
 import cutjoint
 from cutjoint.cli import main
-from cutjoint.compile.c_export import plan_delivery
+from cutjoint.compile.c_export import plan_export
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import _for_hosts, generate
+from cutjoint.compile.pipeline import _frozen_for_export, generate
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.export.fmu.description import Unit, describe_unit, write_description
 from cutjoint.model.read import read_model, read_model_text
@@ -220,7 +220,7 @@ def test_parameters_of_the_start_alone_are_no_parameters_of_exported_code(tmp_pa
         assert [v.name for v in fmu.interface.parameters] == ["both"]
         assert "without 'v' and 'fill': the start alone follows from them" in write_description(fmu.subject, fmu.interface, version)
     options = CompileOptions(out=tmp_path)
-    delivery = plan_delivery(_for_hosts(generate(model, scene, scene.outputs), model, scene, options), options)
+    delivery = plan_export(_frozen_for_export(generate(model, scene, scene.outputs), model, scene, options), options)
     assert delivery is not None
     assert "#define THROWN_PARAMETERS 1" in delivery.files["thrown.h"]
     assert "Parameters that only the start reads are not included: v, fill." in delivery.files["thrown.h"]

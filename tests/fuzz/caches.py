@@ -20,7 +20,7 @@ from typing import Any
 
 from filelock import FileLock
 
-from cutjoint.compile.prepared import made_with
+from cutjoint.compile.prepared import build_provenance
 from cutjoint.toolchain.build import cache_folder
 
 from .press import MODEL, press, require_reported, run
@@ -64,7 +64,7 @@ def template() -> tuple[Path, bytes]:
 
 
 def _digest() -> str:
-    return sha256(json.dumps(made_with()).encode()).hexdigest()[:16]
+    return sha256(json.dumps(build_provenance()).encode()).hexdigest()[:16]
 
 
 def _run(folder: Path, private: Path) -> bytes:

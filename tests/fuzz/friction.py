@@ -42,9 +42,9 @@ def make(rng: random.Random) -> str:
             force |= {"radius": 0.02, "preload": size} if is_turn else {"arm": 0.5, "preload": size}
         model.setdefault("forces", {})[f"coulomb{k}"] = force
     method = rng.choice(tuple(METHODS))
-    takes = names_of(INTEGRATORS, lambda i: i.takes(METHODS[method], Implementation.INTERPRETED))
+    supports = names_of(INTEGRATORS, lambda i: i.supports(METHODS[method], Implementation.INTERPRETED))
     events = rng.choice((None, "located", "crossed")) if METHODS[method].events else None
-    settings = {"integrator": rng.choice(takes), "events": events, "end": rng.choice((0.1, 0.3, 1.0))}
+    settings = {"integrator": rng.choice(supports), "events": events, "end": rng.choice((0.1, 0.3, 1.0))}
     return json.dumps({"model": model, "method": method, "settings": settings}, indent=1)
 
 

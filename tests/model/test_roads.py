@@ -260,7 +260,7 @@ def test_opencrg_beside_another_reader(form: str, tmp_path: Path) -> None:
     assert field.field is not None
     random = np.random.default_rng(2)
     x, y = np.sort(random.uniform(-1, 5, 317)), np.sort(random.uniform(-1, 1, 317))
-    here = field.field.over(x, y)
+    here = field.field.heights_on_grid(x, y)
     there = peer.read(tmp_path / "road.crg").apply_mods()
     places = [each.ravel() for each in np.meshgrid(x, y, indexing="ij")]
     assert here.ravel() == pytest.approx(np.asarray(there.xy_to_z(*places)), abs=1e-12)

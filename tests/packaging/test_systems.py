@@ -47,8 +47,8 @@ FUNCTIONS = {
 #: The modules that have them: the one of what differs, and programs and checks that only run where those are.
 THEIRS = {
     "package/system.py": "all",
-    "toolchain/keeper.py": "keeps compilers, which there are none of on Windows",
-    "toolchain/later.py": "compiles",
+    "toolchain/supervisor.py": "keeps compilers, which there are none of on Windows",
+    "toolchain/background.py": "compiles",
     "toolchain/trust.py": "owners and groups of files, behind IS_WINDOWS",
     "tasks/realtime.py": "asks hasattr first",
     "run/stopping.py": "asks hasattr first",

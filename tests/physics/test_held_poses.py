@@ -22,8 +22,8 @@ from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError
-from cutjoint.report.tables import held_facts
-from cutjoint.run.results import read_held
+from cutjoint.report.tables import locking_force_facts
+from cutjoint.run.results import read_locking_forces
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes
@@ -122,7 +122,7 @@ def test_a_run_reports_what_holds_its_start(tmp_path: Path) -> None:
     assert run.held["pin.angle"] == (pytest.approx(8000 * slope, rel=1e-8), "N*m")
     ((name, (force, unit)),) = ((name, found) for name, found in run.held.items() if name.startswith("plane"))
     assert (name.partition("_")[0], abs(force), unit) == ("plane.displacement", pytest.approx(4000 * 9.81, rel=1e-8), "N")
-    assert "39.24 kN" in held_facts(run.held)[0][1]
+    assert "39.24 kN" in locking_force_facts(run.held)[0][1]
     path = tmp_path / "hanging.yaml"
     path.write_text(TEXT, encoding="utf-8")
     done = CliRunner().invoke(main, ["simulate", str(path), "--implementation", "interpreted", "--out", str(tmp_path / "run.csv")])
@@ -134,7 +134,7 @@ def test_a_run_reports_what_holds_its_start(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", JOINTS)
 def test_forces_along_coordinates_have_the_names_and_units_of_these(kind: str) -> None:
     joint = JOINTS[kind]
-    found = read_held({"held": dict.fromkeys((f"a.{rate}" for rate in joint.speeds), 2.0)})
+    found = read_locking_forces({"held": dict.fromkeys((f"a.{rate}" for rate in joint.speeds), 2.0)})
     units = [unit for _, unit in found.values()]
     assert units == ["N" if joint.units[rate] == "m/s" else "N*m" for rate in joint.speeds]
     assert list(found)[: len(joint.coordinates)] == [f"a.{name}" for name in joint.coordinates]

@@ -15,7 +15,7 @@ from cutjoint.analysis.trim_equations import TrimEquations
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import formulated_start, given_numbers, require_same_start, trimmed
+from cutjoint.run.run_file import formulated_start, make_trim_problem, require_same_start, trimmed
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import simulate_batch
 from tests.mechanisms.starts import CRANE, LOADER, MOTORCYCLE
@@ -356,7 +356,7 @@ def test_derivatives_are_exact(text: str, scene: str) -> None:
     """Beside central differences of the conditions, of which each errs by its step squared and rounding over it."""
     model = read_model_text(text, "m.yaml")
     of = formulated_start(model, model.scenes[scene])
-    equations = TrimEquations(of, given_numbers(model, model.scenes[scene], {}))
+    equations = TrimEquations(of, make_trim_problem(model, model.scenes[scene], {}))
     free, sizes = np.flatnonzero(equations._free), equations._sizes
     y = equations.begin + np.where(equations._free, 1e-2 * np.random.default_rng(1).standard_normal(len(sizes)) * sizes, 0)
     tried = equations.tried(y)

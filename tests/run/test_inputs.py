@@ -44,7 +44,7 @@ MAKERS: dict[Implementation, Callable[[Model, Scene, str], Artifact]] = {
 #: Each method with generated code, by the interpreter and by the twin where it has one.
 WAYS = [
     *((method, how) for how in (Implementation.GENERATED, Implementation.INTERPRETED) for method in METHODS),
-    *((method, Implementation.GENERIC) for method in METHODS if METHODS[method].twin),
+    *((method, Implementation.GENERIC) for method in METHODS if METHODS[method].has_generic),
 ]
 
 
@@ -74,7 +74,7 @@ def furthest(one: Trajectory, other: Trajectory) -> float:
 )
 def test_tables_drive_a_run_as_the_laws_that_they_follow(method: str, how: Implementation) -> None:
     """The other scene has no laws: a cubic table through a polynomial of third degree is that polynomial, to rounding."""
-    for integrator in names_of(INTEGRATORS, lambda i: i.takes(METHODS[method], how)):
+    for integrator in names_of(INTEGRATORS, lambda i: i.supports(METHODS[method], how)):
         by_scene = run("lawful", method, how, integrator=integrator)
         by_tables = run("free", method, how, integrator=integrator, inputs=TABLES)
         assert furthest(by_scene, by_tables) < 1e-9

@@ -15,7 +15,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.ranges import LARGEST_INTEGER, MOST_ROWS, RANGES, Steps, StepsError, count_steps, fault_of_setting
 from cutjoint.model.read import read_model_text
 from cutjoint.package.errors import RunError
-from cutjoint.run.modes import _ending_at
+from cutjoint.run.modes import _with_step_ending_at
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import with_settings
 from cutjoint.run.settings import Options, require_settings
@@ -108,10 +108,10 @@ def test_a_clock_has_as_many_rows_as_steps() -> None:
 
 def test_motions_are_linearised_at_times_that_are_reached() -> None:
     scene = pendulum().scenes["rest"]
-    assert _ending_at(scene, 0.025).numerics.of_method("recursive-newton").dt == pytest.approx(0.025 / 3, rel=1e-15)
-    assert _ending_at(scene, 1e-5).numerics.of_method("recursive-newton").dt == 1e-5
+    assert _with_step_ending_at(scene, 0.025).numerics.of_method("recursive-newton").dt == pytest.approx(0.025 / 3, rel=1e-15)
+    assert _with_step_ending_at(scene, 1e-5).numerics.of_method("recursive-newton").dt == 1e-5
     with pytest.raises(RunError, match=r"end: 1e\+17 s in steps of 0\.01 s are more than"):
-        _ending_at(scene, 1e17)
+        _with_step_ending_at(scene, 1e17)
 
 
 def test_rows_of_adaptive_runs_end_with_the_run() -> None:

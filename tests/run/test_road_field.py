@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import kv
 
-from cutjoint.run.road_field import LENGTH, ROUGHNESS, STEP, Field, rough_field, split_mix, turned, uniform
+from cutjoint.run.road_field import LENGTH, ROUGHNESS, STEP, Field, cos_sin_of_turns, rough_field, split_mix, uniform
 
 X, Y = np.linspace(-1.0, 2.0, 13), np.linspace(-0.9, 1.5, 9)
 INSIDE = [(float(x), float(y)) for x in np.linspace(-0.95, 1.95, 7) for y in np.linspace(-0.85, 1.45, 6)]
@@ -49,7 +49,7 @@ def test_slopes_are_those_of_the_heights_and_continuous(wraps: bool) -> None:
 def test_heights_over_a_grid_are_those_of_places(wraps: bool) -> None:
     hills = field(np.random.default_rng(3).normal(size=(13, 9)), wraps=wraps)
     x, y = np.linspace(-3, 4, 7), np.linspace(-2, 3, 5)
-    assert hills.over(x, y) == pytest.approx(np.array([[hills.derivative(a, b) for b in y] for a in x]), abs=1e-14)
+    assert hills.heights_on_grid(x, y) == pytest.approx(np.array([[hills.derivative(a, b) for b in y] for a in x]), abs=1e-14)
 
 
 def test_the_height_stays_beyond_the_edge() -> None:
@@ -65,7 +65,7 @@ def test_words_are_those_of_splitmix64() -> None:
 
 def test_cosine_and_sine_are_those_of_numpy() -> None:
     turns = np.linspace(-3, 3, 10_001)
-    for own, other in zip(turned(turns), (np.cos(2 * np.pi * turns), np.sin(2 * np.pi * turns)), strict=True):
+    for own, other in zip(cos_sin_of_turns(turns), (np.cos(2 * np.pi * turns), np.sin(2 * np.pi * turns)), strict=True):
         assert np.abs(own - other).max() < 5e-15  # NumPy's angle of three turns is rounded by 4e-15
 
 

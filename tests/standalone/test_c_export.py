@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.c_export import make_standalone, plan_delivery
+from cutjoint.compile.c_export import make_standalone, plan_export
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.model.read import read_model, read_model_text
@@ -127,7 +127,7 @@ def test_other_number_types_leave_the_source_of_a_simulator(tmp_path: Path) -> N
     """Nothing of that is compiled here: tests of number types do."""
     model = read_model(MODELS / "four_bar.yaml")
     generated = generate(model, find_scene(model, None), (), precision="quad")
-    delivery = plan_delivery(generated, CompileOptions(precision="quad", out=tmp_path))
+    delivery = plan_export(generated, CompileOptions(precision="quad", out=tmp_path))
     assert delivery is not None
     assert delivery.alone is None
     assert {"CMakeLists.txt", "report.cpp", "four_bar.hpp", "main.cpp"} <= {*delivery.files}

@@ -20,7 +20,7 @@ from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.scenes import with_closure
 from cutjoint.sweeps import code
 from cutjoint.sweeps.code import build_kernels
-from cutjoint.sweeps.kernel import Kernel, Left
+from cutjoint.sweeps.kernel import Kernel, KernelResults
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Array, Study
 from cutjoint.sweeps.work import Work
@@ -39,7 +39,7 @@ def _kernels(asked: Study) -> tuple[Kernel, Kernel]:
     return one, many
 
 
-def _check_near(one: Left, many: Left, share: float) -> None:
+def _check_near(one: KernelResults, many: KernelResults, share: float) -> None:
     """Check that rows agree up to a share of the largest value of each series, and failures are equal."""
     assert one.failures == many.failures
     assert np.array_equal(one.reached, many.reached)
@@ -49,7 +49,7 @@ def _check_near(one: Left, many: Left, share: float) -> None:
         assert (np.abs(one.series[run, :, :rows] - many.series[run, :, :rows]) <= share * size).all(), run
 
 
-def _check_alone(kernel: Kernel, values: Array, whole: Left) -> None:
+def _check_alone(kernel: Kernel, values: Array, whole: KernelResults) -> None:
     """Each run is the same bit by bit whatever runs beside it, and whichever lane it has."""
     order = np.random.default_rng(4).permutation(len(values))
     mixed = kernel.run(values[order])
@@ -169,8 +169,8 @@ def test_rows_in_memory_are_those_of_all_lanes(tmp_path: Path, monkeypatch: pyte
     one, many = _kernels(asked)
     work = Work(kernels=(many,), has_scenes=False, objectives=(), trajectories=(), every=1)
     for rows, held in ((1000, 4000), (10**5, 40), (3 * 10**5, 8), (10**6, 8)):  # of 4 million numbers
-        assert work._at_once(replace(many, rows=rows, series=1)) == held
-        assert work._at_once(replace(one, rows=rows, series=1)) == 4 * 10**6 // rows
+        assert work._runs_per_chunk(replace(many, rows=rows, series=1)) == held
+        assert work._runs_per_chunk(replace(one, rows=rows, series=1)) == 4 * 10**6 // rows
     for most, lanes in ((8 * one.rows, 8), (8 * one.rows - 1, 1)):
         monkeypatch.setattr(code, "_MOST_ROWS", most)
         assert build_kernels(asked, lanes=True)[0].lanes == lanes

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint.toolchain.temporary import sweep, temporary_folder
+from cutjoint.toolchain.temporary import remove_stale, temporary_folder
 
 SCRIPT = """
 import sys
@@ -50,7 +50,7 @@ def test_the_folder_of_a_dead_process_is_removed(number: int, tmp_path: Path) ->
         dead.send_signal(number)
         dead.wait()
         assert (left / "inner" / "table.csv").exists()
-        sweep(tmp_path)
+        remove_stale(tmp_path)
         assert not left.exists()
         assert (held / "inner" / "table.csv").exists()
         assert {p.name for p in tmp_path.iterdir()} == {"cutjoint-results", "other.lock", held.name, f"{held.name}.lock"}
@@ -73,5 +73,5 @@ def test_a_link_is_not_followed(tmp_path: Path) -> None:
     (home / "thesis.txt").touch()
     (place / "cutjoint-0.lock").touch()
     (place / "cutjoint-0").symlink_to(home)
-    sweep(place)
+    remove_stale(place)
     assert (home / "thesis.txt").exists()

@@ -12,7 +12,7 @@ import pytest
 
 from cutjoint.view import meshes
 from cutjoint.view.gltf import write_gltf
-from cutjoint.view.motions import along, product, quaternions_of, rotation_to, shortest, turned
+from cutjoint.view.motions import along, product, quaternions_of, rotated, rotation_to, shortest
 from cutjoint.view.records import Drawing, Mesh, Node, Part
 from tests.conftest import MODELS, needs_cpp
 from tests.view.conftest import Shown, call
@@ -126,17 +126,17 @@ def test_turns() -> None:
     rotations = np.array([np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in range(50)])
     rotations *= np.linalg.det(rotations)[:, np.newaxis, np.newaxis]
     points = rng.standard_normal((50, 3))
-    assert turned(quaternions_of(rotations), points) == pytest.approx(np.einsum("nij,nj->ni", rotations, points))
+    assert rotated(quaternions_of(rotations), points) == pytest.approx(np.einsum("nij,nj->ni", rotations, points))
     ways = np.concatenate([points, -points[-1:], [[0.0, 0.0, -1.0]]])
     z = np.tile([0.0, 0.0, 1.0], (len(ways), 1))
-    assert turned(along(ways), z) == pytest.approx(ways / np.linalg.norm(ways, axis=1, keepdims=True))
-    assert turned(shortest(z[0], np.array([0.0, 1.0, 0.0]))[np.newaxis], z[:1]) == pytest.approx(np.array([[0.0, 1.0, 0.0]]))
+    assert rotated(along(ways), z) == pytest.approx(ways / np.linalg.norm(ways, axis=1, keepdims=True))
+    assert rotated(shortest(z[0], np.array([0.0, 1.0, 0.0]))[np.newaxis], z[:1]) == pytest.approx(np.array([[0.0, 1.0, 0.0]]))
 
 
 def test_a_product_is_one_turn_after_another() -> None:
     p, q = quaternions_of(np.array([rotation_to(np.array([1.0, 2.0, 3.0])), rotation_to(np.array([-1.0, 0.5, 0.2]))]))[:, np.newaxis]
     vector = np.array([[0.3, -0.4, 0.5]])
-    assert turned(product(p, q), vector) == pytest.approx(turned(p, turned(q, vector)))
+    assert rotated(product(p, q), vector) == pytest.approx(rotated(p, rotated(q, vector)))
 
 
 def test_what_does_not_move_has_no_track() -> None:

@@ -94,7 +94,7 @@ def test_what_a_reduction_does_is_on_the_picture(browser: Page, tmp_path: Path) 
     scene = next(iter(model.scenes.values()))
     shown = show_reduction(model, scene, {}, reduction_sequence(model, scene))
     assert shown.graph is not None
-    gone = {part.name for part in (*shown.graph.bodies, *shown.graph.links) if part.is_gone}
+    gone = {part.name for part in (*shown.graph.bodies, *shown.graph.links) if part.is_removed}
     assert {"right.ball", "right.weld", "left.ball", "left.weld"} <= gone
     weld = next(link for link in shown.graph.links if link.name == "left.weld")
     assert "becomes a part of" in weld.about[2]

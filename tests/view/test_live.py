@@ -32,7 +32,7 @@ MODEL = read_model_text(PRESS.read_text(encoding="utf-8"), "press.yaml")
 
 @contextmanager
 def following(page: str = "<p>press</p>", told: list[str] | None = None) -> Iterator[LiveView]:
-    view = LiveView(MODEL, page, 0, tell=(told if told is not None else []).append)
+    view = LiveView(MODEL, page, 0, report=(told if told is not None else []).append)
     thread = Thread(target=view.serve)
     thread.start()
     try:
@@ -79,13 +79,13 @@ def test_what_is_none_of_its_poses_is_reported_once_and_ignored() -> None:
     nan = np.float64(np.nan).tobytes()
     for wrong in (b"", b"x" * 400, whole[:-8], whole + b"\0", whole[:8] + nan + whole[16:], whole[:-8] + nan):
         for _ in range(3):
-            assert not poses.take(wrong)
+            assert not poses.receive(wrong)
     assert len(told) == 4
     assert told[0].startswith("a datagram is none of 'press': its digest is another")
     assert [each for each in told if "392 bytes, not 400" in each]
     assert [each for each in told if "401 bytes, not 400" in each]
     assert "not finite" in told[-1]
-    assert poses.take(whole)
+    assert poses.receive(whole)
     number, text = poses.wait(0)
     assert number == 1
     assert np.array(json.loads(text)[1:]).shape == (3, 7)
@@ -97,7 +97,7 @@ def test_who_loses_datagrams_has_the_last_one() -> None:
     poses = Poses(MODEL, lambda _: None)
     for _ in range(5):
         sim.step()
-        poses.take(sim.pose_datagram())
+        poses.receive(sim.pose_datagram())
     assert json.loads(poses.wait(2)[1])[0] == sim.time
 
 
@@ -109,7 +109,7 @@ def test_it_answers_this_machine_alone() -> None:
             assert line.getresponse().status == status
             line.close()
         with pytest.raises(RunError, match=f"--live {view.port}: Address already in use; name another port"):
-            LiveView(MODEL, "", view.port, tell=print)
+            LiveView(MODEL, "", view.port, report=print)
 
 
 def test_the_command_says_where_it_is_seen() -> None:

@@ -29,7 +29,7 @@ class BodyPose:
         """The place of a point (3,) of the design position over time, (times, 3)."""
         return np.asarray(self.rotation @ point + self.shift)
 
-    def turn(self, direction: Array) -> Array:
+    def rotate(self, direction: Array) -> Array:
         """The direction (3,) of the design position over time, (times, 3)."""
         return np.asarray(self.rotation @ direction)
 

@@ -50,7 +50,7 @@ def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEqu
     if off := describe_misfit(equations):
         raise ShakyError(off)
     elsewhere = equations.scene.positions or equations.scene.assemble or equations.scene.trim
-    found = None if METHODS[method].holds_structures or elsewhere else find_shakiness(equations)
+    found = None if METHODS[method].supports_shaky or elsewhere else find_shakiness(equations)
     if found is None:
         return equations
     raise ShakyError(describe_shakiness(equations, found))
@@ -93,7 +93,7 @@ def _shares(jacobian: Array) -> Array:
 def describe_shakiness(equations: RecursiveEquations, found: Shakiness) -> str:
     """The fault of the design position, at the line of a joint or gear, and what to do."""
     spans = equations.topology.model.constraint_spans
-    others = join_or(f"--method {name}" for name in names_of(METHODS, lambda m: m.holds_structures))
+    others = join_or(f"--method {name}" for name in names_of(METHODS, lambda m: m.supports_shaky))
     return (
         f"{spans.get(found.joint, equations.scene.span)}: '{found.joint}': the loops hold this structure to second order only: in its one "
         f"pose '{found.speed}' is free for a moment, and '{found.equation}' lets no motion follow, so that accelerations and reactions "

@@ -35,11 +35,11 @@ def command(
     read, chosen, by = read_request(Request(model=model, scene=scene, method=method, closure=closure, tunable=tunable, functions=functions))
     if by not in (able := names_of(METHODS, lambda m: m.batch)):
         raise RunError(f"{chosen.span}: scene '{chosen.name}': batches have no method {by}; use --method {join_or(able)}")
-    done = _run(asked, read, _as_asked(chosen, by, asked), parameters, _cases(cases, read, parameters), threads, out)
+    done = _run(asked, read, _with_options(chosen, by, asked), parameters, _cases(cases, read, parameters), threads, out)
     _report_failures(done, cases, out)
 
 
-def _as_asked(scene: Scene, method: str, asked: Options) -> Scene:
+def _with_options(scene: Scene, method: str, asked: Options) -> Scene:
     numerics = scene.numerics
     numerics = replace(numerics, integrator=asked.integrator or numerics.integrator, events=asked.events or numerics.events)
     return with_options(replace(scene, numerics=numerics), method, Options(dt=asked.dt))
@@ -64,7 +64,7 @@ def _run(
             artifact, [{**parameters, **case} for case in cases], dt=asked.dt, end=asked.end, tolerance=asked.tolerance,
             threads=threads, out=out, progress=progress, check=False,
         )  # fmt: skip
-    console = options.console_beside(out)
+    console = options.message_console(out)
     console.print(batch_facts(artifact, done))
     console.print(f"results: {out}, {len(cases)} runs", markup=False)
     return done

@@ -29,7 +29,7 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], view: Path
     require_view(view, "--view")
     with options.progress_bar(f"reading {model.name}"):
         checked = read_model(model, tunable=tunable)
-    checked, chosen = options.take_case(checked, scene)
+    checked, chosen = options.choose_case(checked, scene)
     with options.progress_bar(f"topology of {model.name}"):
         topology = build_topology(checked)
     with options.progress_bar(f"equations of {model.name}"):
@@ -68,4 +68,4 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], view: Path
         with options.progress_bar(f"drawing {model.name}"):
             notes = find_notes(equations, poses)
             write_shown(view, show_directions(checked, chosen, equations, poses[0], draw_graph(topology, facts, notes)))
-        options.console_beside(view).print(f"view: {view}", markup=False)
+        options.message_console(view).print(f"view: {view}", markup=False)

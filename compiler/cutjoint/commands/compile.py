@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options, table
-from cutjoint.compile.c_export import for_hosts, frozen_words, make_standalone, needs_load_events
+from cutjoint.compile.c_export import describe_frozen, freeze_start_parameters, make_standalone, needs_load_events
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import tunable_parameters
 from cutjoint.model.expressions.functions import leave_to_host
@@ -49,13 +49,13 @@ def command(
             read, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, adjoint=adjoint, poses=poses,
             external_wrenches=external_wrenches, terrain=terrain, reproducible=reproducible,
         )  # fmt: skip
-        price = _price(artifact, model) if tunable else ""
+        price = _tunable_cost(artifact, model) if tunable else ""
     operations = artifact.program.operations(artifact.iteration)
     options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}", markup=False)
     if artifact.scene.trim is not None:
         (_, found), *_ = trim_facts(find_trim(artifact.topology.model, artifact.scene, {})[2])
         options.out.print(f"the start is trimmed once, with the parameters of the file: {found}", markup=False)
-    if frozen := frozen_words(for_hosts(artifact.topology.model, artifact.scene)):
+    if frozen := describe_frozen(freeze_start_parameters(artifact.topology.model, artifact.scene)):
         options.out.print(f"interface {frozen}", markup=False)
 
 
@@ -67,7 +67,7 @@ def _write_module(
     require_zig()
     case, found = find_case(model, scene)
     chosen = with_default_closure(found, method, integrator)
-    case = for_hosts(case, chosen)
+    case = freeze_start_parameters(case, chosen)
     load_events = (linearise or adjoint) and needs_load_events(chosen, method, integrator, equal_steps=True)
     generated = generate(case, chosen, chosen.outputs, method=method, poses=poses, load_events=load_events)
     alone = make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise, adjoint=adjoint)
@@ -85,7 +85,7 @@ def _sizes(artifact: Artifact, folder: Path) -> str:
     return f"; a simulation takes {said.stdout.strip()}" if said.returncode == 0 else ""
 
 
-def _price(artifact: Artifact, path: Path) -> str:
+def _tunable_cost(artifact: Artifact, path: Path) -> str:
     """The cost of tunable constants, in words."""
     plain = replace(read_model(path), code=artifact.model.code)
     case, scene = find_case(plain, artifact.scene.name)

@@ -10,7 +10,7 @@ from cutjoint.commands.preparing import read_request
 from cutjoint.compile.prepared import Request
 from cutjoint.coupling.connections import connect, open_system
 from cutjoint.coupling.controller import CALL_LIMIT, ControllerFmu, open_controller
-from cutjoint.coupling.run import Party, Plan, co_simulate
+from cutjoint.coupling.run import Participant, Plan, co_simulate
 from cutjoint.formulate.inputs import input_parameters, tunable_parameters
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, Implementation, describe_steps, join_or, names_of
 from cutjoint.model.errors import nearest
@@ -50,7 +50,8 @@ def command(
         controllers = [opened_fmus.enter_context(open_controller(fmu, seconds)) for fmu in system.fmus]
         connected = connect(controllers, read, chosen, system.named, is_whole=system.is_whole)
         parties = [
-            Party(fmu=fmu, connections=ports, step=_step(fmu, communication)) for fmu, ports in zip(controllers, connected, strict=True)
+            Participant(fmu=fmu, connections=ports, step=_step(fmu, communication))
+            for fmu, ports in zip(controllers, connected, strict=True)
         ]  # fmt: skip
         plan = _plan(asked, read, chosen, by, parameters, parties)
         try:
@@ -63,9 +64,9 @@ def command(
         faults = [fault for fmu in controllers if (fault := fmu.fault)]
     if view is not None:
         shown = show_run(read, replace(chosen, end=plan.end), by, parameters, run)
-        options.console_beside(out).print(f"view: {write_shown(view, shown)}", markup=False)
+        options.message_console(out).print(f"view: {write_shown(view, shown)}", markup=False)
     if plots is not None:
-        console = options.console_beside(out)
+        console = options.message_console(out)
         pictures = plot_run(run, f"{read.name}, {chosen.name}", plots, chosen.plots)
         console.print(f"plots: {', '.join(map(str, pictures))}", markup=False)
     if faults:
@@ -74,7 +75,7 @@ def command(
 
 
 def _plan(
-    asked: Options, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], parties: Sequence[Party]
+    asked: Options, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], parties: Sequence[Participant]
 ) -> Plan:  # fmt: skip
     require_settings(dt=asked.dt, end=asked.end, tolerance=asked.tolerance, iterations=asked.iterations)
     _require_free(model, parameters, parties)
@@ -122,20 +123,20 @@ def _named(connections: tuple[str, ...]) -> dict[str, str]:
     return named
 
 
-def _require_free(model: Model, parameters: Mapping[str, float], parties: Sequence[Party]) -> None:
+def _require_free(model: Model, parameters: Mapping[str, float], parties: Sequence[Participant]) -> None:
     known = {p.name: p for p in (*tunable_parameters(model), *input_parameters(model))}
     for name, value in parameters.items():
         if name not in known:
             raise RunError(f"--set {name}: model '{model.name}' has no such tunable parameter or input; {nearest(name, known, 'it has')}")
-        for fmu, driven in ((party.fmu, party.connections.driven) for party in parties):
+        for fmu, driven in ((participant.fmu, participant.connections.driven) for participant in parties):
             if name in driven:
                 raise RunError(f"--set {name}: output '{driven[name].name}' of {fmu.path} drives this input; leave out one of the two")
         require_unit(known[name], value)
 
 
 def _report(plan: Plan, model: Model, scene: Scene, run: Trajectory, out: Path, error: bool) -> None:
-    console = options.console_beside(out)
-    beside = ", ".join(f"{party.fmu.path.name}, FMI {party.fmu.version}" for party in plan.parties)
+    console = options.message_console(out)
+    beside = ", ".join(f"{participant.fmu.path.name}, FMI {participant.fmu.version}" for participant in plan.parties)
     console.print(tables.facts(f"scene {scene.name} with {beside}", _facts(plan, model, run)))
     if error:
         console.print(tables.error_facts(run.error))
@@ -144,21 +145,21 @@ def _report(plan: Plan, model: Model, scene: Scene, run: Trajectory, out: Path, 
 
 
 def _facts(plan: Plan, model: Model, run: Trajectory) -> list[tuple[str, str]]:
-    driven = {name for party in plan.parties for name in party.connections.driven}
+    driven = {name for participant in plan.parties for name in participant.connections.driven}
     left = ", ".join(p.name for p in input_parameters(model) if p.name not in driven)
     return [
-        *(fact for party in plan.parties for fact in _facts_of(party, plan)),
+        *(fact for participant in plan.parties for fact in _facts_of(participant, plan)),
         *([("follow the scene", left)] if left else []),
         ("run", f"{run.seconds:.4f} s for {plan.end:g} s: {tables.real_time(plan.end, run.seconds)}"),
     ]  # fmt: skip
 
 
-def _facts_of(party: Party, plan: Plan) -> list[tuple[str, str]]:
-    connected, which = party.connections, f" {party.fmu.path.name}" if len(plan.parties) > 1 else ""
+def _facts_of(participant: Participant, plan: Plan) -> list[tuple[str, str]]:
+    connected, which = participant.connections, f" {participant.fmu.path.name}" if len(plan.parties) > 1 else ""
     from_others = [f"{plan.parties[i].fmu.path.stem}:{source.name} as {sink.name}" for i, source, sink in connected.passed]
     read = [*(f"{name} as {port.name}" for name, port in connected.read), *from_others]
     return [
-        (f"communication{which}", f"{int(plan.end / party.step + 1e-6)} steps of {party.step:g} s"),
+        (f"communication{which}", f"{int(plan.end / participant.step + 1e-6)} steps of {participant.step:g} s"),
         *([("driven", ", ".join(f"{name} by {port.name}" for name, port in connected.driven.items()))] if connected.driven else []),
         *([("read", ", ".join(read))] if read else []),
         *([("stay at their start", f"{', '.join(connected.held)} of the FMU{which}")] if connected.held else []),

@@ -25,7 +25,7 @@ def command(
     if out.suffix != ending:
         raise OutputError(f"--out {out}: no such kind of file; write a name that ends in {ending}")
     require_apart({"the model": model, "--replay": replay}, documents=[("--out", out)])
-    checked, taken = options.take_case(read_model(model, tunable=tunable, functions=functions), scene)
+    checked, taken = options.choose_case(read_model(model, tunable=tunable, functions=functions), scene)
     chosen = with_loops(taken, loops)
     parameters = options.read_parameters(changes)
     roles = {
@@ -36,7 +36,7 @@ def command(
         with options.progress_bar(f"compiling {model.name}"):
             table = replay_drive(checked, chosen, replay, method=method)
         write_table(out, table.units, table.text)
-        options.console_beside(out).print(f"replay: {out}, {len(table.rows)} rows", markup=False)
+        options.message_console(out).print(f"replay: {out}, {len(table.rows)} rows", markup=False)
         return
     with options.progress_bar(f"compiling {model.name}"):
         given = {"--method": None if method == DEFAULT_METHOD else method, "--loops": loops, "--functions": functions}
@@ -46,7 +46,7 @@ def command(
         drive = make_drive(checked, chosen, parameters, method=method, dt=dt, roles=roles, ranges=ends, more=more)
         page = drive_page(checked, chosen, parameters, drive)
     write_whole(out, page)
-    options.console_beside(out).print(f"drive: {out}, {len(page) / 1e6:.1f} MB", markup=False)
+    options.message_console(out).print(f"drive: {out}, {len(page) / 1e6:.1f} MB", markup=False)
 
 
 def _read_ends(option: str, text: str, count: int) -> Ends:

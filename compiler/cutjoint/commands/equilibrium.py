@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from cutjoint.commands import options, table
-from cutjoint.report.tables import held_facts, trim_facts
+from cutjoint.report.tables import locking_force_facts, trim_facts
 from cutjoint.report.tasks import force_table, pose_table
 from cutjoint.run.outputs import require_apart
 from cutjoint.tasks.states import find_scene_equilibrium
@@ -19,14 +19,14 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: t
     require_view(view, "--view")
     parameters = options.read_parameters(changes)
     checked = read_model(model, tunable=tunable)
-    checked, chosen = options.take_case(checked, scene)
+    checked, chosen = options.choose_case(checked, scene)
     with options.progress_bar(f"compiling {model.name}"):
         found = find_scene_equilibrium(checked, chosen, parameters=parameters)
     options.out.print(pose_table(found))
     options.out.print(force_table(found))
-    for name, value in [*held_facts(found.held), *(trim_facts(found.trim) if found.trim is not None else ())]:
+    for name, value in [*locking_force_facts(found.held), *(trim_facts(found.trim) if found.trim is not None else ())]:
         options.out.print(f"{name}: {value}", markup=False)
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):
             write_shown(view, show_equilibrium(checked, chosen, parameters, found))
-        options.console_beside(view).print(f"view: {view}", markup=False)
+        options.message_console(view).print(f"view: {view}", markup=False)

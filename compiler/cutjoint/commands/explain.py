@@ -17,7 +17,7 @@ def command(model: Path, scene: str | None, method: str, reduced: bool, tunable:
     """Explain in Markdown what the compiler derives from MODEL: topology, equations, operations, what tunable parameters cost."""
     require_apart({"the model": model}, documents=[("--out", out)])
     checked = read_model(model, tunable=tunable)
-    checked, chosen = options.take_case(checked, scene)
+    checked, chosen = options.choose_case(checked, scene)
     with options.progress_bar(f"explaining {model.name}"):
         variant = reduction_sequence(checked, chosen, method)[-1] if reduced else None
         text = explain(variant.model, variant.scene, method, done=variant.done) if variant else explain(checked, chosen, method)

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options, table
-from cutjoint.compile.c_export import frozen_words
+from cutjoint.compile.c_export import describe_frozen
 from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.export.fmu.description import KINDS
 from cutjoint.export.mjcf import write_mjcf
@@ -134,7 +134,7 @@ def _describe(fmu: Fmu) -> str:
     """The purpose of an FMU in words."""
     simulates, exchanges = KINDS[fmu.subject.kind]
     steps = [f"co-simulation by {fmu.standalone.settings}"] * simulates
-    frozen = [words] if (words := frozen_words(fmu.topology.model)) else []
+    frozen = [words] if (words := describe_frozen(fmu.topology.model)) else []
     return "; ".join([*steps, *frozen, *[f"model exchange, {len(fmu.interface.states)} states"] * exchanges])
 
 

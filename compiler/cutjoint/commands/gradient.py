@@ -16,7 +16,7 @@ from cutjoint.run.run_file import parameter_values
 from cutjoint.run.scenes import load_model
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation
-from cutjoint.stepping.values import OBJECTIVES, STEPS_BESIDE, Array, difference, find_eigenvalues, weigh
+from cutjoint.stepping.values import DIFFERENCE_STEPS, OBJECTIVES, Array, difference, find_eigenvalues, weigh
 
 #: The step of a difference, as a share of the number, or in its unit where that is smaller than 1e-3.
 _SHARE = 1e-3
@@ -60,14 +60,14 @@ def command(
         found = run.derive(names, from_equilibrium)
     except (KeyError, TypeError, ValueError) as error:
         raise RunError(str(error.args[0])) from None
-    for part in _fitting(found, names, options.out.width):
+    for part in _fit_tables(found, names, options.out.width):
         options.out.print(part)
     if objective not in ("equilibrium", "start") and (idle := [
         name for name, row in zip(names, found.derivatives.T, strict=True) if name in sim.parameters and not row.any()
     ]):  # fmt: skip
         options.out.print(f"nothing changes with {', '.join(idle)}; what moves the start alone has --objective start", markup=False)
     if check:
-        names, derivatives = _checkable(sim, names, found.derivatives)
+        names, derivatives = _without_driven_inputs(sim, names, found.derivatives)
         sim.restore(start)
         begins_anew = from_equilibrium or objective in ("equilibrium", "start") or (objective == "modes" and chosen.pose == "equilibrium")
         share = _error(sim, lambda name, value: _trajectory(run, None if begins_anew else start, name, value), names, derivatives)
@@ -156,7 +156,7 @@ def _count_steps(sim: Simulation, end: float, output_step: float) -> tuple[int, 
     return every * max(1, round((end - sim.time) / sim.settings.step / every)), every
 
 
-def _checkable(sim: Simulation, names: Sequence[str], derivatives: Array) -> tuple[list[str], Array]:
+def _without_driven_inputs(sim: Simulation, names: Sequence[str], derivatives: Array) -> tuple[list[str], Array]:
     """Names and their derivatives, without inputs that follow the scene: finite differences would freeze them."""
     driven = [name for name in names if name in sim.inputs and np.isnan(sim.inputs[name])]
     if driven:
@@ -165,14 +165,14 @@ def _checkable(sim: Simulation, names: Sequence[str], derivatives: Array) -> tup
     return [names[i] for i in kept], derivatives[:, kept]
 
 
-def _fitting(found: _Found, names: Sequence[str], width: int) -> Iterator[Table]:
+def _fit_tables(found: _Found, names: Sequence[str], width: int) -> Iterator[Table]:
     """Tables of all columns, with as many columns side by side as fit into a width."""
     columns = list(range(len(found.columns)))
     while columns:
         for number in range(len(columns), 0, -1):
             now = columns[:number]
             headings, units = ([each[i] for i in now] for each in (found.columns, found.units))
-            made = _tabled(replace(found, columns=headings, units=units, values=found.values[now], derivatives=found.derivatives[now]),
+            made = _make_table(replace(found, columns=headings, units=units, values=found.values[now], derivatives=found.derivatives[now]),
                 names)
             if number == 1 or Measurement.get(options.out, options.out.options.update(width=10_000), made).maximum <= width:
                 break
@@ -180,7 +180,7 @@ def _fitting(found: _Found, names: Sequence[str], width: int) -> Iterator[Table]
         columns = columns[number:]
 
 
-def _tabled(found: _Found, names: Sequence[str]) -> Table:
+def _make_table(found: _Found, names: Sequence[str]) -> Table:
     made = Table(title=found.title, title_justify="left", box=None)
     for heading in ("by", *found.columns):
         made.add_column(heading, justify="left" if heading == "by" else "right", no_wrap=True, overflow="ignore")
@@ -198,7 +198,7 @@ def _error(sim: Simulation, trajectory: Callable[[str, float], Array], names: Se
         numbers = next((numbers for numbers in (sim.states, sim.parameters) if name in numbers), None)
         value = sim.get_input(name) if numbers is None else numbers[name]
         h = _SHARE * max(abs(value), 1.0 if value == 0.0 else 1e-3)
-        ends = [trajectory(name, value + steps * h) for steps in STEPS_BESIDE]
+        ends = [trajectory(name, value + steps * h) for steps in DIFFERENCE_STEPS]
         found = difference(ends, h)
         size = max(np.abs(found).max(), _LEAST * np.abs(ends).max() / h)
         errors.append(np.abs(row - found).max() / size if size > 0.0 else np.abs(row).max())

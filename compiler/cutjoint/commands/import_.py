@@ -27,7 +27,7 @@ def command(file: Path, base: str, name: str, folder: Path | None, out: Path | N
         imported = import_file(file, free=base == "free", folder=folder, model=name)
         read_model_text(imported.text, str(out), folder=folder or file.parent)  # checks that the written file can be read
     write_whole(out, imported.text)
-    console = options.console_beside(out)
+    console = options.message_console(out)
     for note in imported.notes:
         console.print(f"{note[0].upper()}{note[1:]}.", markup=False)
     if imported.left_out:

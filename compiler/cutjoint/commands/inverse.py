@@ -21,7 +21,7 @@ def command(
         found = inverse_dynamics(
             checked, scene=scene, drives=(drives or "").split(",") if drives else (), parameters=options.read_parameters(changes), end=end
         )
-    console = options.console_beside(out)
+    console = options.message_console(out)
     console.print(drive_table(found))
     if found.redundant:
         console.print("more drives than degrees of freedom: the forces of minimum norm are given", markup=False)

@@ -26,7 +26,7 @@ def command(
             loaded = find_compliance(
                 read, scene=compliance, axle=axle, steer=steer, radius=radius, parameters=options.read_parameters(changes)
             )
-        console = options.console_beside(out)
+        console = options.message_console(out)
         for made in compliance_tables(loaded):
             console.print(made)
         if out is not None:
@@ -39,7 +39,7 @@ def command(
             read, axle=axle, travel=travel, steer_travel=steer_travel, points=points, steer=steer, radius=radius, share=share,
             parameters=options.read_parameters(changes),
         )  # fmt: skip
-    console = options.console_beside(out)
+    console = options.message_console(out)
     for made in kinematics_tables(found):
         console.print(made)
     if out is not None:

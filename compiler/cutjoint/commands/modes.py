@@ -22,15 +22,15 @@ def command(
     require_apart({"the model": model}, documents=[("--out", out), ("--view", view)])
     require_view(view, "--view")
     checked = read_model(model, tunable=tunable)
-    checked, chosen = options.take_case(checked, scene) if at is None else find_case(checked, scene)
+    checked, chosen = options.choose_case(checked, scene) if at is None else find_case(checked, scene)
     parameters = options.read_parameters(changes)
     with options.progress_bar(f"linearising {model.name}") as progress:
         found = find_scene_modes(checked, chosen, at=at, parameters=parameters, progress=progress)
     for made in mode_tables(found):
-        options.console_beside(out).print(made)
+        options.message_console(out).print(made)
     if out is not None:
         write_whole(out, modes_json(found, checked.name, chosen.name))
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):
             write_shown(view, show_modes(checked, chosen, parameters, found))
-        options.console_beside(out, view).print(f"view: {view}", markup=False)
+        options.message_console(out, view).print(f"view: {view}", markup=False)

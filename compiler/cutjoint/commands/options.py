@@ -59,12 +59,12 @@ def describe_error(error: BaseException) -> str:
     return "\n".join([str(error), *getattr(error, "__notes__", ())])
 
 
-def console_beside(*outputs: Path | None) -> Console:
+def message_console(*outputs: Path | None) -> Console:
     """The console for messages: standard error if standard output takes results."""
     return err if any(path is not None and descriptor_of(path) == 1 for path in outputs) else out
 
 
-def take_case(model: "Model", name: str | None) -> "tuple[Model, Scene]":
+def choose_case(model: "Model", name: str | None) -> "tuple[Model, Scene]":
     """The scene of that name and the model with its guides; without a name the first scene, with a message if there are others.
 
     Raises:
@@ -81,7 +81,7 @@ def take_case(model: "Model", name: str | None) -> "tuple[Model, Scene]":
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     """A progress bar on standard error; yields the function that moves it. Compilation meanwhile is counted, with a forecast."""
-    from cutjoint.toolchain.waits import Compiling, heard_by
+    from cutjoint.toolchain.progress import Compiling, listening
 
     with shown_progress(*Progress.get_default_columns()[:-1], _Remaining()) as bar:
         words = escape(escaped_lines(label))
@@ -92,7 +92,7 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
             described = f"{words} and, once, what all models share" if now.share else words
             bar.update(task, total=now.total, completed=now.done, end=end, description=described)
 
-        with heard_by(count):
+        with listening(count):
             yield lambda share: bar.update(task, total=1.0, completed=share, end=None)
 
 

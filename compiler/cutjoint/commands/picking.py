@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from cutjoint.commands import options
-from cutjoint.commands.preparing import FinishedRun, Play, compile_request, prepare
+from cutjoint.commands.preparing import Execute, FinishedRun, compile_request, prepare
 from cutjoint.compile.prepared import PreparedRun, Request
 from cutjoint.methods import AUTO, DEFAULT_PRECISION, Implementation, Loops
 from cutjoint.model.records import Model, Scene
@@ -13,19 +13,19 @@ from cutjoint.package.errors import RunError
 from cutjoint.reduce.choose import choose, chosen_model
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.report.tasks import choice_table
-from cutjoint.run.inputs import with_held_inputs
+from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import with_loops
 from cutjoint.run.settings import Options, accuracy_of
 
 
 def pick_and_run(
-    request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], execute: Play
+    request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], execute: Execute
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
     """Let method auto choose model, scene and method; nothing is cached, since the choice depends on measured times."""
     asked = request.options
-    scene, parameters = with_held_inputs(model, scene, parameters)
-    _require_own(
+    scene, parameters = with_constant_inputs(model, scene, parameters)
+    _require_free_choice(
         implementation=request.implementation, solver=asked.solver, integrator=asked.integrator, events=asked.events,
         precision=request.precision, dt=asked.dt, end=asked.end, iterations=asked.iterations,
     )  # fmt: skip
@@ -40,7 +40,7 @@ def pick_and_run(
     return prepared, run, ran
 
 
-def _execute(request: Request, ran: FinishedRun, execute: Play) -> tuple[PreparedRun, Trajectory]:
+def _execute(request: Request, ran: FinishedRun, execute: Execute) -> tuple[PreparedRun, Trajectory]:
     prepared = prepare(compile_request(request, ran.model, ran.scene, ran.method), Options(), ran.parameters)
     return prepared, execute(prepared)
 
@@ -62,7 +62,7 @@ def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mappin
     return chosen_model(model, wanted, choice)
 
 
-def _require_own(**asked: Any) -> None:
+def _require_free_choice(**asked: Any) -> None:
     """Check that no option sets what method auto chooses.
 
     Raises:

@@ -36,15 +36,15 @@ from cutjoint.report.tables import topology_facts
 from cutjoint.run.additions import Backend
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import changing
+from cutjoint.run.run_file import changing_parts
 from cutjoint.run.scenes import find_case, with_closure, with_default_closure, with_loops
 from cutjoint.run.settings import Options
+from cutjoint.toolchain.background import BuildPending
 from cutjoint.toolchain.compiler import find_compiler, must_interpret
-from cutjoint.toolchain.later import BuildPending
 from cutjoint.topology.reading import read_model
 
 #: Executes a run; a function that it calls now and then may raise, which ends the run.
-Play = Callable[..., Trajectory]
+Execute = Callable[..., Trajectory]
 
 #: If compilation takes longer than this (s), it continues while the program is interpreted.
 PATIENCE = 2.0
@@ -85,7 +85,7 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
 
 
 def prepare_and_run(
-    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Play
+    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Execute
 ) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
     """Compile a model that `read_request` found, with ``parameters`` (SI units) changed; execute the run and cache it.
 
@@ -122,7 +122,7 @@ class _CompiledFirst(Exception):  # noqa: N818 -- no error
 
 
 def _run_meanwhile(
-    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Play,
+    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Execute,
     compiling: BuildPending,
 ) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
     """Interpret the program while it is compiled; nothing is cached, since the next run finds compiled code.
@@ -132,7 +132,7 @@ def _run_meanwhile(
     """
 
     def watch() -> None:
-        if compiling.later.done:
+        if compiling.background.done:
             raise _CompiledFirst
 
     artifact = _compile_interpreted(request, model, scene, method, compiling.generated[:2])
@@ -193,7 +193,8 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
     counts = topology_facts(artifact.topology, mobility, describe_geometry(artifact.mechanism, mobility))
     return PreparedRun(
         model=model.name, counts=counts, places=artifact.places,
-        compilation=artifact.compilation, following=changing(model, artifact.scene), inputs=tuple(p.name for p in input_parameters(model)),
+        compilation=artifact.compilation, dependent_parts=changing_parts(model, artifact.scene),
+        inputs=tuple(p.name for p in input_parameters(model)),
         units={p.name: p.unit for p in (*tunable_parameters(model), *input_parameters(model))},
         run=make_simulator_run(artifact, asked, parameters), plots=artifact.scene.plots,
         files={name: sha256(text.encode()).hexdigest() for name, text in model.files.items() if not name.startswith(SHIPPED)},
@@ -201,7 +202,7 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
 
 
 def assemble_and_run(
-    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Play
+    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Execute
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
     """Compile a model with loop embeddings and execute the run.
 

@@ -27,7 +27,7 @@ def command(
             processor=processor,
         )  # fmt: skip
     for made in time_tables(times):
-        options.console_beside(out).print(made)
+        options.message_console(out).print(made)
     if times.failure is not None:
         where = describe_failure(times.failure, artifact.scene.name, artifact.places, model, parameters)
         options.err.print(f"{where}; the times are of the steps up to then; {describe_rest(times.table)}", markup=False)

@@ -6,7 +6,7 @@ from cutjoint.commands import options, table
 from cutjoint.reduce.measure import measure_reduced
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.tasks import note_lines, reduction_table
-from cutjoint.run.inputs import with_held_inputs
+from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.scenes import find_case
 from cutjoint.topology.reading import read_model
@@ -24,7 +24,7 @@ def command(
     checked = read_model(model)
     with options.progress_bar(f"reducing {model.name}"):
         checked, chosen = find_case(checked, scene)
-        driven, parameters = with_held_inputs(checked, chosen, options.read_parameters(changes))
+        driven, parameters = with_constant_inputs(checked, chosen, options.read_parameters(changes))
         variants = reduction_sequence(checked, driven, method, approximate=approximate)
         costs = measure_reduced(variants, dt=dt, parameters=parameters)
     options.out.print(reduction_table(variants, costs))
@@ -32,4 +32,4 @@ def command(
         options.out.print(line, markup=False)
     if view is not None:
         write_shown(view, show_reduction(checked, driven, parameters, variants))
-        options.console_beside(view).print(f"view: {view}", markup=False)
+        options.message_console(view).print(f"view: {view}", markup=False)

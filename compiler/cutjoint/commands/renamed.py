@@ -29,7 +29,7 @@ _VALUES: Mapping[str, Mapping[str, str]] = {
 }
 
 
-def in_new_words(words: list[str]) -> list[str]:
+def rename_arguments(words: list[str]) -> list[str]:
     """The arguments of a call in the words of this version; a message reports those that differ."""
     words = _with_values(_with_options(words))
     for (command, option), new in _COMMANDS.items():

@@ -27,10 +27,10 @@ def command(
     if plots is not None:
         require_folder(plots)
     read = with_inputs(read_model(model, tunable=tunable), external_wrenches=external_wrenches, terrain=terrain)
-    checked, chosen = options.take_case(read, scene) if at is None else find_case(read, scene)
+    checked, chosen = options.choose_case(read, scene) if at is None else find_case(read, scene)
     with options.progress_bar(f"linearising {model.name}"):
         near = find_scene_linear_model(checked, chosen, at=at, inputs=inputs, outputs=asked, parameters=options.read_parameters(changes))
-    console, title = options.console_beside(out), f"{checked.name}, scene {chosen.name}"
+    console, title = options.message_console(out), f"{checked.name}, scene {chosen.name}"
     try:
         if road is not None and speed is not None:
             if isinstance(near, SampledStateSpace):

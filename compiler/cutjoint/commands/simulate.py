@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 #: The method whose integrator takes over stiff runs.
-IMPLICIT_METHOD = METHODS[DEFAULT_METHOD].instead[0]
+IMPLICIT_METHOD = METHODS[DEFAULT_METHOD].alternatives[0]
 
 
 @table.command("simulate")
@@ -63,25 +63,25 @@ def command(
 
         require_replay(request, parameters, view, ghost_page)
 
-    gone_over = method is not None or closure is not None
+    is_settled = method is not None or closure is not None
 
     def execute(prepared: PreparedRun, watch: Callable[[], None] = lambda: None) -> Trajectory:
         def follow(share: float) -> None:
             watch()
             progress(share)
 
-        tell = partial(_tell_slow, prepared.run, goes_over=prepared.run.is_free and not gone_over and _is_watched())
+        tell = partial(_report_slow_run, prepared.run, may_switch=prepared.run.is_free and not is_settled and _is_watched())
         with options.progress_bar(f"running {prepared.compilation.scene}") as progress, watched(tell):
             plan = replace(prepared.run, with_coordinates=view is not None)
-            return run_accurately(plan, out=out, steps=steps, progress=follow, estimate=error, go_over=method is None, advise=True)
+            return run_accurately(plan, out=out, steps=steps, progress=follow, estimate=error, allow_switch=method is None, advise=True)
 
     try:
-        prepared, run, ran = _find_and_play(request, parameters, execute)
-    except _StiffRun as slow:
-        gone_over = True
-        prepared, run, ran = _go_over(request, parameters, execute, str(slow))
+        prepared, run, ran = _find_and_run(request, parameters, execute)
+    except _SwitchMethod as slow:
+        is_settled = True
+        prepared, run, ran = _switch_method(request, parameters, execute, str(slow))
         request = replace(request, method=prepared.run.method)
-    console = options.console_beside(out, steps)
+    console = options.message_console(out, steps)
     if run.failure is None:
         with options.progress_bar("estimating the error") if error else nullcontext():
             if out is not None:
@@ -90,7 +90,7 @@ def command(
         console.print(f"results: {size}, not written; --out FILE writes them" if out is None else f"results: {out}, {size}", markup=False)
         if error:
             console.print(tables.error_facts(run.error))
-    if elsewhere := tables.rows_elsewhere(prepared.run):
+    if elsewhere := tables.describe_output_times(prepared.run):
         console.print(elsewhere, markup=False)
     if verbose:
         console.print(tables.facts(f"model {prepared.model}", prepared.counts))
@@ -114,7 +114,7 @@ def command(
         raise SystemExit(1)
 
 
-class _StiffRun(Exception):  # noqa: N818 -- no error
+class _SwitchMethod(Exception):  # noqa: N818 -- no error
     """A run that takes long because stability limits its steps, while another method has an implicit integrator."""
 
 
@@ -123,17 +123,17 @@ def _is_watched() -> bool:
     return options.err.is_terminal
 
 
-def _tell_slow(plan: SimulatorRun, slow: Mapping[str, Any], *, goes_over: bool) -> None:
+def _report_slow_run(plan: SimulatorRun, slow: Mapping[str, Any], *, may_switch: bool) -> None:
     """Print how far a run has come in ten seconds, what limits its steps, and a remedy.
 
     Raises:
-        _StiffRun: another method shall take over (``goes_over``).
+        _SwitchMethod: another method shall take over (``may_switch``).
     """
     settings, steps = plan.run_file.settings, slow["steps"]
     words = f"after 10 s at t = {slow['time']:.4g} s of {plan.run_file.end:g} s, {steps} steps by {settings.integrator}"
     if slow.get("stiff_steps", 0) > tables.STIFF * steps:
-        if goes_over:
-            raise _StiffRun(f"{words}, which stability limits, not accuracy")
+        if may_switch:
+            raise _SwitchMethod(f"{words}, which stability limits, not accuracy")
         words += f": stability limits them, not accuracy; use --method {IMPLICIT_METHOD}, whose integrator is implicit"
     elif INTEGRATORS[settings.integrator].adaptive:
         words += ": the accuracy limits them; a larger --accuracy takes fewer"
@@ -142,23 +142,23 @@ def _tell_slow(plan: SimulatorRun, slow: Mapping[str, Any], *, goes_over: bool) 
     options.err.print(words, markup=False)
 
 
-def _go_over(
+def _switch_method(
     request: Request, parameters: Mapping[str, float], execute: Callable[..., Trajectory], words: str
 ) -> tuple[PreparedRun, Trajectory, FinishedRun | None]:  # fmt: skip
     """The run by the method with an implicit integrator; the original run if that does not support the model, or fails."""
     options.err.print(f"{words}; goes over to the method {IMPLICIT_METHOD}", markup=False)
     try:
-        prepared, run, ran = _find_and_play(replace(request, method=IMPLICIT_METHOD), parameters, execute)
+        prepared, run, ran = _find_and_run(replace(request, method=IMPLICIT_METHOD), parameters, execute)
         reason = "" if run.failure is None else str(run.failure)
     except (EquationsError, RunError) as error:
         reason = str(error)
     if not reason:
         return prepared, replace(run, fallback=f"the method {IMPLICIT_METHOD}, {words}"), ran
     options.err.print(f"{IMPLICIT_METHOD}: {reason}; goes on by {DEFAULT_METHOD}", markup=False)
-    return _find_and_play(request, parameters, execute)
+    return _find_and_run(request, parameters, execute)
 
 
-def _find_and_play(
+def _find_and_run(
     request: Request, parameters: Mapping[str, float], execute: Callable[..., Trajectory]
 ) -> tuple[PreparedRun, Trajectory, FinishedRun | None]:  # fmt: skip
     """Run a cached program, else derive it."""

@@ -114,7 +114,7 @@ def _report(study: Study, done: Sweep) -> None:
         options.out.print(f"steps of scene '{scene}': {how}", markup=False)
     if failed:
         options.out.print(f"{failed} of them failed:", markup=False)
-        for runs in sorted(_alike(done.failures), key=len, reverse=True)[:_REASONS]:
+        for runs in sorted(_group_by_reason(done.failures), key=len, reverse=True)[:_REASONS]:
             like = f"run {runs[0]}" if len(runs) == 1 else f"{len(runs)} like run {runs[0]}"
             options.out.print(f"  {like}: {done.failures[runs[0]]}", markup=False)
 
@@ -147,7 +147,7 @@ def _print_tolerances(study: Study, done: Sweep) -> None:
         options.out.print(facts)
 
 
-def _alike(failures: Sequence[str | None]) -> list[list[int]]:
+def _group_by_reason(failures: Sequence[str | None]) -> list[list[int]]:
     """Failed runs in groups whose reasons differ by numbers only."""
     found: dict[str, list[int]] = {}
     for run, failure in enumerate(failures):

@@ -29,7 +29,7 @@ from cutjoint.methods import (
 )
 from cutjoint.model.ranges import LENGTHS, PLACES, RANGES, TIMES, WHOLE, fault_of, fault_of_setting
 from cutjoint.model.text import is_number, is_whole
-from cutjoint.package.extensions import EXPORTERS, Door
+from cutjoint.package.extensions import EXPORTERS, ExtensionPoint
 
 Row = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -119,7 +119,7 @@ def _of(module: str, names: str) -> Callable[[], Iterable[str]]:
     return lambda: cast(Iterable[str], getattr(import_module(module), names))
 
 
-def _packages(added: Door[Any]) -> str:
+def _packages(added: ExtensionPoint[Any]) -> str:
     """The packages of known additions, as the end of a sentence."""
     packages = {package: [name for name, of in added.packages.items() if of == package] for package in added.packages.values()}
     return "".join(f"; {join_and(names)} come with {package}" for package, names in packages.items())

@@ -24,15 +24,15 @@ def command(
     require_view(out, "--out")
     require_apart({"the model": model}, documents=[("--out", out)])
     checked = read_model(model, tunable=tunable)
-    checked, chosen = options.take_case(checked, scene)
+    checked, chosen = options.choose_case(checked, scene)
     parameters = options.read_parameters(changes)
     if live is not None:
         with options.progress_bar(f"drawing {model.name}"):
             page = live_page(checked, chosen, parameters)
-        view = LiveView(checked, page, live, is_open=shared, tell=lambda trouble: options.err.print(trouble, markup=False))
+        view = LiveView(checked, page, live, is_open=shared, report=lambda trouble: options.err.print(trouble, markup=False))
         options.out.print(f"http://localhost:{view.port}/ follows datagrams at UDP port {view.port}; Ctrl-C ends it", markup=False)
         view.serve()
         return
     with options.progress_bar(f"drawing {model.name}"):
         write_shown(out, show_start(checked, chosen, parameters))
-    options.console_beside(out).print(f"view: {out}", markup=False)
+    options.message_console(out).print(f"view: {out}", markup=False)

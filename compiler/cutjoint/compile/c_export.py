@@ -231,7 +231,7 @@ def module_script() -> str:
     return (templates_folder() / "wasm" / "module.js").read_text(encoding="utf-8")
 
 
-def for_hosts(model: Model, scene: Scene) -> Model:
+def freeze_start_parameters(model: Model, scene: Scene) -> Model:
     """The model whose parameters that stand only where runs of the scene begin are ``frozen``: exported code has numbers there, which
     setting such a parameter would not change."""
     start = sources_of_parts(model, scene)
@@ -244,7 +244,7 @@ def for_hosts(model: Model, scene: Scene) -> Model:
     return replace(model, parameters=parameters, frozen=tuple(p.name for p in model.parameters if p.symbol in asked))
 
 
-def frozen_words(model: Model) -> str:
+def describe_frozen(model: Model) -> str:
     """The frozen parameters of a model in a sentence; "" without any."""
     if not model.frozen:
         return ""
@@ -383,7 +383,7 @@ def _force_residual(parts: SimulationCode, scene: Scene) -> Linearised:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Delivery:
+class ExportPlan:
     """The ``files`` of a folder by name, the name of its ``program``, and the code behind them, ``alone``, if the folder stands alone."""
 
     folder: Path
@@ -403,9 +403,9 @@ class Delivery:
         write_files(self.folder, files, {self.program: built.stat().st_mode & 0o777})
 
 
-def plan_delivery(
+def plan_export(
     generated: Generated, options: CompileOptions
-) -> Delivery | None:
+) -> ExportPlan | None:
     """Plan a folder for the results of `pipeline.generate`; None if the options have no ``out``.
 
     Raises:
@@ -423,13 +423,13 @@ def plan_delivery(
             raise RunError(f"reproducible: only C exports are; give one by out, in {DEFAULT_PRECISION}")
         if options.poses:
             raise RunError(f"poses: only C exports have them; give one by out, in {DEFAULT_PRECISION}")
-        delivery = None if folder is None else Delivery(folder=folder, files=generated.source.files, program="simulator", alone=None)
+        delivery = None if folder is None else ExportPlan(folder=folder, files=generated.source.files, program="simulator", alone=None)
     else:
         alone = make_standalone(
             generated, integrator=integrator, equal_steps=True, lanes=options.lanes, linearise=linearise, adjoint=options.adjoint
         )  # fmt: skip
         alone = replace(alone, reproducible=options.reproducible)
-        delivery = Delivery(folder=folder, files=alone.files, program=alone.simulator, alone=alone)
+        delivery = ExportPlan(folder=folder, files=alone.files, program=alone.simulator, alone=alone)
     if delivery is not None:
         model, names = Path(generated.equations.topology.model.span.file), (*delivery.files, delivery.program)
         require_apart({"the model": model}, documents=[(f"--out {folder}: file", delivery.folder / name) for name in names])

@@ -14,7 +14,7 @@ from math import inf
 from time import perf_counter
 from typing import Any
 
-from cutjoint.compile.c_export import for_hosts, needs_load_events, plan_delivery
+from cutjoint.compile.c_export import freeze_start_parameters, needs_load_events, plan_export
 from cutjoint.compile.derivation import emit_scheduled, fallback, schedule_method
 from cutjoint.compile.interpreted import compile_interpreted, interpreted_by
 from cutjoint.compile.options import DEFAULT, CompileOptions
@@ -27,10 +27,10 @@ from cutjoint.package.errors import EquationsError, MissingPartialsError
 from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.run_file import trimmed
 from cutjoint.run.scenes import ModelLike, load_model, method_of, with_default_closure
+from cutjoint.toolchain.background import BuildPending, build_in_background
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.compiler import must_interpret
 from cutjoint.toolchain.drivers import Kind
-from cutjoint.toolchain.later import BuildPending, build_later
 
 
 def compile_model(model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), **choices: Any) -> Artifact:
@@ -67,7 +67,7 @@ def compile_scene(
     # Model -> Source
     begin = perf_counter()
     made = _generate(model, scene, options) if generated is None else generated
-    delivery = plan_delivery(_for_hosts(made, model, scene, options), options)
+    delivery = plan_export(_frozen_for_export(made, model, scene, options), options)
     seconds, written = perf_counter() - begin, perf_counter()
 
     # Source -> Binary
@@ -84,14 +84,14 @@ def compile_scene(
             by_method=partial(interpreted_by, model, scene),
         )  # fmt: skip
 
-    if patience < inf and (later := build_later(made.source, flags=options.flags, patience=patience)) is not None:
-        raise BuildPending(later, made, seconds, finish)
+    if patience < inf and (background := build_in_background(made.source, flags=options.flags, patience=patience)) is not None:
+        raise BuildPending(background, made, seconds, finish)
     return finish()
 
 
-def _for_hosts(generated: Generated, model: Model, scene: Scene, options: CompileOptions) -> Generated:
+def _frozen_for_export(generated: Generated, model: Model, scene: Scene, options: CompileOptions) -> Generated:
     """Parts of a C export."""
-    hosted = for_hosts(model, scene) if options.out is not None and options.precision == DEFAULT_PRECISION else model
+    hosted = freeze_start_parameters(model, scene) if options.out is not None and options.precision == DEFAULT_PRECISION else model
     return _generate(hosted, scene, options) if hosted.frozen else generated
 
 

@@ -58,8 +58,8 @@ class Request:
 class PreparedRun:
     """A compiled model's run, and the facts that reports need.
 
-    ``counts`` are the model's by name, ``places`` has where each joint stands in the model file.  ``following`` are the parts of the run
-    file that follow from tunable parameters, see `changing`: where there are none, parameters can be changed in the run file alone.
+    ``counts`` are the model's by name, ``places`` has where each joint stands in the model file.  ``dependent_parts`` are the parts of
+    the run file that depend on tunable parameters (`changing_parts`); if there are none, parameters are changed in the run file alone.
     ``files`` are the digests of the files that the model file names.  ``inputs`` are the names of the model's inputs, which can be held
     constant there too; ``units`` are those of inputs and tunable parameters, ``plots`` the pictures that the scene names.
     """
@@ -68,19 +68,19 @@ class PreparedRun:
     counts: tuple[tuple[str, str], ...]
     places: Mapping[str, str]
     compilation: Compilation
-    following: tuple[str, ...]
+    dependent_parts: tuple[str, ...]
     inputs: tuple[str, ...]
     units: Mapping[str, str]
     run: SimulatorRun
     files: Mapping[str, str]
     plots: tuple[Plot, ...] = ()
 
-    def takes(self, parameters: Mapping[str, float]) -> bool:
+    def accepts(self, parameters: Mapping[str, float]) -> bool:
         """Return whether parameters can be changed, and inputs held, without the model."""
         if any(_has_other_unit(value, self.units.get(name, "")) for name, value in parameters.items()):
             return False
-        changed = parameters.keys() - ({} if "inputs" in self.following else set(self.inputs))
-        return not changed or (not self.following and changed <= self.run.run_file.parameters.keys())
+        changed = parameters.keys() - ({} if "inputs" in self.dependent_parts else set(self.inputs))
+        return not changed or (not self.dependent_parts and changed <= self.run.run_file.parameters.keys())
 
 
 def _has_other_unit(value: float, unit: str) -> bool:
@@ -102,7 +102,7 @@ def find_cached_run(request: Request, parameters: Mapping[str, float]) -> Prepar
         prepared = None if record is None or digests_of(record["files"]) != record["files"] else _from_json(record)
     except (OSError, CutjointError, PackageNotFoundError, ValueError):
         return None  # whatever is wrong is an error, with its message, of preparing anew
-    if prepared is None or not prepared.takes(parameters) or not is_sound(prepared.run.simulator):
+    if prepared is None or not prepared.accepts(parameters) or not is_sound(prepared.run.simulator):
         return None
     return replace(prepared, run=prepared.run.with_parameters(parameters))
 
@@ -136,11 +136,11 @@ def _can_be_read_again(request: Request) -> bool:
 def _cache_path(request: Request, content: bytes) -> Path:
     code = None if request.functions is None else [*digests_of([str(request.functions)]).values()]
     asked = {**asdict(request), "model": str(request.model), "functions": code}
-    about = [sha256(content).hexdigest(), asked, *made_with(), *_made_beside(request)]
+    about = [sha256(content).hexdigest(), asked, *build_provenance(), *_extension_digests(request)]
     return cache_folder() / "runs" / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"
 
 
-def _made_beside(request: Request) -> tuple[str, ...]:
+def _extension_digests(request: Request) -> tuple[str, ...]:
     """Digests of all that the run follows from besides the product.
 
     Raises:
@@ -150,7 +150,7 @@ def _made_beside(request: Request) -> tuple[str, ...]:
     return *((code_digest(IMPLEMENTATIONS.load(name).code),) if name in IMPLEMENTATIONS.packages else ()), *kind.key
 
 
-def made_with() -> tuple[Any, ...]:
+def build_provenance() -> tuple[Any, ...]:
     """The origin of cached runs besides the model: sources, versions, the C++ compiler, its flags and the processor that they mean.
 
     Raises:
@@ -181,7 +181,8 @@ def versions() -> tuple[str, ...]:
 
 def _as_json(prepared: PreparedRun) -> dict[str, Any]:
     found = replace(prepared.compilation, generate_seconds=0.0, compile_seconds=0.0)
-    prepared = replace(prepared, compilation=found, run=replace(prepared.run, onward=None, by_method=None))  # derived again where used
+    run = replace(prepared.run, continuation=None, by_method=None)  # derived again where used
+    prepared = replace(prepared, compilation=found, run=run)
     return {**asdict(prepared), "run": {**asdict(prepared.run), "simulator": prepared.run.simulator.parent.name}}
 
 
@@ -192,7 +193,7 @@ def _from_json(data: Mapping[str, Any]) -> PreparedRun:
     return PreparedRun(
         model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
         compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"]), "start": Start(**compilation["start"])}),
-        following=tuple(data["following"]), inputs=tuple(data["inputs"]), units=data["units"], files=data["files"],
+        dependent_parts=tuple(data["dependent_parts"]), inputs=tuple(data["inputs"]), units=data["units"], files=data["files"],
         plots=tuple(Plot(**{**plot, "y": tuple(plot["y"])}) for plot in data["plots"]),
         run=SimulatorRun(**{
             **run, "simulator": cache_folder() / run["simulator"] / "simulator", "run_file": RunFile.of(run["run_file"]),

@@ -120,32 +120,32 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
     dt = equations.scene.numerics.of_method(equations.method).step
     samples = [sample for sample in tangent_samples(equations, states, dt) if np.isfinite(sample).all()]
     if not samples:
-        raise RunError("\n".join(_without_value(equations, states[0])))
+        raise RunError("\n".join(_laws_without_value(equations, states[0])))
     try:
         return plan_unsymmetric(pattern, samples)
     except NoPivotError as error:
         words = "no order of elimination is safe in all poses near the design position"
-        raise RunError(f"{equations.scene.span}: scene '{equations.scene.name}': classical: {words}; {_cure(equations)}") from error
+        raise RunError(f"{equations.scene.span}: scene '{equations.scene.name}': classical: {words}; {_advice(equations)}") from error
     except SingularError as error:
-        cure = _cure(equations)
-        raise RunError("\n".join(dict.fromkeys(_dependent(equations, row, cure) for row in error.rows))) from error
+        advice = _advice(equations)
+        raise RunError("\n".join(dict.fromkeys(_dependent(equations, row, advice) for row in error.rows))) from error
 
 
-def _without_value(equations: LagrangianEquations, state: NaturalState) -> list[str]:
+def _laws_without_value(equations: LagrangianEquations, state: NaturalState) -> list[str]:
     """Messages about laws without a value, or without a derivative, in the design position and near it."""
     words = "no finite value or derivative in the design position and near it, where classical chooses its pivots"
-    cure = "give it one there, or use --method recursive"
+    advice = "give it one there, or use --method recursive"
     if not equations.domains:  # numbers grow without bound
-        return [f"{equations.topology.model.span.file}: a law has {words}; {cure}"]
+        return [f"{equations.topology.model.span.file}: a law has {words}; {advice}"]
     results = evaluate_results(equations, equations.function("domains").results, {"q": state.q, "v": state.v})
     left = [place for place, margin in zip(equations.domains, results.values(), strict=True) if not (margin > 0).all()]
     return [
-        f"{place.place}: '{place.element}': its law has {words}: {place.function} leaves its domain there; {cure}"
+        f"{place.place}: '{place.element}': its law has {words}: {place.function} leaves its domain there; {advice}"
         for place in left or equations.domains
     ]  # fmt: skip
 
 
-def _cure(equations: LagrangianEquations) -> str:
+def _advice(equations: LagrangianEquations) -> str:
     """The advice where classical has no pivots: other methods, but where a motion moves no mass."""
     motions = find_momentary_motions(equations.start, explore(equations.start))
     if not motions:
@@ -154,7 +154,7 @@ def _cure(equations: LagrangianEquations) -> str:
     return "\n".join(["other methods may not start there either", *named])
 
 
-def _dependent(equations: LagrangianEquations, row: int, cure: str) -> str:
+def _dependent(equations: LagrangianEquations, row: int, advice: str) -> str:
     """The message about a coordinate or an equation that has no pivot of its own near the design position."""
     model, name = equations.topology.model, equations.row_names[row]
     element = (*equations.state.v, *equations.state.equations)[row].element
@@ -166,4 +166,4 @@ def _dependent(equations: LagrangianEquations, row: int, cure: str) -> str:
         words = f"neither mass nor an equation determines its motion{at} in the design position or near it"
     else:
         words = f"what holds it{at} follows from what holds other elements in the design position or near it, as where links are in line"
-    return f"{model.constraint_spans.get(element, model.span)}: {what}: {words}, which classical cannot solve; {cure}"
+    return f"{model.constraint_spans.get(element, model.span)}: {what}: {words}, which classical cannot solve; {advice}"

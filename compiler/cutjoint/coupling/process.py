@@ -13,7 +13,7 @@ from typing import Any
 
 from cutjoint.model.text import printable
 from cutjoint.package.errors import RunError
-from cutjoint.toolchain.keeper import end_session
+from cutjoint.toolchain.supervisor import end_session
 
 _START = "from cutjoint.coupling.slave import main; main()"
 

@@ -33,7 +33,7 @@ _MOST = 1e8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Party:
+class Participant:
     """An FMU with its connections, whose steps of communication are ``step`` long (s)."""
 
     fmu: ControllerFmu
@@ -50,7 +50,7 @@ class Plan:
     """
 
     simulation: Simulation
-    parties: tuple[Party, ...]
+    parties: tuple[Participant, ...]
     end: float
     output_step: float
     dt: float
@@ -61,13 +61,13 @@ class Plan:
     @property
     def step(self) -> float:
         """The shortest step of communication, s."""
-        return min(party.step for party in self.parties)
+        return min(participant.step for participant in self.parties)
 
     @property
     def units(self) -> dict[str, str]:
         """The units of the columns: the scene's outputs, then the inputs that FMUs drive."""
         known = self.simulation.library.units
-        return {**known["output"], **{name: known["input"][name] for party in self.parties for name in party.connections.driven}}
+        return {**known["output"], **{name: known["input"][name] for each in self.parties for name in each.connections.driven}}
 
 
 def co_simulate(plan: Plan, *, out: Path | None = None, progress: Progress | None = None, estimate: bool = True) -> Trajectory:
@@ -146,10 +146,10 @@ def _rows(plan: Plan) -> Iterator[tuple[list[float], list[float]]]:
     simulation = Simulation(plan.simulation.library)
     with ExitStack() as opened:
         ends: list[_End] = []
-        for party in plan.parties:
-            controller = party.fmu.instantiate()
+        for participant in plan.parties:
+            controller = participant.fmu.instantiate()
             opened.callback(controller.close)
-            ends.append(_End(simulation, controller, party, ends))
+            ends.append(_End(simulation, controller, participant, ends))
         _begin(plan, simulation, ends)
         for time, is_row in _times(plan):
             if time > 0:
@@ -179,17 +179,17 @@ def _times(plan: Plan) -> Iterator[tuple[float, bool]]:
 
 def _exchange_times(plan: Plan) -> Iterator[float]:
     """The times of exchanges behind the start."""
-    steps = [party.step for party in plan.parties]
+    steps = [participant.step for participant in plan.parties]
     times = merge(*(map(mul, repeat(step), range(1, _count(plan.end, step) + 1)) for step in steps))
     return (next(group) for _, group in groupby(times, lambda time: round(time / (_ROUNDING * plan.step))))
 
 
 def _require_exchanges(plan: Plan) -> None:
     """Check that the steps of communication are not so many that something else was meant."""
-    for party in plan.parties:
-        if (count := plan.end / party.step) > _MOST:
+    for participant in plan.parties:
+        if (count := plan.end / participant.step) > _MOST:
             raise RunError(
-                f"{party.fmu.path}: steps of communication of {party.step:g} s are {count:.1e} exchanges to {plan.end:g} s; say"
+                f"{participant.fmu.path}: steps of communication of {participant.step:g} s are {count:.1e} exchanges to {plan.end:g} s; say"
                 " --communication-step, or end earlier by --end"
             )
 
@@ -212,16 +212,16 @@ def _begin(plan: Plan, simulation: Simulation, ends: "list[_End]") -> None:
             for end in ends:
                 end.controller.start()
             return
-    paths = " and ".join(str(party.fmu.path) for party in plan.parties)
+    paths = " and ".join(str(participant.fmu.path) for participant in plan.parties)
     raise RunError(f"{paths}: at the start outputs of FMUs and of the model change each other without end; read no accelerations")
 
 
 class _End:
     """An FMU's end of the connections; ``given`` are the values by which it drives the model, ``others`` all ends by number."""
 
-    def __init__(self, simulation: Simulation, controller: Controller, party: Party, others: "list[_End]") -> None:
+    def __init__(self, simulation: Simulation, controller: Controller, participant: Participant, others: "list[_End]") -> None:
         self.controller, self.given, self._simulation, self._others = controller, list[float](), simulation, others
-        self._path, self._connections, self._step = party.fmu.path, party.connections, party.step
+        self._path, self._connections, self._step = participant.fmu.path, participant.connections, participant.step
         self._steps = 0
 
     def is_due(self, time: float, end: float) -> bool:
@@ -261,9 +261,9 @@ class _End:
         """The controller's outputs to the model's inputs, which hold them; guides go there until the next exchange."""
         driven, before = self._connections.driven, self.given
         self.given = self._read(list(driven.values()))
-        goes_on = self._simulation.time > 0
+        has_started = self._simulation.time > 0
         for name, value, last in zip(driven, self.given, before or self.given, strict=True):
-            if goes_on and name in self._connections.steering:
+            if has_started and name in self._connections.steering:
                 self._simulation.set_input(name, last, (value - last) / self._step)
             else:
                 self._simulation.set_input(name, value)

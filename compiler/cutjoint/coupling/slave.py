@@ -16,7 +16,7 @@ from fmpy import read_model_description
 from fmpy.simulation import instantiate_fmu
 
 from cutjoint.model.text import printable
-from cutjoint.toolchain.keeper import end_session
+from cutjoint.toolchain.supervisor import end_session
 
 _DISCARD = 2
 

@@ -18,7 +18,7 @@ from cutjoint.model.records import COORDINATES, Binding, Marker, Model, Output, 
 from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import make_simulator_run
 from cutjoint.run.failures import describe_failure
-from cutjoint.run.run_file import given_inputs, parameter_values
+from cutjoint.run.run_file import constant_inputs, parameter_values
 from cutjoint.run.scenes import with_closure, with_loops
 from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator_run import start
@@ -44,7 +44,7 @@ class Numbers:
         """
         changed = parameter_values(model, parameters)
         values = {p.symbol: changed.get(p.name, p.value) for p in model.parameters if p.binding is not Binding.INPUT}
-        held = given_inputs(model, parameters)
+        held = constant_inputs(model, parameters)
         inputs = {p.symbol: sympy.Float(held[p.name]) for p in input_parameters(model) if p.name in held}
         return cls(values=values, inputs={**input_functions(model, scene), **inputs})
 

@@ -91,7 +91,7 @@ class _Mjcf(Tree):
                 message = "MuJoCo has no bodies without mass that move or have inertia"
                 yield problem_of(body.span, f"body '{child}'", message, f"give it some by --link-mass '{child}=KG'")
         for gear in self.model.gears:
-            if gear.law is not None and self._bend(gear) is None:
+            if gear.law is not None and self._polynomial(gear) is None:
                 message = "is no polynomial of the fourth degree"
                 yield problem_of(gear.span, f"gear '{gear.name}'", message, "MuJoCo has no other laws; write such a one")
 
@@ -119,9 +119,9 @@ class _Mjcf(Tree):
             for number, visual in enumerate(meshes, 1):
                 SubElement(assets, "mesh", name=f"mesh_{number}", file=visual.mesh, scale=text_of([visual.scale] * 3))
         self._meshes = {id(visual): f"mesh_{number}" for number, visual in enumerate(meshes, 1)}
-        self._hang_on(SubElement(root, "worldbody"), GROUND, np.zeros(3), [])
-        pulls = list(self._pulls())
-        self._relate(root, [tendon for _, tendon, _ in pulls])
+        self._add_children(SubElement(root, "worldbody"), GROUND, np.zeros(3), [])
+        pulls = list(self._tendon_actuators())
+        self._add_equalities(root, [tendon for _, tendon, _ in pulls])
         self._pulled = {force: actuator if force == forces[0] else None for actuator, _, forces in pulls for force in forces}
         actuators = [element for force in self.model.force_elements if (element := self._drive(force)) is not None]
         for title, elements in (("actuator", actuators), ("keyframe", list(self._starts()))):
@@ -144,7 +144,7 @@ class _Mjcf(Tree):
 
     # bodies and joints
 
-    def _hang_on(self, element: Element, parent: str, origin: Array, before: list[tuple[Joint, str]]) -> None:
+    def _add_children(self, element: Element, parent: str, origin: Array, before: list[tuple[Joint, str]]) -> None:
         """The markers of a body and the bodies that the tree hangs on it; ``before`` are joints of bodies that are none in MuJoCo."""
         for marker in self.model.markers:
             if marker.body == parent:
@@ -154,7 +154,7 @@ class _Mjcf(Tree):
                 continue
             joints = [*before, (joint, carrier)]
             if child in self._merged:
-                self._hang_on(element, child, origin, joints)
+                self._add_children(element, child, origin, joints)
                 continue
             place, body = self.origins[child], self.bodies[child]
             inside = SubElement(element, "body", name=child, pos=text_of(place - origin))
@@ -162,7 +162,7 @@ class _Mjcf(Tree):
                 self._joint(inside, one, base, self.vector(one.at) - place)
             self._inertial(inside, body, place, moves=any(one.kind != "fixed" for one, _ in joints))
             self._draw(inside, body, place)
-            self._hang_on(inside, child, place, [])
+            self._add_children(inside, child, place, [])
 
     def _joint(self, body: Element, joint: Joint, parent: str, place: Array) -> None:
         if joint.kind == "fixed":
@@ -205,13 +205,13 @@ class _Mjcf(Tree):
 
     # relations
 
-    def _relate(self, root: Element, tendons: list[Element]) -> None:
+    def _add_equalities(self, root: Element, tendons: list[Element]) -> None:
         equalities = list[Element]()
         for loop in self.loops:
             equalities += self._closures(loop)
         for gear in self.model.gears:
             if not gear.others:
-                coefficients = [0.0, self.number(gear.ratio)] if gear.law is None else self._bend(gear) or []
+                coefficients = [0.0, self.number(gear.ratio)] if gear.law is None else self._polynomial(gear) or []
                 equalities.append(couple(gear.name, gear.first.joint, gear.second.joint, coefficients))
                 continue
             tendon = Element("fixed", name=f"{gear.name}.sum")
@@ -230,7 +230,7 @@ class _Mjcf(Tree):
         names = body_name(ends[0]), body_name(ends[1])
         return closures(loop.kind, loop.name, names, anchors, axis)
 
-    def _bend(self, gear: Gear) -> list[float] | None:
+    def _polynomial(self, gear: Gear) -> list[float] | None:
         """The coefficients of a gear's law from the constant up, None where it is no polynomial that MuJoCo has."""
         position, _ = variables_of(gear.law)
         law = sympy.sympify(gear.law)
@@ -247,7 +247,7 @@ class _Mjcf(Tree):
         if force.name in self._pulled:
             return self._pulled[force.name]
         found = self._actuator(force)
-        if found is None and not self.resists(force):
+        if found is None and not self.is_resistance(force):
             self._unwritten.append(force.name)
         return found
 
@@ -256,7 +256,7 @@ class _Mjcf(Tree):
         position, rate = variables_of(law)
         return self._servo(law, {"joint": force.joint_of}, {position: 1.0}, {rate: 1.0}) if force.joint_of else None
 
-    def _pulls(self) -> Iterator[tuple[Element, Element, list[str]]]:
+    def _tendon_actuators(self) -> Iterator[tuple[Element, Element, list[str]]]:
         """Actuators of signals that pull several joints, each by its share; with the tendon and the names of the forces."""
         scalar = {joint.name: joint for joint, _, _ in self.tree if joint.kind in _SCALAR}
         for signal in self.model.signals:

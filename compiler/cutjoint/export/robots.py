@@ -63,13 +63,13 @@ class Tree:
         self.numbers = {p.symbol: parameters.get(p.name, p.value) for p in model.parameters if p.binding is not Binding.INPUT}
         self.inputs = {p.symbol: p for p in model.parameters if p.binding is Binding.INPUT}
         self.bodies = {body.name: body for body in model.bodies}
-        self._hang(model.joints)
+        self._build_tree(model.joints)
         if hard := [joint for joint in self.loops if joint.kind not in self.kinds[1] and joint.kind in self.kinds[0]]:
-            self._hang([*hard, *(joint for joint in model.joints if joint not in hard)])
+            self._build_tree([*hard, *(joint for joint in model.joints if joint not in hard)])
         if problems := list(self.problems()):
             raise ModelError(problems)
 
-    def _hang(self, joints: Sequence[Joint]) -> None:
+    def _build_tree(self, joints: Sequence[Joint]) -> None:
         self.origins = {GROUND: np.zeros(3)}
         self.tree: list[tuple[Joint, str, str]] = []
         self.loops: list[Joint] = []
@@ -133,16 +133,16 @@ class Tree:
 
     def resistance(self, joint: Joint) -> Resistance:
         """The sum of what resists a joint's coordinate."""
-        found = [r for force in self.model.force_elements if joint_of(force) == joint.name and (r := self.resisting(force))]
+        found = [r for force in self.model.force_elements if joint_of(force) == joint.name and (r := self.as_resistance(force))]
         stiffness = sum(r.stiffness for r in found)
         rest = sum(r.stiffness * r.rest for r in found) / stiffness if stiffness else 0.0
         return Resistance(stiffness, rest, sum(r.damping for r in found), sum(r.friction for r in found))
 
-    def resists(self, force: Force) -> bool:
+    def is_resistance(self, force: Force) -> bool:
         """Return whether a force is written as the resistance of a joint of the tree; a joint that closes a loop has none."""
-        return any(joint.name == joint_of(force) for joint, _, _ in self.tree) and self.resisting(force) is not None
+        return any(joint.name == joint_of(force) for joint, _, _ in self.tree) and self.as_resistance(force) is not None
 
-    def resisting(self, force: Force) -> Resistance | None:
+    def as_resistance(self, force: Force) -> Resistance | None:
         """A force whose law is -k (position - rest) - c rate, on a ball the same about the design position, or friction that is constant
         where it slides; None of any other."""
         if isinstance(force, BallSpring):
@@ -286,7 +286,7 @@ class _Urdf(Tree):
         ends = [child for joint, _, child in self.tree if joint.name in terms]
         for second in ends:
             for first in ends:
-                ways = [self._way(first), self._way(second)]
+                ways = [self._moving_joints(first), self._moving_joints(second)]
                 mine, others = ([j for j in way if j not in ways[1 - i]] for i, way in enumerate(ways))
                 if mine and others and {*mine, *others} == terms.keys() and terms[others[0]] == 1:
                     ratio = -terms[mine[0]]
@@ -294,7 +294,7 @@ class _Urdf(Tree):
                         return first, second, ratio
         return ()
 
-    def _way(self, link: str) -> list[str]:
+    def _moving_joints(self, link: str) -> list[str]:
         """The moving joints between the ground and a body."""
         carried, way = {child: (joint, parent) for joint, parent, child in self.tree}, []
         while link in carried:
@@ -310,16 +310,16 @@ class _Urdf(Tree):
         if joint.axes:
             SubElement(element, "axis", xyz=text_of(self.vector(joint.axes[0])))
 
-    def resisting(self, force: Force) -> Resistance | None:
+    def as_resistance(self, force: Force) -> Resistance | None:
         """A damper or dry friction."""
-        found = super().resisting(force)
+        found = super().as_resistance(force)
         return None if found is None or found.stiffness else found
 
     def _drive(self, root: Element, force: Force) -> None:
         """A drive of a force that is an input, else a note of one that is no resistance of a joint."""
         if force.joint_of and getattr(force, "law", None) in self.inputs:
             SubElement(SubElement(root, "transmission", name=force.name), "joint", name=force.joint_of)
-        elif not self.resists(force):
+        elif not self.is_resistance(force):
             self._unwritten.append(force.name)
 
 

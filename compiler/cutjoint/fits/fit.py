@@ -159,7 +159,7 @@ class Solver:
             deviations=deviations, intervals=np.column_stack([best.x - reach, best.x + reach]), correlations=correlations,
             numbers=numbers | tied, cost=float(best.cost), iterations=iterations, runs=self.runs.count,
             starts=tuple(float(each.cost) for each in tries), before=before, after=after, signals=results,
-            faults=self._judge(best, after, reach, results), study=self.study,
+            faults=self._find_faults(best, after, reach, results), study=self.study,
         )  # fmt: skip
 
     def residuals(self, theta: Array) -> tuple[Array, Array]:
@@ -241,7 +241,7 @@ class Solver:
         held_out = [(p, p.signal.deviation) for p in self.runs.predict(theta, validation=True)]
         return tuple(_result(p, float(s)) for p, s in (*fitted, *held_out))
 
-    def _judge(self, found: Any, after: Identifiability, reach: Array, results: Sequence[SignalResult]) -> dict[str, str]:
+    def _find_faults(self, found: Any, after: Identifiability, reach: Array, results: Sequence[SignalResult]) -> dict[str, str]:
         faults = {}
         if found.status <= 0:
             faults["not converged"] = f"after {found.nfev} runs: {found.message}"

@@ -138,12 +138,12 @@ _ZERO = 1e-12
 @dataclass(frozen=True)
 class Relation:
     """The coordinate of ``follower`` is the sum of ``ratios``, by joints, times theirs, and of one leader a polynomial with coefficients
-    ``bend`` from the square up."""
+    ``higher_terms`` from the square up."""
 
     name: str
     follower: str
     ratios: dict[str, float]
-    bend: tuple[float, ...] = ()
+    higher_terms: tuple[float, ...] = ()
 
 
 def solve_couplings(robot: Robot) -> list[Relation]:
@@ -156,15 +156,15 @@ def solve_couplings(robot: Robot) -> list[Relation]:
         for name in coupling.terms:
             if robot.joints[name].freedom != 1:
                 coupling.node.refuse(f"couples '{name}', a joint without a coordinate of its own", "couple revolute and prismatic joints")
-    bent = [Relation(c.name, *_apart(c), c.bend) for c in robot.couplings if c.bend]
+    higher = [Relation(c.name, *_split_terms(c), c.higher_terms) for c in robot.couplings if c.higher_terms]
     driven = {joint for drive in robot.drives for joint in drive.joints}
     order = {name: (name in driven, not joint.follows) for name, joint in robot.joints.items()}
-    return [*_eliminate([c for c in robot.couplings if not c.bend], order), *bent]
+    return [*_eliminate([c for c in robot.couplings if not c.higher_terms], order), *higher]
 
 
-def _apart(coupling: Coupling) -> tuple[str, dict[str, float]]:
-    follower = next(joint for joint in coupling.terms if joint != coupling.leader)
-    return follower, {coupling.leader: -coupling.terms[coupling.leader]}
+def _split_terms(coupling: Coupling) -> tuple[str, dict[str, float]]:
+    follower = next(joint for joint in coupling.terms if joint != coupling.independent)
+    return follower, {coupling.independent: -coupling.terms[coupling.independent]}
 
 
 def _eliminate(couplings: list[Coupling], order: Mapping[str, tuple[bool, bool]]) -> list[Relation]:

@@ -250,12 +250,12 @@ class Document:
         """The spring, damper and friction of a joint, whose coordinates in the file are ``here`` in the design position; a ball's turn it
         there from where its spring is at rest, rad in global axes."""
         if joint.kind == "free" and not joint.stiffness:
-            self._slow(name, element, joint.damping, joint.friction)
+            self._add_resisting_force(name, element, joint.damping, joint.friction)
             return
         if joint.kind not in (*_COORDINATE, "spherical") and (joint.stiffness or joint.damping or joint.friction):
             joint.node.refuse(f"has a spring or friction on a joint of kind {joint.kind}", "set both to zero, or write three hinges")
         if joint.kind == "spherical" and joint.friction:
-            self._slow(name, element, 0.0, joint.friction)
+            self._add_resisting_force(name, element, 0.0, joint.friction)
         if joint.stiffness or joint.damping:
             spring: dict[str, Any] = {"stiffness": joint.stiffness, "damping": joint.damping}
             if joint.stiffness and joint.kind == "spherical":
@@ -269,7 +269,7 @@ class Document:
             friction = {"kind": "joint_friction", "joint": name, "coefficient": 1, **radius, "preload": joint.friction, "carried": False}
             self._sections["forces"][force] = friction
 
-    def _slow(self, name: str, element: dict[str, Any], damping: float, friction: float) -> None:
+    def _add_resisting_force(self, name: str, element: dict[str, Any], damping: float, friction: float) -> None:
         """The damper and the dry friction of a free joint or a ball, on places and turns."""
         if not damping and not friction:
             return
@@ -317,11 +317,11 @@ class Document:
     def _law(self, relation: Relation) -> dict[str, Any]:
         """The ratio of a gear, or the law by which it bends, over coordinates that count from the design position."""
         ratios = [short(ratio, 15) for ratio in relation.ratios.values()]
-        if not relation.bend:
+        if not relation.higher_terms:
             return {"ratio": ratios[0] if len(ratios) == 1 else ratios}
-        whole = np.polynomial.Polynomial([0.0, *ratios, *relation.bend])
-        (leader,) = relation.ratios
-        here = whole(np.polynomial.Polynomial([float(self._closed.q[leader][0]), 1.0]))
+        whole = np.polynomial.Polynomial([0.0, *ratios, *relation.higher_terms])
+        (independent,) = relation.ratios
+        here = whole(np.polynomial.Polynomial([float(self._closed.q[independent][0]), 1.0]))
         coefficients = [0.0, *here.coef[1:]]
         return {"law": {"polynomial": [short(c, 15) for c in coefficients], "of": "position"}}
 
@@ -331,10 +331,10 @@ class Document:
             self._note("drives left out, since their joint has no coordinate of its own", drive.name)
             return
         name = self._own_name(drive.name, "input") if drive.gain else drive.name
-        unit = {"unit": "N*m" if joints[0].kind == "revolute" else "N"} if drive.is_plain and not drive.pulls else {}
+        unit = {"unit": "N*m" if joints[0].kind == "revolute" else "N"} if drive.is_plain and not drive.tendon else {}
         if drive.gain:
             self._sections["parameters"][name] = {"value": 0, **unit, "binding": "input"}
-        laws = self._pull(drive, name) if drive.pulls else {drive.joint: drive.law(name, float(self._closed.q[drive.joint][0]))}
+        laws = self._tendon_laws(drive, name) if drive.tendon else {drive.joint: drive.law(name, float(self._closed.q[drive.joint][0]))}
         for joint, law in laws.items():
             force = self._name(f"{self.joints[joint]}_motor")
             self._sections["forces"][force] = {"kind": "joint_force", "joint": self.joints[joint], "law": law}
@@ -350,13 +350,13 @@ class Document:
             force = {"kind": "point_spring", "bodies": bodies, "from": first, "to": second, "law": " + ".join(parts)}
             self._sections["forces"][self._name(spring.name, "spring")] = force
 
-    def _pull(self, drive: Drive, name: str) -> dict[str, str]:
+    def _tendon_laws(self, drive: Drive, name: str) -> dict[str, str]:
         """The laws by joints of a drive on a tendon, whose force is a signal."""
-        ways = [" + ".join(f"{short(k)!r}*{self._coordinate(j)}{end}" for j, k in drive.pulls.items()) for end in ("", "_rate")]
-        here = sum(k * float(self._closed.q[j][0]) for j, k in drive.pulls.items())
+        ways = [" + ".join(f"{short(k)!r}*{self._coordinate(j)}{end}" for j, k in drive.tendon.items()) for end in ("", "_rate")]
+        here = sum(k * float(self._closed.q[j][0]) for j, k in drive.tendon.items())
         signal = self._name(f"{name}_pull")
         self._sections["signals"][signal] = drive.law(name, here, *(f"({way})" for way in ways)).replace("+ -", "- ")
-        return {joint: f"{short(k)!r}*{signal}" for joint, k in drive.pulls.items()}
+        return {joint: f"{short(k)!r}*{signal}" for joint, k in drive.tendon.items()}
 
 
 def _legal(name: str) -> str:

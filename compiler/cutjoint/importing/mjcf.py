@@ -13,7 +13,7 @@ import numpy as np
 
 from cutjoint.importing.closing import CLOSED
 from cutjoint.importing.mjcf_files import compile_mjcf, elements
-from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, Spring, colour_of, of_quaternion, unlike
+from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, Spring, colour_of, of_quaternion, unique_name
 from cutjoint.importing.xml import Node, read_xml
 
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
@@ -36,7 +36,7 @@ def read_mjcf(path: Path, folder: Path) -> tuple[Robot, Node]:
     model, absent = compile_mjcf(path, root, folder)
     import mujoco
 
-    _heed(root)
+    _mark_as_read(root)
     robot = _Reading(model, root, mujoco).robot
     if absent:
         names = ", ".join(absent)
@@ -44,13 +44,13 @@ def read_mjcf(path: Path, folder: Path) -> tuple[Robot, Node]:
     return robot, root
 
 
-def _heed(node: Node) -> None:
+def _mark_as_read(node: Node) -> None:
     """Count all below an element as read: MuJoCo has read it, and `_Reading` says what has no place in a model file."""
     for name in node.attributes:
         node.get(name)
     for child in node.children:
         node.all(child.tag)
-        _heed(child)
+        _mark_as_read(child)
 
 
 class _Reading:
@@ -81,7 +81,7 @@ class _Reading:
         self._add_resisting_tendons()
         self.robot.references = {name: start for name, start in self._start.items() if start}
         self._add_starts()
-        self._tell()
+        self._add_notes()
 
     def _name(self, kind: str, index: int, default: str) -> str:
         found = self._mujoco.mj_id2name(self.m, getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}"), index)
@@ -91,10 +91,10 @@ class _Reading:
         """The names of all elements of a kind, with defaults that no other one has for those without a name."""
         found = [self._name(kind, i, "") for i in range(count)]
         taken = list(found)
-        return [name or self._unlike(default(i), taken) for i, name in enumerate(found)]
+        return [name or self._unique_name(default(i), taken) for i, name in enumerate(found)]
 
-    def _unlike(self, wanted: str, taken: list[str]) -> str:
-        taken.append(unlike(wanted, taken))
+    def _unique_name(self, wanted: str, taken: list[str]) -> str:
+        taken.append(unique_name(wanted, taken))
         return taken[-1]
 
     def _node(self, tag: str, name: str) -> Node:
@@ -115,10 +115,10 @@ class _Reading:
         parent, at = self._links[m.body_parentid[body]], Pose(of_quaternion(*map(float, m.body_quat[body])), m.body_pos[body].copy())
         first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
         if not count:
-            weld = Joint(self._unlike(f"{name}_weld", self._fresh), link.node, "fixed", parent, name, at)
+            weld = Joint(self._unique_name(f"{name}_weld", self._fresh), link.node, "fixed", parent, name, at)
             self.robot.joints[weld.name] = weld
         for joint in range(first, first + count):
-            child = name if joint == first + count - 1 else self._unlike(f"{name}_{joint - first + 1}", self._fresh)
+            child = name if joint == first + count - 1 else self._unique_name(f"{name}_{joint - first + 1}", self._fresh)
             if child != name:
                 self.robot.links[child] = Link(child, link.node)
             self._add_joint(joint, parent, child, at)
@@ -138,8 +138,8 @@ class _Reading:
         for key, value in resisting.items():
             setattr(added, key, 0.0 if self._off & _SWITCHES[key] else float(value))
         added.armature = float(m.dof_armature[dof])
-        bent = (m.jnt_stiffnesspoly[joint], "SPRING"), (m.dof_dampingpoly[dof], "DAMPER"), (m.jnt_springyield[joint], "SPRING")
-        if any(np.any(value) and flag not in self._off for value, flag in bent):
+        higher = (m.jnt_stiffnesspoly[joint], "SPRING"), (m.dof_dampingpoly[dof], "DAMPER"), (m.jnt_springyield[joint], "SPRING")
+        if any(np.any(value) and flag not in self._off for value, flag in higher):
             added.node.refuse("has a spring or a damper that is not linear", "leave the further coefficients out")
         if kind in (_SLIDE, _HINGE):
             self._start[name] = float(m.qpos0[address])
@@ -153,9 +153,9 @@ class _Reading:
         """A site with a name is a point of its body."""
         m = self.m
         if name := self._name("SITE", site, ""):
-            link = Link(self._unlike(name, self._fresh), self._node("site", name))
+            link = Link(self._unique_name(name, self._fresh), self._node("site", name))
             place = Pose(of_quaternion(*map(float, m.site_quat[site])), m.site_pos[site].copy())
-            weld = self._unlike(f"{link.name}_place", self._fresh)
+            weld = self._unique_name(f"{link.name}_place", self._fresh)
             self.robot.links[link.name] = link
             self.robot.joints[weld] = Joint(weld, link.node, "fixed", self._links[int(m.site_bodyid[site])], link.name, place)
 
@@ -197,7 +197,7 @@ class _Reading:
             elif kind != _TENDON:
                 self._equality(i).refuse(f"is the equality '{name}' of a kind that a model file has not", "leave it out")
         for pairs in points.values():
-            self.robot.loops.append(_united(pairs) if len(pairs) > 1 else pairs[0])
+            self.robot.loops.append(_merge_connects(pairs) if len(pairs) > 1 else pairs[0])
 
     def _loop(self, i: int, kind: int, name: str) -> Loop:
         m, data = self.m, self.m.eq_data[i]
@@ -219,8 +219,8 @@ class _Reading:
         m, node = self.m, self._equality(i)
         first = self._of_joint[int(m.eq_obj1id[i])]
         second = "" if int(m.eq_obj2id[i]) < 0 else self._of_joint[int(m.eq_obj2id[i])]
-        constant, slope, *bend = map(float, m.eq_data[i][:5])
-        if not second or (slope == 0 and not any(bend)):
+        constant, slope, *higher_terms = map(float, m.eq_data[i][:5])
+        if not second or (slope == 0 and not any(higher_terms)):
             joint = self.robot.joints[first]
             held = joint.moved(np.array([constant])) @ joint.inner.inverse()
             joint.origin, joint.kind = held, "fixed"
@@ -229,8 +229,8 @@ class _Reading:
             self.robot.notes.append(f"{first} is fixed, since the equality {name} holds it still")
             return
         coupling = Coupling(name, node, {first: 1.0, second: -slope}, constant)
-        if any(bend):
-            coupling.leader, coupling.bend = second, tuple(bend)
+        if any(higher_terms):
+            coupling.independent, coupling.higher_terms = second, tuple(higher_terms)
         self.robot.couplings.append(coupling)
 
     def _add_tendons(self) -> None:
@@ -257,14 +257,14 @@ class _Reading:
         name = self._name("ACTUATOR", i, f"motor_{i + 1}")
         kind, target = int(m.actuator_trntype[i]), int(m.actuator_trnid[i][0])
         of_joint = kind in (int(enums.mjtTrn.mjTRN_JOINT), int(enums.mjtTrn.mjTRN_JOINTINPARENT))
-        pulls = self._fixed_tendon(target) if kind == int(enums.mjtTrn.mjTRN_TENDON) else {}
+        tendon = self._fixed_tendon(target) if kind == int(enums.mjtTrn.mjTRN_TENDON) else {}
         kinds = int(m.actuator_dyntype[i]), int(m.actuator_gaintype[i])
         direct = kinds == (int(enums.mjtDyn.mjDYN_NONE), int(enums.mjtGain.mjGAIN_FIXED))
         bias = int(m.actuator_biastype[i])
         gear, control = float(m.actuator_gear[m.actuator_outadr[i]][0]), int(m.actuator_ctrladr[i])
         if of_joint:
-            self._burden(self.robot.joints[self._of_joint[target]], i)
-        elif pulls and (m.actuator_armature[i] or np.any(m.actuator_damping[i])):
+            self._add_actuator_loads(self.robot.joints[self._of_joint[target]], i)
+        elif tendon and (m.actuator_armature[i] or np.any(m.actuator_damping[i])):
             self._node("general", name).refuse("is an actuator with armature or damping on a tendon", "leave them out")
         off = "ACTUATION" in self._off or bool(m.opt.disableactuator >> int(m.actuator_group[i]) & 1)
         reason = (
@@ -273,14 +273,14 @@ class _Reading:
             else "it has dynamics of its own, or acts on no joint or fixed tendon"
         )  # fmt: skip
         direct = direct and not m.actuator_delay[i] and not off and m.actuator_ctrlnum[i] == m.actuator_outnum[i] == 1
-        if not ((of_joint or pulls) and direct and bias in (int(enums.mjtBias.mjBIAS_NONE), int(enums.mjtBias.mjBIAS_AFFINE))):
+        if not ((of_joint or tendon) and direct and bias in (int(enums.mjtBias.mjBIAS_NONE), int(enums.mjtBias.mjBIAS_AFFINE))):
             self.robot.notes.append(f"the actuator {name} is left out: {reason}")
             return
-        if pulls:
+        if tendon:
             self._pulled.add(target)
-        joint = next(iter(pulls)) if pulls else self._of_joint[target]
-        offset = sum(k * self._start[j] for j, k in pulls.items()) if pulls else self._start.get(joint, 0.0)
-        drive = Drive(name, joint, gear, float(m.actuator_gainprm[i][0]), offset=offset, pulls=pulls)
+        joint = next(iter(tendon)) if tendon else self._of_joint[target]
+        offset = sum(k * self._start[j] for j, k in tendon.items()) if tendon else self._start.get(joint, 0.0)
+        drive = Drive(name, joint, gear, float(m.actuator_gainprm[i][0]), offset=offset, tendon=tendon)
         if bias:
             drive.bias, drive.stiffness, drive.damping = (float(x) * k for x, k in zip(m.actuator_biasprm[i][:3], (1, -1, -1), strict=True))
         if m.actuator_ctrllimited[control] and "CLAMPCTRL" not in self._off:
@@ -299,7 +299,7 @@ class _Reading:
             terms[joint] = terms.get(joint, 0.0) + float(m.wrap_prm[wrap])
         return terms
 
-    def _burden(self, joint: Joint, i: int) -> None:
+    def _add_actuator_loads(self, joint: Joint, i: int) -> None:
         """The rotor of an actuator and its damping, seen through the gear, are the joint's."""
         m, gear = self.m, float(self.m.actuator_gear[self.m.actuator_outadr[i]][0])
         if np.any(m.actuator_dampingpoly[i]):
@@ -326,7 +326,7 @@ class _Reading:
         first = int(self.m.jnt_qposadr[joint])
         return first, first + {_FREE: 7, _BALL: 4}[int(self.m.jnt_type[joint])]
 
-    def _tell(self) -> None:
+    def _add_notes(self) -> None:
         m, notes = self.m, self.robot.notes
         if self.robot.loops:
             notes.append("loops, which MuJoCo closes by springs, are rigid")
@@ -362,9 +362,9 @@ class _Reading:
             sites = [int(site) for site in m.wrap_objid[wraps]]
             if others or (stiffness and rest != most):
                 self._tendon(i).refuse("is a tendon with friction, armature, slack or a spring that is not linear", "leave it out")
-            if pulls := self._fixed_tendon(i):
-                offset = sum(k * self._start.get(j, 0.0) for j, k in pulls.items())
-                drive = Drive(name, next(iter(pulls)), 1.0, 0.0, stiffness * rest, stiffness, damping, offset=offset, pulls=pulls)
+            if tendon := self._fixed_tendon(i):
+                offset = sum(k * self._start.get(j, 0.0) for j, k in tendon.items())
+                drive = Drive(name, next(iter(tendon)), 1.0, 0.0, stiffness * rest, stiffness, damping, offset=offset, tendon=tendon)
                 self.robot.drives.append(drive)
             elif len(sites) == 2 and all(m.wrap_type[wraps] == int(self._mujoco.mjtWrap.mjWRAP_SITE)):
                 first, second = ((self._links[int(m.site_bodyid[site])], m.site_pos[site].copy()) for site in sites)
@@ -378,7 +378,7 @@ class _Reading:
         return self._nodes.get(("fixed", name)) or self._nodes.get(("spatial", name)) or self._root
 
 
-def _united(loops: list[Loop]) -> Loop:
+def _merge_connects(loops: list[Loop]) -> Loop:
     """Several points in which two bodies are connected: a hinge through those of a line, else the bodies are one."""
     one = loops[0]
     mine = [loop.first.place if loop.links == one.links else loop.second.place for loop in loops]
@@ -392,7 +392,8 @@ def _united(loops: list[Loop]) -> Loop:
     along = [[float(way @ (place - places[a])) for place in places] for way, places in ((axis, mine), (other, theirs))]
     if np.abs(np.subtract(along[0], along[1])).max() > CLOSED:
         one.node.refuse("connects two bodies in points that are not as far apart on both", "correct the anchors")
-    return Loop(one.name, one.node, "revolute", one.links, _along(axis, mine[a]), _along(other, theirs[a]), np.array([0.0, 0.0, 1.0]))
+    first, second = _frame_along(axis, mine[a]), _frame_along(other, theirs[a])
+    return Loop(one.name, one.node, "revolute", one.links, first, second, np.array([0.0, 0.0, 1.0]))
 
 
 def _rigid(loop: Loop, mine: Array, theirs: Array) -> Loop:
@@ -410,7 +411,7 @@ def _unit(vector: Array) -> Array:
     return vector / length if length > 1e-9 else np.zeros(3)
 
 
-def _along(axis: Array, place: Array) -> Pose:
+def _frame_along(axis: Array, place: Array) -> Pose:
     """A frame at a place whose z axis has a direction."""
     across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     x = across / np.linalg.norm(across)

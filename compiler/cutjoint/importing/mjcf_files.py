@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.importing.mjcf_process import compile_apart
+from cutjoint.importing.mjcf_process import compile_in_subprocess
 from cutjoint.importing.xml import LARGEST, Node, read_xml
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.text import is_number
@@ -41,7 +41,7 @@ def compile_mjcf(path: Path, root: Node, folder: Path) -> tuple[Any, list[str]]:
     roots = _require_inside(root, path, folder, outside)
     _require_small(roots)
     try:
-        model, answer = compile_apart(path, folder, outside)
+        model, answer = compile_in_subprocess(path, folder, outside)
     except ValueError as error:
         message = f"is refused by MuJoCo: {' '.join(str(error).split())[:300]}"
         _at_line(roots, str(error)).refuse(message, "correct the file; MuJoCo has to read it")

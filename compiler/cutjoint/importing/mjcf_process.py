@@ -18,7 +18,7 @@ _MODEL = "model.mjb"
 _BROKEN = "the package mujoco is installed but cannot be imported: {}"
 
 
-def compile_apart(path: Path, folder: Path, outside: set[str]) -> tuple[Any, dict[str, list[Any]]]:
+def compile_in_subprocess(path: Path, folder: Path, outside: set[str]) -> tuple[Any, dict[str, list[Any]]]:
     """MuJoCo's model of a file, its files that are "absent", and bodies that move and have the mass of one, "weightless", with its name.
 
     Raises:
@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def _compile(path: str, folder: Path, outside: set[str], mujoco: Any) -> tuple[Any, dict[str, list[Any]]]:
-    """The model and the answer of `compile_apart`; files that are not there or ``outside`` the folder are points without mass."""
+    """The model and the answer of `compile_in_subprocess`; files that are not there or ``outside`` the folder are points without mass."""
     try:
         if not outside:
             return mujoco.MjModel.from_xml_path(path), {"absent": [], "weightless": []}

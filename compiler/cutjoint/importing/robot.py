@@ -149,19 +149,19 @@ class Spring:
 @dataclass(eq=False)
 class Coupling:
     """A relation: the sum of ``terms``, factors by joints, times coordinates is ``constant``, plus a polynomial of the coordinate of the
-    joint ``leader`` with coefficients ``bend`` from the square up."""
+    joint ``independent`` with coefficients ``higher_terms`` from the square up."""
 
     name: str
     node: Node
     terms: dict[str, float]
     constant: float = 0.0
-    leader: str = ""
-    bend: tuple[float, ...] = ()
+    independent: str = ""
+    higher_terms: tuple[float, ...] = ()
 
     def violation(self, q: Mapping[str, Array]) -> float:
         """By how much coordinates miss it."""
-        bent = sum(c * q[self.leader][0] ** i for i, c in enumerate(self.bend, 2)) if self.leader else 0.0
-        return float(sum(k * q[j][0] for j, k in self.terms.items()) - self.constant - bent)
+        higher = sum(c * q[self.independent][0] ** i for i, c in enumerate(self.higher_terms, 2)) if self.independent else 0.0
+        return float(sum(k * q[j][0] for j, k in self.terms.items()) - self.constant - higher)
 
 
 @dataclass
@@ -169,7 +169,7 @@ class Drive:
     """A motor on a joint's coordinate: ``gear`` times the sum of ``gain`` times its input, ``bias``, and a spring and damper before it.
 
     The input and that force have bounds, ``controls`` and ``forces``, or None.  ``offset`` is the coordinate of the file where the
-    reader's is zero.  ``pulls`` are the coefficients, by joints, of a tendon that it pulls in place of one joint, {} for none.
+    reader's is zero.  ``tendon`` are the coefficients, by joints, of a tendon that it pulls in place of one joint, {} for none.
     """
 
     name: str
@@ -182,12 +182,12 @@ class Drive:
     controls: tuple[float, float] | None = None
     forces: tuple[float, float] | None = None
     offset: float = 0.0
-    pulls: Mapping[str, float] = field(default_factory=dict)
+    tendon: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def joints(self) -> tuple[str, ...]:
         """The joints on which it works."""
-        return tuple(self.pulls) or (self.joint,)
+        return tuple(self.tendon) or (self.joint,)
 
     @property
     def is_plain(self) -> bool:
@@ -319,7 +319,7 @@ class Robot:
         for hinge in hinges:
             whole = whole @ hinge.moved(np.zeros(1))
         name = next((first.name[: -len(end)] for end in _FIRSTS if first.name.endswith(end)), first.name)
-        name = unlike(name, self.joints.keys() - {hinge.name for hinge in hinges})
+        name = unique_name(name, self.joints.keys() - {hinge.name for hinge in hinges})
         ball = Joint(name, first.node, "spherical", first.parent, last.child, origin, inner=origin.inverse() @ whole)
         self.joints = {
             (ball.name if joint is first else key): (ball if joint is first else joint)
@@ -431,7 +431,7 @@ def of_xyzw(node: Node, parts: tuple[float, ...]) -> Array:
     return of_quaternion(w, x, y, z)
 
 
-def unlike(wanted: str, taken: Container[str]) -> str:
+def unique_name(wanted: str, taken: Container[str]) -> str:
     """The wanted name, with a number behind it where it is taken."""
     return wanted if wanted not in taken else next(name for i in count(2) if (name := f"{wanted}_{i}") not in taken)
 

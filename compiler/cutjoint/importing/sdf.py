@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cutjoint.importing.robot import Array, Coupling, Joint, Link, Loop, Pose, Robot, colour_of, of_xyzw, roll_pitch_yaw, unlike
+from cutjoint.importing.robot import Array, Coupling, Joint, Link, Loop, Pose, Robot, colour_of, of_xyzw, roll_pitch_yaw, unique_name
 from cutjoint.importing.xml import Node, read_xml
 from cutjoint.model.errors import nearest
 
@@ -112,7 +112,7 @@ class _Assembly:
         for name, link in self._robot.links.items():
             if name not in self._carrier and name != _WORLD:
                 kind, suffix = ("fixed", "weld") if self._nodes[name][1].still else ("free", "free")
-                joint = Joint(unlike(f"{name}_{suffix}", self._nodes), link.node, kind, _WORLD, name, self._pose(name))
+                joint = Joint(unique_name(f"{name}_{suffix}", self._nodes), link.node, kind, _WORLD, name, self._pose(name))
                 self._robot.joints[joint.name] = self._carrier[name] = joint
         for name, node in joints:
             self._mesh(name, node) if node.get("type") == _GEARBOX else self._follow(name, node)
@@ -123,13 +123,13 @@ class _Assembly:
         mimic = axis.find("mimic") if axis else None
         if mimic is None:
             return
-        leader = self._nodes[name][1].prefix + mimic.name("joint")
-        for one in (name, leader):
+        independent = self._nodes[name][1].prefix + mimic.name("joint")
+        for one in (name, independent):
             if one not in joints or joints[one].freedom != 1:
                 mimic.refuse(f"relates '{one[:60]}', which has no coordinate of its own", "relate joints that close no loop, of one axis")
         ratio, offset, reference = _number(mimic, "multiplier", 1.0), _number(mimic, "offset", 0.0), _number(mimic, "reference", 0.0)
         joints[name].follows = True
-        self._robot.couplings.append(Coupling(f"{name}_mimic", mimic, {name: 1.0, leader: -ratio}, offset - ratio * reference))
+        self._robot.couplings.append(Coupling(f"{name}_mimic", mimic, {name: 1.0, independent: -ratio}, offset - ratio * reference))
 
     def _join(self, name: str, node: Node) -> None:
         kind, (parent, child) = node.get("type") or "", (self._end(name, end) for end in ("parent", "child"))
@@ -146,7 +146,7 @@ class _Assembly:
         if axis_node and _KINDS[kind] in ("revolute", "prismatic"):
             axis = self._axis(axis_node, name)
         resisting: Joint | Loop
-        if child == _WORLD or child in self._carrier or self._hangs_on(parent, child):
+        if child == _WORLD or child in self._carrier or self._is_attached_to(parent, child):
             resisting = loop = Loop(name, node, _KINDS[kind], (parent, child), first, second, axis)
             self._robot.loops.append(loop)
         else:
@@ -193,7 +193,7 @@ class _Assembly:
             name = found
         return name
 
-    def _hangs_on(self, link: str, ancestor: str) -> bool:
+    def _is_attached_to(self, link: str, ancestor: str) -> bool:
         while link in self._carrier and link != ancestor:
             link = self._carrier[link].parent
         return link == ancestor
@@ -210,7 +210,7 @@ class _Assembly:
             at = self._base(at)
         pose = known[at]
         for each in reversed(way):
-            pose = known[each] = pose @ self._own(each)
+            pose = known[each] = pose @ self._local_pose(each)
         return pose
 
     def _base(self, name: str) -> str:
@@ -223,7 +223,7 @@ class _Assembly:
         found = self._find(relative or "__model__", scope)
         return found or node.refuse(f"is placed relative to '{relative[:60]}', which is not there", "correct the name")
 
-    def _own(self, name: str) -> Pose:
+    def _local_pose(self, name: str) -> Pose:
         """The pose of something in its base; a model may say it of one of its frames."""
         node, _ = self._nodes[name]
         frame = node.get("placement_frame") if node.tag == "model" else None
@@ -261,14 +261,14 @@ class _Assembly:
         for end, tag, factor in (("parent", "axis", ratio.numbers(ratio.text, 1)[0]), ("child", "axis2", 1.0)):
             axis_node = node.find(tag) or node.need("axis")
             axis = frame.rotation @ self._axis(axis_node, name)
-            for joint, sign in self._way(self._link_of(start, node), self._end(name, end)):
+            for joint, sign in self._joints_between(self._link_of(start, node), self._end(name, end)):
                 along = float(axis @ (self._pose(joint.parent).rotation @ joint.origin.rotation @ joint.axis))
                 if joint.kind != "revolute" or abs(along) < 1 - 1e-6:
                     node.refuse(f"relates '{joint.name}', which does not turn about its axis", "couple hinges that are parallel")
                 terms[joint.name] = terms.get(joint.name, 0.0) + factor * sign * np.sign(along)
         self._robot.couplings.append(Coupling(name, node, terms))
 
-    def _way(self, start: str, end: str) -> list[tuple[Joint, int]]:
+    def _joints_between(self, start: str, end: str) -> list[tuple[Joint, int]]:
         """The joints from a link to another, and whether they are passed outwards (1) or inwards (-1)."""
         ways: list[list[Joint]] = []
         for link in (start, end):

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.importing.beside import Beside, add_drive
 from cutjoint.importing.robot import Array, Coupling, Joint, Link, Loop, Pose, Robot, colour_of, of_xyzw, roll_pitch_yaw
+from cutjoint.importing.sidecar import Sidecar, add_drive
 from cutjoint.importing.xml import Node, read_xml
 
 _KINDS = {
@@ -28,7 +28,7 @@ def read_urdf(path: Path) -> tuple[Robot, Node]:
         _add(robot.links, _link(node), node)
     for node in root.all("joint"):
         _add(robot.joints, _joint(node, robot), node)
-    beside = Beside(path)
+    beside = Sidecar(path)
     beside.change_joints(robot)
     for node in root.all("joint"):
         _couple(node, robot)
@@ -124,18 +124,18 @@ def _joint(node: Node, robot: Robot) -> Joint:
 
 def _couple(node: Node, robot: Robot) -> None:
     if mimic := node.find("mimic"):
-        leader = mimic.name("joint")
-        if leader not in robot.joints:
-            mimic.refuse(f"follows the joint '{leader[:60]}', which is not there", "correct the name")
+        independent = mimic.name("joint")
+        if independent not in robot.joints:
+            mimic.refuse(f"follows the joint '{independent[:60]}', which is not there", "correct the name")
         name, ratio = node.name(), mimic.number("multiplier", 1.0)
         if name not in robot.joints:
             mimic.refuse("is of a joint that the YAML beside makes a Cardan joint", "take one of both out")
         if not robot.joints[name].freedom:
-            robot.notes.append(f"{name} follows {leader} no more, since it is fixed")
+            robot.notes.append(f"{name} follows {independent} no more, since it is fixed")
             return
-        if not robot.joints[leader].freedom:
-            mimic.refuse(f"follows the joint '{leader[:60]}', which is fixed", "fix both")
-        robot.couplings.append(Coupling(f"{name}_mimic", mimic, {name: 1.0, leader: -ratio}, mimic.number("offset", 0.0)))
+        if not robot.joints[independent].freedom:
+            mimic.refuse(f"follows the joint '{independent[:60]}', which is fixed", "fix both")
+        robot.couplings.append(Coupling(f"{name}_mimic", mimic, {name: 1.0, independent: -ratio}, mimic.number("offset", 0.0)))
 
 
 def _require_tree(robot: Robot, root: Node) -> None:
@@ -200,14 +200,14 @@ def _add_sdf_joint(robot: Robot, node: Node) -> None:
 
 
 def _coupling(node: Node, robot: Robot, tags: tuple[str, str] = _ENDS, factor: str = "ratio") -> Coupling:
-    first, second = (_way(robot, node.need(tag).name("link"), node) for tag in tags)
+    first, second = (_joints_to(robot, node.need(tag).name("link"), node) for tag in tags)
     common = sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(first, second, strict=False)))
     ratio = node.need(factor).number("value")
     node.get("type")
     return Coupling(node.name(), node, {**{j.name: ratio for j in first[common:]}, **{j.name: -1.0 for j in second[common:]}})
 
 
-def _way(robot: Robot, link: str, node: Node) -> list[Joint]:
+def _joints_to(robot: Robot, link: str, node: Node) -> list[Joint]:
     """The moving joints from the root to a link."""
     if link not in robot.links:
         node.refuse(f"names the link '{link[:60]}', which is not there", "correct the name")

@@ -9,7 +9,7 @@ from os.path import isfile
 from pathlib import Path
 
 from cutjoint.model.document.checks import check_shape
-from cutjoint.model.document.renamed import MODEL, in_new_words
+from cutjoint.model.document.renamed import MODEL, rename_fields
 from cutjoint.model.document.source import parse_yaml, read_text
 from cutjoint.model.elements.expand import expand
 from cutjoint.model.errors import Problems
@@ -52,7 +52,7 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, tuna
     # text -> plain data with places, that of its files included
     problems = Problems()
     source, files, lost = with_files(parse_yaml(text, file), path_of(folder), problems)
-    source, notes = in_new_words(source, problems, MODEL)
+    source, notes = rename_fields(source, problems, MODEL)
     # data -> document of the right shape
     shaped = check_shape(source, problems, lost)
     if shaped is None:

@@ -53,7 +53,7 @@ class DriverExtension(Generic[R_co]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Door(Generic[C]):
+class ExtensionPoint(Generic[C]):
     """A kind of additions: its ``group`` of entry points, the word ``what`` of messages, and the package of each known one."""
 
     group: str
@@ -87,7 +87,9 @@ def _entry_points() -> EntryPoints:
 
 
 #: Commands of click.
-COMMANDS: Door[Any] = Door(group="cutjoint.commands", what="a command", packages={"bench": BENCH})
+COMMANDS: ExtensionPoint[Any] = ExtensionPoint(group="cutjoint.commands", what="a command", packages={"bench": BENCH})
 
 #: Records of `run/additions.py`.
-EXPORTERS: Door[Any] = Door(group="cutjoint.exporters", what="an export", packages=dict.fromkeys(("mujoco", "exudyn", "pinocchio"), BENCH))
+EXPORTERS: ExtensionPoint[Any] = ExtensionPoint(
+    group="cutjoint.exporters", what="an export", packages=dict.fromkeys(("mujoco", "exudyn", "pinocchio"), BENCH)
+)  # fmt: skip

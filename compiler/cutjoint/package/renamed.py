@@ -51,7 +51,7 @@ def renamed(old: str, names: Mapping[str, str] = WORDS) -> str:
     return names.get(old, old)
 
 
-def with_old_words(function: F) -> F:
+def accept_old_names(function: F) -> F:
     """The function with earlier names of its keyword arguments too."""
 
     @wraps(function)
@@ -71,7 +71,7 @@ class _Member:
 
     def __get__(self, instance: object, owner: type) -> Any:
         found = getattr(owner if instance is None else instance, renamed(self._old, self._names))
-        return with_old_words(found) if callable(found) else found
+        return accept_old_names(found) if callable(found) else found
 
 
 def with_old_members(kind: C) -> C:

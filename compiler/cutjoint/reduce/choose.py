@@ -16,7 +16,7 @@ from importlib.metadata import PackageNotFoundError
 from math import ceil, inf, log
 from pathlib import Path
 
-from cutjoint.compile.prepared import made_with
+from cutjoint.compile.prepared import build_provenance
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
@@ -166,7 +166,7 @@ def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
 
 def _cache_path(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
     """The file of a choice in the cache: by the model, the scene, the compiler and its flags, and the machine that times it."""
-    about = (model.content, asdict(scene), sorted(parameters.items()), made_with(), machine())
+    about = (model.content, asdict(scene), sorted(parameters.items()), build_provenance(), machine())
     return cache_folder() / "choices" / f"{sha256(repr(about).encode()).hexdigest()[:32]}.json"
 
 
@@ -358,7 +358,7 @@ def _adaptive_integrators(variant: ReducedModel) -> tuple[str, ...]:
     if numerics.integrator is not None:
         return ()
     closure = method.closure(numerics.closure).name
-    return names_of(INTEGRATORS, lambda i: i.adaptive and closure in i.closures and i.takes(method, Implementation.GENERATED))
+    return names_of(INTEGRATORS, lambda i: i.adaptive and closure in i.closures and i.supports(method, Implementation.GENERATED))
 
 
 def timed(found: Candidate, artifact: Artifact | None, parameters: Mapping[str, float]) -> Candidate:

@@ -24,7 +24,7 @@ from cutjoint.reduce.planar import drop_idle_equations, flatten
 from cutjoint.reduce.plane import substitute
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.weld import weld_bodies
-from cutjoint.run.run_file import parameter_values, placed, trimmed
+from cutjoint.run.run_file import parameter_values, trimmed, with_solved_coordinates
 
 #: The motion of a reduced model: that of the full one, the same while guards hold, or near it.
 MOTIONS = ("exact", "guarded", "approximate")
@@ -105,7 +105,7 @@ def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD,
         ToolchainError, SimulatorError: the C++ side failed where a pass runs the model.
     """
     model, scene, _ = trimmed(model, scene, {})
-    scene = placed(model, scene, parameter_values(model, {}))
+    scene = with_solved_coordinates(model, scene, parameter_values(model, {}))
     whole = Outcome(model=model, scene=scene, left=tuple(_ruled_out(model, STEPS + APPROXIMATIONS if approximate else STEPS)))
     variants = _reduce("full", "exact", whole, method)
     if approximate:

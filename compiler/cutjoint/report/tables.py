@@ -170,7 +170,7 @@ def _figures(rated: RatedOption, base: int) -> str:
     return "".join(f"  {figure:>{len(heading)}}" for figure, heading in zip(figures, _FIGURES, strict=True))
 
 
-def rows_elsewhere(run: SimulatorRun) -> str:
+def describe_output_times(run: SimulatorRun) -> str:
     """The words about a run whose rows are not at the multiples of its output_step; "" of others."""
     dt, end, wanted = run.run_file.settings.dt, run.run_file.end, run.run_file.output_step
     steps = count_steps(dt, end, wanted)
@@ -211,7 +211,7 @@ def indeterminate_reactions(columns: Iterable[str]) -> str:
     return f"indeterminate reactions: {', '.join(columns)}; a run reports {LEAST}"
 
 
-def held_facts(held: Mapping[str, tuple[float, str]]) -> list[tuple[str, str]]:
+def locking_force_facts(held: Mapping[str, tuple[float, str]]) -> list[tuple[str, str]]:
     """The forces that hold coordinates of a start at rest and are gone in motion; none where nothing holds it."""
     forces = [f"{name} {f'{force / 1e3:.4g} k' if abs(force) >= 1e4 else f'{force:.4g} '}{unit}" for name, (force, unit) in held.items()]
     return [("held at the start by", f"{', '.join(forces)}, released at t = 0")] if forces else []
@@ -271,7 +271,7 @@ def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]
     c = compilation
     return [
         ("operations", f"{c.operations} an evaluation, {c.instructions} with lanes counted once"),
-        ("generate", _taken(c.generate_seconds)),
+        ("generate", _build_time(c.generate_seconds)),
         ("compile", _compiled(c)),
         *([(SHIPPED, _GAIN)] if c.compiler == SHIPPED else []),
         ("run", _run_time(run)),
@@ -279,8 +279,8 @@ def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]
         *([("went over to", run.fallback)] if run.fallback else []),
         *_statistics_facts(run.statistics),
         *_balance_facts(run.energy),
-        *held_facts(run.held),
-        *_speeds_not_given(c.start, run.undetermined),
+        *locking_force_facts(run.held),
+        *_unspecified_speeds(c.start, run.undetermined),
         *([("indeterminate", f"{', '.join(run.indeterminate)}: {LEAST}")] if run.indeterminate else []),
     ]  # fmt: skip
 
@@ -289,7 +289,7 @@ def _compiled(c: Compilation) -> str:
     how = f"{c.compiler}, {' '.join(c.flags)}"
     if c.implementation == Implementation.INTERPRETED:
         return f"nothing: the program is interpreted ({how.rstrip(', ')})"
-    return f"{_taken(c.compile_seconds)} ({how})"
+    return f"{_build_time(c.compile_seconds)} ({how})"
 
 
 def _balance_facts(energy: EnergyBalance | None) -> list[tuple[str, str]]:
@@ -297,7 +297,7 @@ def _balance_facts(energy: EnergyBalance | None) -> list[tuple[str, str]]:
     return [("work and energy", words)] if words else []
 
 
-def _speeds_not_given(start: Start, undetermined: tuple[str, ...]) -> list[tuple[str, str]]:
+def _unspecified_speeds(start: Start, undetermined: tuple[str, ...]) -> list[tuple[str, str]]:
     """The speeds that a run has chosen; none where it begins at rest, since no speed is given."""
     if start.at_rest or not undetermined:
         return []
@@ -331,13 +331,13 @@ def error_facts(error: ErrorEstimate) -> Table:
     return facts("errors of the steps at most", rows)
 
 
-def _taken(seconds: float) -> str:
+def _build_time(seconds: float) -> str:
     return f"{seconds:.2f} s" if seconds else "found in the cache"
 
 
 def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
     """The costs of compiling and running a batch."""
-    compiled = _taken(artifact.compile_seconds if artifact.binary.fresh else 0.0)
+    compiled = _build_time(artifact.compile_seconds if artifact.binary.fresh else 0.0)
     runs = len(batch.cases)
     return facts(f"scene {artifact.scene.name}, a batch", [
         ("generate", f"{artifact.generate_seconds:.2f} s"),
@@ -346,7 +346,7 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
         ("runs", f"{runs} in {batch.elapsed:.3g} s, {batch.elapsed / runs * 1e3:.3g} ms each"),
         ("steps", f"{batch.seconds / runs * 1e3:.3g} ms of a thread for each run"),
         ("parameters", ", ".join(batch.names)),
-        *_speeds_not_given(artifact.start, batch.undetermined),
+        *_unspecified_speeds(artifact.start, batch.undetermined),
     ])  # fmt: skip
 
 

@@ -110,17 +110,17 @@ def _facts(times: StepTimes) -> Table:
     table = Table(title="step times", title_justify="left", show_header=False, box=None)
     table.add_row("steps", f"{times.durations.size}, {times.period * 1e3:g} ms apart")
     for share in _PERCENTILES:
-        table.add_row(f"p{share:g}", _beside_the_period(times.percentile(share), times.period))
-    table.add_row("largest", _beside_the_period(float(times.durations.max()), times.period))
+        table.add_row(f"p{share:g}", _share_of_period(times.percentile(share), times.period))
+    table.add_row("largest", _share_of_period(float(times.durations.max()), times.period))
     latest = f" in {times.stalls} stalls, by {_short(float(times.lateness.max()))} at most" if times.missed else ""
     table.add_row("missed deadlines", f"{times.missed}{latest}")
     if times.missed:
         table.add_row("", f"{times.missed_by_steps} of them by the steps' own time, the others since steps began late")
-    table.add_row("latest begin", _beside_the_period(float(times.wakeup_latency.max()), times.period))
+    table.add_row("latest begin", _share_of_period(float(times.wakeup_latency.max()), times.period))
     return table
 
 
-def _beside_the_period(seconds: float, period: float) -> str:
+def _share_of_period(seconds: float, period: float) -> str:
     return f"{_short(seconds)}, {100 * seconds / period:.2g} % of the step"
 
 

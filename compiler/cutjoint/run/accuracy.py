@@ -11,7 +11,7 @@ from cutjoint.methods import INTEGRATORS
 from cutjoint.model.expressions.units import PLACES
 from cutjoint.model.ranges import count_steps
 from cutjoint.package.locations import AnyPath, path_of
-from cutjoint.run.fallbacks import follow_up
+from cutjoint.run.fallbacks import retry_failed
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.results import Array, Columns, EnergyBalance, ErrorEstimate, NearJump, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
@@ -53,18 +53,18 @@ STRICTER = Change(setting="tolerance", factor=0.1, left=0.1, trusted=0.5, levels
 
 def run_accurately(
     plan: SimulatorRun, *, out: AnyPath | None = None, steps: AnyPath | None = None, tangents: AnyPath | None = None,
-    progress: Progress | None = None, estimate: bool = True, go_over: bool = True, advise: bool = False,
+    progress: Progress | None = None, estimate: bool = True, allow_switch: bool = True, advise: bool = False,
 ) -> Trajectory:  # fmt: skip
     """Run a simulator to its end, with steps that meet the run's ``goal`` if it has one, and estimate the error.
 
     Without ``estimate`` there is one run without energy balance, and the goal is ignored. If a run fails whose plan is free, another
-    integrator takes over, unless ``go_over`` is False. With ``advise`` possible remedies are tried. Files and errors as of
+    integrator takes over, unless ``allow_switch`` is False. With ``advise`` possible remedies are tried. Files and errors as of
     `simulator_run.start`.
     """
     plan = plan.with_checks() if estimate else plan
     begin = partial(start, out=path_of(out), steps=path_of(steps), tangents=path_of(tangents), progress=progress)
     execute = partial(_execute, begin=begin, estimate=estimate)
-    return follow_up(plan, execute(plan), execute, go_over=go_over and plan.is_free, advise=advise)
+    return retry_failed(plan, execute(plan), execute, allow_switch=allow_switch and plan.is_free, advise=advise)
 
 
 def _execute(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory], estimate: bool) -> Trajectory:
@@ -165,15 +165,15 @@ def _judged(
 
     ``others`` are the same run with other steps, the closest last; ``slow`` outputs do not converge.
     """
-    gap, warnings = find_open_gap(run, others), [find_imbalance(run, others)]
+    violation, warnings = find_common_violation(run, others), [find_imbalance(run, others)]
     jumps = uncertain_jumps(run, others[-1], plan.run_file.jumps_within or 0.0) if others else {}
     errors = {name: max(error, jumps.get(name, 0.0)) for name, error in errors.items()}
-    if gap > 0.0:
+    if violation > 0.0:
         closed = _controlled(plan)
         apart = {} if closed is None else differences(plan.jumps, run, closed)
         errors = {name: max(error, apart.get(name, 0.0)) for name, error in errors.items()}
         converged = converged and closed is not None and (plan.goal is None or _keeps(run, errors, plan.goal))
-        warnings.append(open_loops(gap, is_known=closed is not None))
+        warnings.append(describe_violation(violation, is_known=closed is not None))
     return ErrorEstimate(
         max_error=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)),
         rough=tuple(dict.fromkeys((*_rough(run, errors), *slow))), goal=plan.goal,
@@ -341,8 +341,8 @@ def differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> d
     tick = 1e-6 * float(one.t[-1] - one.t[0]) / one.t.size or 1.0
     times, here, there = np.intersect1d(np.rint(one.t / tick), np.rint(other.t / tick), return_indices=True)
     smooth = ~np.isin(times, np.rint(np.asarray(jumps, dtype=float) / tick))
-    gaps = {name: np.abs(one[name][here] - other[name][there])[smooth] for name in one.columns}
-    return {name: float(np.max(gap, initial=0.0)) for name, gap in gaps.items()}
+    apart = {name: np.abs(one[name][here] - other[name][there])[smooth] for name in one.columns}
+    return {name: float(np.max(difference, initial=0.0)) for name, difference in apart.items()}
 
 
 def find_slow(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> tuple[str, ...]:
@@ -420,22 +420,22 @@ def _imbalance(energy: EnergyBalance, change: float) -> str:
 # Constraint violation of loops
 
 #: A smaller violation, m or rad, causes no warning.
-_SMALL_GAP = 1e-6
+_SMALL_VIOLATION = 1e-6
 #: Violations of runs with other steps that differ by less than this factor are not caused by the steps.
 _SAME = 1.5
 
 
-def find_open_gap(run: Trajectory, others: Sequence[Trajectory]) -> float:
+def find_common_violation(run: Trajectory, others: Sequence[Trajectory]) -> float:
     """The largest violation (m or rad) of the loops that runs with other steps share; 0 if they do not.
 
     It occurs for example after a guide's rate jumps.
     """
-    gap, gaps = run.statistics.residuals.position, [other.statistics.residuals.position for other in others]
-    return gap if gap > _SMALL_GAP and any(gap / _SAME < other < gap * _SAME for other in gaps) else 0.0
+    violation, violations = run.statistics.residuals.position, [other.statistics.residuals.position for other in others]
+    return violation if violation > _SMALL_VIOLATION and any(violation / _SAME < other < violation * _SAME for other in violations) else 0.0
 
 
-def open_loops(gap: float, *, is_known: bool) -> str:
+def describe_violation(violation: float, *, is_known: bool) -> str:
     """The warning of such a violation; ``is_known`` is whether the errors of the run include its effect."""
     counted = "a run with error control, whose loops are closed, shows what that changes, and the errors count it"
     known = counted if is_known else "errors of the steps do not see what that changes"
-    return f"loops stand open by up to {gap:.2g} m or rad, with other steps too: {known}; the closure proximal closes them"
+    return f"loops stand open by up to {violation:.2g} m or rad, with other steps too: {known}; the closure proximal closes them"

@@ -20,10 +20,10 @@ from cutjoint.run.failures import FailedRunError, describe_failure, describe_res
 from cutjoint.run.inputs import InputLike
 from cutjoint.run.record import Settings
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import given_inputs, make_run_file
+from cutjoint.run.run_file import constant_inputs, make_run_file
 from cutjoint.run.scenes import with_closure
 from cutjoint.run.settings import Options, find_closure, find_goal, find_settings, with_options
-from cutjoint.run.simulator_run import Compilation, Onward, SimulatorRun, Start
+from cutjoint.run.simulator_run import Compilation, Continuation, SimulatorRun, Start
 from cutjoint.toolchain.build import Binary
 from cutjoint.topology.records import Topology
 
@@ -171,8 +171,8 @@ def make_simulator_run(
         indeterminate=artifact.indeterminate, switches=bool(artifact.equations.indicators),
         others=tuple(_other_settings(artifact, options, run_file.settings.integrator)),
         is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,
-        jumps=jump_times(artifact.topology.model, artifact.scene), balances=not artifact.implementation.is_twin,
-        onward=_onward(artifact, options, parameters, inputs),
+        jumps=jump_times(artifact.topology.model, artifact.scene), balances_energy=not artifact.implementation.is_generic,
+        continuation=_continuation(artifact, options, parameters, inputs),
         by_method=None if artifact.by_method is None or tangents else partial(_by_method, artifact.by_method, options, parameters, inputs),
     )  # fmt: skip
 
@@ -188,20 +188,20 @@ def _by_method(
     return None
 
 
-def _onward(
+def _continuation(
     artifact: Artifact, options: Options, parameters: Mapping[str, float] | None, inputs: Mapping[str, InputLike] | None
-) -> Onward | None:  # fmt: skip
+) -> Continuation | None:  # fmt: skip
     """The continuation outside the range of loop embeddings, by code that is compiled when the first run needs it.
 
     Guides follow the scene's inputs; with other inputs there is no continuation.
     """
     model, compile_exact = artifact.topology.model, artifact.exact
-    if compile_exact is None or given_inputs(model, parameters or {}) or inputs:
+    if compile_exact is None or constant_inputs(model, parameters or {}) or inputs:
         return None
     from cutjoint.analysis.embedding.embed import state_of_loops  # imported here, so that other runs do not wait for it
 
     exact = cache(compile_exact)
-    return Onward(
+    return Continuation(
         guards=tuple(assembly.independent for assembly in model.assemblies),
         prepare=lambda: make_simulator_run(exact(), options, parameters),
         begin=lambda file, kept: state_of_loops(artifact.mechanism, exact().mechanism, kept, file.parameters),
@@ -254,7 +254,7 @@ def _require_additions(artifact: Artifact, settings: Settings) -> None:
     """
     named = {settings.integrator, settings.solver} & {*INTEGRATORS.added.names(), *SOLVERS.added.names()}
     for name in named - set(artifact.additions):
-        if not artifact.implementation.is_twin:
+        if not artifact.implementation.is_generic:
             raise RunError(f"this simulator is without {name}: compile the model with additions=[\"{name}\"]")
 
 

@@ -60,24 +60,24 @@ def try_fallbacks(plan: SimulatorRun, run: Trajectory) -> Trials | None:
     found: dict[bool | None, list[Fallback]] = {True: [], False: [], None: []}
     for fallback in _fallbacks(plan):
         left = min(end - monotonic(), budget / 2)
-        found[_goes_past(fallback.plan, past, left) if left > 0 else None].append(fallback)
+        found[_continues_past(fallback.plan, past, left) if left > 0 else None].append(fallback)
     beyond_reach = plan.leading and failure.message in _OPEN[:2]  # for any method
     for fallback in () if beyond_reach or (found[True] and failure.message != _SINGULAR) else _by_other_methods(plan):
-        found[_goes_past(fallback.plan, past, budget)].append(fallback)
+        found[_continues_past(fallback.plan, past, budget)].append(fallback)
     return Trials(past=past, helped=tuple(found[True]), failed=tuple(found[False]), skipped=tuple(found[None]))
 
 
-def follow_up(
-    plan: SimulatorRun, run: Trajectory, execute: Callable[[SimulatorRun], Trajectory], *, go_over: bool, advise: bool
+def retry_failed(
+    plan: SimulatorRun, run: Trajectory, execute: Callable[[SimulatorRun], Trajectory], *, allow_switch: bool, advise: bool
 ) -> Trajectory:  # fmt: skip
-    """Repeat a failed run by another integrator or across events (``go_over``), or try other settings (``advise``).
+    """Repeat a failed run by another integrator or across events (``allow_switch``), or try other settings (``advise``).
 
     Raises:
         SimulatorError, OutputError, Interrupted, Terminated: as of a run.
     """
-    if run.failure is None or not (go_over or advise) or (trials := try_fallbacks(plan, run)) is None:
+    if run.failure is None or not (allow_switch or advise) or (trials := try_fallbacks(plan, run)) is None:
         return run
-    others = [fallback for fallback in trials.helped if fallback.free] if go_over else []
+    others = [fallback for fallback in trials.helped if fallback.free] if allow_switch else []
     for fallback in others:
         other = execute(fallback.plan)
         if other.failure is None:
@@ -95,7 +95,7 @@ def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | Non
     known = failure.advice.partition(UNTRIED)[0].rstrip("; ")
     seen = " ".join(fallback.words for fallback in (*trials.helped, *trials.failed, *trials.skipped))
     crosses = failure.message == _SINGULAR
-    others = (name for name in METHODS[plan.method].instead if crosses or plan.method not in METHODS[name].instead)
+    others = (name for name in METHODS[plan.method].alternatives if crosses or plan.method not in METHODS[name].alternatives)
     untried = [f"method {name}" for name in others if f"method {name}" not in seen]
     settings = plan.run_file.settings
     if plan.closes_loops and METHODS[plan.method].closures and not CLOSURES[settings.stabilisation.closure].penalty_of_each_cut:
@@ -148,7 +148,7 @@ def _fallbacks(plan: SimulatorRun) -> Iterator[Fallback]:
 
 def _by_other_methods(plan: SimulatorRun) -> Iterator[Fallback]:
     """The other methods that may continue, if trying them does not take minutes, with their adaptive integrators."""
-    for name in METHODS[plan.method].instead if plan.by_method else ():
+    for name in METHODS[plan.method].alternatives if plan.by_method else ():
         if plan.by_method and (other := plan.by_method(name)):
             yield Fallback(words=f"method {name}", plan=other)
             for more in (each for each in other.others if INTEGRATORS[each.integrator].adaptive):
@@ -156,7 +156,7 @@ def _by_other_methods(plan: SimulatorRun) -> Iterator[Fallback]:
                 yield Fallback(words=f"method {name} with integrator {more.integrator}", plan=by_steps)
 
 
-def _goes_past(plan: SimulatorRun, past: float, seconds: float) -> bool | None:
+def _continues_past(plan: SimulatorRun, past: float, seconds: float) -> bool | None:
     """Return whether a run reaches a time; None if that takes longer than so many seconds."""
     file = plan.run_file
     file = replace(file.with_settings(dt=min(file.settings.dt, past)), end=past)

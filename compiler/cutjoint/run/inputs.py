@@ -57,7 +57,7 @@ def read_table(what: str, given: Mapping[str, Any], start: float, end: float) ->
     return {**table, "interpolation": kind}
 
 
-def given_inputs(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
+def constant_inputs(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
     """The inputs among ``changes``, by name, as constants.
 
     Raises:
@@ -79,9 +79,9 @@ def require_unit(parameter: Parameter, value: float) -> None:
         raise RunError(f"{parameter.span}: parameter '{parameter.name}' {fault}")
 
 
-def with_held_inputs(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Scene, dict[str, float]]:
+def with_constant_inputs(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Scene, dict[str, float]]:
     """The scene with the inputs among ``parameters`` (SI units) as constant laws, and the remaining parameters."""
-    held = given_inputs(model, parameters)
+    held = constant_inputs(model, parameters)
     others = {name: value for name, value in parameters.items() if name not in held}
     return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(value) for name, value in held.items()}}), others
 

@@ -15,7 +15,7 @@ from cutjoint.model.records import Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.record import RunFile
-from cutjoint.run.results import FailureReport, read_held
+from cutjoint.run.results import FailureReport, read_locking_forces
 from cutjoint.run.road_field import surface_of
 from cutjoint.run.roads import WheelRoad
 from cutjoint.run.run_file import make_run_file
@@ -54,7 +54,7 @@ def linearise_at(
     sampled = zip(artifact.topology.model.held, state.get("held") or [], strict=False)
     held = {held_name(value): number for value, number in sampled if number is not None}
     if at is None:
-        _require_free(equations, read_held(summary))
+        _require_free(equations, read_locking_forces(summary))
     point = Point(
         t=state["t"], q=np.array(state["q"]), v=np.array(state["v"]), vdot=np.array(state["vdot"]),
         parameters=np.array([run_file.parameters[p.name] for p in equations.parameters]), held={**(run_file.inputs or {}), **held},
@@ -69,12 +69,12 @@ def _run_file(artifact: Artifact, at: float | None, parameters: Mapping[str, flo
         at_rest = replace(scene, pose="equilibrium")
         return make_run_file(model, at_rest, parameters, task="equilibrium", method=artifact.method, options=PLAIN_STEPS)
     if at:
-        scene = _ending_at(scene, at)
+        scene = _with_step_ending_at(scene, at)
     return make_run_file(model, replace(scene, end=at), parameters, task="simulate", method=artifact.method, options=PLAIN_STEPS, out=out,
                          fits_samples=False)  # fmt: skip
 
 
-def _ending_at(scene: Scene, at: float) -> Scene:
+def _with_step_ending_at(scene: Scene, at: float) -> Scene:
     """The scene with a step that ends at ``at`` (s), and none longer than its own."""
     dt = scene.numerics.of_method(LINEARISED).step
     try:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cutjoint.model.errors import nearest
 from cutjoint.package.extensions import MissingPackageError
-from cutjoint.package.renamed import with_old_members, with_old_words
+from cutjoint.package.renamed import accept_old_names, with_old_members
 from cutjoint.run.binary_tables import WRITERS, read_columns
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.settings import StepSettings
@@ -240,7 +240,7 @@ class Trajectory(Columns[Array]):
         """A table for notebooks: of each column the unit, the first and the last value, the smallest and the largest one."""
         return f"<p>{escape(repr(self))}</p>{_html_table(self)}"
 
-    @with_old_words
+    @accept_old_names
     def plot(self, *names: str, over: str = TIME, compare: "Mapping[str, Trajectory]" = MappingProxyType({})) -> "Figure":
         """A figure of columns, of all without ``names``: a panel for each unit, ``over`` the time or another column; ``compare`` are other
         runs by names for their lines.
@@ -359,7 +359,7 @@ def _html_row(cell: str, texts: Iterable[str]) -> str:
     return f"<tr>{''.join(f'<{cell}>{escape(text)}</{cell}>' for text in texts)}</tr>"
 
 
-def read_held(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
+def read_locking_forces(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
     """The force with its unit along each coordinate that holds a pose at rest, by a summary, which names their rates; but for rounding."""
     found: Mapping[str, float] = summary.get("held", {})
     least = 1e-9 * max(map(abs, found.values()), default=0.0)

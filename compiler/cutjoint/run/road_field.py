@@ -49,7 +49,7 @@ class Field:
         columns, across = self._weights(1, y, by_y)
         return float(along @ self.heights[np.ix_(rows, columns)] @ across)
 
-    def over(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def heights_on_grid(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         """The heights (n, m) above places x (n,) and y (m,), m."""
         shares = []
         for axis, places in enumerate((x, y)):
@@ -128,7 +128,7 @@ class CurvedField:
         """The height at a place, m, or its derivative of orders 0 to 2, both together, by x and y."""
         return float(self.at(np.array([x]), np.array([y]), by_x, by_y)[0])
 
-    def over(self, x: _Array, y: _Array) -> _Array:
+    def heights_on_grid(self, x: _Array, y: _Array) -> _Array:
         """The heights (n, m) above places x (n,) and y (m,), m."""
         along, across = np.meshgrid(x, y, indexing="ij")
         return self.at(along.ravel(), across.ravel()).reshape(len(x), len(y))
@@ -139,7 +139,7 @@ class CurvedField:
         way = 1 / (length + spread * beside)
         t = (along - lean * beside) * way
         turn = -(lean + spread * t) * way
-        value, u, v, uv, uu = self._over(begin + t, beside)
+        value, u, v, uv, uu = self._grid_derivatives(begin + t, beside)
         if not by_x + by_y:
             return value
         first = u * way, v + u * turn
@@ -164,7 +164,7 @@ class CurvedField:
         ends = [(a.min(), a.max()) for a in self.line[:, :2].T]
         reach = max(map(abs, self.grid.across))
         places = [np.linspace(a - reach, b + reach, min(_DRAWN, 2 + int(4 * (b - a + 2 * reach)))) for a, b in ends]
-        (x, y), heights = places, self.over(*places)
+        (x, y), heights = places, self.heights_on_grid(*places)
         return Field(start=(float(x[0]), float(y[0])), step=(float(x[1] - x[0]), float(y[1] - y[0])), heights=heights, bilinear=True)
 
     def _boxes(self) -> _Array:
@@ -190,31 +190,31 @@ class CurvedField:
         for i in range(0, len(x), 512):
             nearest[i : i + 512] = np.argmin((x[i : i + 512, None] - line[:, 0]) ** 2 + (y[i : i + 512, None] - line[:, 1]) ** 2, axis=1)
         k = np.clip(nearest - 1, 0, last - 1)
-        sides = {1: self._beyond(k, x, y) > 0, -1: self._beyond(k, x, y) < 0}
+        sides = {1: self._side_of_piece(k, x, y) > 0, -1: self._side_of_piece(k, x, y) < 0}
         for way, moves in sides.items():
             moving = moves.copy()
-            while (moving := moving & (way * self._beyond(k, x, y) > 0) & (k + way >= 0) & (k + way < last)).any():
+            while (moving := moving & (way * self._side_of_piece(k, x, y) > 0) & (k + way >= 0) & (k + way < last)).any():
                 k[moving] += way
-        past = self._beyond(k, x, y)
+        past = self._side_of_piece(k, x, y)
         end, begin, length = np.where(past < 0, 0, last), self.grid.closed[0], self.grid.closed[1]
         straight = (past < 0) & (k == 0) | (past > 0) & (k == last - 1)  # elsewhere it is rounding at a cross section
         if length:
-            u = end + self._seen(end, x, y)[0] / self.grid.step
+            u = end + self._line_coordinates(end, x, y)[0] / self.grid.step
             end = np.where((past < 0) & (u < begin) | (past > 0) & (u > begin + length), last - end, end)
         k = np.where(straight, end, k)
         lean = np.where(straight[:, None], (self.grid.step, 0.0, 0.0), line[k, 4:7]).T
-        return (k.astype(float), *self._seen(k, x, y), line[k, 2], line[k, 3], *lean)
+        return (k.astype(float), *self._line_coordinates(k, x, y), line[k, 2], line[k, 3], *lean)
 
-    def _seen(self, k: NDArray[np.int_], x: _Array, y: _Array) -> tuple[_Array, _Array]:
+    def _line_coordinates(self, k: NDArray[np.int_], x: _Array, y: _Array) -> tuple[_Array, _Array]:
         dx, dy, c, s = x - self.line[k, 0], y - self.line[k, 1], self.line[k, 2], self.line[k, 3]
         return dx * c + dy * s, dy * c - dx * s
 
-    def _beyond(self, k: NDArray[np.int_], x: _Array, y: _Array) -> _Array:
+    def _side_of_piece(self, k: NDArray[np.int_], x: _Array, y: _Array) -> _Array:
         """1 for places ahead of a piece of the line, -1 for those behind it, else 0."""
-        (along, beside), (length, lean, spread) = self._seen(k, x, y), self.line[k, 4:7].T
+        (along, beside), (length, lean, spread) = self._line_coordinates(k, x, y), self.line[k, 4:7].T
         return np.where(along > length + (lean + spread) * beside, 1.0, np.where(along < lean * beside, -1.0, 0.0))
 
-    def _over(self, u: _Array, v: _Array) -> tuple[_Array, ...]:
+    def _grid_derivatives(self, u: _Array, v: _Array) -> tuple[_Array, ...]:
         """The heights at steps along the line and metres across, and their derivatives by both, mixed and twice along."""
         grid, across, last = self.grid, np.array(self.grid.across), len(self.line) - 1
         if grid.closed[1]:
@@ -344,7 +344,7 @@ def rough_field(
     parts = np.zeros((2, places.size, length))
     first = round(float(cycles[0]) * length * step)
     for wave in range(_DIRECTIONS):
-        for part, values in zip(parts, turned(places[:, None] * across[:, wave] + random[1, :, wave]), strict=True):
+        for part, values in zip(parts, cos_sin_of_turns(places[:, None] * across[:, wave] + random[1, :, wave]), strict=True):
             part[:, first : first + cycles.size] += size * values
     heights = _transformed(parts[0], parts[1])[0]
     if level:
@@ -367,7 +367,7 @@ def split_mix(seed: int, count: int) -> NDArray[np.uint64]:
     return z ^ (z >> np.uint64(31))
 
 
-def turned(turns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def cos_sin_of_turns(turns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Cosine and sine of angles in turns, to 1e-15, by sums and products alone."""
     quarter = np.floor(4 * turns + 0.5)
     r = (turns - quarter / 4) * (2 * np.pi)
@@ -387,6 +387,6 @@ def _transformed(real: NDArray[np.float64], imaginary: NDArray[np.float64]) -> t
     if n == 1:
         return real, imaginary
     (a, b), (c, d) = (_transformed(real[..., i::2], imaginary[..., i::2]) for i in (0, 1))
-    cosine, sine = turned(np.arange(n // 2) / n)
+    cosine, sine = cos_sin_of_turns(np.arange(n // 2) / n)
     u, v = c * cosine - d * sine, c * sine + d * cosine
     return np.concatenate([a + u, a - u], axis=-1), np.concatenate([b + v, b - v], axis=-1)

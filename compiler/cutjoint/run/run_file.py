@@ -20,8 +20,8 @@ from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_st
 from cutjoint.model.records import Binding, Body, Controller, Model, Scalar, Scene
 from cutjoint.model.scenes.starts import fault_of_quaternion, normalised
 from cutjoint.package.errors import RunError
-from cutjoint.run.inputs import InputLike, input_entries, require_unit, with_held_inputs
-from cutjoint.run.inputs import given_inputs as given_inputs
+from cutjoint.run.inputs import InputLike, input_entries, require_unit, with_constant_inputs
+from cutjoint.run.inputs import constant_inputs as constant_inputs
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.road_field import surface_of
 from cutjoint.run.roads import WheelRoad, road_pieces
@@ -95,7 +95,7 @@ def make_run_file(
     scene = with_options(scene, method, options, has_rows=task != "realtime")
     settings = find_settings(scene, METHODS[method], implementation, options)
     parameters = parameter_values(model, changes)
-    every = _joined(given_inputs(model, changes), inputs)
+    every = _merge_inputs(constant_inputs(model, changes), inputs)
     given = input_entries(model, scene, every)
     if task in ("simulate", "realtime", "batch"):
         _require_steps(scene, settings, task)
@@ -106,7 +106,7 @@ def make_run_file(
     return RunFile(
         task=task, parameters=parameters, inputs=given if input_parameters(model) else None, settings=settings, end=scene.end,
         output_step=scene.output_step, pose=scene.pose, near=near, out=out, surface=_surface(model, scene),
-        **following(model, _begun_by(scene, every), parameters, (*sources_of_parts(model, scene), MASSES)),
+        **find_dependent_parts(model, _with_start_inputs(scene, every), parameters, (*sources_of_parts(model, scene), MASSES)),
     )  # fmt: skip
 
 
@@ -133,8 +133,8 @@ def find_trim(
     if asked := [unknown.name for unknown in scene.trim.find if unknown.name in changes]:
         words = f"trim: '{asked[0]}' is to be found; leave out its value, or take it out of 'find'"
         raise RunError(f"{scene.trim.span}: scene '{scene.name}': {words}")
-    given = given_numbers(model, scene, changes)
-    begun, _ = with_held_inputs(model, scene, changes)
+    given = make_trim_problem(model, scene, changes)
+    begun, _ = with_constant_inputs(model, scene, changes)
     changed = {name: _changed(model, scene, changes, name) for name in by}
     found: Trimmed = formulated_start(model, begun).trim(given, changed)
     inputs = {u.name: found.unknowns[u.name] for u in scene.trim.find if u.kind == "input"}
@@ -153,18 +153,18 @@ def _changed(model: Model, scene: Scene, changes: Mapping[str, float], name: str
     if name not in values or value is None or any(unknown.name == name for unknown in scene.trim.find):  # type: ignore[union-attr]
         raise RunError(f"scene '{scene.name}': no gradient by '{name}'; name a tunable parameter that is given")
     step = 1e-5 * max(abs(value), 1e-3)
-    less, more = (given_numbers(model, scene, {**changes, name: value + sign * step}) for sign in (-1, 1))
+    less, more = (make_trim_problem(model, scene, {**changes, name: value + sign * step}) for sign in (-1, 1))
     return step, less, more
 
 
-def given_numbers(model: Model, scene: Scene, changes: Mapping[str, float]) -> "Given":
+def make_trim_problem(model: Model, scene: Scene, changes: Mapping[str, float]) -> "Given":
     """The numbers of a scene that is found."""
     assert scene.trim is not None
     from cutjoint.analysis.trim_equations import Given  # others do not wait for what this imports
 
     values = parameter_values(model, changes)
     value, plain = Evaluator(model, values), replace(scene, trim=None, assemble=())
-    parts = following(model, plain, values, ("positions", "rates", "roads"))
+    parts = find_dependent_parts(model, plain, values, ("positions", "rates", "roads"))
     return Given(
         parameters=values, positions=parts["positions"], rates=parts["rates"],
         roads={tyre: WheelRoad.of(**road, on_it=surface_of(scene.road)) for tyre, road in parts["roads"].items()},
@@ -181,20 +181,20 @@ def _at_start(given: InputLike) -> float:
     return float(np.interp(0.0, given["t"], given["value"]) if isinstance(given, Mapping) else given)
 
 
-def _begun_by(scene: Scene, given: Mapping[str, InputLike]) -> Scene:
+def _with_start_inputs(scene: Scene, given: Mapping[str, InputLike]) -> Scene:
     """The scene with the values that given inputs have at the start, where the start is found from places."""
     if not scene.assemble:
         return scene
     return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(_at_start(x)) for name, x in given.items()}})
 
 
-def _joined(held: Mapping[str, float], inputs: Mapping[str, InputLike]) -> dict[str, InputLike]:
+def _merge_inputs(held: Mapping[str, float], inputs: Mapping[str, InputLike]) -> dict[str, InputLike]:
     if twice := [name for name in inputs if name in held]:
         raise RunError(f"input '{twice[0]}' is given twice; give it in one of the two ways")
     return {**held, **inputs}
 
 
-def changing(model: Model, scene: Scene) -> tuple[str, ...]:
+def changing_parts(model: Model, scene: Scene) -> tuple[str, ...]:
     """The parts of a run file that follow from tunable parameters, besides "parameters" itself; and `MASSES`.  Of a trim all may."""
     if scene.trim is not None:
         return *sources_of_parts(model, scene), "inputs", "parameters", MASSES
@@ -205,7 +205,7 @@ def changing(model: Model, scene: Scene) -> tuple[str, ...]:
     return (*(name for name, used in of_part.items() if (used | found if name == "positions" else used) & symbols), *masses)
 
 
-def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts: Sequence[str]) -> dict[str, Any]:
+def find_dependent_parts(model: Model, scene: Scene, parameters: Mapping[str, float], parts: Sequence[str]) -> dict[str, Any]:
     """Parts of a run file that may follow from parameters: "positions", "rates", "roads"; of `MASSES` nothing is left but a check.
 
     Raises:
@@ -213,7 +213,7 @@ def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts
             that the scene wants.
     """
     if "positions" in parts:
-        scene = placed(model, scene, parameters)
+        scene = with_solved_coordinates(model, scene, parameters)
     value, sources = Evaluator(model, parameters), sources_of_parts(model, scene)
     made: dict[str, Any] = {
         part: {of: value(e, _place(model, scene, part, of)) for of, e in sources[part].items()} for part in parts if part in sources
@@ -228,7 +228,7 @@ def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts
     return made
 
 
-def placed(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Scene:
+def with_solved_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Scene:
     """The scene with the coordinates of a start that has the places it wants, in their stead, with the values of all tunable parameters.
 
     Raises:
@@ -256,7 +256,7 @@ def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> No
     asked = sympy.Tuple(*read).free_symbols
     given = {p.name for p in model.parameters if p.symbol in asked}
     for name in changed if scene.trim or (scene.assemble and scene.pose != "equilibrium") else ():
-        numbers = given_numbers(model, scene, {}) if scene.trim else values
+        numbers = make_trim_problem(model, scene, {}) if scene.trim else values
         if name in given or (name in values and formulated_start(model, scene).follows(name, numbers)):
             words = ("trimmed", "trims") if scene.trim else ("assembled", "assembles")
             reason = f"scene '{scene.name}': its start is {words[0]} once, and follows from the parameter '{name}'"
@@ -399,14 +399,14 @@ def require_fitting_steps(model: Model, scene: Scene, dt: float) -> None:
     for controller in model.controllers:
         for name, time in (("every", controller.every), ("offset", controller.offset)):
             if abs(time / dt - round(time / dt)) > _WHOLE:
-                raise RunError(f"{scene.span}: scene '{scene.name}': {_fault(controller, name, time, dt)}; {_cure(times, dt)}")
+                raise RunError(f"{scene.span}: scene '{scene.name}': {_fault(controller, name, time, dt)}; {_advice(times, dt)}")
 
 
 def _fault(controller: Controller, name: str, time: float, dt: float) -> str:
     return f"steps of {dt:.9g} s do not divide {name}, {time:.9g} s, of the controller '{controller.name}' (line {controller.span.line})"
 
 
-def _cure(times: Sequence[float], dt: float) -> str:
+def _advice(times: Sequence[float], dt: float) -> str:
     """The nearest step that divides all times."""
     whole = times[0]
     for time in times[1:]:

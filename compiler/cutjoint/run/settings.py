@@ -139,7 +139,7 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
     if wanted not in INTEGRATORS.names():
         raise RunError(f"no integrator '{wanted}'; there is {', '.join(INTEGRATORS.names())}")
     integrator = INTEGRATORS[wanted]
-    if not integrator.takes(method, implementation):
+    if not integrator.supports(method, implementation):
         if asked is None:
             return _own_integrator(numerics, method, implementation, options)
         raise RunError(f"the integrator {wanted} takes generated code of the method {join_or(integrator.methods)}")
@@ -151,7 +151,7 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
 def find_closure(numerics: Numerics, method: Method, implementation: Implementation = Implementation.GENERATED) -> Closure:
     """The closure of a scene; where it names none, that of its integrator."""
     usual = None
-    if numerics.closure is None and method.closures and not implementation.is_twin:
+    if numerics.closure is None and method.closures and not implementation.is_generic:
         usual = find_integrator(numerics, method, implementation, Options()).closure
     return method.closure(numerics.closure, implementation, usual=usual)
 
@@ -211,7 +211,7 @@ def _own_integrator(numerics: Numerics, method: Method, implementation: Implemen
     closure = method.closure(numerics.closure, implementation).name
     if numerics.of_method(method.name).dt is None and options.iterations is None:
         for integrator in INTEGRATORS.values():
-            if integrator.adaptive and closure in integrator.closures and integrator.takes(method, implementation):
+            if integrator.adaptive and closure in integrator.closures and integrator.supports(method, implementation):
                 return integrator
     return INTEGRATORS[DEFAULT_INTEGRATOR]
 
@@ -226,7 +226,7 @@ def find_events(
     """
     if asked is not None and asked not in list(Events):
         raise RunError(f"no events '{asked}'; there is {', '.join(Events)}")
-    can = method.events and not implementation.is_twin
+    can = method.events and not implementation.is_generic
     if asked == Events.LOCATED and not can:
         raise RunError(f"events are located by generated code of the methods {join_and(names_of(METHODS, lambda m: m.events))}")
     if asked == Events.LOCATED and integrator.events is None:
@@ -250,7 +250,7 @@ def _solver(method: Method, implementation: Implementation, asked: str | None) -
     """The linear solver of a method that has one."""
     if not method.has_system or asked:
         return asked if method.has_system else None
-    return IMPLEMENTATIONS.load(implementation).solvers.get(method.name, DEFAULT_SOLVER) if implementation.is_twin else DEFAULT_SOLVER
+    return IMPLEMENTATIONS.load(implementation).solvers.get(method.name, DEFAULT_SOLVER) if implementation.is_generic else DEFAULT_SOLVER
 
 
 def _penalty(numerics: Numerics, method: Method, integrator: Integrator) -> float | None:

@@ -21,7 +21,7 @@ from cutjoint.run.results import (
     Trajectory,
     columns_of,
     read_energy,
-    read_held,
+    read_locking_forces,
     read_near_jumps,
     read_statistics,
 )
@@ -32,7 +32,7 @@ _BESIDE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class Onward:
+class Continuation:
     """The way on for a run that one of the ``guards`` ends, where loop embeddings do: ``prepare`` compiles the program that has the
     loops' equations, and ``begin`` makes of a run file and the state that a run has kept the entry of that name."""
 
@@ -53,7 +53,7 @@ class SimulatorRun:
     these do not determine, ``others`` the settings of other integrators that it has.  ``is_free`` is whether scene and
     caller leave the choice of the integrator and of what steps do at events.  ``with_coordinates`` is whether the trajectory has
     coordinates.  ``jumps`` are times (s) at which an input or a guide goes over to another formula: a row there has the values of one side.
-    ``balances`` is whether the program has work and energy, ``onward`` what goes on where loop embeddings end, None if nothing does.
+    ``balances_energy`` is whether the program has work and energy, ``continuation`` replaces a run whose loop embeddings end, or None.
     ``by_method`` makes the run by another method, None where that takes minutes.  ``leading`` are the joints of loops whose guides move.
     ``switches`` is whether forces change their formulas.
     """
@@ -71,15 +71,15 @@ class SimulatorRun:
     is_free: bool = False
     with_coordinates: bool = False
     jumps: Sequence[float] = ()
-    balances: bool = True
-    onward: Onward | None = field(default=None, repr=False, compare=False)
+    balances_energy: bool = True
+    continuation: Continuation | None = field(default=None, repr=False, compare=False)
     by_method: "Callable[[str], SimulatorRun | None] | None" = field(default=None, repr=False, compare=False)
     leading: Sequence[str] = ()
     switches: bool = False
 
     def with_checks(self) -> "SimulatorRun":
         """The run with a balance of work and energy, if its program has one, and a look at the jumps beside its rows."""
-        balanced = self.balances and INTEGRATORS[self.run_file.settings.integrator].balances
+        balanced = self.balances_energy and INTEGRATORS[self.run_file.settings.integrator].balances_energy
         checked = replace(self.run_file, jumps_within=_BESIDE * self.run_file.output_step, energy=self.run_file.energy or balanced)
         return replace(self, run_file=checked)
 
@@ -134,11 +134,11 @@ def start(
         run_file = {**run.run_file.entries(), **tables.places, **place}
         summary = call_simulator(run.simulator, run_file, progress, seconds=seconds, description=run.description)
         ended, fallback, indeterminate = failure_of(summary), "", tuple(run.indeterminate)
-        if ended is not None and file is None and tangents is None and (onward := _fallback(run, ended, summary)) is not None:
-            other, begin = onward.prepare(), onward.begin(run.run_file, summary["kept"])
+        if ended is not None and file is None and tangents is None and (continuation := _fallback(run, ended, summary)) is not None:
+            other, begin = continuation.prepare(), continuation.begin(run.run_file, summary["kept"])
             run_file |= {"begin": begin, "pose": "design"}
             rest = call_simulator(other.simulator, run_file, progress, seconds=seconds, description=other.description)
-            summary, indeterminate = joined(summary, rest), tuple(dict.fromkeys((*indeterminate, *other.indeterminate)))
+            summary, indeterminate = merge_summaries(summary, rest), tuple(dict.fromkeys((*indeterminate, *other.indeterminate)))
             left = join_and([f"'{independent}'" for independent in ended.guards])
             fallback = f"the loops' equations at t = {begin['t']:g} s, since the functions of {left} end at t = {ended.time:.6g} s"
         rows, failure = summary.get("rows", 0), failure_of(summary)
@@ -149,14 +149,16 @@ def start(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         indeterminate=indeterminate, statistics=read_statistics(summary), energy=read_energy(summary), table=table,
-        near_jumps=read_near_jumps(summary), coordinates=coordinates, fallback=fallback, held=read_held(summary),
+        near_jumps=read_near_jumps(summary), coordinates=coordinates, fallback=fallback, held=read_locking_forces(summary),
     )  # fmt: skip
 
 
-def _fallback(run: SimulatorRun, ended: FailureReport, summary: Mapping[str, Any]) -> Onward | None:
+def _fallback(run: SimulatorRun, ended: FailureReport, summary: Mapping[str, Any]) -> Continuation | None:
     """The way on behind the end of functions; None where a force that was left out would act too, or the run has kept no state."""
-    onward = run.onward
-    return onward if onward is not None and ended.guards and {*ended.guards} <= {*onward.guards} and summary.get("kept") else None
+    continuation = run.continuation
+    if continuation is None or not ended.guards or not summary.get("kept"):
+        return None
+    return continuation if {*ended.guards} <= {*continuation.guards} else None
 
 
 def _read_coordinates(file: BinaryIO, rows: int) -> Array:
@@ -181,15 +183,15 @@ _SUMS = frozenset((
 ))  # fmt: skip
 
 
-def joined(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
+def merge_summaries(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
     """The summary of both parts, which ends as the second does.
 
     The defect of work and energy is at most the sum of both.
     """
-    return {**_without_end(first), **second, **{name: _both(name, first, second) for name in first.keys() & second.keys()}}
+    return {**_without_end(first), **second, **{name: _merge_entry(name, first, second) for name in first.keys() & second.keys()}}
 
 
-def _both(name: str, first: Mapping[str, Any], second: Mapping[str, Any]) -> Any:
+def _merge_entry(name: str, first: Mapping[str, Any], second: Mapping[str, Any]) -> Any:
     one, other = first[name], second[name]
     if name in _SUMS:
         return one + other

@@ -37,13 +37,13 @@ class StopRequest:
     answer: Callable[[], None] | None = None
     others: "list[StopRequest]" = field(default_factory=list)
 
-    def come(self, number: int) -> None:
+    def notify(self, number: int) -> None:
         """The signal is here."""
         self.number = number
         if self.answer is not None:
             self.answer()
         for other in tuple(self.others):
-            other.come(number)
+            other.notify(number)
 
     def answer_by(self, answer: Callable[[], None]) -> None:
         """Call ``answer`` when a signal comes; at once where one has come."""
@@ -74,16 +74,16 @@ if hasattr(signal, "SIGHUP"):  # Windows has none
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
     """Signals that would end the program at once raise `Terminated` while this lasts, so that nothing of it is left behind."""
-    with _raised_again(), _handled({s: usual for s, usual in _USUAL.items() if usual == signal.SIG_DFL}, _terminate):
+    with _resend_lost_signals(), _handled({s: usual for s, usual in _USUAL.items() if usual == signal.SIG_DFL}, _terminate):
         yield
 
 
 @contextmanager
-def _raised_again() -> Iterator[None]:
+def _resend_lost_signals() -> Iterator[None]:
     """Signals come once more while this lasts if they came where Python drops exceptions, as in a finalizer or a callback."""
     usual = sys.unraisablehook
 
-    def hear(dropped: "sys.UnraisableHookArgs") -> None:
+    def hook(dropped: "sys.UnraisableHookArgs") -> None:
         error = dropped.exc_value
         if isinstance(error, Terminated | KeyboardInterrupt):
             number = error.number if isinstance(error, Terminated) else signal.SIGINT
@@ -91,7 +91,7 @@ def _raised_again() -> Iterator[None]:
         else:
             usual(dropped)
 
-    sys.unraisablehook = hear
+    sys.unraisablehook = hook
     try:
         yield
     finally:
@@ -106,10 +106,10 @@ def stop_requests() -> Iterator[StopRequest]:
     def handle(number: int, frame: FrameType | None) -> None:
         if request.number is not None:
             raise KeyboardInterrupt
-        request.come(number)
+        request.notify(number)
 
     usual = {s: _terminate if signal.getsignal(s) == _terminate else usual for s, usual in _USUAL.items()}
-    with _handled(usual, handle) as handles, _heard(request, handles):
+    with _handled(usual, handle) as handles, _registered(request, handles):
         yield request
 
 
@@ -118,13 +118,13 @@ _HANDLED: list[StopRequest] = []
 
 
 @contextmanager
-def _heard(request: StopRequest, handled: bool) -> Iterator[None]:
+def _registered(request: StopRequest, handled: bool) -> Iterator[None]:
     """Let a request of another thread come too, while this lasts, beside one that is ``handled``."""
     above = None if handled or not _HANDLED else _HANDLED[-1]
     beside = above.others if above is not None else _HANDLED if handled else []
     beside.append(request)
     if above is not None and above.number is not None:
-        request.come(above.number)
+        request.notify(above.number)
     try:
         yield
     finally:

@@ -181,7 +181,7 @@ class Derivatives(Linear):
         by_all[:, list(columns.plain)] = np.hstack(derivatives)[:, numbers]
         for i, by_piece in enumerate(by_pieces):
             for part, knots in columns.parts(i):
-                by_all[:, part] = knots.gather(by_piece)
+                by_all[:, part] = knots.apply_transposed(by_piece)
         return AdjointSensitivities(
             times=times, values=values, objectives=np.tensordot(weighed, values, 2),
             derivatives=by_all if initial_sensitivities is None else by_all + derivatives[0] @ self._begun(initial_sensitivities, states,

@@ -221,9 +221,9 @@ class Library:
         return tuple(entries)
 
 
-def _opened(path: Path, made_with: Mapping[str, Any]) -> Library:
+def _opened(path: Path, arguments: Mapping[str, Any]) -> Library:
     """A library that was pickled."""
-    return Library(path, **made_with, lanes=None)
+    return Library(path, **arguments, lanes=None)
 
 
 #: Places of an array, and the values that simulations have there, (simulations, places).
@@ -240,7 +240,7 @@ class Lanes:
     def __init__(self, model: str, operations: int, build: Callable[[], Path]) -> None:
         self._model, self._operations, self._build = model, operations, build
 
-    def pay(self, steps: int) -> bool:
+    def reach_break_even(self, steps: int) -> bool:
         """Return whether lanes save more in so many steps of all simulations than they take to compile."""
         return lanes_break_even(self._operations, steps)
 

@@ -11,7 +11,7 @@ from cutjoint.stepping.handle import require_list
 from cutjoint.stepping.state_space import StateSpace
 from cutjoint.stepping.states import WITHOUT_POSES, States
 from cutjoint.stepping.values import (
-    STEPS_BESIDE,
+    DIFFERENCE_STEPS,
     Array,
     EigenvalueSensitivities,
     StateSensitivities,
@@ -134,7 +134,7 @@ class Linear(States):
         places = {each: i for i, each in enumerate((*self.parameters, *self.inputs))}
         value = self.parameters[name] if find_place(places, name) < len(self.parameters) else self.get_input(name)
 
-        def beside(change: float) -> Array:
+        def find_at(change: float) -> Array:
             try:
                 numbers[name] = value + change
                 return find(change)
@@ -143,7 +143,7 @@ class Linear(States):
 
         for share in _NARROWER:
             h = share * (_SHARE * abs(value) or _SHARE_OF_NOUGHT)
-            found = [beside(steps * h) for steps in STEPS_BESIDE]
+            found = [find_at(steps * h) for steps in DIFFERENCE_STEPS]
             if not is_non_smooth(found, h):
                 return difference(found, h)
         raise ValueError(

@@ -14,7 +14,7 @@ from cutjoint.model.expressions.functions import functions_of_host, leave_to_hos
 from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.run.run_file import changing, following, parameter_values
+from cutjoint.run.run_file import changing_parts, find_dependent_parts, parameter_values
 from cutjoint.run.scenes import ModelLike, load_model, with_default_closure
 from cutjoint.stepping.library import HostFunction, Lanes, Library, with_rollout
 from cutjoint.stepping.simulation import Simulation
@@ -72,7 +72,7 @@ def load_scene(
     hosted = _functions_of(model, functions or {})
     fits = standalone.fits_lanes and not hosted  # whose functions are those of one simulation
     lanes = Lanes(standalone.name, generated.program.operations("evaluate"), build) if fits else None
-    begin = partial(_begin, model, scene) if scene.trim is None and {"positions", "rates"} & set(changing(model, scene)) else None
+    begin = partial(_begin, model, scene) if scene.trim is None and {"positions", "rates"} & set(changing_parts(model, scene)) else None
     return open_standalone(standalone, standalone.build_library(flags), lanes=lanes, functions=hosted, begin=begin)
 
 
@@ -91,7 +91,7 @@ def _begin(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple
     """The coordinates and speeds of a scene's start with ``parameters``; none with those of its file, with which it was compiled."""
     usual = parameter_values(model, {})
     given = {**usual, **{name: value for name, value in parameters.items() if name in usual}}
-    found = following(model, scene, given, ("positions", "rates")) if given != usual else {}
+    found = find_dependent_parts(model, scene, given, ("positions", "rates")) if given != usual else {}
     return found.get("positions", {}), found.get("rates", {})
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from cutjoint.emit.statuses import LIMITED
 from cutjoint.methods import describe_steps
-from cutjoint.package.renamed import with_old_words
+from cutjoint.package.renamed import accept_old_names
 from cutjoint.stepping.handle import Handle
 from cutjoint.stepping.library import StatisticsRecord
 from cutjoint.stepping.values import Array, StepStatistics, find_place
@@ -119,7 +119,7 @@ class Motion(Handle):
         equation = None if record.equation < 0 else self.library.names["equation"][record.equation]
         return StepStatistics(**{name: getattr(record, name) for name in LIMITED}, equation=equation)
 
-    @with_old_words
+    @accept_old_names
     def set_limits(self, **limits: float) -> None:
         """Limit numbers of `last_step`: ``pivot`` from below, others from above; infinity, for ``pivot`` 0, removes a limit.
 

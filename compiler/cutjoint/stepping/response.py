@@ -17,7 +17,7 @@ from cutjoint.model.expressions.quantities import QuantityError, elements_of, fi
 from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import VALUE, Binding, HeldValue, Model, Output, Parameter, Scalar, Scene, Signal
 from cutjoint.package.errors import RunError
-from cutjoint.run.inputs import with_held_inputs
+from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.run_file import find_trim, parameter_values
 from cutjoint.run.scenes import ModelLike, load_model
 from cutjoint.run.settings import require_settings
@@ -67,16 +67,16 @@ def find_scene_linear_model(
         of_inputs = {p.name for p in model.parameters if p.binding is Binding.INPUT}
         parameters = {name: value for name, value in parameters.items() if name not in of_inputs}
     else:
-        scene, parameters = with_held_inputs(model, scene, parameters)
+        scene, parameters = with_constant_inputs(model, scene, parameters)
         scene = scene if at is not None else replace(scene, pose="equilibrium", rates={})
     if not model.controllers:
         return replace(_begin(model, scene, parameters, at).linearise(), places=places).choose(chosen)
     if any(function.memory for function in model.functions):
         words = "a function has a memory, by which controllers have no derivative; replace it by signals and memory"
         raise RunError(f"{model.span.file}: {words}")
-    opened, begun, asked = _opened(model, scene)
+    opened, begun, asked = _with_sampled_inputs(model, scene)
     sim = _begin(opened, begun, parameters, None if at is None else 0.0)
-    held = [_held_input(value) for value in model.held]
+    held = [_sampled_input(value) for value in model.held]
     if at is not None:
         watched = [_signal(model, f"{name}.held", value.symbol) for name, value in zip(held, model.held, strict=True)]
         watching = replace(model, signals=(*model.signals, *watched))
@@ -135,27 +135,27 @@ def _places(model: Model) -> Iterable[tuple[str, tuple[float, float]]]:
 # Controllers as inputs and outputs
 
 
-def _opened(model: Model, scene: Scene) -> tuple[Model, Scene, tuple[str, ...]]:
+def _with_sampled_inputs(model: Model, scene: Scene) -> tuple[Model, Scene, tuple[str, ...]]:
     """The model whose controllers' held values are inputs, the scene with their next values as outputs, and the names of outputs."""
     inputs = {
         value.symbol: Parameter(name=name, symbol=parameter_symbol(name), value=0.0, unit=value.unit, binding=Binding.INPUT, span=c.span)
-        for c in model.controllers for value in c.held for name in [_held_input(value)]
+        for c in model.controllers for value in c.held for name in [_sampled_input(value)]
     }  # fmt: skip
     symbols: dict[Scalar, Scalar] = {symbol: parameter.symbol for symbol, parameter in inputs.items()}
     for signal in (signal for c in model.controllers for signal in c.signals):  # each behind those that it reads
         symbols[signal.symbol] = sympy.sympify(signal.value).xreplace(symbols)
     names = {c.name for c in model.controllers}
-    follow = [_signal(model, f"{_held_input(v)}.next", sympy.sympify(v.next).xreplace(symbols)) for v in model.held]
+    follow = [_signal(model, f"{_sampled_input(v)}.next", sympy.sympify(v.next).xreplace(symbols)) for v in model.held]
     asked = {o.column: inputs[quantity_symbol(o.element, o.quantity)] for o in scene.outputs if o.element in names}
     shown = {column: _signal(model, column, held.symbol, held.unit) for column, held in asked.items()}
     plain = _with_symbols(replace(model, controllers=()), symbols)
     opened = replace(plain, parameters=(*model.parameters, *inputs.values()), signals=(*plain.signals, *shown.values(), *follow))
     outputs = (*(_reported(shown[o.column]) if o.column in shown else o for o in scene.outputs), *map(_reported, follow))
-    starts = {_held_input(v): v.start for v in model.held}
+    starts = {_sampled_input(v): v.start for v in model.held}
     return opened, replace(scene, outputs=outputs, inputs={**scene.inputs, **starts}), tuple(o.column for o in outputs)
 
 
-def _held_input(value: HeldValue) -> str:
+def _sampled_input(value: HeldValue) -> str:
     """The name of a held value as an input; those of delays have none in the file."""
     return held_name(value).replace("-", ".delay")
 

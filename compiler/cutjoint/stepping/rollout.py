@@ -50,7 +50,7 @@ def rollout(
     columns = [{name: np.broadcast_to(values, number) for name, values in each.items()} for each in given]
     rows = np.full((number, steps, len(simulation.outputs)), np.nan)
     lanes = simulation.library.lanes
-    if trajectories or lanes is None or not lanes.pay(steps * number):
+    if trajectories or lanes is None or not lanes.reach_break_even(steps * number):
         perform, at_once = _alone(simulation, begins, columns, trajectories, rows), 1
     else:
         perform, at_once = _in_lanes(simulation, lanes, begins, columns, rows), MOST_LANES

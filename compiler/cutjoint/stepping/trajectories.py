@@ -26,14 +26,14 @@ class Knots:
     derivatives: Array
     which: NDArray[np.intp]
 
-    def spread(self) -> Array:
+    def as_matrix(self) -> Array:
         """The change of the pieces' numbers with each knot, (knots, pieces, 4)."""
         found = np.zeros((self.number, *self.derivatives.shape[1:]))
         for derivatives, which in zip(self.derivatives, self.which, strict=True):
             found[which, np.arange(len(which))] += derivatives
         return found
 
-    def gather(self, by_pieces: Array) -> Array:
+    def apply_transposed(self, by_pieces: Array) -> Array:
         """Derivatives by knots, (objectives, knots), from those by the pieces' numbers, (objectives, pieces, 4)."""
         found = np.zeros((len(by_pieces), self.number))
         for derivatives, which in zip(self.derivatives, self.which, strict=True):
@@ -160,6 +160,6 @@ class Columns:
             change = np.zeros((len(self.names), *trajectory.numbers.shape)) if parts else None
             for columns, knots in parts:
                 assert change is not None
-                change[columns] = knots.spread()
+                change[columns] = knots.as_matrix()
             found.append(change)
         return found

@@ -308,11 +308,11 @@ class ForwardSensitivities:
 
 
 #: The steps of a difference of fourth order.
-STEPS_BESIDE = (-2, -1, 1, 2)
+DIFFERENCE_STEPS = (-2, -1, 1, 2)
 
 
 def difference(found: Sequence[Array], h: float) -> Array:
-    """The derivative of what is found so many steps h (`STEPS_BESIDE`) from a number, to fourth order."""
+    """The derivative of what is found so many steps h (`DIFFERENCE_STEPS`) from a number, to fourth order."""
     return (found[0] - 8 * found[1] + 8 * found[2] - found[3]) / (12 * h)
 
 
@@ -320,11 +320,11 @@ def difference(found: Sequence[Array], h: float) -> Array:
 _APART, _ROUNDED = 1e-5, 1e-8
 
 #: The share by which derivatives on both sides may be apart: a smooth function bends over the step.
-_BENT = 0.1
+_NON_SMOOTH = 0.1
 
 
 def is_non_smooth(found: Sequence[Array], h: float) -> bool:
-    """Return whether what is found so many steps h (`STEPS_BESIDE`) from a number jumps or is not smooth there, row by row.
+    """Return whether what is found so many steps h (`DIFFERENCE_STEPS`) from a number jumps or is not smooth there, row by row.
 
     Derivatives of one side and of both, over one step and over two, are alike where it is smooth.
     """
@@ -333,7 +333,7 @@ def is_non_smooth(found: Sequence[Array], h: float) -> bool:
     sides = (right - near_right) / h + (left - near_left) / h  # 3 h f''; at a non-smooth point the change of the derivative
     size = np.max(np.maximum(np.abs(narrow), np.abs(wide)), axis=-1, keepdims=True, initial=0.0)
     rounding = _ROUNDED / h * np.max(np.abs(found), axis=(0, -1), keepdims=True, initial=0.0)[0]
-    return bool((np.abs(narrow - wide) > _APART * size + rounding).any() or (np.abs(sides) > _BENT * size + rounding).any())
+    return bool((np.abs(narrow - wide) > _APART * size + rounding).any() or (np.abs(sides) > _NON_SMOOTH * size + rounding).any())
 
 
 #: Eigenvalues that count as nought, and those that count as the same, as shares of the largest.

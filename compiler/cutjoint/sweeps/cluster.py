@@ -35,7 +35,7 @@ _TIMERS = "profile", "tick"
 _works: dict[str, Work] = {}
 
 
-class Bringer:
+class WorkPlugin:
     """Brings work to a worker, and stops timers there: Dask calls ``setup`` on each, and ``teardown`` at the end of the sweep."""
 
     idempotent = False
@@ -88,18 +88,18 @@ class Cluster:
         self._refused: dict[str, str] = {}
         self._fit: set[str] = set()
         self._present: dict[str, int] = {}
-        self._next_look = 0.0
+        self._next_poll = 0.0
         try:
             self._client = self._dask.Client(address, timeout=_PATIENCE, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise RunError(f"--scheduler {address}: no scheduler answers: {error}; start one with `dask scheduler`") from None
-        self._bringer = f"cutjoint-{self._key[:16]}-{self._client.id}"
+        self._plugin = f"cutjoint-{self._key[:16]}-{self._client.id}"
         try:
             with suppress(Exception):  # whatever a worker has against it is found out below, with its name
-                plugin = type("WorkBringer", (Bringer, self._dask.WorkerPlugin), {})
-                self._client.register_plugin(plugin(self._key, work, self._bringer))
+                plugin = type("SweepPlugin", (WorkPlugin, self._dask.WorkerPlugin), {})
+                self._client.register_plugin(plugin(self._key, work, self._plugin))
             self._client.wait_for_workers(1, timeout=_PATIENCE)
-            self._look()
+            self._poll()
         except TimeoutError:
             self.close()
             raise RunError(f"--scheduler {address}: it has no workers; start some with `dask worker {address}`") from None
@@ -130,8 +130,8 @@ class Cluster:
         Raises:
             RunError: the scheduler has gone, or workers died of a chunk.
         """
-        if monotonic() >= self._next_look:
-            self._look()
+        if monotonic() >= self._next_poll:
+            self._poll()
         try:
             future = self._done.get(timeout=seconds)
         except Empty:
@@ -154,10 +154,10 @@ class Cluster:
     def close(self) -> None:
         """Give the cluster back."""
         with suppress(Exception):  # the scheduler may have gone
-            self._client.sync(self._client.scheduler.unregister_worker_plugin, name=self._bringer, callback_timeout=_LEAVE)
+            self._client.sync(self._client.scheduler.unregister_worker_plugin, name=self._plugin, callback_timeout=_LEAVE)
         self._client.close(timeout=_LEAVE)
 
-    def _judge(self, workers: set[str]) -> None:
+    def _check_workers(self, workers: set[str]) -> None:
         """Find out which of new workers can run the libraries.
 
         Raises:
@@ -171,9 +171,9 @@ class Cluster:
             else:
                 self._fit.add(worker)
         if not self._fit:
-            raise self._none_fit()
+            raise self._no_worker_error()
 
-    def _none_fit(self) -> RunError:
+    def _no_worker_error(self) -> RunError:
         refused = "; ".join(f"{self._name(worker)}: {why}" for worker, why in self._refused.items())
         advice = "flags in the study, such as -O3 -march=x86-64-v2, build for other processors"
         return RunError(f"--scheduler {self._address}: no worker can run the study: {refused}; {advice}")
@@ -183,7 +183,7 @@ class Cluster:
         name = str(known.get("name", worker))
         return worker if name == worker else f"'{name}' ({worker})"
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         """See whether the scheduler is there; judge new workers, and have chunks performed anew whose workers have all gone.
 
         Raises:
@@ -194,12 +194,12 @@ class Cluster:
         except (OSError, TimeoutError, CancelledError):
             raise RunError(f"--scheduler {self._address}: the scheduler has gone") from None
         if new := self._present.keys() - self._fit - self._refused.keys():
-            self._judge(new)
+            self._check_workers(new)
         lost = [(key, chunk) for key, (chunk, allowed) in self._chunks.items() if allowed and not allowed & self._present.keys()]
         for key, chunk in lost:
             del self._chunks[key]
             self.submit(chunk)
-        self._next_look = monotonic() + _OFTEN
+        self._next_poll = monotonic() + _OFTEN
 
     def _refuse(self, future: Any, why: str) -> None:
         """A worker that a chunk was on cannot run the libraries."""
@@ -209,4 +209,4 @@ class Cluster:
                 self._refused[worker] = why
                 self._note(f"worker {self._name(worker)} is refused: {why}")
         if not self._fit:
-            raise self._none_fit()
+            raise self._no_worker_error()

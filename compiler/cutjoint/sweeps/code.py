@@ -23,7 +23,7 @@ from cutjoint.model.records import VALUE, Binding, Model, Output, Scalar, Scene,
 from cutjoint.model.scenes.starts import UNIT_BOUND
 from cutjoint.package.errors import RunError
 from cutjoint.program.records import Program
-from cutjoint.run.run_file import changing, require_same_start, sources_of_parts
+from cutjoint.run.run_file import changing_parts, require_same_start, sources_of_parts
 from cutjoint.run.scenes import with_default_closure
 from cutjoint.sweeps.kernel import Kernel, find_target
 from cutjoint.sweeps.records import Kind, Study, Variable
@@ -80,7 +80,7 @@ def _following(
     """The calls that give a start everything that follows from parameters of the study."""
     model, changed = study.model, {v.name for v in study.variables if v.kind is Kind.PARAMETER}
     moving = {q.symbol for q in model.parameters if q.name in changed}
-    if "roads" in changing(model, scene) and any(moving & f.radius.free_symbols for f in model.forces if f.has_road):
+    if "roads" in changing_parts(model, scene) and any(moving & f.radius.free_symbols for f in model.forces if f.has_road):
         reason = "a tyre's radius follows from a parameter of the study, and the road's shape from the radius"
         raise RunError(f"{scene.span}: scene '{scene.name}': {reason}; use cutjoint batch")
     require_same_start(model, scene, sorted(changed))
@@ -138,7 +138,7 @@ def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
     alone = make_standalone(generated, integrator=study.integrator)
     rows, row_step = _count_rows(scene, alone)
     may = alone.fits_lanes and rows * MOST_LANES <= _MOST_ROWS
-    if may and (_pays(study, generated.program, alone) if lanes is None else lanes):
+    if may and (_reaches_break_even(study, generated.program, alone) if lanes is None else lanes):
         alone = make_standalone(generated, integrator=study.integrator, side_by_side=True)
     equations = generated.equations
     start = equations.mechanism
@@ -168,7 +168,7 @@ def _count_rows(scene: Scene, alone: Standalone) -> tuple[int, float]:
     return rows, row_step
 
 
-def _pays(study: Study, program: Program, alone: Standalone) -> bool:
+def _reaches_break_even(study: Study, program: Program, alone: Standalone) -> bool:
     """Return whether a study has so many steps in a scene that lanes pay."""
     steps = float(alone.run_file.end) / float(alone.run_file.settings.dt)
     return lanes_break_even(program.operations("evaluate"), steps * study.runs / len(study.scenes))

@@ -15,7 +15,7 @@ from cutjoint.model.elements.mass import can_exist
 from cutjoint.model.expressions.evaluate import evaluate_runs
 from cutjoint.model.records import Binding
 from cutjoint.package.errors import RunError
-from cutjoint.run.run_file import MASSES, following, parameter_values
+from cutjoint.run.run_file import MASSES, find_dependent_parts, parameter_values
 from cutjoint.sweeps.document import Design, LatinHypercube, Listed, Sobol, SobolIndices, Tolerances
 from cutjoint.sweeps.records import Array, Kind, Study, of_kind
 
@@ -53,7 +53,7 @@ class Masses:
         model = self._study.model
         changes = {name: float(values[place]) for name, place in self._places.items()}
         try:
-            following(model, self._study.scenes[0], parameter_values(model, changes), (MASSES,))
+            find_dependent_parts(model, self._study.scenes[0], parameter_values(model, changes), (MASSES,))
         except RunError as error:
             return str(error)
         return ""

@@ -279,7 +279,7 @@ class Document(Part):
     trajectories: Trajectories | None = None
 
     @model_validator(mode="after")
-    def _says_something(self) -> "Document":
+    def _has_results(self) -> "Document":
         if not self.objectives and self.trajectories is None:
             raise shape_error("there are no objectives and no trajectories", "write for example objectives: {peak: {maximum: body.z}}")
         return self

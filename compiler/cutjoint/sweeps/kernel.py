@@ -84,7 +84,7 @@ _TEXT = 400
 
 
 @dataclass(frozen=True, kw_only=True)
-class Left:
+class KernelResults:
     """The results of runs: ``series`` (runs, series, rows), of which each run ``reached`` so many rows.
 
     ``failures`` have the reasons of failed runs by their places, ``times`` the time of each failure, s, NaN for none.
@@ -126,7 +126,7 @@ class Kernel:
         """The times of the rows, s."""
         return np.arange(self.rows, dtype=np.float64) * self.row_step
 
-    def run(self, values: Array) -> Left:
+    def run(self, values: Array) -> KernelResults:
         """Runs with values (runs, variables).
 
         Raises:
@@ -142,8 +142,8 @@ class Kernel:
             reached.ctypes.data, times.ctypes.data, texts.ctypes.data, _TEXT,
         )  # fmt: skip
         times[status == 0] = np.nan
-        failures = {int(run): _said(texts[run]) for run in np.flatnonzero(status)}
-        return Left(series=series, reached=reached, failures=failures, times=times)
+        failures = {int(run): _decode(texts[run]) for run in np.flatnonzero(status)}
+        return KernelResults(series=series, reached=reached, failures=failures, times=times)
 
 
 def require_loadable(kernels: Sequence[Kernel]) -> str:
@@ -158,7 +158,7 @@ def require_loadable(kernels: Sequence[Kernel]) -> str:
     return ""
 
 
-def _said(text: Any) -> str:
+def _decode(text: Any) -> str:
     return bytes(text).partition(b"\0")[0].decode("utf-8", "replace")
 
 

@@ -31,14 +31,14 @@ _UNFIT = "is damaged, renamed or of another sweep"
 
 
 class Parts:
-    """The folder beside a table in which it grows; one command at a time writes it.  ``say`` is told what is set aside.
+    """The folder beside a table in which it grows; one command at a time writes it.  ``note`` is told what is set aside.
 
     Raises:
         OutputError: it cannot be written, another command writes it, or it is of another study.
     """
 
-    def __init__(self, out: Path, layout: Layout, say: Callable[[str], None]) -> None:
-        self.out, self.layout, self._say = resolved(out), layout, say
+    def __init__(self, out: Path, layout: Layout, note: Callable[[str], None]) -> None:
+        self.out, self.layout, self._note = resolved(out), layout, note
         self.folder = self.out.with_name(f"{self.out.name}.parts")
         self.aside = self.out.with_name(f"{self.out.name}.aside")
         with naming_output(self.folder):
@@ -46,7 +46,7 @@ class Parts:
             self._lock = os.open(self.folder / _LOCK, open_flags("O_RDWR", "O_CREAT"), 0o666)
         try:
             lock(self._lock)
-            self._take_over()
+            self._resume()
         except BlockingIOError:
             os.close(self._lock)
             raise OutputError(f"{self.folder}: another sweep writes this; wait for it, or write elsewhere") from None
@@ -54,7 +54,7 @@ class Parts:
             os.close(self._lock)
             raise
 
-    def _take_over(self) -> None:
+    def _resume(self) -> None:
         """Begin, or go on where an earlier call stopped."""
         file = self.folder / _MANIFEST
         found = _read_manifest(file)
@@ -104,7 +104,7 @@ class Parts:
             place = next(self.aside / name for name in names if not os.path.lexists(self.aside / name))
             with suppress(FileNotFoundError):
                 shutil.move(path, place)
-        self._say(f"{path} {why}: it is now {place}" + ("" if why != _UNFIT else ", and its runs are made again"))
+        self._note(f"{path} {why}: it is now {place}" + ("" if why != _UNFIT else ", and its runs are made again"))
 
     def write(self, rows: Rows) -> None:
         """The rows of a chunk.
@@ -170,7 +170,7 @@ class Parts:
         with suppress(OSError):
             self.folder.rmdir()
         if self.folder.exists():
-            self._say(f"{self.folder} stays: it has files that are not of the sweep")
+            self._note(f"{self.folder} stays: it has files that are not of the sweep")
 
     def close(self) -> None:
         """Let others write."""

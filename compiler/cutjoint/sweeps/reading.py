@@ -11,7 +11,7 @@ import numpy as np
 import sympy
 
 from cutjoint.model.document.checks import check_part
-from cutjoint.model.document.renamed import STUDY, in_new_words
+from cutjoint.model.document.renamed import STUDY, rename_fields
 from cutjoint.model.document.source import Path as Keys
 from cutjoint.model.document.source import Source, parse_yaml, read_text
 from cutjoint.model.document.values import Part
@@ -31,7 +31,7 @@ from cutjoint.run.settings import Options, with_options
 from cutjoint.sweeps.code import Reader
 from cutjoint.sweeps.document import Document, Listed
 from cutjoint.sweeps.document import Objective as ObjectivePart
-from cutjoint.sweeps.records import Array, Asked, Objective, Series, Study
+from cutjoint.sweeps.records import Array, Objective, Series, Study, TaskRequest
 from cutjoint.sweeps.tasks import REDUCTIONS_OF, Result, make_task
 from cutjoint.sweeps.variables import TAKEN, Variables
 from cutjoint.toolchain.build import FLAGS
@@ -67,7 +67,7 @@ def read_study(path: AnyPath, *, functions: AnyPath | None = None) -> Study:
 def read_study_text(text: str, file: str) -> Study:
     """Read a study from its text; ``file`` is the name in messages, and paths in the study start from its folder."""
     problems = Problems()
-    source, notes = in_new_words(parse_yaml(text, file), problems, STUDY)
+    source, notes = rename_fields(parse_yaml(text, file), problems, STUDY)
     document = check_part(source, problems, Document, element_of)
     if document is None:
         raise problems.error()
@@ -85,7 +85,7 @@ class _Reading:
         self.where = Element(scope, "study", "", ())
         self.series: list[Series] = []
         self.model: Model
-        self.results: dict[Asked, Result] = {}
+        self.results: dict[TaskRequest, Result] = {}
 
     def study(self) -> Study:
         """The study; raises ModelError with all problems."""
@@ -198,7 +198,7 @@ class _Reading:
         values = [(key, getattr(options, key)) for key in sorted(options.model_fields_set)]
         dimensions = ((key, _OPTIONS.get(key), value) for key, value in values if value is not None)
         at = (*keys, "of", task)
-        asked = Asked(task=task, options=tuple(
+        asked = TaskRequest(task=task, options=tuple(
             (key, where.number(value, dimension, (*at, key)) if key in _OPTIONS else value) for key, dimension, value in dimensions
         ))  # fmt: skip
         window = [-inf if part.from_ is None else where.number(part.from_, TIME, (*keys, "from")),

@@ -37,7 +37,7 @@ class Variable:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class TaskRequest:
     """A task other than a run with options by name, numbers in SI units."""
 
     task: str
@@ -63,7 +63,7 @@ class Objective:
     limits: tuple[float, float] | None = None
     unit: str = ""
     factor: float = 1.0
-    asked: Asked | None = None
+    asked: TaskRequest | None = None
     of: str = ""
 
 

@@ -215,14 +215,14 @@ class _Driver:
         waiting, done, chunks = 0, self.study.runs - left, self._chunks(ranges)
         try:
             while done < self.study.runs:
-                for chunk in islice(chunks, max(0, self._most_waiting() - waiting)):
+                for chunk in islice(chunks, max(0, self._queue_limit() - waiting)):
                     self.workers.submit(chunk)
                     waiting += 1
                 if request.number is not None:
                     raise request.error("interrupted")
                 if (rows := self.workers.take(1.0)) is not None:
                     waiting, done = waiting - 1, done + len(rows.values)
-                    self._learn(len(rows.values), rows.seconds)
+                    self._record_speed(len(rows.values), rows.seconds)
                     self.parts.write(rows)
                     if self.progress is not None:
                         self.progress(done, self.study.runs)
@@ -230,7 +230,7 @@ class _Driver:
             error.add_note(f"{done} of {self.study.runs} runs are in {self.parts.folder}; the same call goes on from there")
             raise
 
-    def _learn(self, runs: int, seconds: float) -> None:
+    def _record_speed(self, runs: int, seconds: float) -> None:
         self.performed += runs
         self.seconds += seconds
         self._largest = max(self._largest, runs)
@@ -248,7 +248,7 @@ class _Driver:
     def _is_known(self) -> bool:
         return self.seconds >= _ENOUGH
 
-    def _most_waiting(self) -> int:
+    def _queue_limit(self) -> int:
         """The largest number of chunks under way: each worker has the next one, or a few try how long a run takes."""
         return 2 * self.workers.number if self._is_known() else min(4, 2 * self.workers.number)
 
@@ -297,10 +297,10 @@ def make_manifest(study: Study, kernels: Sequence[Kernel]) -> dict[str, Any]:
 def steps_of(manifest: Mapping[str, Any]) -> dict[str, str]:
     """The steps of each scene's runs, in words."""
     return {
-        scene: f"{StepSettings(**{each.name: manifest[each.name][scene] for each in fields(StepSettings)})}, runs {_together(lanes)}"
+        scene: f"{StepSettings(**{each.name: manifest[each.name][scene] for each in fields(StepSettings)})}, runs {_describe_lanes(lanes)}"
         for scene, lanes in manifest["lanes"].items()
     }
 
 
-def _together(lanes: int) -> str:
+def _describe_lanes(lanes: int) -> str:
     return "one by one" if lanes == 1 else "side by side"

@@ -18,7 +18,7 @@ from cutjoint.stepping.response import find_scene_linear_model
 from cutjoint.stepping.state_space import LinearModel
 from cutjoint.sweeps.document import REDUCTIONS
 from cutjoint.sweeps.objectives import reduce_series
-from cutjoint.sweeps.records import Array, Asked, Kind, Objective, Study
+from cutjoint.sweeps.records import Array, Kind, Objective, Study, TaskRequest
 from cutjoint.tasks.inverse import InverseDynamics
 from cutjoint.tasks.kinematics.sweep import LEADING, find_kinematics
 from cutjoint.tasks.states import find_scene_modes
@@ -103,14 +103,14 @@ def _modes(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
         units = {"lowest.frequency": "Hz", "least.damping": "", "largest.real": "1/s"}
         units |= {f"{i}.{name}": unit for i in range(1, len(first) + 1) for name, unit in _OF_MODE.items()}
 
-        def on_the_way(share: float) -> Sequence[Mode]:
+        def modes_at_share(share: float) -> Sequence[Mode]:
             return found if share == 1.0 else modes_at({n: usual[n] + share * (x - usual[n]) for n, x in parameters.items()})
 
         def number(name: str) -> float:
             if name in numbers:
                 return numbers[name]
             place, _, quantity = name.partition(".")
-            mode = _followed(first[int(place) - 1], on_the_way)
+            mode = _track_mode(first[int(place) - 1], modes_at_share)
             return {"frequency": mode.frequency, "damping": mode.damping_ratio, "real": mode.eigenvalue.real}[quantity]
 
         return Result(units=units, find=number)
@@ -123,7 +123,7 @@ _OF_MODE = {"frequency": "Hz", "damping": "", "real": "1/s"}
 _ALIKE, _LEAST_PART = 0.9, 1 / 64
 
 
-def _followed(mode: Mode, on_the_way: Callable[[float], Sequence[Mode]]) -> Mode:
+def _track_mode(mode: Mode, modes_at_share: Callable[[float], Sequence[Mode]]) -> Mode:
     """A mode at the end of a way of parameters, which is cut until vectors of neighbours are alike.
 
     Raises:
@@ -132,8 +132,8 @@ def _followed(mode: Mode, on_the_way: Callable[[float], Sequence[Mode]]) -> Mode
     share, part = 0.0, 1.0
     while share < 1.0:
         part = min(part, 1.0 - share)
-        found = on_the_way(share + part)
-        alike = [_likeness(mode, other) for other in found]
+        found = modes_at_share(share + part)
+        alike = [_modal_assurance(mode, other) for other in found]
         if max(alike, default=0.0) >= _ALIKE:
             mode, share, part = found[int(np.argmax(alike))], share + part, 2 * part
         elif part > _LEAST_PART:
@@ -143,7 +143,7 @@ def _followed(mode: Mode, on_the_way: Callable[[float], Sequence[Mode]]) -> Mode
     return mode
 
 
-def _likeness(one: Mode, other: Mode) -> float:
+def _modal_assurance(one: Mode, other: Mode) -> float:
     """The modal assurance criterion of two modes by displacements and velocities, weighted by shares of the kinetic energy."""
     scale = abs(one.eigenvalue)
     a, b = (np.array([np.sqrt(abs(p.share)) * np.exp(1j * np.angle(p.amplitude)) for p in mode.shape.values()]) for mode in (one, other))
@@ -195,7 +195,7 @@ TASKS: Mapping[str, Callable[[Model, Scene, Mapping[str, Any]], Task]] = {
 }  # fmt: skip
 
 
-def make_task(asked: Asked, model: Model, scene: Scene) -> Task:
+def make_task(asked: TaskRequest, model: Model, scene: Scene) -> Task:
     """A task of a model in a scene."""
     return TASKS[asked.task](model, scene, dict(asked.options))
 

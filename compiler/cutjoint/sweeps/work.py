@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from cutjoint.package.errors import CutjointError
-from cutjoint.sweeps.kernel import Kernel, Left
+from cutjoint.sweeps.kernel import Kernel, KernelResults
 from cutjoint.sweeps.objectives import reduce_series
 from cutjoint.sweeps.records import Array, Counts, Objective
 
@@ -81,7 +81,7 @@ class Work:
         failures: list[str | None] = [chunk.faults.get(run) for run in range(runs)]
         times[list(chunk.faults)] = 0.0
         begins = np.array([failure is None for failure in failures])
-        longest = max((len(self._thinned(kernel)) for kernel in self.kernels), default=0)
+        longest = max((len(self._kept_rows(kernel)) for kernel in self.kernels), default=0)
         shown, lengths = np.full((len(self.trajectories), runs, longest), np.nan), np.zeros(runs, dtype=np.int64)
         if self.tasks is not None:
             for run in np.flatnonzero(begins):
@@ -93,14 +93,14 @@ class Work:
         begins = np.array([failure is None for failure in failures])
         for number in np.unique(scenes[begins]) if self.kernels else ():
             kernel, places = self.kernels[number], np.flatnonzero(begins & (scenes == number))
-            for at in np.split(places, range(self._at_once(kernel), len(places), self._at_once(kernel))):
+            for at in np.split(places, range(self._runs_per_chunk(kernel), len(places), self._runs_per_chunk(kernel))):
                 left = kernel.run(values[at])
                 self._reduce(kernel, left, objectives, at)
                 times[at] = left.times
                 for run, failure in left.failures.items():
                     failures[at[run]] = failure
                 if self.trajectories:
-                    rows = self._thinned(kernel)
+                    rows = self._kept_rows(kernel)
                     shown[:, at, : len(rows)] = left.series[:, self.trajectories][:, :, rows].transpose(1, 0, 2)
                     lengths[at] = np.searchsorted(rows, left.reached)
         there = np.arange(longest) < lengths[:, np.newaxis]
@@ -109,16 +109,16 @@ class Work:
             trajectories=[values[there] for values in shown], lengths=lengths, seconds=perf_counter() - begin,
         )  # fmt: skip
 
-    def _at_once(self, kernel: Kernel) -> int:
+    def _runs_per_chunk(self, kernel: Kernel) -> int:
         together = 8 * kernel.rows * max(1, kernel.series) * kernel.lanes
         return max(1, _HELD // together) * kernel.lanes
 
-    def _reduce(self, kernel: Kernel, left: Left, objectives: Array, at: Counts) -> None:
+    def _reduce(self, kernel: Kernel, left: KernelResults, objectives: Array, at: Counts) -> None:
         done = [run for run in range(len(at)) if run not in left.failures] if left.failures else slice(None)
         for j, objective in ((j, o) for j, o in enumerate(self.objectives) if o.asked is None):
             objectives[at[done], j] = reduce_series(objective, left.series[done, objective.series], kernel.times, kernel.row_step)
 
-    def _thinned(self, kernel: Kernel) -> Counts:
+    def _kept_rows(self, kernel: Kernel) -> Counts:
         """The rows of a trajectory that stay: each so many, and the last."""
         rows: Counts = np.unique([*range(0, kernel.rows, self.every), kernel.rows - 1])
         return rows

@@ -32,13 +32,13 @@ from cutjoint.run.cases import CaseTable
 from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
 from cutjoint.run.inputs import InputLike, input_entries
 from cutjoint.run.results import Array, Batch, Columns, Trajectory
-from cutjoint.run.run_file import changing, following, given_inputs, make_run_file, parameter_values, trimmed
+from cutjoint.run.run_file import changing_parts, constant_inputs, find_dependent_parts, make_run_file, parameter_values, trimmed
 from cutjoint.run.scenes import ModelLike, load_model, with_closure
 from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance, require_settings
 from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
 from cutjoint.run.simulator_run import SimulatorRun, Start, start
 from cutjoint.run.stopping import stop_requests
-from cutjoint.tasks.taken import take_artifact
+from cutjoint.tasks.compiled import compile_unless_compiled
 from cutjoint.toolchain.build import FLAGS, Binary, build
 from cutjoint.toolchain.compiler import must_interpret
 
@@ -269,12 +269,12 @@ def _record(run: Trajectory) -> dict[str, Any]:
 
 def _own_parts(model: Model, scene: Scene, cases: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:
     """The entries of a run file that parameters change, for each case."""
-    parts = changing(model, scene)
+    parts = changing_parts(model, scene)
     own = []
     for case in cases:
-        begun, start, inputs = trimmed(model, scene, case, given_inputs(model, case))
+        begun, start, inputs = trimmed(model, scene, case, constant_inputs(model, case))
         given, held = parameter_values(begun, case), input_entries(begun, start, inputs)
-        own.append({"parameters": given, **({"inputs": held} if held else {}), **following(begun, start, given, parts)})
+        own.append({"parameters": given, **({"inputs": held} if held else {}), **find_dependent_parts(begun, start, given, parts)})
     return own
 
 
@@ -316,7 +316,8 @@ def simulate(
         warn("simulate(tolerance=...) is now simulate(solver_tolerance=...)", FutureWarning, stacklevel=2)
     asked = tolerance if solver_tolerance is None else solver_tolerance
     return simulation.simulate(
-        take_artifact(model, scene, tunable, method, integrator, dt), out=out, steps=steps, tangents=tangents, parameters=parameters,
-        progress=progress, dt=dt, end=end, penalty=penalty, accuracy=accuracy, tolerance=asked, iterations=iterations, solver=solver,
-        integrator=integrator, events=events, error=error, check=check, inputs=inputs, coordinates=coordinates,
+        compile_unless_compiled(model, scene, tunable, method, integrator, dt), out=out, steps=steps, tangents=tangents,
+        parameters=parameters, progress=progress, dt=dt, end=end, penalty=penalty, accuracy=accuracy, tolerance=asked,
+        iterations=iterations, solver=solver, integrator=integrator, events=events, error=error, check=check, inputs=inputs,
+        coordinates=coordinates,
     )  # fmt: skip

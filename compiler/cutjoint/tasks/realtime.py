@@ -22,7 +22,7 @@ from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import ModelLike
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator import call_simulator, failure_of
-from cutjoint.tasks.taken import take_artifact
+from cutjoint.tasks.compiled import compile_unless_compiled
 from cutjoint.toolchain.compiler import find_compiler
 
 
@@ -110,7 +110,7 @@ def run_in_real_time(
         Interrupted, Terminated: a signal has ended the run.
         FailedRealTimeError: the run failed; it has the times of the steps up to then.
     """
-    artifact = take_artifact(model, scene, tunable)
+    artifact = compile_unless_compiled(model, scene, tunable)
     if artifact.implementation != Implementation.GENERATED:
         find_compiler()  # who has none is told so
         raise RunError("runs against the wall clock take generated code")

@@ -26,7 +26,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.failures import IncompleteError, describe_failure, is_impossible
 from cutjoint.run.modes import NotReachedError, linearise_at
-from cutjoint.run.results import Array, Columns, FailureReport, MechanismState, read_held
+from cutjoint.run.results import Array, Columns, FailureReport, MechanismState, read_locking_forces
 from cutjoint.run.run_file import find_trim, make_run_file
 from cutjoint.run.scenes import ModelLike, load_model, with_closure, with_loops
 from cutjoint.run.settings import PLAIN_STEPS, require_settings
@@ -75,10 +75,10 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
     summary = call_simulator(artifact.binary.path, run_file.entries(), description=artifact.description)
     failure = failure_of(summary)
     if failure is not None:
-        raise NoEquilibriumError(_said(failure, artifact, parameters), failure)
+        raise NoEquilibriumError(_describe(failure, artifact, parameters), failure)
     values = {name: nan if value is None else value for name, value in summary["columns"].items()}  # not finite: null
     units = {o.column: unit_of(model, o) for o in outputs}
-    return MechanismState(values=Columns({name: values[name] for name in units}), units=Columns(units), held=read_held(summary))
+    return MechanismState(values=Columns({name: values[name] for name in units}), units=Columns(units), held=read_locking_forces(summary))
 
 
 def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
@@ -160,11 +160,11 @@ def find_scene_modes(
     except NotReachedError as error:
         report = error.report
         if at is not None:
-            said = _said(report, artifact, parameters) if is_impossible(report) else f"{where}: the run does not reach {at:g} s: {report}"
-            raise RunError(said) from error
+            impossible = _describe(report, artifact, parameters) if is_impossible(report) else ""
+            raise RunError(impossible or f"{where}: the run does not reach {at:g} s: {report}") from error
         if not is_impossible(report):
             report = replace(report, advice=f"{report.advice}, or linearise about a motion with --at")
-        raise NoEquilibriumError(_said(report, artifact, parameters), report) from error
+        raise NoEquilibriumError(_describe(report, artifact, parameters), report) from error
     except NoMassError as error:
         raise RunError(f"{where}: {error}") from error
     usual = find_mobility(artifact.mechanism).degrees_of_freedom
@@ -177,7 +177,7 @@ def find_scene_modes(
     return modes
 
 
-def _said(failure: FailureReport, artifact: Artifact, parameters: Mapping[str, float] | None) -> str:
+def _describe(failure: FailureReport, artifact: Artifact, parameters: Mapping[str, float] | None) -> str:
     rubbing = [f"'{f.name}'" for f in artifact.mechanism.topology.model.forces if f.by_load and is_active(f, artifact.scene)]
     if rubbing and not is_impossible(failure):
         failure = replace(failure, advice=f"{failure.advice}, and that friction can hold what it must: {', '.join(rubbing)}")

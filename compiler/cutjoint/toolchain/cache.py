@@ -26,7 +26,7 @@ import platformdirs
 
 from cutjoint.package.errors import ToolchainError
 from cutjoint.package.locations import runtime_folder
-from cutjoint.toolchain.temporary import PREFIX, hold, plain_folder, temporary_folder
+from cutjoint.toolchain.temporary import PREFIX, locked, plain_folder, temporary_folder
 from cutjoint.toolchain.trust import Trust, trust_of
 
 
@@ -65,7 +65,7 @@ def find_or_make(file: Path, make: Callable[[Path], Path]) -> bool:
     """
     if is_sound(file):
         return False
-    with alone(file):
+    with exclusive(file):
         if is_sound(file):
             return False
         with plain_folder(_store_of(file)) as folder:
@@ -74,7 +74,7 @@ def find_or_make(file: Path, make: Callable[[Path], Path]) -> bool:
 
 
 @contextmanager
-def alone(file: Path) -> Iterator[None]:
+def exclusive(file: Path) -> Iterator[None]:
     """One process at a time for a file of the cache.
 
     Raises:
@@ -85,7 +85,7 @@ def alone(file: Path) -> Iterator[None]:
     with ExitStack() as stack:
         with _writing(folder):
             _made(folder)
-            stack.enter_context(hold(lock))
+            stack.enter_context(locked(lock))
         yield
 
 
@@ -103,7 +103,7 @@ def store(file: Path, target: Path) -> None:
         shutil.copy(file, copy)
         beside.write_text(_describe(copy), encoding="ascii")
         _settle(target, copy, beside)
-        _make_way(target)
+        _clear_place(target)
         copy.replace(target)
         beside.replace(_digest_place(target))
 
@@ -147,7 +147,7 @@ def write_record(place: Path, record: Any) -> None:
     with _writing(cache_folder()), temporary_folder(_made(cache_folder())) as folder:
         (folder / "record").write_bytes(sha256(text).hexdigest().encode() + b"\n" + text)
         _settle(place, folder / "record")
-        _make_way(place)
+        _clear_place(place)
         (folder / "record").replace(place)
 
 
@@ -205,7 +205,7 @@ def _settle(place: Path, *paths: Path) -> None:
         _trust_of(place).settle(path)
 
 
-def _make_way(target: Path) -> None:
+def _clear_place(target: Path) -> None:
     """Remove things of another kind at the places of a file and its folders."""
     store = _store_of(target)
     for part in reversed(target.relative_to(store).parents):

@@ -1,4 +1,4 @@
-"""Tools that this process starts, none of which outlives it or the wait for it (`keeper`)."""
+"""Tools that this process starts, none of which outlives it or the wait for it (`supervisor`)."""
 
 import atexit
 import os
@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cutjoint.package.errors import ToolchainError
-from cutjoint.toolchain import keeper
+from cutjoint.toolchain import supervisor
 
-#: The keepers of tools that are at work, also those of threads that nobody waits for.
+#: The supervisors of tools that are at work, also those of threads that nobody waits for.
 _at_work: set[subprocess.Popen[str]] = set()
 
 
@@ -42,7 +42,7 @@ def call(command: Sequence[str], environment: Mapping[str, str], folder: Path) -
 
 
 def _start(command: Sequence[str], environment: Mapping[str, str], folder: Path) -> subprocess.Popen[str]:
-    kept = [sys.executable, "-I", "-S", str(Path(keeper.__file__).absolute()), *command]
+    kept = [sys.executable, "-I", "-S", str(Path(supervisor.__file__).absolute()), *command]
     try:
         return subprocess.Popen(
             kept, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment, encoding="utf-8",
@@ -53,12 +53,12 @@ def _start(command: Sequence[str], environment: Mapping[str, str], folder: Path)
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """Wait for a keeper, which ends its tool now if that is still at work."""
+    """Wait for a supervisor, which ends its tool now if that is still at work."""
     assert process.stdin is not None
     process.stdin.close()
     process.wait()
     if process.returncode < 0:  # killed itself
-        keeper.end_session(process.pid)
+        supervisor.end_session(process.pid)
     assert process.stdout is not None
     process.stdout.close()
 

@@ -11,8 +11,8 @@ from cutjoint.package.locations import binaries_folder, runtime_folder
 from cutjoint.toolchain.children import tool
 from cutjoint.toolchain.compiler import PACKAGES, Compiler, find_tool, tools_path
 from cutjoint.toolchain.flags import are_known, require_flags
+from cutjoint.toolchain.progress import STATUS, Watch, has_listener, made_file
 from cutjoint.toolchain.temporary import is_plain
-from cutjoint.toolchain.waits import STATUS, Watch, listened, made_file
 
 #: Warnings are errors if the environment asks for it, as the tests do (from CMake 3.24 on); a user's compiler may have others.
 _STRICT = ("-DCMAKE_COMPILE_WARNING_AS_ERROR=ON",) if os.environ.get("CUTJOINT_STRICT", "0") != "0" else ()
@@ -89,12 +89,12 @@ def _compile(source: Path, out: Path, environment: Mapping[str, str], compiler: 
         ToolchainError: the compiler refused it.
     """
     command, environment = [str(find_tool("cmake")), "--build", str(out)], {**environment, "NINJA_STATUS": STATUS}
-    if not listened():
+    if not has_listener():
         _call(command, environment, compiler, flags)
         return
     planned = [made_file(line) for line in _call([*command, "--", "-n"], environment, compiler, flags).splitlines()]
     watch = Watch(source, [*compiler.key, *flags], [name for name in planned if name])
-    watch.tell()
+    watch.notify()
     _call(command, environment, compiler, flags, watch)
     watch.keep(out / ".ninja_log")
 

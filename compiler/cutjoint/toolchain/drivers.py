@@ -16,9 +16,9 @@ from cutjoint.package.errors import ToolchainError
 from cutjoint.package.locations import binaries_folder
 from cutjoint.package.system import PROGRAM
 from cutjoint.toolchain.cache import (
-    alone,
     cache_folder,
     digest_of,
+    exclusive,
     fetch,
     installed_folder,
     is_sound,
@@ -171,10 +171,10 @@ def parts_for(parts: Sequence[Part], folder: Path, library: Path) -> Iterator[tu
     with ExitStack() as stack:
         for part in parts:
             if not any(map(is_sound, part.places)):
-                stack.enter_context(alone(part.place(library)))
+                stack.enter_context(exclusive(part.place(library)))
                 if library != cache_folder():
                     with suppress(ToolchainError):  # where the cache cannot be written nobody builds there
-                        stack.enter_context(alone(part.place(cache_folder())))
+                        stack.enter_context(exclusive(part.place(cache_folder())))
         copies = {part: part.fetch(folder) for part in parts}
         yield [f"-D{part.definition}={copy}" for part, copy in copies.items() if copy], [part for part, copy in copies.items() if not copy]
 

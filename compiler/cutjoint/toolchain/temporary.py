@@ -34,9 +34,9 @@ _in_use: set[Path] = set()
 def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
     """A new folder in ``parent``, or in the system's place for temporary files; it is gone afterwards."""
     place = Path(tempfile.gettempdir() if parent is None else parent).absolute()
-    _sweep_once(place)
+    _remove_stale_once(place)
     folder = place / f"{PREFIX}{token_hex(8)}"
-    with hold(folder.with_suffix(".lock")):
+    with locked(folder.with_suffix(".lock")):
         _in_use.add(folder)
         try:
             folder.mkdir(mode=0o700)
@@ -68,7 +68,7 @@ def is_plain(path: Path) -> bool:
 
 
 @contextmanager
-def hold(path: Path) -> Iterator[None]:
+def locked(path: Path) -> Iterator[None]:
     """Hold a lock; its file is there for no longer than that, unless the process is killed."""
     with FileLock(path, mode=0o664):  # a group that shares a cache takes turns
         try:
@@ -79,7 +79,7 @@ def hold(path: Path) -> Iterator[None]:
                 path.unlink(missing_ok=True)
 
 
-def sweep(place: Path) -> None:
+def remove_stale(place: Path) -> None:
     """Remove this user's locks that nobody holds, and the temporary folders beside them."""
     for lock in place.glob(f"{PREFIX}*.lock"):
         with suppress(OSError, Timeout):
@@ -96,8 +96,8 @@ def _remove_all() -> None:
 
 
 @cache
-def _sweep_once(place: Path) -> None:
-    sweep(place)
+def _remove_stale_once(place: Path) -> None:
+    remove_stale(place)
 
 
 def _remove(lock: Path) -> None:

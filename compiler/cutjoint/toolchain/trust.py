@@ -75,17 +75,17 @@ class Trust:
 
     def _require_unwritable(self, part: Path, found: os.stat_result, top: Path) -> None:
         place = f"-R go-w {shlex.quote(str(top))}" if part.is_relative_to(top) else f"go-w {shlex.quote(str(part))}"
-        cure = f"chmod {place} if nobody else has written there"
+        remedy = f"chmod {place} if nobody else has written there"
         if found.st_mode & stat.S_IWOTH:
-            raise self._fault(part, "can be written by everybody", cure)
+            raise self._fault(part, "can be written by everybody", remedy)
         if found.st_mode & stat.S_IWGRP and found.st_gid not in self.groups:
             group = _group(found.st_gid)
             sharing = "" if self.installed else f"set ${GROUP}={group} if that group shares it on purpose"
-            raise self._fault(part, f"can be written by group '{group}'", cure, sharing)
+            raise self._fault(part, f"can be written by group '{group}'", remedy, sharing)
 
-    def _fault(self, part: Path, reason: str, *cures: str) -> ToolchainError:
+    def _fault(self, part: Path, reason: str, *remedies: str) -> ToolchainError:
         kind, other = ("library", f"remove {self.store}") if self.installed else ("cache", "set $CUTJOINT_CACHE to a folder of your own")
-        return ToolchainError(f"the {kind} {self.store} is not safe: {part} {reason}; {', or '.join(x for x in (*cures, other) if x)}")
+        return ToolchainError(f"the {kind} {self.store} is not safe: {part} {reason}; {', or '.join(x for x in (*remedies, other) if x)}")
 
 
 def trust_of(store: Path, *, installed: bool) -> Trust:

@@ -34,14 +34,14 @@ class BodyParts:
     def all(self) -> Mapping[str, tuple[Part, ...]]:
         """The parts of each body, of the ground first."""
         parts: dict[str, list[Part]] = {GROUND: []}
-        colours, held = colours_of([body.name for body in self.model.bodies]), self._held()
+        colours, held = colours_of([body.name for body in self.model.bodies]), self._attachments()
         for body in self.model.bodies:
             parts[body.name] = list(self._body(body, held.get(body.name, []), colours[body.name]))
         for joint in self.model.joints:
             parts[joint.base] += [Part(mesh=mesh, colour=JOINT) for mesh in self._joint(joint)]
         return {name: tuple(shapes) for name, shapes in parts.items()}
 
-    def _held(self) -> dict[str, list[Array]]:
+    def _attachments(self) -> dict[str, list[Array]]:
         """The points that hold each body, each once."""
         held: dict[str, list[Array]] = {}
         for body, point in attached_points(self.model, self.scene):

@@ -8,7 +8,7 @@ from cutjoint.export.laws import Numbers
 from cutjoint.model.records import GROUND, Model
 from cutjoint.view.bodies import BodyParts
 from cutjoint.view.forces import Arrows, ForceNodes
-from cutjoint.view.motions import quaternions_of, rotation_to, turned
+from cutjoint.view.motions import quaternions_of, rotated, rotation_to
 from cutjoint.view.page import Camera, mark
 from cutjoint.view.records import Array, Drawing, Mesh, Node, Part
 from cutjoint.view.sizes import Placed, Sizes, point_of
@@ -90,7 +90,7 @@ def _lowest(node: Node, up: Array) -> float:
     rows = max(len(node.translation), len(node.rotation), len(node.scale))
     kept = np.unique(np.linspace(0, rows - 1, _SAMPLES).astype(int))
     places, turns, scales = (track[np.minimum(kept, len(track) - 1)] for track in (node.translation, node.rotation, node.scale))
-    seen_up = turned(turns * [-1, -1, -1, 1], np.broadcast_to(up, (len(kept), 3))) * scales
+    seen_up = rotated(turns * [-1, -1, -1, 1], np.broadcast_to(up, (len(kept), 3))) * scales
     points = np.concatenate([part.mesh.points for part in node.parts])
     return float((places @ up + (points @ seen_up.T).min(axis=0)).min())
 

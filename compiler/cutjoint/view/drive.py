@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, PositiveInt, ValidationError
 
-from cutjoint.compile.c_export import Standalone, for_hosts, make_standalone
+from cutjoint.compile.c_export import Standalone, freeze_start_parameters, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.elements.interaction import Wheel
 from cutjoint.export.laws import Numbers
@@ -22,7 +22,7 @@ from cutjoint.model.expressions.quantities import bodies_of
 from cutjoint.model.records import Binding, Force, HeightTable, Model, Output, Parameter, RoughSurface, Scene
 from cutjoint.model.text import escaped
 from cutjoint.package.errors import RunError
-from cutjoint.run.inputs import given_inputs, require_unit
+from cutjoint.run.inputs import constant_inputs, require_unit
 from cutjoint.run.road_field import BAND, LENGTH, ROUGHNESS, STEP, CurvedField, rough_field, surface_of
 from cutjoint.run.roads import profile_pieces
 from cutjoint.run.run_file import parameter_values
@@ -137,12 +137,12 @@ def make_drive(
         MissingToolsError: there is no compiler for WebAssembly.
         others: as of `pipeline.generate`, `make_standalone` and `Standalone.build_module`.
     """
-    model = for_hosts(model, scene)
+    model = freeze_start_parameters(model, scene)
     for name in parameters:
         if name in model.frozen:
             raise RunError(f"{model.span.file}: '{name}' changes the start alone, which a page has as numbers; change it in the file")
     rests = {p.name: p.value for p in input_parameters(model)}
-    values = {**parameter_values(model, parameters), **rests, **given_inputs(model, parameters)}
+    values = {**parameter_values(model, parameters), **rests, **constant_inputs(model, parameters)}
     numbers = Numbers.of(model, scene, parameters)
     masses = {body.name: numbers.number(body.mass) for body in model.bodies}
     wheels = list(_wheels(model))
@@ -220,7 +220,7 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
         SimulationError: the drive ended with this fault.
         ToolchainError: the C++ compiler failed.
     """
-    model = for_hosts(model, scene)
+    model = freeze_start_parameters(model, scene)
     alone = simulated(model, scene, method)
     drive = _read_drive(path)
     if drive.mark != alone.mark:
@@ -237,13 +237,13 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
         lines, (grid, heights) = np.array(ROADS[drive.road].lines), ROADS[drive.road].heights(drive.seed)
         sim.library.set_road(lines.ctypes.data, len(lines), grid.ctypes.data, heights.ctypes.data, *heights.shape)
     for name, value in drive.given.items():
-        _give(sim, name, value)
+        _set_value(sim, name, value)
     sim.reset(dt=drive.dt)
     events, rows = iter([*drive.events, (inf, "", 0.0)]), [[sim.time, *sim.outputs.array]]
     at, name, value = next(events)
     for step in range(drive.steps):
         while at <= step:
-            _give(sim, name, value)
+            _set_value(sim, name, value)
             at, name, value = next(events)
         sim.step()
         if (step + 1) % drive.every == 0:
@@ -252,7 +252,7 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
     return Replay(units=units, rows=np.array(rows))
 
 
-def _give(sim: Simulation, name: str, value: float) -> None:
+def _set_value(sim: Simulation, name: str, value: float) -> None:
     if name in sim.inputs:
         sim.set_input(name, value)
     else:

@@ -13,7 +13,7 @@ from cutjoint.model.records import Force, Reaction, Scalar
 from cutjoint.run.road_field import Surface, surface_of
 from cutjoint.run.roads import Piece, profile_pieces
 from cutjoint.view import meshes
-from cutjoint.view.motions import along, one_side, product, quaternions_of, rotation_to
+from cutjoint.view.motions import along, continuous, product, quaternions_of, rotation_to
 from cutjoint.view.records import FORCE, ICE, JOINT, REACTION, ROAD, RUBBER, STEEL, Array, Mesh, Node, Part
 from cutjoint.view.sizes import Placed, named_visuals, point_of
 
@@ -42,7 +42,7 @@ class ForceNodes(Placed):
         for joint in self.model.joints:
             if joint.to is not None:
                 start, end = self.place(joint.base, joint.at), self.place(joint.follower, joint.to)
-                yield self._drawn_out(joint.name, meshes.cylinder(self.sizes.bar, 1.0).moved(np.eye(3), np.array([0, 0, 0.5])), start, end)
+                yield self._stretched(joint.name, meshes.cylinder(self.sizes.bar, 1.0).moved(np.eye(3), np.array([0, 0, 0.5])), start, end)
         if wheels:
             yield self._road(wheels)
 
@@ -59,7 +59,7 @@ class ForceNodes(Placed):
         still = np.ones((1, 3)) if scale is None else scale
         return Node(name=name, parts=parts, translation=translation, rotation=rotation, scale=still, about={"element": name})
 
-    def _drawn_out(self, name: str, mesh: Mesh, start: Array, end: Array, axis: Array | None = None) -> Node:
+    def _stretched(self, name: str, mesh: Mesh, start: Array, end: Array, axis: Array | None = None) -> Node:
         """A mesh of unit length along z between two points (times, 3); one has a length and an ``axis`` where these coincide, too."""
         way = end - start
         length = np.maximum(np.linalg.norm(way, axis=1), self.sizes.shortest)
@@ -71,31 +71,31 @@ class ForceNodes(Placed):
         """A spring between its points, or along its axis and as long as the travel along that."""
         start, end, axis = self.point(force, coil.start), self.point(force, coil.end), None
         if coil.axis is not None:
-            axis = self.turn(coil.axis.body(force), coil.axis.of(force))
+            axis = self.rotate(coil.axis.body(force), coil.axis.of(force))
             start = end - np.sum((end - start) * axis, axis=1, keepdims=True) * axis
-        return self._drawn_out(name, meshes.coil(self.sizes.spring), start, end, axis)
+        return self._stretched(name, meshes.coil(self.sizes.spring), start, end, axis)
 
     def _ring(self, force: Force, name: str, visual: Ring) -> Node:
         """A ring that turns with its frame's body."""
         ring = meshes.revolved([(0.8, -0.5), (1.3, -0.5), (1.3, 0.5), (0.8, 0.5), (0.8, -0.5)])
         mesh = Mesh(points=1.2 * self.sizes.joint * ring.points, normals=ring.normals, faces=ring.faces)
-        turned = mesh.moved(rotation_to(point_of(self.numbers, visual.frame.of(force)[2])), np.zeros(3))
+        rotated = mesh.moved(rotation_to(point_of(self.numbers, visual.frame.of(force)[2])), np.zeros(3))
         rotation = quaternions_of(self.poses[visual.frame.body(force)].rotation)
-        return self._node(name, (Part(mesh=turned, colour=JOINT),), self.point(force, visual.at), rotation)
+        return self._node(name, (Part(mesh=rotated, colour=JOINT),), self.point(force, visual.at), rotation)
 
     def _wheel(self, force: Force, name: str, wheel: Wheel) -> Node:
         """A wheel that turns with its body, or as far as it goes where no coordinate of the model says how far it turns."""
         axis, pose = point_of(self.numbers, wheel.axis.of(force)), self.poses[wheel.axis.body(force)]
         radius, centre = self.numbers.number(force.radius), self.point(force, wheel.at)
-        angle = np.zeros(len(centre)) if wheel.turns else self._rolled(centre, pose.turn(axis), radius)
+        angle = np.zeros(len(centre)) if wheel.turns else self._rolled(centre, pose.rotate(axis), radius)
         quaternion = np.concatenate([np.sin(angle / 2)[:, np.newaxis] * axis, np.cos(angle / 2)[:, np.newaxis]], axis=1)
         rotation = product(quaternions_of(pose.rotation), quaternion)
-        turned = rotation_to(axis)
+        rotated = rotation_to(axis)
         parts = (
-            Part(mesh=meshes.tyre(radius).moved(turned, np.zeros(3)), colour=RUBBER, roughness=0.9),
-            Part(mesh=meshes.rim(radius).moved(turned, np.zeros(3)), colour=STEEL, roughness=0.4),
+            Part(mesh=meshes.tyre(radius).moved(rotated, np.zeros(3)), colour=RUBBER, roughness=0.9),
+            Part(mesh=meshes.rim(radius).moved(rotated, np.zeros(3)), colour=STEEL, roughness=0.4),
         )
-        return self._node(name, parts, centre, one_side(rotation))
+        return self._node(name, parts, centre, continuous(rotation))
 
     def _rolled(self, centre: Array, axis: Array, radius: float) -> Array:
         """The angle that a wheel has rolled, rad, by the way of its centre; zero where it turns too far between rows to be followed."""
@@ -131,7 +131,7 @@ def _relief(surface: Surface, x: Array, z: Array, right: float, left: float) -> 
     """A track of heights z (n,) over x (n,), from y = right to left, with its surface, on a grid of a quarter of a metre or wider."""
     step = max(0.25, float(np.sqrt((x[-1] - x[0]) * (left - right) / _MOST_CELLS)))
     along, across = (np.linspace(a, b, 1 + int(np.ceil((b - a) / step))) for a, b in ((x[0], x[-1]), (right, left)))
-    heights = np.zeros((len(along), len(across))) if surface.field is None else surface.field.over(along, across)
+    heights = np.zeros((len(along), len(across))) if surface.field is None else surface.field.heights_on_grid(along, across)
     return meshes.relief(along, across, heights + np.interp(along, x, z)[:, np.newaxis])
 
 
@@ -202,7 +202,7 @@ class Arrows(Placed):
                 if (force := self.column(reaction.name, "force")) is not None:
                     yield reaction.name, True, place, force * (axes @ point_of(self.numbers, reaction.direction))
             elif (parts := self.triple(reaction.name)) is not None:
-                yield reaction.name, True, place, _turned(axes, parts)
+                yield reaction.name, True, place, _rotated(axes, parts)
 
     def column(self, element: str, quantity: str) -> Array | None:
         """A quantity over time, (times, 1); None where it is no output, or has no value at some time."""
@@ -231,19 +231,19 @@ class ForceVisual:
 
     def apply_force_along(self, at: Point, axis: Axis, quantity: str) -> Arrow:
         """A force on a point along an axis."""
-        return self._of(quantity, self.arrows.point(self.force, at), self.arrows.turn(axis.body(self.force), axis.of(self.force)))
+        return self._of(quantity, self.arrows.point(self.force, at), self.arrows.rotate(axis.body(self.force), axis.of(self.force)))
 
     def components(self, at: Point, axes: Frame | Carrier | None) -> Arrow:
         """Three components in a frame, in a body's axes or in global ones."""
         parts = self.arrows.triple(self.force.name)
         if parts is None:
             return None
-        return self.arrows.point(self.force, at), parts if axes is None else _turned(self._axes(axes), parts)
+        return self.arrows.point(self.force, at), parts if axes is None else _rotated(self._axes(axes), parts)
 
     def _axes(self, axes: Frame | Carrier) -> Array:
         if isinstance(axes, Carrier):
             return self.arrows.poses[getattr(self.force, axes)].rotation
-        return np.stack([self.arrows.turn(axes.body(self.force), axis) for axis in axes.of(self.force)], axis=-1)
+        return np.stack([self.arrows.rotate(axes.body(self.force), axis) for axis in axes.of(self.force)], axis=-1)
 
     def lift(self, at: Point, below: Scalar, quantity: str) -> Arrow:
         """A force up, below a point."""
@@ -255,5 +255,5 @@ class ForceVisual:
         return None if size is None else (place, size * direction)
 
 
-def _turned(rotations: Array, vectors: Array) -> Array:
+def _rotated(rotations: Array, vectors: Array) -> Array:
     return np.asarray(np.einsum("tij,tj->ti", rotations, vectors))

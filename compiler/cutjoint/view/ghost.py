@@ -13,7 +13,7 @@ import numpy as np
 
 from cutjoint.package.errors import RunError
 from cutjoint.view.glb import TRIANGLES, Glb, GltfNode, Primitive, read_glb
-from cutjoint.view.motions import turned
+from cutjoint.view.motions import rotated
 from cutjoint.view.records import Array, Drawing, Mesh, Node, Part
 
 #: Bytes of a page: more than any that is written.
@@ -72,7 +72,7 @@ def _drawing(glb: Glb, t: Array) -> Drawing:
     quaternion = np.array([root.rotation])
     if abs(np.linalg.norm(quaternion) - 1) > 1e-3:
         raise ValueError
-    up = turned(quaternion * [-1, -1, -1, 1], np.array([[0.0, 1.0, 0.0]]))[0]
+    up = rotated(quaternion * [-1, -1, -1, 1], np.array([[0.0, 1.0, 0.0]]))[0]
     tracks, meshes = _tracks(glb, t), _meshes(glb)
     return Drawing(name=root.name, t=t, nodes=tuple(_node(node, meshes, tracks.get(i, {})) for i, node in enumerate(others, 1)), up=up)
 

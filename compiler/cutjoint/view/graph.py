@@ -26,7 +26,7 @@ _STEP, _CLEAR = 4.0, 18.0
 class GraphBody:
     """A body with the middle of its left side and its width; ``kin`` is the number of its class of isomorphic parts, -1 for none.
 
-    ``short`` is its name without the instance if the body that carries it has that too; ``is_gone`` is whether a reduction left it out.
+    ``short`` is its name without the instance if the body that carries it has that too; ``is_removed`` is whether a reduction left it out.
     """
 
     name: str
@@ -36,7 +36,7 @@ class GraphBody:
     width: float
     kin: int
     about: Sequence[str]
-    is_gone: bool = False
+    is_removed: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ class GraphLink:
     members: Sequence[str]
     about: Sequence[str]
     is_noted: bool
-    is_gone: bool = False
+    is_removed: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +155,7 @@ class _Layout:
         about = [] if name == GROUND else self._about(next(b.span for b in self.topology.model.bodies if b.name == name))
         return GraphBody(
             name=name, short=self._short_body(name), x=left, y=self._height(name), width=width, kin=self._kin(name),
-            about=[*about, *self.notes.get(name, ())], is_gone=name in self.gone,
+            about=[*about, *self.notes.get(name, ())], is_removed=name in self.gone,
         )  # fmt: skip
 
     def _kin(self, body: str) -> int:
@@ -177,7 +177,7 @@ class _Layout:
             name=joint.name, short=short, kind=kind, base=joint.base, follower=joint.follower, cut=cut is not None, members=members,
             lane=self._lane(cut or 0), heights=self._heights(joint.base, joint.follower, cut or 0),
             about=[*self._about(joint.span), *self.notes.get(joint.name, ())], is_noted=joint.name in self.notes,
-            is_gone=joint.name in self.gone,
+            is_removed=joint.name in self.gone,
         )  # fmt: skip
 
     def _cut_links(self) -> Iterator[GraphLink]:
@@ -197,7 +197,7 @@ class _Layout:
                 name=gear.name, short=gear.name, kind="gear", base=first.follower, follower=second.follower, cut=True, lane=self._lane(i),
                 heights=self._heights(first.follower, second.follower, i), members=[first.name, second.name],
                 about=[*self._about(gear.span), *self.notes.get(gear.name, ())],
-                is_noted=gear.name in self.notes, is_gone=gear.name in self.gone,
+                is_noted=gear.name in self.notes, is_removed=gear.name in self.gone,
             )  # fmt: skip
 
     def _height(self, body: str) -> float:

@@ -23,15 +23,15 @@ _LOCAL = ("localhost", "127.0.0.1")
 
 
 class Poses:
-    """The last poses of the bodies of a model that came; ``tell`` is called with each new kind of trouble."""
+    """The last poses of the bodies of a model that came; ``report`` is called with each new kind of trouble."""
 
-    def __init__(self, model: Model, tell: Callable[[str], None]) -> None:
+    def __init__(self, model: Model, report: Callable[[str], None]) -> None:
         self._bodies, names = len(model.bodies), posed_elements(model)
         self._digest, self._count = digest_of_poses(model.name, names), len(names)
-        self._model, self._tell, self._told = model.name, tell, set[str]()
+        self._model, self._report, self._reported = model.name, report, set[str]()
         self._changed, self._number, self._text = Condition(), 0, ""
 
-    def take(self, datagram: bytes) -> bool:
+    def receive(self, datagram: bytes) -> bool:
         """Take a datagram; False where it is none of the model's."""
         trouble = self._fault_of(datagram)
         if not trouble:
@@ -40,9 +40,9 @@ class Poses:
             with self._changed:
                 self._number, self._text = self._number + 1, json.dumps([numbers[0], *poses.tolist()], allow_nan=False)
                 self._changed.notify_all()
-        elif trouble not in self._told:
-            self._told.add(trouble)
-            self._tell(trouble)
+        elif trouble not in self._reported:
+            self._reported.add(trouble)
+            self._report(trouble)
         return not trouble
 
     def _fault_of(self, datagram: bytes) -> str:
@@ -71,8 +71,8 @@ class LiveView:
         RunError: the port is taken, or may not be had.
     """
 
-    def __init__(self, model: Model, page: str, port: int, *, is_open: bool = False, tell: Callable[[str], None]) -> None:
-        address, self._poses = "" if is_open else "127.0.0.1", Poses(model, tell)
+    def __init__(self, model: Model, page: str, port: int, *, is_open: bool = False, report: Callable[[str], None]) -> None:
+        address, self._poses = "" if is_open else "127.0.0.1", Poses(model, report)
         try:
             self._server = ThreadingHTTPServer((address, port), _handler(self._poses, page.encode(), is_open=is_open))
             self._line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -96,7 +96,7 @@ class LiveView:
     def _listen(self) -> None:
         while True:
             try:
-                self._poses.take(self._line.recv(65536))
+                self._poses.receive(self._line.recv(65536))
             except OSError:
                 return
 

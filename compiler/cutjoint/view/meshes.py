@@ -172,8 +172,8 @@ def rim(radius: float) -> Mesh:
     inner, w = 0.62 * radius, 0.1 * radius
     ring = revolved([(0.9 * inner, -w), (inner, -w), (inner, w), (0.9 * inner, w), (0.9 * inner, -w)], 36)
     bar = box(0.16 * radius, 1.9 * inner, w)
-    turned = [bar.moved(_about_z(k * pi / 3), np.zeros(3)) for k in range(3)]
-    return joined([ring, cylinder(0.2 * radius, 2.4 * w), *turned])
+    rotated = [bar.moved(_about_z(k * pi / 3), np.zeros(3)) for k in range(3)]
+    return joined([ring, cylinder(0.2 * radius, 2.4 * w), *rotated])
 
 
 def _about_z(angle: float) -> Array:

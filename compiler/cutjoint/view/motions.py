@@ -14,7 +14,7 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.model.records import GROUND, Model, Scene
-from cutjoint.run.inputs import with_held_inputs
+from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.run_file import parameter_values
 from cutjoint.topology.build import build_topology
 from cutjoint.view.records import Array
@@ -35,10 +35,10 @@ def quaternions_of(rotations: Array) -> Array:
     ):  # fmt: skip
         products[:, i, j] = products[:, j, i] = value
     largest = products[np.arange(len(R)), squares.argmax(axis=1)]
-    return one_side(largest / np.linalg.norm(largest, axis=1, keepdims=True))
+    return continuous(largest / np.linalg.norm(largest, axis=1, keepdims=True))
 
 
-def one_side(q: Array) -> Array:
+def continuous(q: Array) -> Array:
     """Each quaternion or its opposite, which is the same rotation, so that none is far from the one before."""
     flips = np.sum(q[1:] * q[:-1], axis=1) < 0
     signs = np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]).cumprod()
@@ -63,7 +63,7 @@ def product(p: Array, q: Array) -> Array:
     return np.concatenate([vector, p[..., 3:] * q[..., 3:] - np.sum(u * v, axis=-1, keepdims=True)], axis=-1)
 
 
-def turned(q: Array, vectors: Array) -> Array:
+def rotated(q: Array, vectors: Array) -> Array:
     """Vectors (n, 3) after the rotations q (n, 4): v + 2 u x (u x v + w v)."""
     u, w = q[:, :3], q[:, 3:]
     return np.asarray(vectors + 2 * np.cross(u, np.cross(u, vectors) + w * vectors))
@@ -120,23 +120,23 @@ class Mover:
     @cached_property
     def equations(self) -> RecursiveEquations:
         """The recursive equations with the values of the parameters as their defaults."""
-        equations = formulate_recursive(build_topology(self.model), self.held_scene, ())
-        values = parameter_values(self.model, self._held[1])
+        equations = formulate_recursive(build_topology(self.model), self.scene_with_constants, ())
+        values = parameter_values(self.model, self._with_constants[1])
         return replace(equations, parameters=tuple(replace(p, value=values[p.name]) for p in equations.parameters))
 
     @cached_property
-    def _held(self) -> tuple[Scene, dict[str, float]]:
-        return with_held_inputs(self.model, self.scene, self.parameters)
+    def _with_constants(self) -> tuple[Scene, dict[str, float]]:
+        return with_constant_inputs(self.model, self.scene, self.parameters)
 
     @property
-    def held_scene(self) -> Scene:
+    def scene_with_constants(self) -> Scene:
         """The scene with inputs that are given as constants."""
-        return self._held[0]
+        return self._with_constants[0]
 
     def poses(self, q: Array) -> Mapping[str, BodyPose]:
         """The poses of all bodies at coordinates (rows, coordinates)."""
-        equations = derive_poses(self.equations.topology, self.held_scene)
-        return find_poses(equations, np.full(len(q), self.time), q, parameter_values(self.model, self._held[1]))
+        equations = derive_poses(self.equations.topology, self.scene_with_constants)
+        return find_poses(equations, np.full(len(q), self.time), q, parameter_values(self.model, self._with_constants[1]))
 
     def swing(self, q: Array, shape: Complex) -> Mapping[str, BodyPose]:
         """The poses over a period of a small motion about coordinates ``q``: ``shape`` (speeds,) has amplitudes and phases."""

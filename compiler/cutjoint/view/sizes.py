@@ -115,6 +115,6 @@ class Placed:
         """The place over time of a point at which a force acts, (times, 3)."""
         return self.place(point.body(force), point.of(force))
 
-    def turn(self, body: str, direction: Vector) -> Array:
+    def rotate(self, body: str, direction: Vector) -> Array:
         """The direction over time of a vector fixed in a body, (times, 3)."""
-        return self.poses[body].turn(point_of(self.numbers, direction))
+        return self.poses[body].rotate(point_of(self.numbers, direction))

@@ -91,8 +91,8 @@ def _between(equations: RecursiveEquations, start: Array, end: Array, share: flo
     for chart in equations.charts:
         if chart.ball:
             e = slice(chart.q + chart.scalars, chart.q + chart.scalars + 4)
-            turned = (1 - share) * start[e] + share * end[e] * (-1.0 if start[e] @ end[e] < 0 else 1.0)
-            q[e] = turned / np.linalg.norm(turned)
+            rotated = (1 - share) * start[e] + share * end[e] * (-1.0 if start[e] @ end[e] < 0 else 1.0)
+            q[e] = rotated / np.linalg.norm(rotated)
     return q
 
 

@@ -18,7 +18,7 @@ from cutjoint.model.records import COORDINATES, GROUND, Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.inputs import with_held_inputs
+from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import Trajectory
@@ -95,7 +95,7 @@ def show_run(
 ) -> ViewSpec:  # fmt: skip
     """A run that has coordinates, in as many of its rows as a page takes; of a reduced model the ``variant`` is named."""
     assert run.coordinates is not None
-    held, others = with_held_inputs(model, scene, parameters)
+    held, others = with_constant_inputs(model, scene, parameters)
     kept = _kept(run, len(model.bodies) + len(model.forces))
     t, q = run.t[kept], run.coordinates[kept]
     poses = _find_poses(model, held, method, t, q, parameter_values(model, others))

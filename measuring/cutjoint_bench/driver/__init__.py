@@ -31,7 +31,7 @@ ALL_SOLVERS: Mapping[str, Solver] = {**SOLVERS, **{extension.name: extension.rec
 #: coordinates (classical).
 REFERENCE = DriverExtension(
     record=Integrator(
-        name="reference", methods=("recursive", "classical"), closures=("penalty", "proximal", "solved"), events=None, balances=False
+        name="reference", methods=("recursive", "classical"), closures=("penalty", "proximal", "solved"), events=None, balances_energy=False
     ),
     folder=_FOLDER / "reference",
 )

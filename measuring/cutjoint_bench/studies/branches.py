@@ -102,7 +102,7 @@ class Outcome:
 def settings_of(method: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """An integrator's name and its settings."""
     for integrator in INTEGRATORS.values():
-        if integrator.takes(METHODS[method], Implementation.GENERATED):
+        if integrator.supports(METHODS[method], Implementation.GENERATED):
             name, values = ("tolerance", TOLERANCES) if integrator.adaptive else ("dt", STEPS)
             yield from ((integrator.name, {"integrator": integrator.name, name: value}) for value in values)
 

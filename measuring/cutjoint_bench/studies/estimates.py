@@ -91,7 +91,7 @@ def settings_of(method: str, scene: Scene) -> Iterator[tuple[str, dict[str, floa
     yield "default", {}
     dt = min(scene.numerics.of_method(method).step, scene.output_step, STEP)
     for integrator in INTEGRATORS.values():
-        if integrator.takes(METHODS[method], Implementation.GENERATED):
+        if integrator.supports(METHODS[method], Implementation.GENERATED):
             if integrator.adaptive:
                 yield integrator.name, {"integrator": integrator.name, "tolerance": 1e-6}
             else:

@@ -64,15 +64,15 @@ def compile_generic(
 
 
 def _require_twin(model: Model, scene: Scene, method: str) -> None:
-    if not METHODS[method].twin:
-        twins = ", ".join(names_of(METHODS, lambda m: m.twin))
+    if not METHODS[method].has_generic:
+        twins = ", ".join(names_of(METHODS, lambda m: m.has_generic))
         raise RunError(f"{method} has no generic twin: there is one of {twins}; use --implementation generated")
     require_mechanics_alone(model)
     if is_reduced(model, scene):
         raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
     closure = METHODS[method].closure(scene.numerics.closure, Implementation.GENERIC)
-    if not closure.twin:
-        known = join_and(names_of(CLOSURES, lambda c: c.twin))
+    if not closure.has_generic:
+        known = join_and(names_of(CLOSURES, lambda c: c.has_generic))
         raise RunError(f"the generic twin knows closure: {known} only, not {closure.name}; use --implementation generated")
 
 

@@ -22,7 +22,7 @@ function part(parent, name, kind) {
   return made;
 }
 
-const marksOf = (link) => (link.is_noted ? ' noted' : '') + (link.is_gone ? ' gone' : '');
+const marksOf = (link) => (link.is_noted ? ' noted' : '') + (link.is_removed ? ' gone' : '');
 
 function drawGraph() {
   const bodies = new Map(graph.bodies.map((b) => [b.name, b])), svg = by('graph');
@@ -30,7 +30,7 @@ function drawGraph() {
   for (const link of graph.links.filter((l) => !l.cut)) drawTreeJoint(ways, link, bodies);
   for (const [i, link] of graph.links.filter((l) => l.cut).entries()) drawCut(ways, link, i, bodies);
   for (const body of graph.bodies) {
-    const g = part(boxes, body.name, `body kin${body.kin < 0 ? '' : body.kin % 6}${body.is_gone ? ' gone' : ''}`);
+    const g = part(boxes, body.name, `body kin${body.kin < 0 ? '' : body.kin % 6}${body.is_removed ? ' gone' : ''}`);
     shape(g, 'rect', { x: body.x, y: body.y - 13, width: body.width, height: 26, rx: 6 });
     shape(g, 'text', { x: body.x + body.width / 2, y: body.y + 4, 'text-anchor': 'middle' }, body.short);
   }

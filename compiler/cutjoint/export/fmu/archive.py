@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from cutjoint.compile.c_export import Standalone, for_hosts, frozen_words, make_standalone
+from cutjoint.compile.c_export import Standalone, describe_frozen, freeze_start_parameters, make_standalone
 from cutjoint.compile.derivation import derive
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.source import Page
@@ -115,7 +115,7 @@ def make_fmu(
     """
     _require_method(method, kind)
     scene = with_default_closure(scene, method, integrator)
-    model = for_hosts(model, scene)
+    model = freeze_start_parameters(model, scene)
     generated = generate(model, scene, scene.outputs, method=method, poses=poses)
     equations = generated.equations
     described = equations if isinstance(equations, RecursiveEquations) else derive(model, scene, scene.outputs)
@@ -128,7 +128,8 @@ def make_fmu(
     subject = Subject(
         name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=(), kind=kind,
         stops_at_events=stops, steps=", ".join(filter(None, (
-            str(standalone.settings) if KINDS[kind][0] else "", frozen_words(model), "" if scene.trim is None else "its start trimmed once",
+            str(standalone.settings) if KINDS[kind][0] else "", describe_frozen(model),
+            "" if scene.trim is None else "its start trimmed once",
         ))),
     )  # fmt: skip
     return Fmu(

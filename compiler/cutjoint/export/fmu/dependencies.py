@@ -92,17 +92,17 @@ class Dependencies:
     time: bool
 
 
-def find_following(equations: RecursiveEquations) -> tuple[Dependencies, tuple[Dependencies, ...]]:
+def find_column_dependencies(equations: RecursiveEquations) -> tuple[Dependencies, tuple[Dependencies, ...]]:
     """The dependencies of accelerations, and of each column."""
     names = ("evaluate", "constraint_residual")
     solving = find_leaves(block for name in names for block in equations.function(name).results.values())
     report = equations.function("report").results
     columns = (find_leaves([report[f"column:{c.name}"]]) for c in equations.columns)
     accelerations = Dependencies(inputs=solving.inputs, positions=True, rates=True, time="t" in solving.symbols)
-    return accelerations, tuple(_following(direct, solving) for direct in columns)
+    return accelerations, tuple(_column_dependencies(direct, solving) for direct in columns)
 
 
-def _following(direct: LeafSymbols, solving: LeafSymbols) -> Dependencies:
+def _column_dependencies(direct: LeafSymbols, solving: LeafSymbols) -> Dependencies:
     """A column follows from all that accelerations do where it needs these; all speeds of loops follow from places too."""
     is_solved = direct.has("vdot:", "lambda:")
     rates = is_solved or direct.has("v:")

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.export.fmu.dependencies import Dependencies, StartDependencies, find_dependencies, find_following
+from cutjoint.export.fmu.dependencies import Dependencies, StartDependencies, find_column_dependencies, find_dependencies
 from cutjoint.formulate.inputs import TIME, guided_by, input_functions
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import INTEGRATORS
@@ -118,7 +118,7 @@ def _with_states(interface: Interface, equations: RecursiveEquations, dofs: int)
     count = 2 * dofs + len(equations.state.states)
     places = tuple(range(first_state, first_state + dofs))
     speeds = tuple(range(first_state + dofs, first_state + count))
-    accelerations, columns = find_following(equations)
+    accelerations, columns = find_column_dependencies(equations)
 
     def with_rates(given: Iterable[int]) -> tuple[int, ...]:
         """Inputs by their value references, with those of their rates."""

@@ -27,7 +27,7 @@ MODEL: Renamed = {
 STUDY: Renamed = {("open",): "tunable", ("tolerance",): "solver_tolerance", ("integrator",): FORMER_INTEGRATORS}
 
 
-def in_new_words(source: Source, problems: Problems, renamed: Renamed) -> tuple[Source, tuple[str, ...]]:
+def rename_fields(source: Source, problems: Problems, renamed: Renamed) -> tuple[Source, tuple[str, ...]]:
     """The source in the words of this version, and a sentence for each place with another; two words for one thing are a problem."""
     notes: list[str] = []
     for pattern, new in renamed.items():

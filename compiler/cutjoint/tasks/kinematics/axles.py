@@ -99,7 +99,7 @@ def find_axle(model: Model, values: Values, name: str | None, *, radius: float |
     wheels = tuple(_wheel(model, values, found, side, radius) for found, side in zip(pair, (1, -1), strict=True))
     chassis = _chassis(model, [wheel.body for wheel in wheels])
     wheels = tuple(replace(wheel, body=_carrier(model, values, wheel, chassis)) for wheel in wheels)
-    bodies = _carried(model, {wheel.body for wheel in wheels}, chassis)
+    bodies = _suspension_bodies(model, {wheel.body for wheel in wheels}, chassis)
     steering = _steering(model, values, bodies, chassis, steer)
     others = [x for key, other in pairs.items() if key != chosen for x in (_place(values, other),)]
     here = float(np.mean([wheel.centre[0] for wheel in wheels]))
@@ -119,7 +119,7 @@ def find_axle(model: Model, values: Values, name: str | None, *, radius: float |
 
 def _pairs(model: Model, values: Values) -> dict[str, tuple[_Found, _Found]]:
     """The axles by their names, from the front backwards: each left wheel and the right one that is nearest along x."""
-    wheels = [wheel for wheel in map(_carried_by, model.forces) if wheel is not None]
+    wheels = [wheel for wheel in map(_wheel_of, model.forces) if wheel is not None]
     y = {wheel.name: values.number(wheel.centre[1]) for wheel in wheels}
     right = [wheel for wheel in wheels if y[wheel.name] < 0]
     pairs = []
@@ -132,7 +132,7 @@ def _pairs(model: Model, values: Values) -> dict[str, tuple[_Found, _Found]]:
     return dict(zip(_names(pairs), pairs, strict=True))
 
 
-def _carried_by(force: Force) -> _Found | None:
+def _wheel_of(force: Force) -> _Found | None:
     """The wheel that a force carries, if it is a tyre or a wheel by its kind, or a tyre by its name."""
     if isinstance(force, OnRoad):
         return _Found(
@@ -234,7 +234,7 @@ def _height(model: Model, values: Values) -> float:
 # The part of the model that an axle is
 
 
-def _reached(model: Model, start: Iterable[str], without: str) -> set[str]:
+def _connected_bodies(model: Model, start: Iterable[str], without: str) -> set[str]:
     """The bodies that joints and bushings connect, without a way through one body."""
     ways: dict[str, set[str]] = {}
     ends = [(joint.base, joint.follower) for joint in model.joints]
@@ -254,7 +254,7 @@ def _chassis(model: Model, carriers: Sequence[str]) -> str:
     """The body through which all ways from the ground to the wheels lead, the nearest to them; the ground where there is none."""
     on_the_way = []
     for body in model.bodies:
-        standing = _reached(model, {GROUND}, body.name)
+        standing = _connected_bodies(model, {GROUND}, body.name)
         if body.name not in carriers and not standing & set(carriers):
             on_the_way.append((len(standing), body.name))
     return max(on_the_way, default=(0, GROUND))[1]
@@ -270,19 +270,19 @@ def _carrier(model: Model, values: Values, wheel: Wheel, chassis: str) -> str:
     return other if turns and other != chassis else wheel.body
 
 
-def _carried(model: Model, carriers: set[str], chassis: str) -> set[str]:
+def _suspension_bodies(model: Model, carriers: set[str], chassis: str) -> set[str]:
     """The bodies that joints, bushings and gears connect with the wheels' bodies, without a way through the chassis or the ground."""
     joints = {joint.name: joint for joint in model.joints}
     bodies: set[str] = set()
     start = carriers
     while start - bodies:
-        bodies |= _reached(model, start | bodies, chassis)
-        geared = [g for g in model.gears if any(_of_part(joints[name], bodies, chassis) for name in g.joints)]
+        bodies |= _connected_bodies(model, start | bodies, chassis)
+        geared = [g for g in model.gears if any(_belongs_to(joints[name], bodies, chassis) for name in g.joints)]
         start = {body for g in geared for name in g.joints for body in (joints[name].base, joints[name].follower)} - {chassis, GROUND}
     return bodies - {GROUND}
 
 
-def _of_part(joint: Joint, bodies: set[str], chassis: str) -> bool:
+def _belongs_to(joint: Joint, bodies: set[str], chassis: str) -> bool:
     """True if a joint connects bodies of the part with each other or with the chassis."""
     ends = {joint.base, joint.follower}
     return bool(ends & bodies) and ends <= bodies | {chassis}
@@ -319,7 +319,7 @@ def _is_rack(joint: Joint, values: Values, chassis: str) -> bool:
 def _part(model: Model, values: Values, bodies: set[str], chassis: str, steering: Joint | None) -> Model:
     """The model of an axle: its bodies and joints alone, on the ground where the chassis was; the steering joint is free."""
     joints = []
-    for joint in (j for j in model.joints if _of_part(j, bodies, chassis)):
+    for joint in (j for j in model.joints if _belongs_to(j, bodies, chassis)):
         base, follower = (GROUND if body == chassis else body for body in (joint.base, joint.follower))
         moved = replace(joint, base=base, follower=follower)
         joints.append(replace(moved, guide=None, cut=False) if joint == steering else moved)

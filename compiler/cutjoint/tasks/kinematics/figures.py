@@ -81,8 +81,8 @@ def _upright(outward: Array) -> Array:
 
 def contact_velocity(wheel: Wheel, state: WheelState, by: int) -> Array:
     """The change of the contact centre by one of the prescribed numbers; it moves round the wheel as that turns."""
-    e, turn = state.outward, state.turn[:, by]
-    rate = np.cross(turn, e)
+    e, rotation_rate = state.outward, state.rotation_rate[:, by]
+    rate = np.cross(rotation_rate, e)
     across = _UP - e[2] * e
     change = (-rate[2] * e - e[2] * rate) / np.linalg.norm(across)
     up = _upright(e)
@@ -103,7 +103,7 @@ def _of_wheel(axle: Axle, pose: Pose, i: int, share: float) -> Iterator[tuple[st
 def _support(axle: Axle, wheel: Wheel, state: WheelState, i: int, share: float) -> dict[str, float]:
     """The angles of the paths of contact centre and wheel centre in side view, and their shares of what the axle load changes by."""
     sign = 1 if axle.is_front else -1
-    point = state.velocity[:, i] + np.cross(state.turn[:, i], contact(wheel, state) - state.centre)
+    point = state.velocity[:, i] + np.cross(state.rotation_rate[:, i], contact(wheel, state) - state.centre)
     slopes = {"brake": sign * point[0] / point[2], "drive": sign * state.velocity[0, i]}
     angles = {f"{name}_support_angle": float(np.arctan(slope)) for name, slope in slopes.items()}
     if axle.wheelbase is None:
@@ -118,12 +118,12 @@ def _steering_axis(axle: Axle, wheel: Wheel, state: WheelState, pose: Pose, i: i
     """
     change = next((c for spring in axle.springs if abs((c := pose.changes[spring.name])[i]) > 1e-3), None)
     back = 0.0 if change is None else change[2] / change[i]
-    turn = state.turn[:, 2] - back * state.turn[:, i]
+    rotation_rate = state.rotation_rate[:, 2] - back * state.rotation_rate[:, i]
     velocity = state.velocity[:, 2] - back * state.velocity[:, i]
-    if not np.linalg.norm(turn) > _NOTHING:
+    if not np.linalg.norm(rotation_rate) > _NOTHING:
         return dict.fromkeys(("caster", "kingpin_inclination", "scrub_radius", "caster_trail"), np.nan)
-    point = state.centre + np.cross(turn, velocity) / (turn @ turn)
-    axis = turn * np.sign(turn[2])
+    point = state.centre + np.cross(rotation_rate, velocity) / (rotation_rate @ rotation_rate)
+    axis = rotation_rate * np.sign(rotation_rate[2])
     ground = contact(wheel, state)
     offset = point + axis * (ground[2] - point[2]) / axis[2] - ground
     outward = state.outward * [1, 1, 0]
@@ -175,7 +175,7 @@ def _roll_centre(axle: Axle, pose: Pose, grounds: list[Array]) -> Array:
 def _steer_rate(state: WheelState) -> float:
     """The change of the steer angle by the steering joint, the wheel's centre at its height."""
     x, y = state.outward[:2]
-    dx, dy = np.cross(state.turn[:, 2], state.outward)[:2]
+    dx, dy = np.cross(state.rotation_rate[:, 2], state.outward)[:2]
     return float((x * dy - y * dx) / (x * x + y * y))
 
 

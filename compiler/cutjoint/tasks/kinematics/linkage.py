@@ -39,7 +39,7 @@ class WheelState:
     centre: Array
     outward: Array
     velocity: Array
-    turn: Array
+    rotation_rate: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,15 +154,15 @@ class Linkage:
             parts = ("the left wheel", "the right wheel", "the steering joint")
             stuck = [part for part, gap in zip(parts, np.abs(moved).max(axis=0), strict=False) if gap > _NOTHING]
             raise RunError(f"{self.axle.part.span}: axle '{self.axle.name}': its joints do not let {join_and(stuck)} move by themselves")
-        self._require_held(jacobian, values)
+        self._require_determined(jacobian, values)
         return pose
 
-    def _require_held(self, jacobian: Array, values: Mapping[Block, Array]) -> None:
+    def _require_determined(self, jacobian: Array, values: Mapping[Block, Array]) -> None:
         """Refuse an axle whose wheels move although their heights and the steering joint are prescribed; a wheel may spin."""
         _, sizes, ways = np.linalg.svd(jacobian)
         free = ways[int(np.sum(sizes > TOLERANCE * sizes.max())) :].T
-        for _, outward, velocity, turn in self._of_wheels:
-            tilt = np.cross((self._by_speeds(values, turn) @ free).T, values[outward][:, 0])
+        for _, outward, velocity, rotation_rate in self._of_wheels:
+            tilt = np.cross((self._by_speeds(values, rotation_rate) @ free).T, values[outward][:, 0])
             if max(np.abs(self._by_speeds(values, velocity) @ free).max(initial=0.0), np.abs(tilt).max(initial=0.0)) > _NOTHING:
                 joints = [c.joint for c in self.charts if np.abs(free[c.v : c.v + len(c.speed_names)]).max() > 0.1]
                 raise RunError(
@@ -192,9 +192,9 @@ class Linkage:
         wheels = tuple(
             WheelState(
                 centre=values[centre][:, 0], outward=values[outward][:, 0], velocity=self._by_speeds(values, velocity) @ motions,
-                turn=self._by_speeds(values, turn) @ motions,
+                rotation_rate=self._by_speeds(values, rotation_rate) @ motions,
             )
-            for centre, outward, velocity, turn in self._of_wheels
+            for centre, outward, velocity, rotation_rate in self._of_wheels
         )  # fmt: skip
         return Pose(
             prescribed=prescribed, q=q, motions=motions, wheels=(wheels[0], wheels[1]),

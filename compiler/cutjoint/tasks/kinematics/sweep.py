@@ -20,7 +20,7 @@ from cutjoint.model.records import GROUND
 from cutjoint.package.errors import RunError
 from cutjoint.program.blocks import Builder
 from cutjoint.program.interpret import interpret_blocks
-from cutjoint.run.inputs import given_inputs
+from cutjoint.run.inputs import constant_inputs
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Columns
 from cutjoint.run.run_file import parameter_values
@@ -75,7 +75,7 @@ def find_kinematics(
         if value is not None and (fault := fault_of_setting(name, value)):
             raise RunError(f"{name}: {fault}")
     model, changes = model_of(model), parameters or {}
-    values = Values(model, parameter_values(model, changes) | given_inputs(model, changes))
+    values = Values(model, parameter_values(model, changes) | constant_inputs(model, changes))
     found = find_axle(model, values, axle, radius=radius, steer=steer)
     linkage = Linkage(found)
     ends = {TRAVEL: np.array([travel, travel, 0.0]), ROLL: np.array([-travel, travel, 0.0])}
@@ -146,7 +146,7 @@ def find_compliance(
     model, chosen = load_model(model, scene)
     changes = parameters or {}
     numbers = parameter_values(model, changes)
-    found = find_axle(model, Values(model, numbers | given_inputs(model, changes)), axle, radius=radius, steer=steer)
+    found = find_axle(model, Values(model, numbers | constant_inputs(model, changes)), axle, radius=radius, steer=steer)
     artifact = compile_interpreted(model, with_loops(chosen, Loops.EXACT))
     equations = formulate_implicit(artifact.mechanism, ())
     try:
@@ -155,12 +155,12 @@ def find_compliance(
         remedy = "a free chassis cannot stand on one axle: let it move along z alone"
         raise RunError(f"{chosen.span}: scene '{chosen.name}': no equilibrium: {error.report}; {remedy}") from error
     start = replace(equations.start, parameters=tuple(replace(p, value=numbers[p.name]) for p in equations.start.parameters))
-    wheels, free = _held_wheels(found, start, at)
+    wheels, free = _constrained_wheels(found, start, at)
     figures: dict[str, float] = {}
     for wheel, state in zip(found.wheels, wheels, strict=True):
         side = side_of(found, wheel)
         for load in LOADS:
-            moved = _answer(free, at.K, _load(wheel, state, load))
+            moved = _static_response(free, at.K, _load(wheel, state, load))
             if moved is None:
                 raise RunError(f"{model.span}: axle '{found.name}': nothing holds the {side} wheel against {load}")
             figures |= {f"{side}.{load}.{name}": change for name, change in _changes(wheel, state, moved).items()}
@@ -168,7 +168,7 @@ def find_compliance(
     return AxleCompliance(axle=found, figures=Columns(figures), units=Columns({name: units[name.partition(".")[2]] for name in figures}))
 
 
-def _held_wheels(axle: Axle, equations: RecursiveEquations, at: Linearisation) -> tuple[list[WheelState], Array]:
+def _constrained_wheels(axle: Axle, equations: RecursiveEquations, at: Linearisation) -> tuple[list[WheelState], Array]:
     """The wheels with their motions by each speed, and the directions (speeds, n) that chassis, wheel heights and steering leave free."""
     b, n = Builder(), equations.speeds
     charts = {c.joint: c for c in equations.charts}
@@ -177,8 +177,8 @@ def _held_wheels(axle: Axle, equations: RecursiveEquations, at: Linearisation) -
     places = interpret_blocks([x for block in blocks for x in block[:2]], make_inputs(equations, at.q, np.zeros(n)), {})
     wheels = []
     for centre, outward, *motions in blocks:
-        velocity, turn = evaluate_rates(equations, at.q, motions)
-        wheels.append(WheelState(centre=places[centre].ravel(), outward=places[outward].ravel(), velocity=velocity, turn=turn))
+        velocity, rotation = evaluate_rates(equations, at.q, motions)
+        wheels.append(WheelState(centre=places[centre].ravel(), outward=places[outward].ravel(), velocity=velocity, rotation_rate=rotation))
     prescribed = [at.J[:, :n], *(wheel.velocity[2:] for wheel in wheels)]
     if axle.chassis != GROUND:
         prescribed += evaluate_rates(equations, at.q, halves(b, k.frames[axle.chassis].Z))
@@ -187,7 +187,7 @@ def _held_wheels(axle: Axle, equations: RecursiveEquations, at: Linearisation) -
     return wheels, free_directions(np.concatenate(prescribed))
 
 
-def _answer(free: Array, stiffness: Array, load: Array) -> Array | None:
+def _static_response(free: Array, stiffness: Array, load: Array) -> Array | None:
     """The small motion (speeds,) along free directions by which springs balance a load; None where they do not."""
     n = len(load)
     along, given = free.T @ stiffness[:n, :n] @ free, free.T @ load
@@ -200,17 +200,17 @@ def _answer(free: Array, stiffness: Array, load: Array) -> Array | None:
 def _load(wheel: Wheel, state: WheelState, load: str) -> Array:
     """A unit load as a force on each speed: inwards and rearwards at the contact centre, forwards at the centre, towards toe-in about z."""
     if load == "aligning":
-        return np.asarray(state.turn.T @ np.array([0.0, 0.0, -wheel.side]))
+        return np.asarray(state.rotation_rate.T @ np.array([0.0, 0.0, -wheel.side]))
     force = {"lateral": np.array([0.0, -wheel.side, 0.0]), "braking": np.array([-1.0, 0, 0]), "driving": np.array([1.0, 0, 0])}[load]
     arm = np.zeros(3) if load == "driving" else contact(wheel, state) - state.centre
-    return np.asarray(state.velocity.T @ force + state.turn.T @ np.cross(arm, force))
+    return np.asarray(state.velocity.T @ force + state.rotation_rate.T @ np.cross(arm, force))
 
 
 def _changes(wheel: Wheel, state: WheelState, speeds: Array) -> dict[str, float]:
     """Toe-in and camber, and forwards and outwards the place of the carrier at the contact centre, by small motions (speeds,)."""
-    turn, e = state.turn @ speeds, state.outward
-    change, level = np.cross(turn, e), e[0] ** 2 + e[1] ** 2
-    place = state.velocity @ speeds + np.cross(turn, contact(wheel, state) - state.centre)
+    rotation_rate, e = state.rotation_rate @ speeds, state.outward
+    change, level = np.cross(rotation_rate, e), e[0] ** 2 + e[1] ** 2
+    place = state.velocity @ speeds + np.cross(rotation_rate, contact(wheel, state) - state.centre)
     return {
         "toe": float(-wheel.side * (e[0] * change[1] - e[1] * change[0]) / level), "camber": float(-change[2] / np.sqrt(level)),
         "x": float(place[0]), "y": float(wheel.side * place[1]),

@@ -9,7 +9,7 @@ import pytest
 from cutjoint.toolchain.cache import read_record, write_record
 from cutjoint.toolchain.cmake import build_project
 from cutjoint.toolchain.compiler import find_compiler
-from cutjoint.toolchain.waits import Compiling, heard_by
+from cutjoint.toolchain.progress import Compiling, listening
 from tests.conftest import needs_cpp
 
 pytestmark = needs_cpp
@@ -30,7 +30,7 @@ def compiled(folder: Path, b: str = "int main() { return 0; }\n") -> list[Compil
     for name, text in (("CMakeLists.txt", PROJECT), ("a.cpp", "int a;\n"), ("b.cpp", b)):
         (source / name).write_text(text)
     heard: list[Compiling] = []
-    with heard_by(heard.append):
+    with listening(heard.append):
         build_project(source, folder / "out", find_compiler(), ["-O0"])
     return heard
 

@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from cutjoint.importing.robot import Drive, Joint, Link, Loop, Pose, Robot, unlike
+from cutjoint.importing.robot import Drive, Joint, Link, Loop, Pose, Robot, unique_name
 from cutjoint.importing.xml import Node
 from cutjoint.model.document.source import parse_yaml, read_text
 from cutjoint.model.errors import ModelError, Problem
@@ -19,7 +19,7 @@ _CARDAN = re.compile(r"UJOINT_([XYZ])([XYZ])")
 _HINT = "see 'Loops in a YAML beside a URDF' in docs/how-to/import.md"
 
 
-class Beside:
+class Sidecar:
     """The YAML beside a URDF; without entries where there is none, or one of another kind.  Raises ModelError where it is wrong."""
 
     def __init__(self, path: Path) -> None:
@@ -89,9 +89,9 @@ def add_drive(robot: Robot, joint: str) -> None:
 
 def _cross(robot: Robot, joint: Joint, first: str, second: str) -> None:
     """Make a Cardan joint of one: it turns about the first axis of its frame, its child about the second one behind it."""
-    cross = unlike(f"{joint.name}_cross", robot.links)
+    cross = unique_name(f"{joint.name}_cross", robot.links)
     robot.links[cross] = Link(cross, joint.node)
-    ends = [unlike(f"{joint.name}_{axis}", robot.joints) for axis in (first, second)]
+    ends = [unique_name(f"{joint.name}_{axis}", robot.joints) for axis in (first, second)]
     x, y = (np.eye(3)["XYZ".index(axis)] for axis in (first, second))
     hinges = (Joint(ends[0], joint.node, "revolute", joint.parent, cross, joint.origin, x),
               Joint(ends[1], joint.node, "revolute", cross, joint.child, Pose(), y))  # fmt: skip

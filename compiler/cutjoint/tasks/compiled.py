@@ -8,7 +8,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import ModelLike, load_model, method_of, with_default_closure
 
 
-def take_artifact(
+def compile_unless_compiled(
     model: ModelLike, scene: str | None = None, tunable: Sequence[str] = (), method: str | None = None, integrator: str | None = None,
     dt: float | None = None,
 ) -> Artifact:  # fmt: skip

@@ -1,6 +1,6 @@
 """Keeps a tool and all that it starts: they end when whoever asked for them has, by whatever means.
 
-A program of its own, `python -I -S keeper.py TOOL ARGUMENT...`, as the leader of a session.  Nobody writes to its standard input, which
+A program of its own, `python -I -S supervisor.py TOOL ARGUMENT...`, as the leader of a session.  Nobody writes to its standard input, which
 ends with the last process that holds the other end.  Process groups do not do: Ninja gives each of its compilers another one.
 """
 

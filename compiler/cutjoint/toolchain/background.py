@@ -19,13 +19,13 @@ from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.toolchain.drivers import Kind, interpreter_is_there
 from cutjoint.toolchain.objects import missing_sources
-from cutjoint.toolchain.waits import forecast
+from cutjoint.toolchain.progress import forecast
 
-_START = "from cutjoint.toolchain.later import main; main()"
+_START = "from cutjoint.toolchain.background import main; main()"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Later:
+class BackgroundBuild:
     """A simulator that is being compiled by a ``process``, for about so many ``seconds``."""
 
     seconds: float
@@ -38,14 +38,14 @@ class Later:
 
 
 class BuildPending(Exception):  # noqa: N818 -- no error
-    """Compiling of code that was ``generated`` in so many ``seconds`` goes on in another process, ``later``; ``wait`` gives its result."""
+    """Code ``generated`` in so many ``seconds`` is still being compiled by another process, ``background``; ``wait`` gives its result."""
 
-    def __init__(self, later: Later, generated: Generated, seconds: float, wait: Callable[[], Any]) -> None:
-        super().__init__(f"compiling takes about {later.seconds:.0f} s")
-        self.later, self.generated, self.seconds, self.wait = later, generated, seconds, wait
+    def __init__(self, background: BackgroundBuild, generated: Generated, seconds: float, wait: Callable[[], Any]) -> None:
+        super().__init__(f"compiling takes about {background.seconds:.0f} s")
+        self.background, self.generated, self.seconds, self.wait = background, generated, seconds, wait
 
 
-def build_later(source: Source, *, flags: Sequence[str], patience: float) -> Later | None:
+def build_in_background(source: Source, *, flags: Sequence[str], patience: float) -> BackgroundBuild | None:
     """Begin to compile a source, if that takes longer than ``patience`` (s) and its program can be interpreted meanwhile; else None, and
     nothing is begun.
 
@@ -56,7 +56,7 @@ def build_later(source: Source, *, flags: Sequence[str], patience: float) -> Lat
     if is_built(source, flags=flags) or not interpreter_is_there(source.driver, compiler, flags):
         return None
     seconds = forecast(missing_sources(source, compiler, flags), [*compiler.key, *flags])
-    return Later(seconds=seconds, process=_begin(source, flags)) if seconds > patience else None
+    return BackgroundBuild(seconds=seconds, process=_begin(source, flags)) if seconds > patience else None
 
 
 def main() -> None:

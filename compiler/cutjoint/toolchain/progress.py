@@ -1,6 +1,6 @@
 """The progress of the compiler and a forecast of its time, by the times of the same files before.
 
-A caller listens by `heard_by`.  The seconds of each file are a record of the cache, for all models.  They serve forecasts alone: where the
+A caller listens by `listening`.  The seconds of each file are a record of the cache, for all models.  They serve forecasts alone: where the
 record is missing or of another machine, nothing else goes wrong.
 """
 
@@ -43,7 +43,7 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 
 @contextmanager
-def heard_by(listener: Listener) -> Iterator[None]:
+def listening(listener: Listener) -> Iterator[None]:
     """Tell a listener how far compiling is."""
     token = _listener.set(listener)
     try:
@@ -71,7 +71,7 @@ class Watch:
         self._source, self._key, self._total, self._left = source, digest_of(how), len(planned), list(planned)
         self._known: Mapping[str, Any] = _read().get(self._key, {})
 
-    def tell(self) -> None:
+    def notify(self) -> None:
         """Tell whoever listens how far it is."""
         if (listener := _listener.get()) is not None:
             share = any(name.startswith(_DRIVER) for name in self._left)
@@ -81,7 +81,7 @@ class Watch:
         """A file has been made."""
         if name in self._left:
             self._left.remove(name)
-        self.tell()
+        self.notify()
 
     def keep(self, log: Path) -> None:
         """Remember what files took, by Ninja's log."""
@@ -117,7 +117,7 @@ def _spread(each: Sequence[float]) -> float:
     return max(sum(each) / processors(), *each) if each else 0.0
 
 
-def listened() -> bool:
+def has_listener() -> bool:
     """Return whether anybody listens."""
     return _listener.get() is not None
 
