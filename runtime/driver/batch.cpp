@@ -130,12 +130,12 @@ class Group {
     end_ = smallest_ = largest_ = lanes_.report();
     const Mask begun = lanes_.going();
     lanes_.watch(Real(0));
-    heed(begun & ~lanes_.going(), true);
+    handle(begun & ~lanes_.going(), true);
     const auto begin = std::chrono::steady_clock::now();
     for (long n = 1; n <= steps && lanes_.any_goes() && !stop_requested(); ++n) {
       const Mask going = lanes_.going();
       lanes_.step();
-      heed(going & ~lanes_.going(), (n - 1) % stride == 0);
+      handle(going & ~lanes_.going(), (n - 1) % stride == 0);
       if (n % stride == 0 || n == steps) record(lanes_.going());
     }
     seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -147,7 +147,7 @@ class Group {
   }
 
   /// Heed the instances that have stopped.  Where a step has failed the state before it is the last row, unless it `is_row` already.
-  void heed(Mask stopped, bool is_row) {
+  void handle(Mask stopped, bool is_row) {
     if (!any(stopped)) return;
     Mask failed{};
     for (int k = 0; k < width; ++k) failed[k] = stopped[k] && lanes_.fault(k).cause != Cause::guard_violated ? -1 : 0;
@@ -222,7 +222,7 @@ class Batch {
 
   /// Run all cases and return the summary; the results of each group are printed when it is done.
   Json run() {
-    heed_stop_requests();
+    handle_stop_requests();
     {
       const std::size_t groups = (cases_.size() + width - 1) / width;
       std::vector<std::jthread> threads;  // joined at the end of the block

@@ -32,7 +32,7 @@ int main() {
   mechanism.load(parameters, {}, nullptr);
   print(mechanism, 0.5);
   double values[] = {0.7, 1.0};
-  cutjoint::Held<double> held{values, 2};
+  cutjoint::ZeroOrderHold<double> held{values, 2};
   mechanism.drive_by(held.source());
   print(mechanism, 0.5);
   values[0] = -0.3;

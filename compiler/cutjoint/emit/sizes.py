@@ -33,7 +33,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
     assembly = (n + m) * n + 3 * (n + m) + 4 * m + 12 * n + q + 2 * state
     masses = 3 * m * m + 7 * m + 3 * n
     if is_weighed(parts):
-        assembly += 2 * n * n + 2 * n * m + 10 * (n + m)  # `Holding`
+        assembly += 2 * n * n + 2 * n * m + 10 * (n + m)  # `RestReactions`
     n, m, q, state = _lengths(equations)
     others = 6 * max(state, _lengths(start)[-1])
     others += 8 * (len(equations.parameters) + 6 * len(equations.inputs) + len(equations.columns) + len(start.closures))

@@ -8,11 +8,11 @@ namespace cutjoint {
 
 /// A generated class behind the virtual functions that mechanisms and systems have in common; its description stands apart.
 template <class Base, class Described, class Generated>
-class Behind : public Base {
+class VirtualAdapter : public Base {
  public:
   using Real = typename Base::real_type;
 
-  explicit Behind(const Described& description) : description_(description) {}
+  explicit VirtualAdapter(const Described& description) : description_(description) {}
 
   const Described& description() const final { return description_; }
   void begin_step(Real t, Real motion) final { generated_.begin_step(t, motion); }
@@ -56,10 +56,10 @@ class Behind : public Base {
 
 /// A generated mechanism, as the driver takes it.
 template <class Generated>
-class GeneratedMechanism final : public Behind<AnyMechanism<typename Generated::real_type>, Description, Generated> {
+class GeneratedMechanism final : public VirtualAdapter<AnyMechanism<typename Generated::real_type>, Description, Generated> {
  public:
   using Real = typename Generated::real_type;
-  using Behind<AnyMechanism<Real>, Description, Generated>::Behind;
+  using VirtualAdapter<AnyMechanism<Real>, Description, Generated>::VirtualAdapter;
 
   void load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads) override {
     generated_.load(parameters, stabilisation, roads);
@@ -79,15 +79,15 @@ class GeneratedMechanism final : public Behind<AnyMechanism<typename Generated::
   }
 
  private:
-  using Behind<AnyMechanism<Real>, Description, Generated>::generated_;
+  using VirtualAdapter<AnyMechanism<Real>, Description, Generated>::generated_;
 };
 
 /// A generated system, as the driver takes it.
 template <class Generated>
-class GeneratedSystem final : public Behind<AnySystem<typename Generated::real_type>, SystemDescription, Generated> {
+class GeneratedSystem final : public VirtualAdapter<AnySystem<typename Generated::real_type>, SystemDescription, Generated> {
  public:
   using Real = typename Generated::real_type;
-  using Behind<AnySystem<Real>, SystemDescription, Generated>::Behind;
+  using VirtualAdapter<AnySystem<Real>, SystemDescription, Generated>::VirtualAdapter;
 
   void load(const Real* parameters, const Road<Real>* roads) override { generated_.load(parameters, roads); }
 
@@ -115,7 +115,7 @@ class GeneratedSystem final : public Behind<AnySystem<typename Generated::real_t
   void solve(const Real* factors, Real* x) const override { generated_.solve(factors, x); }
 
  private:
-  using Behind<AnySystem<Real>, SystemDescription, Generated>::generated_;
+  using VirtualAdapter<AnySystem<Real>, SystemDescription, Generated>::generated_;
 };
 
 }  // namespace cutjoint

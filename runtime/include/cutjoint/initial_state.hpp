@@ -36,7 +36,7 @@ class InitialState {
   /// A mechanism at rest, which no guide moves.  Throws Failure.
   const State<Real>& at_rest() {
     require_none(initialisation_.rest(state_, read_positions()), d_);
-    find_held();
+    read_reactions();
     return state_;
   }
 
@@ -55,19 +55,19 @@ class InitialState {
   const std::vector<Real>& penalties() const { return initialisation_.penalties(); }
 
   /// The forces along coordinates that the run file holds in the pose at rest, by speeds; none where nothing carries one.
-  const Json& held() const { return held_; }
+  const Json& reactions() const { return reactions_; }
 
   /// Independent speeds that neither run file nor loops determine.
   const std::vector<std::string>& undetermined() const { return undetermined_; }
 
  private:
   /// Where another code has come to, moved as little as closes the loops.
-  const State<Real>& going_on(const Json& begin);
+  const State<Real>& continued(const Json& begin);
 
-  void find_held() {
-    const auto& forces = initialisation_.holding();
+  void read_reactions() {
+    const auto& forces = initialisation_.reactions();
     for (std::size_t i = 0; i < d_.speeds.size(); ++i)
-      if (forces[i] != Real(0)) held_[std::string(d_.speeds[i])] = static_cast<double>(forces[i]);
+      if (forces[i] != Real(0)) reactions_[std::string(d_.speeds[i])] = static_cast<double>(forces[i]);
   }
 
   /// The mechanism with the inputs of the run.
@@ -101,15 +101,15 @@ class InitialState {
   ModelData<Real> data_;
   Initialisation<M> initialisation_;
   std::vector<std::string> undetermined_;
-  Json held_ = Json::object();
+  Json reactions_ = Json::object();
 };
 
 template <Mechanism M>
 const State<typename M::real_type>& InitialState<M>::in_motion() {
-  if (file_.contains("begin")) return going_on(read_object(file_, "begin"));
+  if (file_.contains("begin")) return continued(read_object(file_, "begin"));
   require_none(initialisation_.place(state_, read_positions()), d_);
-  initialisation_.find_holding(state_);
-  find_held();
+  initialisation_.find_reactions(state_);
+  read_reactions();
   const std::vector<unsigned char> moving = read("rates", d_.speeds, state_.v);
   std::vector<unsigned char> free(moving.size());
   initialisation_.find_undetermined(state_, moving, free);
@@ -120,7 +120,7 @@ const State<typename M::real_type>& InitialState<M>::in_motion() {
 }
 
 template <Mechanism M>
-const State<typename M::real_type>& InitialState<M>::going_on(const Json& begin) {
+const State<typename M::real_type>& InitialState<M>::continued(const Json& begin) {
   require_keys(begin, std::to_array<std::string_view>({"t", "q", "v", "held"}));
   state_.t = read_number<Real>(begin, "t");
   for (const auto& given : {read_given(read_object(begin, "q"), d_.coordinates, state_.q), read_given(read_object(begin, "v"), d_.speeds, state_.v)})

@@ -90,7 +90,7 @@ class Run {
       const auto& start = initial_state_.at_rest();
       method_.begin(start, initial_state_.penalties(), 0.0);
       Json found = columns();
-      found["held"] = initial_state_.held();
+      found["held"] = initial_state_.reactions();
       return found;
     }
     const auto& start = initial_state_.in_motion();
@@ -124,7 +124,7 @@ class Run {
     method_.prepare();
     const double dt = settings_.dt;
     const auto [steps, stride] = count_steps<Real>(settings_);
-    heed_stop_requests();
+    handle_stop_requests();
     open_tables();
     if (goes_on()) {
       steps_ = first_ = std::lround(static_cast<double>(method_.time()) / dt);
@@ -161,7 +161,7 @@ class Run {
     method_.prepare();
     const double dt = settings_.dt;
     const long steps = count_steps<Real>(settings_, true).number;
-    heed_stop_requests();
+    handle_stop_requests();
     Pace pace(steps, dt);
     try {
       for (; steps_ < steps && !stop_requested(); ++steps_) {
@@ -283,7 +283,7 @@ class Run {
   }
 
   Json counts() const {
-    Json summary{{"steps", steps_ - first_}, {"seconds", seconds_}, {"undetermined", initial_state_.undetermined()}, {"held", initial_state_.held()}};
+    Json summary{{"steps", steps_ - first_}, {"seconds", seconds_}, {"undetermined", initial_state_.undetermined()}, {"held", initial_state_.reactions()}};
     method_.summarise(summary);
     if (near_jumps_) near_jumps_->summarise(summary, method_.columns());
     return summary;

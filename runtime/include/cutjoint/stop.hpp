@@ -15,12 +15,12 @@ namespace cutjoint {
 namespace stopping {
 
 static_assert(std::atomic<bool>::is_always_lock_free);  // signal handlers use them
-inline std::atomic<bool> requested{false}, heeded{false};
+inline std::atomic<bool> requested{false}, handled{false};
 
 inline void request(int = 0) { requested.store(true, std::memory_order_relaxed); }
 
 /// Let a signal request a stop, the first time, unless whoever began this program has it ignored.
-inline void heed(int number) {
+inline void handle(int number) {
 #ifdef SA_RESETHAND
   struct sigaction action {};
   if (sigaction(number, nullptr, &action) == 0 && action.sa_handler == SIG_IGN) return;
@@ -42,9 +42,9 @@ inline bool stop_requested() { return stopping::requested.load(std::memory_order
 struct Stopped {};
 
 /// From here on SIGINT and SIGTERM request a stop, and somebody looks at that.  The second signal ends the program at once.
-inline void heed_stop_requests() {
-  stopping::heeded = true;
-  for (const int number : {SIGINT, SIGTERM}) stopping::heed(number);
+inline void handle_stop_requests() {
+  stopping::handled = true;
+  for (const int number : {SIGINT, SIGTERM}) stopping::handle(number);
 }
 
 /// Errors of writing are reported by the call that writes, not by a signal that ends the program.
@@ -65,7 +65,7 @@ inline void stop_with_standard_input() {
     do count = read(STDIN_FILENO, &byte, 1);
     while (count > 0 || (count < 0 && errno == EINTR));
     stopping::request();
-    if (stopping::heeded) std::this_thread::sleep_for(std::chrono::seconds(10));
+    if (stopping::handled) std::this_thread::sleep_for(std::chrono::seconds(10));
     _exit(2);
   }).detach();
 }

@@ -48,17 +48,17 @@ class StepInputs {
 /// A zero-order hold of all `count` inputs, which the host may change between steps.  Rates and accelerations are zero: a guide
 /// stands still within a step and jumps between steps, so inputs of guides should be interpolated.
 template <class Real>
-struct Held {
+struct ZeroOrderHold {
   const Real* values;
   int count;
 
   InputSource<Real> source() { return {&fill, this}; }
 
   static void fill(void* host, Real, Real* input) {
-    const Held& held = *static_cast<const Held*>(host);
-    for (int i = 0; i < held.count; ++i) {
+    const ZeroOrderHold& hold = *static_cast<const ZeroOrderHold*>(host);
+    for (int i = 0; i < hold.count; ++i) {
       Real* const numbers = input + numbers_per_input * i;
-      numbers[0] = held.values[i];
+      numbers[0] = hold.values[i];
       numbers[1] = numbers[2] = Real(0);
     }
   }

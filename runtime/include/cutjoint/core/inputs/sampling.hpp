@@ -103,7 +103,7 @@ class Sampling {
     for (std::size_t k = first; k < end; ++k) {
       const bool changed = memory_.values[k] != next_[k];
       changes = changes || changed;
-      felt = felt || (changed && times_[i].felt[k - first] != '0');
+      felt = felt || (changed && times_[i].affects_motion[k - first] != '0');
       memory_.values[k] = next_[k];
     }
     ++memory_.numbers[i];

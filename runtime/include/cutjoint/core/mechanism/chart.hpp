@@ -1,9 +1,9 @@
-// Places of coordinates and of changes of formula, and times of samples.  Descriptions read this: it includes nothing.
+// Indices of coordinates and event indicators, and sample times.  Descriptions include this; it includes nothing.
 #pragma once
 
 namespace cutjoint {
 
-/// How one joint's coordinates follow its speeds: `scalars` coordinates from `q` on, their rates from `v` on; a ball adds a unit
+/// Coordinates and velocities of one joint: `scalars` coordinates from `q` on, their rates from `v` on; a ball adds a unit
 /// quaternion (scalar first) after the scalars and, after their rates, an angular velocity in the inner body's axes.  The quaternion takes
 /// the follower's axes to the base's; of a `reversed` joint, whose inner body is the follower, the base's to the follower's.
 struct Chart {
@@ -14,21 +14,21 @@ struct Chart {
   bool reversed = false;
 };
 
-/// A value that is watched for a change of formula: the place along a `road`, or without a road a value that changes its sign.  The indicator
-/// `across` has the place across the road; without one, the place is right of the middle.  Where it `is_continuous` forces only get another derivative.
+/// An event indicator: the position along a `road`, or without a road a value that changes sign at the event.  The indicator `across` has the lateral
+/// position; without one it is right of the middle.  If `is_continuous`, forces are continuous at the event and only their derivatives jump.
 struct IndicatorPlace {
   int road = -1;
   int across = -1;
   bool is_continuous = false;
 };
 
-/// A controller takes samples at `offset` + k `every`, s, and holds so many values in between.  `felt` has a letter for each, '0' of one that samples and
-/// outputs alone read, so that no motion follows from it.  Samples of one that is `accelerated` read accelerations or multipliers.
+/// A controller takes samples at `offset` + k `every`, s, and holds `held` values in between.  `affects_motion` has a character for each, '0' for one that
+/// only samples and outputs read.  Samples of a controller that is `accelerated` read accelerations or multipliers.
 struct SampleTimes {
   double every;
   double offset;
   int held;
-  const char* felt;
+  const char* affects_motion;
   bool accelerated;
 };
 

@@ -8,7 +8,7 @@
 
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/numbers/dense.hpp"
-#include "cutjoint/core/start/holding.hpp"
+#include "cutjoint/core/start/reactions.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 
@@ -20,10 +20,10 @@ namespace cutjoint {
 /// 3e4 leaves ten digits of both.  A fixed point with steps `dt` (0 where there is none) wants less near singular poses: it diverges once a
 /// step changes the Jacobian's vanishing direction by more than the penalty blurs it, sqrt(open mass/penalty).
 template <class Numbers, class Real>
-Numbers penalties_of_cuts(const Numbers& held, const Numbers& open, Real dt) {
-  Numbers penalties(held.size());
-  for (std::size_t i = 0; i < held.size(); ++i) {
-    penalties[i] = Real(3e4) * held[i];
+Numbers penalties_of_cuts(const Numbers& closed, const Numbers& open, Real dt) {
+  Numbers penalties(closed.size());
+  for (std::size_t i = 0; i < closed.size(); ++i) {
+    penalties[i] = Real(3e4) * closed[i];
     if (dt > Real(0)) penalties[i] = std::min(penalties[i], Real(0.005) * open[i] / (dt * dt));
   }
   return penalties;
@@ -54,28 +54,28 @@ class EffectiveMasses {
   using Real = typename M::real_type;
 
   explicit EffectiveMasses(M& mechanism)
-      : mechanism_(mechanism), m_(sizes_of(mechanism).equations), a_(m_), violation_(m_), residual_(m_), rate_(m_), rest_(m_), mass_(m_),
-        alone_(m_), still_(sizes_of(mechanism).speeds), dz_(still_.size()), without_(still_.size()), T_(m_ * m_), scaled_(m_ * m_), vectors_(m_ * m_) {}
+      : mechanism_(mechanism), m_(sizes_of(mechanism).equations), a_(m_), violation_(m_), residual_(m_), rate_(m_), rate_at_rest_(m_), mass_(m_),
+        alone_(m_), zero_speeds_(sizes_of(mechanism).speeds), dz_(zero_speeds_.size()), without_(zero_speeds_.size()), T_(m_ * m_), scaled_(m_ * m_), vectors_(m_ * m_) {}
 
   /// Measure T in a state with the penalties of the cut joints that the mechanism was loaded with.
   void measure(const StateOf<M>& state, const Cuts<M>& penalties, bool is_proximal) {
     for (std::size_t c = 0; c < penalties.size(); ++c)
       for (std::size_t k = first(c); k < first(c + 1); ++k) a_[k] = penalties[c];
     std::fill(violation_.begin(), violation_.end(), Real(0));
-    mechanism_.constraint_residual(state.q.data(), still_.data(), residual_.data(), rest_.data());
-    if constexpr (Weighable<M>) move_alone(state);
-    if (!is_proximal) mechanism_.evaluate(state.q.data(), still_.data(), violation_.data(), without_.data(), rate_.data());
+    mechanism_.constraint_residual(state.q.data(), zero_speeds_.data(), residual_.data(), rate_at_rest_.data());
+    if constexpr (Weighable<M>) measure_alone(state);
+    if (!is_proximal) mechanism_.evaluate(state.q.data(), zero_speeds_.data(), violation_.data(), without_.data(), rate_.data());
     for (std::size_t k = 0; k < m_; ++k) {
       violation_[k] = is_proximal ? Real(1) : a_[k];
       if (is_proximal) {
         if constexpr (requires { mechanism_.project(dz_.data(), dz_.data(), dz_.data()); })
           mechanism_.project(state.q.data(), violation_.data(), dz_.data());
       } else {
-        mechanism_.evaluate(state.q.data(), still_.data(), violation_.data(), dz_.data(), rate_.data());
+        mechanism_.evaluate(state.q.data(), zero_speeds_.data(), violation_.data(), dz_.data(), rate_.data());
         for (std::size_t i = 0; i < dz_.size(); ++i) dz_[i] -= without_[i];
       }
       mechanism_.constraint_residual(state.q.data(), dz_.data(), residual_.data(), rate_.data());
-      for (std::size_t i = 0; i < m_; ++i) T_[k * m_ + i] = rest_[i] - rate_[i];
+      for (std::size_t i = 0; i < m_; ++i) T_[k * m_ + i] = rate_at_rest_[i] - rate_[i];
       violation_[k] = Real(0);
     }
   }
@@ -91,20 +91,20 @@ class EffectiveMasses {
     return by_cut();
   }
 
-  /// With all other equations held, (S^-1)_kk, of the directions that feel less than the penalty: dependent equations and directions that
-  /// nearly vanish are left out.  So are those that feel more because the penalty is light; `lacks` tells whether there are any.
-  Cuts<M> held(const StateOf<M>& state) {
+  /// With all other equations closed, (S^-1)_kk, in the directions with less mass than the penalty: dependent equations and directions that
+  /// nearly vanish are left out.  So are those with more mass because the penalty is light; see `has_light_penalties`.
+  Cuts<M> closed(const StateOf<M>& state) {
     using std::sqrt;
     const auto scaled = [&](std::size_t i, std::size_t j) { return sqrt(a_[i]) * T_[j * m_ + i] / sqrt(a_[j]); };
     for (std::size_t j = 0; j < m_; ++j)
       for (std::size_t i = 0; i < m_; ++i) scaled_[j * m_ + i] = (scaled(i, j) + scaled(j, i)) / Real(2);
     dense::diagonalise<Real>({scaled_.data(), m_, m_}, {vectors_.data(), m_, m_});
     std::fill(mass_.begin(), mass_.end(), Real(0));
-    lacks_ = false;
+    has_light_penalties_ = false;
     for (std::size_t i = 0; i < m_; ++i) {
       const Real share = scaled_[i * m_ + i];
       if (!(share > Real(0.5))) {
-        lacks_ = lacks_ || (share > Real(1e-12) && moves(state, i));
+        has_light_penalties_ = has_light_penalties_ || (share > Real(1e-12) && moves(state, i));
         continue;
       }
       const Real inverse = std::max(Real(1) / share - Real(1), Real(0));
@@ -114,8 +114,8 @@ class EffectiveMasses {
     return by_cut();
   }
 
-  /// Whether penalties of the last `held` are too light for a direction that speeds do change, as where light bodies hang between heavy ones.
-  bool lacks() const { return lacks_; }
+  /// Whether penalties of the last `closed` are too light for a direction of motion, as with light bodies between heavy ones.
+  bool has_light_penalties() const { return has_light_penalties_; }
 
  private:
   static constexpr std::size_t m = static_sizes<M>().equations;
@@ -137,7 +137,7 @@ class EffectiveMasses {
       dz_[i] = Real(0);
       Real sum(0);
       for (std::size_t k = 0; k < m_; ++k) {
-        const Real part = vectors_[direction * m_ + k] * sqrt(a_[k]) * (rate_[k] - rest_[k]);
+        const Real part = vectors_[direction * m_ + k] * sqrt(a_[k]) * (rate_[k] - rate_at_rest_[k]);
         sum += part, single += part * part;
       }
       together += sum * sum;
@@ -146,10 +146,10 @@ class EffectiveMasses {
   }
 
   /// The mass that each equation would feel if each speed moved alone, 1/sum_i Phi_ki^2/M_ii, of the speeds that move a mass.
-  void move_alone(const StateOf<M>& state) {
+  void measure_alone(const StateOf<M>& state) {
     const auto energy = [&](const Speeds<M>& v) {
       Real result[2]{};
-      mechanism_.energy(state.q.data(), v.data(), still_.data(), violation_.data(), result);
+      mechanism_.energy(state.q.data(), v.data(), zero_speeds_.data(), violation_.data(), result);
       return result[0];
     };
     std::fill(alone_.begin(), alone_.end(), Real(0));
@@ -158,10 +158,10 @@ class EffectiveMasses {
       dz_[i] = Real(1);
       Real mass = energy(dz_);
       dz_[i] = Real(-1);
-      mass += energy(dz_) - Real(2) * energy(still_);
+      mass += energy(dz_) - Real(2) * energy(zero_speeds_);
       if (mass > Real(0)) {
         mechanism_.constraint_residual(state.q.data(), dz_.data(), residual_.data(), rate_.data());
-        for (std::size_t k = 0; k < m_; ++k) alone_[k] += (rate_[k] - rest_[k]) * (rate_[k] - rest_[k]) / mass;
+        for (std::size_t k = 0; k < m_; ++k) alone_[k] += (rate_[k] - rate_at_rest_[k]) * (rate_[k] - rate_at_rest_[k]) / mass;
       }
       dz_[i] = Real(0);
     }
@@ -188,10 +188,10 @@ class EffectiveMasses {
 
   M& mechanism_;
   std::size_t m_;
-  Equations<M> a_, violation_, residual_, rate_, rest_, mass_, alone_;
-  Speeds<M> still_, dz_, without_;
+  Equations<M> a_, violation_, residual_, rate_, rate_at_rest_, mass_, alone_;
+  Speeds<M> zero_speeds_, dz_, without_;
   Array<M, m * m> T_, scaled_, vectors_;
-  bool lacks_ = false;
+  bool has_light_penalties_ = false;
 };
 
 }  // namespace cutjoint

@@ -1,4 +1,4 @@
-// Functions that close loops whose geometry is open: found when parameters are loaded.
+// Loop embeddings with tunable geometry: functions that close the loops, fitted when parameters are loaded.
 #pragma once
 
 #include <cmath>
@@ -11,8 +11,8 @@
 
 namespace cutjoint {
 
-/// The loops of a block: residuals in `rows`, by `functions` of the coordinate q that leads.  They are closed at `nodes` values of q: on a range about
-/// its `middle`, of length 2 `half`, or on a full turn about it.  A violation below `allowed` (m, rad) is none.
+/// The loops of a block: `rows` residuals, closed by `functions` of the independent coordinate q.  They are closed at `nodes` values of q, on a range
+/// of length 2 `half` about its `middle`, or on a full turn.  Violations below `allowed` (m, rad) are accepted.
 struct LoopFit {
   int rows, functions, nodes;
   bool turns;
@@ -22,33 +22,33 @@ struct LoopFit {
 /// The margin of loops that stay open; that of a range is not so small.
 inline constexpr double margin_of_open_loops = -1e300;
 
-/// A function of q: its coefficients, and its rate that is no series.
+/// A function of q: the number of its coefficients, and the slope of its linear part.
 struct FittedFunction {
   int terms;
   double growth;
 };
 
-/// All coefficients of a block, one function behind the other.
+/// The number of coefficients of a block, one function after the other.
 constexpr int coefficients_of(const LoopFit& loops, const FittedFunction* functions) {
   int count = 0;
   for (int j = 0; j < loops.functions; ++j) count += functions[j].terms;
   return count;
 }
 
-/// The most terms of a function, and one that an integral takes besides.
+/// The largest number of terms of a function, and one more for integration.
 constexpr int most_terms(const LoopFit& loops, const FittedFunction* functions) {
   int most = 0;
   for (int j = 0; j < loops.functions; ++j) most = functions[j].terms > most ? functions[j].terms : most;
   return most + 1;
 }
 
-/// The numbers that a search works on.
+/// The size of a fit's workspace.
 constexpr int work_of_fit(const LoopFit& loops, const FittedFunction* functions) {
   const int n = loops.functions, m = loops.rows;
   return (n + 1) + m * (n + 2) + n * n + 8 * n + (n + 2) * most_terms(loops, functions);
 }
 
-/// A node by its number; halves are between nodes, -1/2 and `nodes` - 1/2 the ends of a range.
+/// A node by its index; half-integers lie between nodes, -1/2 and `nodes` - 1/2 are the ends of a range.
 inline double node_of(const LoopFit& loops, double i) {
   constexpr double pi = 3.141592653589793;
   if (loops.turns) return loops.middle + (2 * i / loops.nodes - 1) * pi;
@@ -79,14 +79,14 @@ void terms_at(const LoopFit& loops, double q, int count, Real* value, Real* deri
   }
 }
 
-/// The search for the functions of a block.  `Close` is called with a block's place, q and then what each function is there, and gives the
-/// residual and its derivatives by each number of the place in turn.
+/// The fit of the functions of a block.  `Close` is called with q and the values of the functions, and gives the residual and its
+/// derivatives with respect to each of these.
 template <class Real, class Close>
 class LoopFitting {
  public:
   LoopFitting(const LoopFit& loops, const FittedFunction* functions, const double* start, Real* work, const Close& close)
       : loops_(loops), functions_(functions), start_(start), close_(close), n_(loops.functions), m_(loops.rows), length_(most_terms(loops, functions)),
-        place_(work), by_place_(place_ + n_ + 1), opening_(by_place_ + m_ * (n_ + 1)), upper_(opening_ + m_), derivative_(upper_ + n_ * n_),
+        place_(work), by_place_(place_ + n_ + 1), residual_(by_place_ + m_ * (n_ + 1)), upper_(residual_ + m_), derivative_(upper_ + n_ * n_),
         found_derivative_(derivative_ + n_), step_(found_derivative_ + n_), offset_(step_ + n_), before_(offset_ + 2 * n_), mean_(before_ + 2 * n_), sums_(mean_ + n_),
         terms_(sums_ + n_ * length_), derivatives_(terms_ + length_) {}
 
@@ -95,10 +95,10 @@ class LoopFitting {
     const int middle = node_by_design();
     for (int i = 0; i < n_; ++i) mean_[i] = Real(0);
     for (int i = 0; i < n_ * length_; ++i) sums_[i] = Real(0);
-    for (const int way : {1, -1}) {
+    for (const int direction : {1, -1}) {
       for (int i = 0; i < 4 * n_; ++i) offset_[i] = Real(0);
       known_ = 0;
-      for (int node = way > 0 ? middle : middle - 1; node >= 0 && node < loops_.nodes; node += way) add_node(node);
+      for (int node = direction > 0 ? middle : middle - 1; node >= 0 && node < loops_.nodes; node += direction) add_node(node);
     }
     integrate(found);
     check(found);
@@ -107,7 +107,7 @@ class LoopFitting {
  private:
   using Chosen = Selection<Real>;
 
-  /// The node next to the design position, where all geometries are closed and functions are followed from.
+  /// The node nearest to the design position, where all geometries are closed and continuation starts.
   int node_by_design() const {
     int nearest = 0;
     for (int i = 1; i < loops_.nodes; ++i)
@@ -121,7 +121,7 @@ class LoopFitting {
     return sum;
   }
 
-  /// Derivatives -Phi_s^-1 Phi_q and the step -Phi_s^-1 Phi by Gram and Schmidt; of redundant rows the least squares.
+  /// Derivatives -Phi_s^-1 Phi_q and the step -Phi_s^-1 Phi by Gram-Schmidt; least squares for redundant rows.
   void solve() {
     using std::sqrt;
     for (int j = 0; j < n_; ++j) {
@@ -131,7 +131,7 @@ class LoopFitting {
       for (int i = 0; i < m_; ++i) column[i] = column[i] / size;
       for (int k = j + 1; k < n_; ++k) upper_[j * n_ + k] = without(column, by_place_ + m_ * (k + 1));
       found_derivative_[j] = without(column, by_place_);
-      step_[j] = without(column, opening_);
+      step_[j] = without(column, residual_);
     }
     for (Real* const x : {found_derivative_, step_})
       for (int j = n_ - 1; j >= 0; --j) {
@@ -141,14 +141,14 @@ class LoopFitting {
       }
   }
 
-  /// The share of a unit column in another, which is taken out of it.
+  /// Remove the component of a column along a unit column, and return it.
   Real without(const Real* column, Real* other) const {
     const Real share = product(column, other);
     for (int i = 0; i < m_; ++i) other[i] = other[i] - share * column[i];
     return share;
   }
 
-  /// The value of a series at the terms that were computed last.
+  /// The value of a series at the terms computed last.
   template <class Number>
   Real sum_of(const Number* coefficients, int count, const Real* terms) const {
     Real sum(0);
@@ -156,8 +156,8 @@ class LoopFitting {
     return sum;
   }
 
-  /// The offset of a function where the cubic through the last two nodes leads, by values and derivatives, or the line through one.
-  Real leads_to(double q, int j) const {
+  /// The offset of a function extrapolated by the Hermite cubic through the last two nodes, or by the line through one.
+  Real extrapolated_offset(double q, int j) const {
     if (known_ < 2) return offset_[j] + Real(known_ * (q - last_)) * offset_[n_ + j];
     const double h = last_ - before_last_, x = (q - before_last_) / h, y = x - 1;
     return Real((1 + 2 * x) * y * y) * before_[j] + Real(h * x * y * y) * before_[n_ + j] + Real(x * x * (3 - 2 * x)) * offset_[j] +
@@ -170,10 +170,10 @@ class LoopFitting {
     place_[0] = Real(q);
     const double* c = start_;
     for (int j = 0; j < n_; c += functions_[j++].terms)
-      place_[j + 1] = Real(functions_[j].growth * q) + sum_of(c, functions_[j].terms, terms_) + leads_to(q, j);
+      place_[j + 1] = Real(functions_[j].growth * q) + sum_of(c, functions_[j].terms, terms_) + extrapolated_offset(q, j);
     auto moves = Chosen::all_if(true);
     const auto iterate = [&] {
-      close_(place_, opening_, by_place_);
+      close_(place_, residual_, by_place_);
       solve();
       Real size(0);
       for (int j = 0; j < n_; ++j) {
@@ -184,7 +184,7 @@ class LoopFitting {
       moves = Chosen::both(moves, Real(closed * closed) < size);
     };
     for (int steps = 0; steps < most_steps && Chosen::any(moves); ++steps) iterate();
-    if constexpr (requires { place_[0].derivative; }) {  // derivatives are those of the iteration before
+    if constexpr (requires { place_[0].derivative; }) {  // derivatives are those of the previous iteration
       moves = true;
       iterate();
     }
@@ -197,15 +197,15 @@ class LoopFitting {
       offset_[n_ + j] = derivative_[j] - Real(functions_[j].growth) - sum_of(c, functions_[j].terms, derivatives_);
       mean_[j] = mean_[j] + straight;
       for (int k = 0; k < length_; ++k) sums_[j * length_ + k] = sums_[j * length_ + k] + terms_[k] * derivative_[j];
-      const Real steep = derivative_[j] * derivative_[j];
-      Chosen::take(steepest_ < steep, steep, steepest_);
+      const Real rate_squared = derivative_[j] * derivative_[j];
+      Chosen::take(largest_rate_ < rate_squared, rate_squared, largest_rate_);
     }
     before_last_ = last_;
     last_ = q;
     ++known_;
   }
 
-  /// Series of derivatives become those of the functions.
+  /// Integrate the series of derivatives to those of the functions.
   void integrate(Real* found) const {
     for (int j = 0; j < n_; found += functions_[j++].terms) {
       const Real* const sums = sums_ + j * length_;
@@ -220,11 +220,11 @@ class LoopFitting {
     }
   }
 
-  /// The margin: all violations, and the rates at which they open beside the steepest derivative, between the nodes.
+  /// The margin: checks all violations, and their derivatives relative to the largest one of the functions, between the nodes.
   void check(Real* found) {
     const int between = loops_.nodes + 1;
-    const Real violation(loops_.allowed * loops_.allowed), rate = violation * steepest_;
-    Real held(0);
+    const Real violation(loops_.allowed * loops_.allowed), rate = violation * largest_rate_;
+    Real passed(0);
     for (int i = 0; i < between; ++i) {
       const double q = node_of(loops_, i - 0.5);
       terms_at(loops_, q, length_, terms_, derivatives_);
@@ -234,16 +234,16 @@ class LoopFitting {
         place_[j + 1] = Real(functions_[j].growth * q) + sum_of(c, functions_[j].terms, terms_);
         derivative_[j] = Real(functions_[j].growth) + sum_of(c, functions_[j].terms, derivatives_);
       }
-      close_(place_, opening_, by_place_);
+      close_(place_, residual_, by_place_);
       for (int row = 0; row < m_; ++row) {
-        Real opens = by_place_[row];
-        for (int j = 0; j < n_; ++j) opens = opens + by_place_[m_ * (j + 1) + row] * derivative_[j];
-        Chosen::take(Chosen::both(opening_[row] * opening_[row] <= violation, opens * opens <= rate), held + Real(1), held);
+        Real residual_rate = by_place_[row];
+        for (int j = 0; j < n_; ++j) residual_rate = residual_rate + by_place_[m_ * (j + 1) + row] * derivative_[j];
+        Chosen::take(Chosen::both(residual_[row] * residual_[row] <= violation, residual_rate * residual_rate <= rate), passed + Real(1), passed);
       }
     }
     const int count = coefficients_of(loops_, functions_);
     Real margin(margin_of_open_loops);
-    Chosen::take(Real(between * m_ - 0.5) < held, Real(1), margin);
+    Chosen::take(Real(between * m_ - 0.5) < passed, Real(1), margin);
     for (int k = 0; k < count; ++k) Chosen::take(margin < Real(0), Real(start_[k]), found[k]);
     found[count] = margin;
   }
@@ -256,26 +256,26 @@ class LoopFitting {
   const double* start_;
   const Close& close_;
   int n_, m_, length_;
-  Real *place_, *by_place_, *opening_;  ///< derivatives by q, then by each function
-  Real *upper_, *derivative_, *found_derivative_, *step_;  ///< R of the decomposition, derivatives of the node and of the last iteration
-  Real *offset_, *before_;              ///< of the functions of the last node from those of `start_`, then of their derivatives; and of the node before
+  Real *place_, *by_place_, *residual_;  ///< derivatives with respect to q, then to each function
+  Real *upper_, *derivative_, *found_derivative_, *step_;  ///< R of the decomposition, derivatives at the node and of the last iteration
+  Real *offset_, *before_;              ///< of the functions at the last node from those of `start_`, then of their derivatives; and at the node before
   Real *mean_, *sums_, *terms_, *derivatives_;
-  Real steepest_ = Real(1);
+  Real largest_rate_ = Real(1);
   double last_ = 0, before_last_ = 0;  ///< q of these nodes
-  int known_ = 0;                      ///< nodes on this way
+  int known_ = 0;                      ///< nodes in this direction
 };
 
-/// The fits of a class, which has the tables `Fits`; `find` returns what `load` reads, and finds it anew where geometry has changed.  Over numbers with derivatives it keeps
-/// the fits of several sets of directions: those of a run are loaded in turn.
+/// The fits of a class with the tables `Fits`; `find` returns the coefficients that `load` reads, and refits if the geometry has changed.  Over dual numbers it caches
+/// the fits of several sets of seeds, since those of a run are loaded in turn.
 template <class Real, class Fits>
 class LoopFits {
  public:
   template <class Generated>
   const Real* find(const Generated& generated, const Real* parameters) {
     for (std::size_t i = 0; i < number_; ++i)
-      if (kept_[i].is_of(parameters)) return kept_[i].found;
-    if (number_ > 0 && !kept_[0].has_values_of(parameters)) number_ = 0;
-    Fit& fit = kept_[number_ < kept ? number_++ : kept - 1];
+      if (cached_[i].is_of(parameters)) return cached_[i].found;
+    if (number_ > 0 && !cached_[0].has_values_of(parameters)) number_ = 0;
+    Fit& fit = cached_[number_ < cached ? number_++ : cached - 1];
     Real work[most_work];
     Real* found = fit.found;
     const FittedFunction* functions = Fits::functions;
@@ -296,14 +296,14 @@ class LoopFits {
   static constexpr std::size_t count = std::size(Fits::parameters);
   static constexpr bool has_derivatives = requires(Real x) { x.derivative; };
 
-  /// Fits: all parameters in as few sets as can be, and one without changes.
-  static constexpr std::size_t kept = [] {
+  /// Number of fits: as few sets of seeds as hold all parameters, and one without seeds.
+  static constexpr std::size_t cached = [] {
     if constexpr (has_derivatives) return count * sizeof(double) / sizeof(Real::derivative) + 2;
     else return 1;
   }();
 
   struct Fit {
-    Real found[Fits::length], of[count];  ///< coefficients, and the parameters that they are of
+    Real found[Fits::length], of[count];  ///< coefficients, and their parameters
 
     bool is_of(const Real* parameters) const {
       for (std::size_t i = 0; i < count; ++i)
@@ -311,7 +311,7 @@ class LoopFits {
       return true;
     }
 
-    /// Whether they differ in derivatives at most.
+    /// Whether values are equal; derivatives may differ.
     bool has_values_of(const Real* parameters) const {
       for (std::size_t i = 0; i < count; ++i)
         if (std::memcmp(&of[i], &parameters[Fits::parameters[i]], sizeof(double)) != 0) return false;
@@ -319,7 +319,7 @@ class LoopFits {
     }
   };
 
-  /// The numbers that the largest of the searches works on.
+  /// The size of the largest workspace.
   static constexpr int most_work = [] {
     int most = 0;
     const FittedFunction* functions = Fits::functions;
@@ -331,7 +331,7 @@ class LoopFits {
     return most;
   }();
 
-  Fit kept_[kept];
+  Fit cached_[cached];
   std::size_t number_ = 0;
 };
 

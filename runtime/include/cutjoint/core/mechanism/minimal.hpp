@@ -143,7 +143,7 @@ class MinimalCoordinates {
       if (!choice_.independent[j]) continue;
       rate_.fill(Real(0));
       if constexpr (m > 0) {
-        solve(all_.data() + j * m, rate_.data(), room_.data());
+        solve(all_.data() + j * m, rate_.data(), scratch_.data());
         for (Real& rate : rate_) rate = -rate;
       }
       rate_[j] = Real(1);
@@ -158,7 +158,7 @@ class MinimalCoordinates {
     StateOf<M> found = state;
     std::copy_n(x + 2 * dofs, n - joints, found.v.begin() + joints);
     displacement<Real>(charts(), choice_.reference.data(), choice_.pose.data(), delta_.data());
-    go_ahead(x);
+    extrapolate(x);
     take(x, delta_);
     if (const Fault fault = close_positions(mechanism, starter, found)) return fault;
     rate_.fill(Real(0));
@@ -185,7 +185,7 @@ class MinimalCoordinates {
 
   /// Move dependent ones as the speeds of the pose do in the time in which independent ones come next to the numbers: beyond a pose that has several
   /// ways on, the motion is sought on its own.
-  void go_ahead(const Real* x) {
+  void extrapolate(const Real* x) {
     Real along(0), square(0);
     for (std::size_t i = 0; i < n; ++i) {
       if (!choice_.independent[i]) continue;
@@ -204,8 +204,8 @@ class MinimalCoordinates {
 
   void find_jacobian(Starter<M>& starter, const StateOf<M>& state, const Coordinates<M>& reference, Array<M, n * m>& matrix) {
     std::copy_n(starter.jacobian(state), m * n, matrix.begin());
-    displacement<Real>(charts(), reference.data(), state.q.data(), room_.data());
-    turn_matrices<Real>(charts(), room_.data(), turns_.data());
+    displacement<Real>(charts(), reference.data(), state.q.data(), scratch_.data());
+    turn_matrices<Real>(charts(), scratch_.data(), turns_.data());
     const Real* T = turns_.data();
     for (const Chart& chart : charts()) {
       if (!chart.ball) continue;
@@ -243,7 +243,7 @@ class MinimalCoordinates {
     for (std::size_t j = n; j-- > 0;) step[j] = j < joints && !choice_.independent[j] ? step[--left] : Number{};
   }
 
-  void solve(const dense::LeastSquares<Real>& squares, Equations<M>& b) { solve(squares, b.data(), step_.data(), room_.data()); }
+  void solve(const dense::LeastSquares<Real>& squares, Equations<M>& b) { solve(squares, b.data(), step_.data(), scratch_.data()); }
 
   Fault find_gain(Starter<M>& starter, const StateOf<M>& state, Real& gain) {
     gain = Real(0);
@@ -317,7 +317,7 @@ class MinimalCoordinates {
   Choice choice_;
   Array<M, n * m> matrix_, all_;
   Array<M, 3 * n> turns_;
-  Speeds<M> delta_, rate_, step_, room_, left_, beside_;
+  Speeds<M> delta_, rate_, step_, scratch_, left_, beside_;
   Speeds<M, std::size_t> order_;
   Equations<M> phi_, phid_;
   std::optional<dense::LeastSquares<Real>> squares_;

@@ -170,18 +170,18 @@ class Bordered {
   void solve(Number* b) const {
     std::array<Number, size> room;
     for (std::size_t s = 0; s < places.sets; ++s)
-      with_side(s, [&]<std::size_t side>() { this->template go_down<side, Number>(s, b, room.data()); });
+      with_side(s, [&]<std::size_t side>() { this->template forward_substitute<side, Number>(s, b, room.data()); });
     for (std::size_t s = places.sets; s-- > 0;)
-      with_side(s, [&]<std::size_t side>() { this->template go_up<side, Number>(s, b, room.data()); });
+      with_side(s, [&]<std::size_t side>() { this->template back_substitute<side, Number>(s, b, room.data()); });
   }
 
   /// x with A^T x = b, which it takes the place of.
   void solve_transposed(double* b) const {
     std::array<double, size> room;
     for (std::size_t s = 0; s < places.sets; ++s)
-      with_side(s, [&]<std::size_t side>() { this->template go_down_transposed<side>(s, b, room.data()); });
+      with_side(s, [&]<std::size_t side>() { this->template forward_substitute_transposed<side>(s, b, room.data()); });
     for (std::size_t s = places.sets; s-- > 0;)
-      with_side(s, [&]<std::size_t side>() { this->template go_up_transposed<side>(s, b, room.data()); });
+      with_side(s, [&]<std::size_t side>() { this->template back_substitute_transposed<side>(s, b, room.data()); });
   }
 
  private:
@@ -327,7 +327,7 @@ class Bordered {
 
   /// L y = b of a set, whose share of the border's rows is taken from these in b.
   template <std::size_t side, class Number>
-  void go_down(std::size_t s, Number* b, Number* room) const {
+  void forward_substitute(std::size_t s, Number* b, Number* room) const {
     const std::size_t n = places.length[s];
     auto* const y = reinterpret_cast<Sides<side, Number>*>(room + places.first[s]);
     const auto* const known = reinterpret_cast<const Sides<side, Number>*>(b + places.first[s]);
@@ -353,7 +353,7 @@ class Bordered {
 
   /// U x = y of a set.
   template <std::size_t side, class Number>
-  void go_up(std::size_t s, Number* b, const Number* room) const {
+  void back_substitute(std::size_t s, Number* b, const Number* room) const {
     const std::size_t n = places.length[s];
     const auto* const y = reinterpret_cast<const Sides<side, Number>*>(room + places.first[s]);
     auto* const found = reinterpret_cast<Sides<side, Number>*>(b + places.first[s]);
@@ -371,7 +371,7 @@ class Bordered {
 
   /// U^T y = b of a set, whose share of the border's columns is taken from these in b.
   template <std::size_t side>
-  void go_down_transposed(std::size_t s, double* b, double* room) const {
+  void forward_substitute_transposed(std::size_t s, double* b, double* room) const {
     const std::size_t n = places.length[s];
     auto* const known = reinterpret_cast<Beside<side>*>(b + places.first[s]);
     auto* const y = reinterpret_cast<Beside<side>*>(room + places.first[s]);
@@ -390,7 +390,7 @@ class Bordered {
 
   /// L^T x = y of a set.
   template <std::size_t side>
-  void go_up_transposed(std::size_t s, double* b, double* room) const {
+  void back_substitute_transposed(std::size_t s, double* b, double* room) const {
     const std::size_t n = places.length[s];
     auto* const y = reinterpret_cast<Beside<side>*>(room + places.first[s]);
     auto* const found = reinterpret_cast<Beside<side>*>(b + places.first[s]);

@@ -212,7 +212,7 @@ class CheckedSimulation {
     if (index < 0 || index >= Model::start_coordinates) return no_such_index;
     if (!is_finite(value)) return not_finite;
     s->sim.start_state().q[static_cast<std::size_t>(index)] = value;
-    if (unsigned char& given = s->sim.given_coordinates()[static_cast<std::size_t>(index)]; given == not_given) given = given_to_stay;
+    if (unsigned char& given = s->sim.given_coordinates()[static_cast<std::size_t>(index)]; given == not_given) given = given_as_fixed;
     return call_ok;
   }
 

@@ -16,7 +16,7 @@
 namespace cutjoint {
 
 /// How a start coordinate is given: not at all, fixed, or as the initial guess.
-enum GivenCoordinate : unsigned char { not_given = 0, given_to_stay = 1, given_as_guess = 2 };
+enum GivenCoordinate : unsigned char { not_given = 0, given_as_fixed = 1, given_as_guess = 2 };
 
 /// Loads a mechanism and finds a consistent state; with `equilibrium` at rest. `fixed_point_step`: length of the steps whose fixed-point
 /// iteration limits the penalties, 0 if there is none.
@@ -34,8 +34,8 @@ class Initialisation {
   /// `parameters` and `roads` are read whenever the mechanism is loaded.
   Initialisation(M& mechanism, const Settings& settings, const Real* parameters, const Road<Real>* roads)
       : mechanism_(mechanism), settings_(settings), parameters_(parameters), roads_(roads), starter_(mechanism, projects()), masses_(mechanism),
-        placed_(sizes_of(mechanism).speeds), holding_(placed_.size()), penalties_(sizes_of(mechanism).cuts) {
-    load_unweighed();
+        fixed_(sizes_of(mechanism).speeds), reactions_(fixed_.size()), penalties_(sizes_of(mechanism).cuts) {
+    load_unit_penalties();
   }
 
   Initialisation(const Initialisation&) = delete;
@@ -44,14 +44,14 @@ class Initialisation {
   /// A mechanism at rest without moving guides, from the state's coordinates; those `given` as fixed do not move.
   Fault rest(StateOf<M>& state, const Coordinates<M, unsigned char>& given) {
     if (const Fault fault = place(state, given)) return fault;
-    starter_.hold(state, placed_, holding_);
+    starter_.find_reactions(state, fixed_, reactions_);
     return {};
   }
 
   /// Forces along given coordinates in an equilibrium found by `rest` or `place`, released when the motion begins; zero for others.
-  const Speeds<M>& holding() const { return holding_; }
-  void find_holding(StateOf<M> state) {
-    if (starter_.carries()) starter_.hold(state, placed_, holding_);
+  const Speeds<M>& reactions() const { return reactions_; }
+  void find_reactions(StateOf<M> state) {
+    if (starter_.has_reactions()) starter_.find_reactions(state, fixed_, reactions_);
   }
 
   /// A mechanism in motion, with velocities that satisfy its loops; those `given` do not change.
@@ -63,14 +63,14 @@ class Initialisation {
 
   /// Close the loops, and find the equilibrium if requested.
   Fault place(StateOf<M>& state, const Coordinates<M, unsigned char>& given) {
-    turn_reversed(state, given);
-    find_placed(given);
+    reverse_attitudes(state, given);
+    find_fixed(given);
     const bool is_guessed = std::find(given.begin(), given.end(), given_as_guess) != given.end();
-    if (const Fault fault = is_guessed ? starter_.assemble(state, placed_, Real(0)) : starter_.assemble_from_design(state, placed_, Real(0))) return fault;
-    if (finds_penalties() && !penalties_.empty()) weigh(state);
+    if (const Fault fault = is_guessed ? starter_.assemble(state, fixed_, Real(0)) : starter_.assemble_from_design(state, fixed_, Real(0))) return fault;
+    if (finds_penalties() && !penalties_.empty()) find_penalties(state);
     if (settings_.equilibrium)
-      if (const Fault fault = starter_.equilibrate(state, placed_)) return fault;
-    return starter_.assemble(state, placed_, Real(0));
+      if (const Fault fault = starter_.equilibrate(state, fixed_)) return fault;
+    return starter_.assemble(state, fixed_, Real(0));
   }
 
   /// Mark independent velocities that neither the `given` ones nor the loops determine.
@@ -84,7 +84,7 @@ class Initialisation {
   const Cuts<M>& penalties() const { return penalties_; }
 
   /// Load the mechanism before a pose is known.
-  void load_unweighed() {
+  void load_unit_penalties() {
     const Real first = finds_penalties() ? Real(1) : Real(*settings_.stabilisation.penalty);
     std::fill(penalties_.begin(), penalties_.end(), first);
     load();
@@ -102,20 +102,20 @@ class Initialisation {
   ///
   /// Masses are measured with light penalties at all cut joints, then with penalties of 1e4 times these at the others, and
   /// again with this multiple of the result while it is too light in some direction.
-  void weigh(const StateOf<M>& state) {
+  void find_penalties(const StateOf<M>& state) {
     const Real unbound = std::numeric_limits<Real>::infinity();
     const Real most = settings_.stabilisation.penalty ? Real(*settings_.stabilisation.penalty) : unbound;
     masses_.measure(state, penalties_, projects());
     load(state, masses_.open(), Real(1e-3), unbound);
     masses_.measure(state, penalties_, projects());
     const Cuts<M> open = masses_.open();
-    Cuts<M> held = open;
-    for (int round = 0; round == 0 || (round < 4 && masses_.lacks()); ++round) {
-      load(state, held, Real(1e4), unbound);
+    Cuts<M> closed = open;
+    for (int round = 0; round == 0 || (round < 4 && masses_.has_light_penalties()); ++round) {
+      load(state, closed, Real(1e4), unbound);
       masses_.measure(state, penalties_, projects());
-      held = masses_.held(state);
+      closed = masses_.closed(state);
     }
-    load(state, penalties_of_cuts(held, open, settings_.fixed_point_step), Real(1), most);
+    load(state, penalties_of_cuts(closed, open, settings_.fixed_point_step), Real(1), most);
   }
 
   /// Load the mechanism with penalties of a multiple of the masses, at most `most`.
@@ -127,7 +127,7 @@ class Initialisation {
   }
 
   /// Convert the given attitudes, of followers relative to bases, into those of outer relative to inner bodies.
-  void turn_reversed(StateOf<M>& state, const Coordinates<M, unsigned char>& given) const {
+  void reverse_attitudes(StateOf<M>& state, const Coordinates<M, unsigned char>& given) const {
     for (const Chart& chart : charts_of(mechanism_)) {
       const auto first = static_cast<std::size_t>(chart.q + chart.scalars);
       if (!(chart.ball && chart.reversed && given[first])) continue;
@@ -136,13 +136,13 @@ class Initialisation {
   }
 
   /// Which velocities belong to fixed coordinates: three for a ball's attitude, one for each other.
-  void find_placed(const Coordinates<M, unsigned char>& given) {
+  void find_fixed(const Coordinates<M, unsigned char>& given) {
     for (const Chart& chart : charts_of(mechanism_)) {
       const auto q = static_cast<std::size_t>(chart.q), v = static_cast<std::size_t>(chart.v);
       const auto scalars = static_cast<std::size_t>(chart.scalars);
-      for (std::size_t i = 0; i < scalars; ++i) placed_[v + i] = given[q + i] == given_to_stay;
+      for (std::size_t i = 0; i < scalars; ++i) fixed_[v + i] = given[q + i] == given_as_fixed;
       if (!chart.ball) continue;
-      for (std::size_t i = 0; i < 3; ++i) placed_[v + scalars + i] = given[q + scalars] == given_to_stay;
+      for (std::size_t i = 0; i < 3; ++i) fixed_[v + scalars + i] = given[q + scalars] == given_as_fixed;
     }
   }
 
@@ -152,8 +152,8 @@ class Initialisation {
   const Road<Real>* roads_;
   Starter<M> starter_;
   EffectiveMasses<M> masses_;
-  SpeedFlags<M> placed_;
-  Speeds<M> holding_;
+  SpeedFlags<M> fixed_;
+  Speeds<M> reactions_;
   Cuts<M> penalties_;
 };
 

@@ -12,7 +12,7 @@
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/numbers/dense.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/start/holding.hpp"
+#include "cutjoint/core/start/reactions.hpp"
 #include "cutjoint/core/numbers/largest.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
@@ -48,7 +48,7 @@ void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, S
   }
 }
 
-/// Finds starts of a mechanism. A velocity that is `held` (given by the user) does not change, nor does its coordinate. The constructor
+/// Finds starts of a mechanism. A `prescribed` velocity (given by the user) does not change, nor does its coordinate. The constructor
 /// allocates all memory, except neighbouring states of mechanisms that evaluate several at once (`states_at_once`).
 template <Mechanism M>
 class Starter {
@@ -57,17 +57,17 @@ class Starter {
 
   /// Accelerations with the proximal closure do not stabilise open loops: `proximal` lets an equilibrium do so.
   explicit Starter(M& mechanism, bool proximal = false)
-      : mechanism_(mechanism), sizes_(sizes_of(mechanism)), n_(sizes_.speeds), m_(sizes_.equations), drawn_(proximal ? m_ : 0),
+      : mechanism_(mechanism), sizes_(sizes_of(mechanism)), n_(sizes_.speeds), m_(sizes_.equations), loop_rows_(proximal ? m_ : 0),
         matrix_((n_ + m_) * n_), phi_(m_), phid_(m_), still_(m_), right_(n_ + m_), a_(n_ + m_), next_(n_ + m_), step_(n_),
-        travel_(n_), room_(n_), left_(n_), beside_(n_), order_(n_), correction_(m_), other_accelerations_(n_), from_(sizes_.coordinates), probe_(design_state(mechanism)), other_(probe_),
-        holding_(mechanism) {}
+        displacement_(n_), scratch_(n_), left_(n_), beside_(n_), order_(n_), correction_(m_), other_accelerations_(n_), from_(sizes_.coordinates), probe_(design_state(mechanism)), other_(probe_),
+        reactions_(mechanism) {}
 
   /// Close the loops from the given coordinates (Gauss-Newton, least-norm steps). A fault names the equation that stays open.
-  Fault assemble(StateOf<M>& state, const SpeedFlags<M>& held, Real motion) {
+  Fault assemble(StateOf<M>& state, const SpeedFlags<M>& prescribed, Real motion) {
     mechanism_.begin_step(state.t, motion);
     find_residual(state);
     for (int iteration = 0; iteration < 50 && largest(phi_) > closed(); ++iteration) {
-      find_jacobian(state, held);
+      find_jacobian(state, prescribed);
       least_norm(m_, phi_.data());
       move(state, step_.data(), -std::min(Real(1), Real(0.5) / std::max(largest(step_), Real(1e-30))));
       find_residual(state);
@@ -78,26 +78,26 @@ class Starter {
 
   /// Close the loops as `assemble` does, or along poses between the design position and the given coordinates if the other coordinates then
   /// move less: from far away, least-norm steps may lead to another assembly.
-  Fault assemble_from_design(StateOf<M>& state, const SpeedFlags<M>& held, Real motion) {
+  Fault assemble_from_design(StateOf<M>& state, const SpeedFlags<M>& prescribed, Real motion) {
     constexpr int stages = 16;
     const StateOf<M>& given = other_ = state;
-    const Fault fault = assemble(state, held, motion);
-    if (std::find(held.begin(), held.end(), true) == held.end() || std::equal(state.q.begin(), state.q.end(), given.q.begin())) return fault;
+    const Fault fault = assemble(state, prescribed, motion);
+    if (std::find(prescribed.begin(), prescribed.end(), true) == prescribed.end() || std::equal(state.q.begin(), state.q.end(), given.q.begin())) return fault;
     probe_.t = state.t;
     std::fill(probe_.q.begin(), probe_.q.end(), Real(0));
     probe_.set_balls(charts_of(mechanism_));
     for (int stage = 0; stage <= stages; ++stage) {
-      put_between(given, Real(stage) / stages, held);
-      if (assemble(probe_, held, motion)) return fault;
+      interpolate_prescribed(given, Real(stage) / stages, prescribed);
+      if (assemble(probe_, prescribed, motion)) return fault;
     }
     if (fault || moves_less(probe_, state)) state.q = probe_.q;
     return {};
   }
 
-  /// Change the velocities that are not held, by the least mean square, so that the loops stay closed.
-  Fault make_consistent(StateOf<M>& state, const SpeedFlags<M>& held, Real motion) {
+  /// Change the velocities that are not prescribed, by the least mean square, so that the loops stay closed.
+  Fault make_consistent(StateOf<M>& state, const SpeedFlags<M>& prescribed, Real motion) {
     mechanism_.begin_step(state.t, motion);
-    find_jacobian(state, held);
+    find_jacobian(state, prescribed);
     find_residual(state);
     const Real violation = largest(phid_);
     least_norm(m_, phid_.data());
@@ -108,10 +108,10 @@ class Starter {
   }
 
   /// Mark independent velocities that neither the user nor the loops determine, one per remaining degree of freedom.
-  void find_undetermined(const StateOf<M>& state, const SpeedFlags<M>& held, SpeedFlags<M>& undetermined) {
-    for (std::size_t i = 0; i < n_; ++i) undetermined[i] = !held[i] && i < sizes_.joint_speeds();
+  void find_undetermined(const StateOf<M>& state, const SpeedFlags<M>& prescribed, SpeedFlags<M>& undetermined) {
+    for (std::size_t i = 0; i < n_; ++i) undetermined[i] = !prescribed[i] && i < sizes_.joint_speeds();
     if (n_ == 0 || m_ == 0) return;
-    find_jacobian(state, held);
+    find_jacobian(state, prescribed);
     const auto squares = decomposed(m_);
     for (std::size_t i = 0; i < squares.rank(); ++i) undetermined[squares.column_at(i)] = false;
   }
@@ -129,45 +129,45 @@ class Starter {
   void accelerate(StateOf<M>& state, Real motion) { cutjoint::accelerate(mechanism_, state, motion, other_accelerations_, correction_); }
 
   /// The equilibrium near the given pose: Newton's method on vdot(q) = 0 with finite differences and least-norm steps, since directions
-  /// without stiffness (a car's x, y and yaw) are free. A held coordinate stays, by a force along it if necessary.
+  /// without stiffness (a car's x, y and yaw) are free. A prescribed coordinate stays, by a force along it if necessary.
   /// A fault names what still accelerates.
-  Fault equilibrate(StateOf<M>& state, const SpeedFlags<M>& held) {
+  Fault equilibrate(StateOf<M>& state, const SpeedFlags<M>& prescribed) {
     const StateOf<M> begun = state;
-    carries_ = false;
-    Fault fault = seek_rest_near(state, held);
-    if (!fault && !is_loaded(state, held)) return {};
-    const bool holds = std::any_of(held.begin(), held.end(), [](unsigned char given) { return given; });
+    has_reactions_ = false;
+    Fault fault = find_equilibrium(state, prescribed);
+    if (!fault && !is_loaded(state, prescribed)) return {};
+    const bool holds = std::any_of(prescribed.begin(), prescribed.end(), [](unsigned char given) { return given; });
     if constexpr (!Weighable<M>)
       if (holds) return fault ? fault : not_at_rest(state.vdot.data(), n_);
     if (holds) {
-      carries_ = true;
+      has_reactions_ = true;
       state = begun;
-      fault = seek_rest_near(state, held);
+      fault = find_equilibrium(state, prescribed);
       if (!fault) return {};
     }
     state = begun;
-    if (sink(state, held)) fault = seek_rest_near(state, held);
+    if (descend(state, prescribed)) fault = find_equilibrium(state, prescribed);
     if (fault) {
       state = begun;
       patient_ = true;
-      fault = seek_rest_near(state, held);
+      fault = find_equilibrium(state, prescribed);
       patient_ = false;
     }
-    for (reach_ /= 100; fault && reach_ > Real(1e-10); reach_ /= 100) {
+    for (difference_ /= 100; fault && difference_ > Real(1e-10); difference_ /= 100) {
       state = begun;
-      if (sink(state, held)) fault = seek_rest_near(state, held);
+      if (descend(state, prescribed)) fault = find_equilibrium(state, prescribed);
     }
-    reach_ = Real(1e-5);
-    if (!fault && !is_loaded(state, held)) carries_ = false;
+    difference_ = Real(1e-5);
+    if (!fault && !is_loaded(state, prescribed)) has_reactions_ = false;
     return fault;
   }
 
-  /// Accelerations, multipliers and `forces` along held coordinates in a pose that `equilibrate` has found.
-  void hold(StateOf<M>& state, const SpeedFlags<M>& held, Speeds<M>& forces) {
+  /// Accelerations, multipliers and `forces` along prescribed coordinates in a pose that `equilibrate` has found.
+  void find_reactions(StateOf<M>& state, const SpeedFlags<M>& prescribed, Speeds<M>& forces) {
     accelerate(state, Real(0));
-    if (carries_) holding_.carry(state, held, forces.data());
+    if (has_reactions_) reactions_.find_reactions(state, prescribed, forces.data());
   }
-  bool carries() const { return carries_; }
+  bool has_reactions() const { return has_reactions_; }
 
   /// The Jacobian of the constraints with respect to velocities, (equations, speeds), by columns; `begin_step` has been called for the state's time.
   const Real* jacobian(const StateOf<M>& state) {
@@ -176,14 +176,14 @@ class Starter {
   }
 
  private:
-  /// Move held coordinates of the probe by a fraction of their displacement from the design position.
-  void put_between(const StateOf<M>& given, Real share, const SpeedFlags<M>& held) {
+  /// Move prescribed coordinates of the probe by a fraction of their displacement from the design position.
+  void interpolate_prescribed(const StateOf<M>& given, Real share, const SpeedFlags<M>& prescribed) {
     using std::sqrt;
     for (const Chart& chart : charts_of(mechanism_)) {
       const auto q = static_cast<std::size_t>(chart.q), v = static_cast<std::size_t>(chart.v), scalars = static_cast<std::size_t>(chart.scalars);
       for (std::size_t i = 0; i < scalars; ++i)
-        if (held[v + i]) probe_.q[q + i] = share * given.q[q + i];
-      if (!chart.ball || !held[v + scalars]) continue;
+        if (prescribed[v + i]) probe_.q[q + i] = share * given.q[q + i];
+      if (!chart.ball || !prescribed[v + scalars]) continue;
       Real square(0);
       for (std::size_t i = q + scalars; i < q + scalars + 4; ++i) {
         probe_.q[i] = share * given.q[i];
@@ -212,7 +212,7 @@ class Starter {
   static constexpr Real closed() { return Real(1e-14); }
 
   /// Accelerations (m/s^2, rad/s^2) that count as zero: the effect of rounding of coordinates of size 1 with stiff contacts.
-  Real resting() const { return std::max(Real(1e-6), rounding_); }
+  Real rest_tolerance() const { return std::max(Real(1e-6), rounding_); }
 
   static Real size_of(const Real* x, std::size_t length) { return largest(std::span<const Real>(x, length)); }
 
@@ -226,8 +226,8 @@ class Starter {
 
   void find_residual(const StateOf<M>& state) { mechanism_.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data()); }
 
-  /// The Jacobian of the residual with respect to velocities, (equations, speeds), held columns zero; exact, since the rate is linear. phi_ is then the residual.
-  void find_jacobian(const StateOf<M>& state, const SpeedFlags<M>& held) {
+  /// The Jacobian of the residual with respect to velocities, (equations, speeds), zero for prescribed columns; exact, since the rate is linear. phi_ is then the residual.
+  void find_jacobian(const StateOf<M>& state, const SpeedFlags<M>& prescribed) {
     if (m_ == 0) return;
     std::fill(step_.begin(), step_.end(), Real(0));
     mechanism_.constraint_residual(state.q.data(), step_.data(), phi_.data(), still_.data());
@@ -235,7 +235,7 @@ class Starter {
       step_[j] = Real(1);
       mechanism_.constraint_residual(state.q.data(), step_.data(), phi_.data(), phid_.data());
       step_[j] = Real(0);
-      for (std::size_t i = 0; i < m_; ++i) matrix_[j * m_ + i] = held[j] ? Real(0) : phid_[i] - still_[i];
+      for (std::size_t i = 0; i < m_; ++i) matrix_[j * m_ + i] = prescribed[j] ? Real(0) : phid_[i] - still_[i];
     }
   }
 
@@ -248,41 +248,41 @@ class Starter {
   /// step_: minimum-norm least-squares solution of matrix step_ = b, a matrix with this many rows; both are overwritten.
   void least_norm(std::size_t rows, Real* b, Real least = Real(1e-7)) {
     std::fill(step_.begin(), step_.end(), Real(0));
-    if (rows > 0 && n_ > 0) decomposed(rows, least).solve(b, step_.data(), room_.data());
+    if (rows > 0 && n_ > 0) decomposed(rows, least).solve(b, step_.data(), scratch_.data());
   }
 
   /// y = A x for the derivative of the accelerations at rest.
   void multiply(const Real* A, const Real* x, Real* y) const {
-    const std::size_t rows = n_ + drawn_;
+    const std::size_t rows = n_ + loop_rows_;
     std::fill(y, y + rows, Real(0));
     for (std::size_t j = 0; j < n_; ++j)
       for (std::size_t i = 0; i < rows; ++i) y[i] += A[j * rows + i] * x[j];
   }
 
   void move(StateOf<M>& state, const Real* step, Real factor) {
-    for (std::size_t i = 0; i < n_; ++i) room_[i] = factor * step[i];
-    for (std::size_t i = sizes_.joint_speeds(); i < n_; ++i) state.v[i] += room_[i];
+    for (std::size_t i = 0; i < n_; ++i) scratch_[i] = factor * step[i];
+    for (std::size_t i = sizes_.joint_speeds(); i < n_; ++i) state.v[i] += scratch_[i];
     from_ = state.q;
-    retract<Real>(charts_of(mechanism_), from_.data(), room_.data(), state.q.data());
+    retract<Real>(charts_of(mechanism_), from_.data(), scratch_.data(), state.q.data());
   }
 
-  /// Accelerations at rest of what is not held, then loop violations times (10 1/s)^2. `same_pose`: the state has the pose of the last call.
-  void read_rest(const StateOf<M>& state, const SpeedFlags<M>& held, Real* a, bool same_pose = false) {
-    for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] && !carries_ ? Real(0) : state.vdot[i];
-    if (carries_) holding_.hold(state, held, a, same_pose);
-    if (drawn_ > 0) find_residual(state);
-    for (std::size_t i = 0; i < drawn_; ++i) a[n_ + i] = Real(100) * phi_[i];
+  /// Accelerations at rest that are not prescribed, then loop violations times (10 1/s)^2. `same_pose`: the state has the pose of the last call.
+  void rest_residual(const StateOf<M>& state, const SpeedFlags<M>& prescribed, Real* a, bool same_pose = false) {
+    for (std::size_t i = 0; i < n_; ++i) a[i] = prescribed[i] && !has_reactions_ ? Real(0) : state.vdot[i];
+    if (has_reactions_) reactions_.constrain(state, prescribed, a, same_pose);
+    if (loop_rows_ > 0) find_residual(state);
+    for (std::size_t i = 0; i < loop_rows_; ++i) a[n_ + i] = Real(100) * phi_[i];
   }
 
-  /// Derivative of the accelerations at rest with respect to q, by central differences, held columns zero.
-  void find_stiffness(const StateOf<M>& state, const SpeedFlags<M>& held) {
-    const std::size_t rows = n_ + drawn_;
-    const Real h = reach_;
+  /// Derivative of the accelerations at rest with respect to q, by central differences, zero for prescribed columns.
+  void find_stiffness(const StateOf<M>& state, const SpeedFlags<M>& prescribed) {
+    const std::size_t rows = n_ + loop_rows_;
+    const Real h = difference_;
     const auto put = [&](std::size_t j, const StateOf<M>& forward, const StateOf<M>& backward) {
       Real* column = matrix_.data() + j * rows;
-      read_rest(backward, held, next_.data(), j > sizes_.joint_speeds());
-      read_rest(forward, held, column, j >= sizes_.joint_speeds());  // beside each other in first-order states alone
-      for (std::size_t i = 0; i < rows; ++i) column[i] = held[j] ? Real(0) : (column[i] - next_[i]) / (2 * h);
+      rest_residual(backward, prescribed, next_.data(), j > sizes_.joint_speeds());
+      rest_residual(forward, prescribed, column, j >= sizes_.joint_speeds());  // beside each other in first-order states alone
+      for (std::size_t i = 0; i < rows; ++i) column[i] = prescribed[j] ? Real(0) : (column[i] - next_[i]) / (2 * h);
     };
     std::fill(step_.begin(), step_.end(), Real(0));
     if constexpr (requires { M::states_at_once; }) {
@@ -321,22 +321,22 @@ class Starter {
 
   Real square_of(const Real* x) const {
     Real sum(0);
-    for (std::size_t i = 0; i < n_ + drawn_; ++i) sum += x[i] * x[i];
+    for (std::size_t i = 0; i < n_ + loop_rows_; ++i) sum += x[i] * x[i];
     return sum;
   }
 
-  /// Newton steps, halved while they do not reduce the accelerations, whose largest is returned; adds the displacement to `travel_`.
-  Real seek_rest(StateOf<M>& state, const SpeedFlags<M>& held) {
-    const std::size_t rows = n_ + drawn_;
+  /// Newton steps, halved while they do not reduce the accelerations, whose largest is returned; adds the displacement to `displacement_`.
+  Real iterate_to_rest(StateOf<M>& state, const SpeedFlags<M>& prescribed) {
+    const std::size_t rows = n_ + loop_rows_;
     accelerate(state, Real(0));
-    read_rest(state, held, a_.data());
+    rest_residual(state, prescribed, a_.data());
     Real mark = square_of(a_.data());
     for (int iteration = 0; iteration < 60 && size_of(a_.data(), rows) > Real(1e-9); ++iteration) {
       if (!patient_ && iteration > 0 && iteration % 20 == 0) {
         if (square_of(a_.data()) > mark / 2) break;
         mark = square_of(a_.data());
       }
-      find_stiffness(state, held);
+      find_stiffness(state, prescribed);
       std::copy(a_.begin(), a_.end(), right_.begin());
       least_norm(rows, right_.data());
       const StateOf<M>& start = other_ = state;
@@ -345,14 +345,14 @@ class Starter {
         state = start;
         move(state, step_.data(), -fraction);
         accelerate(state, Real(0));
-        read_rest(state, held, next_.data());
+        rest_residual(state, prescribed, next_.data());
         if (square_of(next_.data()) < square_of(a_.data())) break;
       }
       if (!(square_of(next_.data()) < square_of(a_.data()))) {
         state = start;
         break;
       }
-      for (std::size_t i = 0; i < n_; ++i) travel_[i] -= fraction * step_[i];
+      for (std::size_t i = 0; i < n_; ++i) displacement_[i] -= fraction * step_[i];
       std::copy(next_.begin(), next_.end(), a_.begin());
     }
     return size_of(a_.data(), rows);
@@ -361,22 +361,22 @@ class Starter {
   /// Pseudo-transient continuation q' = vdot(q), along which the potential falls: at most 100 implicit Euler steps that grow as accelerations
   /// fall (Kelley, Keyes 1998); false if loops cannot close. Newton's method alone stops where wheels lift off, or where directions
   /// without stiffness rotate accelerations far from rest.
-  bool sink(StateOf<M>& state, const SpeedFlags<M>& held) {
-    const std::size_t rows = n_ + drawn_;
+  bool descend(StateOf<M>& state, const SpeedFlags<M>& prescribed) {
+    const std::size_t rows = n_ + loop_rows_;
     std::fill_n(state.v.begin(), sizes_.joint_speeds(), Real(0));
     accelerate(state, Real(0));
-    read_rest(state, held, a_.data());
-    Real size = size_of(a_.data(), rows), length = Real(0.01) / std::max(size, resting());
-    for (int iteration = 0; iteration < 100 && size > resting() && length < Real(1000); ++iteration) {
-      find_stiffness(state, held);
+    rest_residual(state, prescribed, a_.data());
+    Real size = size_of(a_.data(), rows), length = Real(0.01) / std::max(size, rest_tolerance());
+    for (int iteration = 0; iteration < 100 && size > rest_tolerance() && length < Real(1000); ++iteration) {
+      find_stiffness(state, prescribed);
       for (std::size_t i = 0; i < n_; ++i)
-        if (!held[i]) matrix_[i * rows + i] -= 1 / length;
+        if (!prescribed[i]) matrix_[i * rows + i] -= 1 / length;
       std::copy(a_.begin(), a_.end(), right_.begin());
       least_norm(rows, right_.data(), Real(1e-14));  // of full rank, however stiff a contact is beside what swings freely
-      find_fall(state, held);
-      if (assemble(state, held, Real(0))) return false;
+      find_descent(state, prescribed);
+      if (assemble(state, prescribed, Real(0))) return false;
       accelerate(state, Real(0));
-      read_rest(state, held, a_.data());
+      rest_residual(state, prescribed, a_.data());
       const Real before = std::exchange(size, size_of(a_.data(), rows));
       length *= std::clamp(2 * before / size, Real(0.25), Real(4));
     }
@@ -385,7 +385,7 @@ class Starter {
 
   /// Move against `step_`, by 0.1 at most. If a contact then pushes back harder than the step was driven, stop where the force along it has
   /// fallen to a tenth, located by secants and bisection.
-  void find_fall(StateOf<M>& state, const SpeedFlags<M>& held) {
+  void find_descent(StateOf<M>& state, const SpeedFlags<M>& prescribed) {
     using std::abs;
     Real fraction = std::min(Real(1), Real(0.1) / std::max(largest(step_), Real(1e-30))), low(0), high = fraction;
     const StateOf<M> start = state;
@@ -395,7 +395,7 @@ class Starter {
       state = start;
       move(state, step_.data(), -fraction);
       accelerate(state, Real(0));
-      read_rest(state, held, next_.data());
+      rest_residual(state, prescribed, next_.data());
       const Real drive = driven_by(next_.data());
       if (iteration == 0 && !(drive < 0 && square_of(next_.data()) > square_of(a_.data()))) return;
       if (abs(drive) <= begun / 10) return;
@@ -412,24 +412,24 @@ class Starter {
   }
 
   /// The search for the equilibrium; displacements along directions without stiffness are undone.
-  Fault seek_rest_near(StateOf<M>& state, const SpeedFlags<M>& held) {
+  Fault find_equilibrium(StateOf<M>& state, const SpeedFlags<M>& prescribed) {
     std::fill_n(state.v.begin(), sizes_.joint_speeds(), Real(0));
-    std::fill(travel_.begin(), travel_.end(), Real(0));
-    if (!(seek_rest(state, held) <= Real(1))) return not_at_rest(a_.data(), n_ + drawn_);
+    std::fill(displacement_.begin(), displacement_.end(), Real(0));
+    if (!(iterate_to_rest(state, prescribed) <= Real(1))) return not_at_rest(a_.data(), n_ + loop_rows_);
     // Finite differences give free directions to a few digits, so the steps have drifted along them.
-    find_stiffness(state, held);
-    multiply(matrix_.data(), travel_.data(), right_.data());
-    least_norm(n_ + drawn_, right_.data());
-    for (std::size_t i = 0; i < n_; ++i) step_[i] = travel_[i] - step_[i];
+    find_stiffness(state, prescribed);
+    multiply(matrix_.data(), displacement_.data(), right_.data());
+    least_norm(n_ + loop_rows_, right_.data());
+    for (std::size_t i = 0; i < n_; ++i) step_[i] = displacement_[i] - step_[i];
     move(state, step_.data(), Real(-1));
-    return seek_rest(state, held) <= resting() ? Fault{} : not_at_rest(a_.data(), n_ + drawn_);
+    return iterate_to_rest(state, prescribed) <= rest_tolerance() ? Fault{} : not_at_rest(a_.data(), n_ + loop_rows_);
   }
 
-  /// Whether a held coordinate would accelerate if it were released.
-  bool is_loaded(const StateOf<M>& state, const SpeedFlags<M>& held) const {
+  /// Whether a prescribed coordinate would accelerate if it were released.
+  bool is_loaded(const StateOf<M>& state, const SpeedFlags<M>& prescribed) const {
     using std::abs;
     for (std::size_t i = 0; i < n_; ++i)
-      if (held[i] && !(abs(state.vdot[i]) <= resting())) return true;
+      if (prescribed[i] && !(abs(state.vdot[i]) <= rest_tolerance())) return true;
     return false;
   }
 
@@ -448,20 +448,20 @@ class Starter {
 
   M& mechanism_;
   Sizes sizes_;
-  std::size_t n_, m_, drawn_;
+  std::size_t n_, m_, loop_rows_;
   Array<M, (n + m) * n> matrix_;
   Equations<M> phi_, phid_, still_;
   Array<M, n + m> right_, a_, next_;
-  Speeds<M> step_, travel_, room_, left_, beside_;
+  Speeds<M> step_, displacement_, scratch_, left_, beside_;
   Speeds<M, std::size_t> order_;
   Equations<M> correction_;
   Speeds<M> other_accelerations_;
   Coordinates<M> from_;
   StateOf<M> probe_, other_;
-  Holding<M> holding_;
-  bool carries_ = false;
+  RestReactions<M> reactions_;
+  bool has_reactions_ = false;
   Real rounding_{0};  ///< of accelerations, by their derivatives
-  Real reach_{1e-5};      ///< length of differences: shorter than the deflection of a stiff contact
+  Real difference_{1e-5};      ///< length of differences: shorter than the deflection of a stiff contact
   bool patient_ = false;  ///< whether the search continues while its residual does not fall
 };
 

@@ -1,4 +1,4 @@
-// Forces that hold given coordinates of a mechanism at rest.
+// Reaction forces of prescribed coordinates of a mechanism at rest.
 #pragma once
 
 #include <algorithm>
@@ -16,48 +16,48 @@ namespace cutjoint {
 template <class M>
 concept Weighable = requires(M& m, const typename M::real_type* in, typename M::real_type* out) { m.energy(in, in, in, in, out); };
 
-/// Forces along held coordinates of a mechanism at rest which prevent their acceleration, in a pose.
+/// Forces along prescribed coordinates of a mechanism at rest that prevent their acceleration.
 ///
 /// They change accelerations a, which keep the loops closed, by Gauss's principle of least constraint (1829): (a' - a)^T M (a' - a) is minimal
-/// among all a' that keep the loops closed with a'_i = 0 for each held i. The columns of N are M-orthonormal and keep the loops closed. Then
+/// among all a' that keep the loops closed with a'_i = 0 for each prescribed i. The columns of N are M-orthonormal and keep the loops closed. Then
 /// a' = a + N y for the shortest y with (N y)_i = -a_i. M is known from the kinetic energy T(v) = 1/2 v^T M v.
 template <Mechanism M>
-class Holding {
+class RestReactions {
  public:
   using Real = typename M::real_type;
 
-  explicit Holding(M& mechanism)
+  explicit RestReactions(M& mechanism)
       : mechanism_(mechanism), n_(known(sizes_of(mechanism).speeds)), joint_speeds_(sizes_of(mechanism).joint_speeds()),
-        m_(known(sizes_of(mechanism).equations)), N_(n_ * n_), right_(n_ * (n_ + m_)), b_(n_ + m_), x_(n_ + m_), room_(n_ + m_), left_(n_ + m_),
+        m_(known(sizes_of(mechanism).equations)), N_(n_ * n_), right_(n_ * (n_ + m_)), b_(n_ + m_), x_(n_ + m_), scratch_(n_ + m_), left_(n_ + m_),
         beside_(n_ + m_), order_(n_ + m_), shift_(n_), sum_(n_), still_(n_), zero_(m_),
         jacobian_(m_ * n_), residual_(m_), rate_(m_), at_rest_(m_) {}
 
-  /// Change accelerations of a state to those with held coordinates; `begin_step` has been called for its time. `same_pose`: as in the last call.
+  /// Change accelerations of a state to those with prescribed coordinates; `begin_step` has been called for its time. `same_pose`: as in the last call.
   template <class Flags>
-  void hold(const StateOf<M>& state, const Flags& held, Real* a, bool same_pose) {
+  void constrain(const StateOf<M>& state, const Flags& prescribed, Real* a, bool same_pose) {
     if (!same_pose) find_directions(state);
-    find_change(held, a);
-    for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] ? Real(0) : a[i] + shift_[i];
+    find_change(prescribed, a);
+    for (std::size_t i = 0; i < n_; ++i) a[i] = prescribed[i] ? Real(0) : a[i] + shift_[i];
   }
 
-  /// The same with multipliers: M (a' - a) = -Phi_v^T dlambda + `forces` along held coordinates.
+  /// The same with multipliers: M (a' - a) = -Phi_v^T dlambda + `forces` along prescribed coordinates.
   template <class Flags>
-  void carry(StateOf<M>& state, const Flags& held, Real* forces) {
+  void find_reactions(StateOf<M>& state, const Flags& prescribed, Real* forces) {
     find_directions(state);
-    find_change(held, state.vdot.data());
+    find_change(prescribed, state.vdot.data());
     find_momenta(state);
     std::size_t columns = 0;
     for (; columns < m_; ++columns)
       for (std::size_t i = 0; i < n_; ++i) right_[columns * n_ + i] = -jacobian_[i * m_ + columns];
     for (std::size_t k = 0; k < n_; ++k) {
-      if (!held[k]) continue;
+      if (!prescribed[k]) continue;
       std::fill_n(right_.data() + columns * n_, n_, Real(0));
       right_[columns++ * n_ + k] = Real(1);
     }
     solve({right_.data(), n_, columns});
     for (std::size_t i = 0; i < m_; ++i) state.lambda[i] += x_[i];
-    for (std::size_t i = 0, column = m_; i < n_; ++i) forces[i] = held[i] ? x_[column++] : Real(0);
-    for (std::size_t i = 0; i < n_; ++i) state.vdot[i] = held[i] ? Real(0) : state.vdot[i] + shift_[i];
+    for (std::size_t i = 0, column = m_; i < n_; ++i) forces[i] = prescribed[i] ? x_[column++] : Real(0);
+    for (std::size_t i = 0; i < n_; ++i) state.vdot[i] = prescribed[i] ? Real(0) : state.vdot[i] + shift_[i];
   }
 
  private:
@@ -65,7 +65,7 @@ class Holding {
   static constexpr std::size_t known(std::size_t length) { return Weighable<M> ? length : 0; }
   static constexpr std::size_t n = known(static_sizes<M>().speeds), m = known(static_sizes<M>().equations);
 
-  /// Directions count as dependent below this fraction of their norm; rows of held coordinates below it of the largest.
+  /// Directions count as dependent below this fraction of their norm; rows of prescribed coordinates below it of the largest.
   static constexpr Real least() { return Real(1e-7); }
 
   Real energy_of(const StateOf<M>& state, const Real* v) {
@@ -80,12 +80,12 @@ class Holding {
     if (A.rows == 0 || A.columns == 0) return;
     dense::LeastSquares<Real> squares(A, order_.data(), left_.data(), beside_.data());
     squares.decompose(least());
-    squares.solve(b_.data(), x_.data(), room_.data());
+    squares.solve(b_.data(), x_.data(), scratch_.data());
   }
 
   /// N: velocities of each independent speed with the loops closed, orthogonalised against those before.
   void find_directions(const StateOf<M>& state) {
-    ways_ = 0;
+    dofs_ = 0;
     find_jacobian(state);
     std::copy(jacobian_.begin(), jacobian_.end(), right_.begin());
     dense::LeastSquares<Real> squares({right_.data(), m_, n_}, order_.data(), left_.data(), beside_.data());
@@ -97,10 +97,10 @@ class Holding {
       if (own >= joint_speeds_) continue;  // first-order states move no mass
       std::copy_n(jacobian_.data() + own * m_, m_, b_.begin());
       std::fill(x_.begin(), x_.end(), Real(0));
-      if (m_ > 0) squares.solve(b_.data(), x_.data(), room_.data());
-      Real* column = N_.data() + ways_ * n_;
+      if (m_ > 0) squares.solve(b_.data(), x_.data(), scratch_.data());
+      Real* column = N_.data() + dofs_ * n_;
       for (std::size_t i = 0; i < n_; ++i) column[i] = (i == own ? Real(1) : Real(0)) - x_[i];
-      if (add_way(state, column)) ++ways_;
+      if (add_direction(state, column)) ++dofs_;
     }
   }
 
@@ -119,11 +119,11 @@ class Holding {
 
   /// Orthogonalise a direction against those before (T = 1/2); return whether it moves mass. A second pass follows
   /// if the first left less than half of its energy, and so fewer digits.
-  bool add_way(const StateOf<M>& state, Real* column) {
+  bool add_direction(const StateOf<M>& state, Real* column) {
     if (!scale(state, column, Real(0))) return false;
     for (bool again = true; again;) {
       Real energy(0.5);
-      for (std::size_t k = 0; k < ways_; ++k) {
+      for (std::size_t k = 0; k < dofs_; ++k) {
         const Real* other = N_.data() + k * n_;
         for (std::size_t i = 0; i < n_; ++i) sum_[i] = column[i] + other[i];
         const Real share = energy_of(state, sum_.data()) - Real(0.5) - energy;
@@ -147,28 +147,28 @@ class Holding {
 
   /// shift_ = N y, the change of accelerations.
   template <class Flags>
-  void find_change(const Flags& held, const Real* a) {
+  void find_change(const Flags& prescribed, const Real* a) {
     using std::sqrt;
     const auto size_of_row = [this](std::size_t i) {
       Real square(0);
-      for (std::size_t k = 0; k < ways_; ++k) square += N_[k * n_ + i] * N_[k * n_ + i];
+      for (std::size_t k = 0; k < dofs_; ++k) square += N_[k * n_ + i] * N_[k * n_ + i];
       return sqrt(square);
     };
     Real largest(0);
     for (std::size_t i = 0; i < n_; ++i) largest = std::max(largest, size_of_row(i));
-    const auto is_free = [&](std::size_t i) { return held[i] && size_of_row(i) > least() * least() * largest; };
+    const auto is_free = [&](std::size_t i) { return prescribed[i] && size_of_row(i) > least() * least() * largest; };
     std::size_t rows = 0, row = 0;
     for (std::size_t i = 0; i < n_; ++i) rows += is_free(i);
     for (std::size_t i = 0; i < n_; ++i) {
       if (!is_free(i)) continue;
       const Real size = size_of_row(i);
       b_[row] = -a[i] / size;
-      for (std::size_t k = 0; k < ways_; ++k) right_[k * rows + row] = N_[k * n_ + i] / size;
+      for (std::size_t k = 0; k < dofs_; ++k) right_[k * rows + row] = N_[k * n_ + i] / size;
       ++row;
     }
-    solve({right_.data(), rows, ways_});
+    solve({right_.data(), rows, dofs_});
     std::fill(shift_.begin(), shift_.end(), Real(0));
-    for (std::size_t k = 0; k < ways_; ++k)
+    for (std::size_t k = 0; k < dofs_; ++k)
       for (std::size_t i = 0; i < n_; ++i) shift_[i] += x_[k] * N_[k * n_ + i];
   }
 
@@ -185,10 +185,10 @@ class Holding {
   }
 
   M& mechanism_;
-  std::size_t n_, joint_speeds_, m_, ways_ = 0;
+  std::size_t n_, joint_speeds_, m_, dofs_ = 0;
   Array<M, n * n> N_;
   Array<M, n * (n + m)> right_;
-  Array<M, n + m> b_, x_, room_, left_, beside_;
+  Array<M, n + m> b_, x_, scratch_, left_, beside_;
   Array<M, n + m, std::size_t> order_;
   Array<M, n> shift_, sum_, still_;
   Array<M, m> zero_;
