@@ -222,7 +222,7 @@ def test_the_example_steers_what_moves_no_guide(tmp_path: Path) -> None:
     place = write(folder_of(DRIVEN, "driven.yaml", "lawful"), tmp_path)
     compile_object(place, "driven")
     text = (place / "example.c").read_text()
-    assert "/* from now on 'push' is held */" in text
+    assert "/* 'push' is constant from now on */" in text
     steering = run(link(place, "example", ["-I.", "example.c", "driven.o"])).splitlines()
     (place / "plain.c").write_text("\n".join(line for line in text.splitlines() if "set_input" not in line))
     plain = run(link(place, "plain", ["-I.", "plain.c", "driven.o"])).splitlines()

@@ -64,7 +64,7 @@ def test_a_header_of_another_version_does_not_link(press: Path, tmp_path: Path) 
 @pytest.mark.parametrize(("flags", "words"), [
     (("-std=c++17",), "press.cpp is C++20: compile it with -std=c++20"),
     (("-std=c++20", "-ffast-math"), "compile it without -ffast-math"),
-    (("-std=c++20", "-ffinite-math-only"), "tells numbers from infinity"),
+    (("-std=c++20", "-ffinite-math-only"), "tests for infinity and NaN"),
 ])  # fmt: skip
 def test_flags_that_change_the_numbers_are_refused(press: Path, compiler: str, flags: tuple[str, ...], words: str) -> None:
     one = "-fmax-errors=1" if compiler == "g++" else "-ferror-limit=1"

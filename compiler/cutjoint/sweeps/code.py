@@ -101,7 +101,7 @@ def _following(
             if any(each.free_symbols & moving for each in values):
                 call, printed = f"{p}_{function}", ", ".join(_print(each, symbols) for each in values)
                 if component in ATTITUDE:
-                    call, printed = "give_attitude", f"{{{printed}}}"
+                    call, printed = "set_attitude", f"{{{printed}}}"
                 calls.append(f"{call}(sim, {list(names[table]).index(name)}, {printed})")
     return calls
 
