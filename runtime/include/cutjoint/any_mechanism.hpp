@@ -11,7 +11,7 @@ namespace cutjoint {
 
 struct Description;
 
-/// A function was called that the compiler had no reason to make.
+/// Reports a call of a function that was not generated.
 class MissingFunction : public std::exception {
  public:
   explicit MissingFunction(const char* message) : message_(message) {}

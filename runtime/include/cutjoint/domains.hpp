@@ -1,4 +1,4 @@
-// Tells which law had no value where a step failed.
+// Finds the law without a value that made a step fail.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,7 @@
 
 namespace cutjoint {
 
-/// The failure of a step that leads to where a law has no value.
+/// The failure of a step by a law outside its domain.
 inline Failure left_domain(const Domain& domain, double margin, const Failure& failure) {
   const std::string what = "the law of '" + std::string(domain.element) + "' (" + std::string(domain.place) + ") has no finite value: " +
                            std::string(domain.what) + " leaves its domain";
@@ -23,7 +23,7 @@ inline Failure left_domain(const Domain& domain, double margin, const Failure& f
                  "give the law a value wherever the motion may lead, with where(condition, value, other), or keep the motion out");
 }
 
-/// The failure of a step that leads to where the load of a joint has no value, which coefficients of friction less than `most` times as large have.
+/// The failure of a step by a joint load without a value; coefficients of friction below `most` times the present ones would give it one.
 inline Failure left_load(const Domain& domain, double margin, double most, const Failure& failure) {
   const double unit = std::pow(10.0, std::floor(std::log10(most)) - 2.0);
   char factor[32];
@@ -34,7 +34,7 @@ inline Failure left_load(const Domain& domain, double margin, double most, const
                  "take coefficients of friction " + std::string(factor) + " times as large, or smaller: with these there is one value here");
 }
 
-/// The first law of a mechanism or system that has no value on the displacement from a state.
+/// Finds the first law of a mechanism or system that leaves its domain after a state.
 template <class Subject>
 class Domains {
  public:
@@ -44,7 +44,7 @@ class Domains {
       : subject_(subject), domains_(subject.description().domains), from_(from), at_(from), delta_(from.v.size()), inside_(domains_.size()), outside_(domains_.size(), 1),
         forces_(std::max(from.v.size(), from.q.size())), residual_(std::max(from.lambda.size(), forces_.size())) {}
 
-  /// The failure that names the law, or the one given where all laws have values over a time h in which the accelerations stay.
+  /// The failure that names the law; the given one if all laws have values over a time h with constant accelerations.
   Failure explain(const Failure& failure, Real h) {
     constexpr int parts = 64;
     const Domain* left = nullptr;
@@ -75,7 +75,7 @@ class Domains {
     subject_.begin_step(at_.t, Real(1));
   }
 
-  /// The domain that is left here: one of those in which the motion was before, if there is one.  A margin may be negative where the law has taken
+  /// The domain left here, preferably one that contained the motion before.  A margin may be negative where the law takes
   /// another branch, and then the forces have values.
   const Domain* find() {
     outside_before_ = outside_;
@@ -105,7 +105,7 @@ class Domains {
   std::vector<Real> forces_, residual_;
 };
 
-/// The failure of a step of length h from a state by a law without a value, if there is one; else the failure given.  Called only after a failure.
+/// The failure of a step of length h from a state by a law without a value, if there is one; else the given failure.  Called only after a failure.
 template <class Subject>
 Failure explain_by_domains(Subject& subject, const State<typename Subject::real_type>& from, typename Subject::real_type h,
                            const Failure& failure) {

@@ -11,10 +11,10 @@ class AnySystem;
 /// The program of a simulator: `simulator RUN.json` reads the run file, does its task and prints a summary.
 /// The exit status is that of `run_program`.
 ///
-/// `start` finds where a run begins, in relative coordinates (what it reports is not asked for), and `mechanism` goes on.
+/// `start` finds the initial state in relative coordinates (its report is not used), `mechanism` continues from there.
 int run_main(int argc, char** argv, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism);
 
-/// The program of a simulator by a Lagrangian method, where a system in natural coordinates goes on.
+/// The program of a simulator by a Lagrangian method, which continues with a system in natural coordinates.
 int run_main(int argc, char** argv, AnyMechanism<double>& start, AnySystem<Precision>& system);
 
 }  // namespace cutjoint

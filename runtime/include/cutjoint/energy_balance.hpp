@@ -1,4 +1,4 @@
-// Work and energy beside the motion: a check of a run that shares nothing with its integrator.
+// The balance of work and energy of a run: a check independent of the integrator.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,7 @@
 
 namespace cutjoint {
 
-/// Adds to a number the seconds that it lives.
+/// Adds the seconds of its lifetime to a number.
 class Stopwatch {
  public:
   explicit Stopwatch(double& seconds) : seconds_(seconds) {}
@@ -32,20 +32,20 @@ class Stopwatch {
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
-/// Integrates the power of all forces, guides and drives of a mechanism or system over the steps that a run takes, by Gauss's formula of three places inside each.
+/// Integrates the power of all forces, guides and drives of a mechanism or system over the steps of a run, by three-point Gauss quadrature.
 template <class Subject>
 class EnergyBalance {
  public:
   using Real = typename Subject::real_type;
 
-  /// From a start on.
+  /// Begin at a start.
   EnergyBalance(Subject& subject, const State<Real>& start)
       : subject_(subject), charts_(subject.description().charts), joints_(start.v.size() - subject.description().states), last_(start), between_(start), shift_(start.v), rate_(start.v), delta_(start.v),
         speeds_(start.v), book_(start.t, measure(start)[0]) {}
 
-  /// A step has ended; `between` makes a state that of a time within the step.  Accelerations and multipliers, which matter to guides, are on the
-  /// line between those of the ends unless it makes them too.  A step without length, as behind an impact, does no work.  Leaves the subject at the
-  /// end's time.  Throws Failure where the motion runs away.
+  /// Add a step; `between` interpolates a state at a time within it.  Accelerations and multipliers, which matter to guides, are interpolated
+  /// linearly unless it sets them too.  A step of zero length, as after an impact, does no work.  Leaves the subject at the
+  /// end's time.  Throws Failure if the motion diverges.
   template <class Between>
   void add(const State<Real>& end, Between between) {
     using std::abs, std::sqrt;
@@ -77,21 +77,21 @@ class EnergyBalance {
     add(end, [&](Real t, State<Real>& state) { follow(end, (t - last_.t) / (end.t - last_.t), state); });
   }
 
-  /// Guides have struck: the motion goes on from a state, their impulses having done `work` (J).
+  /// Add an impact of guides: the state after it, and the `work` (J) of their impulses.
   void strike(const State<Real>& after, Real work) {
     book_.strike(work);
     last_ = after;
   }
 
-  /// To live while steps are checked, whose time is none of the steps.
+  /// Measures the time of these checks, to exclude it from that of steps.
   Stopwatch time() { return Stopwatch(seconds_); }
 
   double seconds() const { return seconds_; }
 
-  /// The time from which on nothing of a failed run is worth while, if energy has come from nowhere.
+  /// The time from which results of a failed run are invalid, if energy was created.
   std::optional<double> doubtful_since() const { return book_.doubtful_since(); }
 
-  /// The time up to which nothing can become doubtful any more.
+  /// The time up to which results remain valid.
   double settled() const { return book_.settled(); }
 
   void summarise(Json& summary) const { book_.summarise(summary); }
@@ -113,7 +113,7 @@ class EnergyBalance {
     for (std::size_t i = 0; i < end.lambda.size(); ++i) between_.lambda[i] = last_.lambda[i] + s * (end.lambda[i] - last_.lambda[i]);
   }
 
-  /// The way from the last state to another in the chart of the former, and its rate there.
+  /// The displacement from the last state to another in the chart of the former, and its rate there.
   void join(const State<Real>& end) {
     if (charts_.empty()) {
       for (std::size_t i = 0; i < joints_; ++i) shift_[i] = end.q[i] - last_.q[i];
@@ -124,7 +124,7 @@ class EnergyBalance {
     chart_rates<Real>(charts_, shift_.data(), end.v.data(), rate_.data());
   }
 
-  /// The state at the share s of the step; first-order states by a cubic too.
+  /// The state at the fraction s of the step; first-order states by a cubic too.
   void follow(const State<Real>& end, Real s, State<Real>& state) {
     const Real h = end.t - last_.t, left = 1 - s;
     for (std::size_t i = 0; i < joints_; ++i) {

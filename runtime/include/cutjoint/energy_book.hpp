@@ -1,4 +1,4 @@
-// The energy of a run, step by step, and whether it comes from nowhere.
+// The energy of a run by steps, and whether it is created numerically.
 #pragma once
 
 #include <algorithm>
@@ -20,10 +20,10 @@ namespace cutjoint {
 template <class Real>
 class EnergyBook {
  public:
-  /// From a time and a kinetic energy on.
+  /// Begin at a time with a kinetic energy.
   EnergyBook(Real t, Real kinetic) : start_(kinetic), largest_(kinetic) { entry(count_++) = {t, kinetic, Real(0)}; }
 
-  /// A step has ended at t with a kinetic energy, while `work` was done, and so much `exchanged`; `fastest` is the largest speed.
+  /// Add a step that ends at t: kinetic energy, `work` done, energy `exchanged`, and the largest velocity `fastest`.
   void add(Real t, Real kinetic, Real work, Real exchanged, Real fastest) {
     using std::abs;
     work_ += work;
@@ -38,7 +38,7 @@ class EnergyBook {
     entry(count_++) = {t, largest_ + exchanged_, defect_};
   }
 
-  /// Impulses have done `work`.
+  /// Add the `work` of impulses.
   void strike(Real work) {
     using std::abs;
     work_ += work;
@@ -47,13 +47,13 @@ class EnergyBook {
 
   bool runs_away() const { return levels_ >= most; }
 
-  /// The time before the first level, if the motion gains them now.
+  /// The time before the first level, if the motion diverges now.
   std::optional<double> doubtful_since() const {
     if (levels_ < 2) return std::nullopt;
     return static_cast<double>(since_);
   }
 
-  /// The time before which no level can begin any more.
+  /// The time before which no level can begin.
   double settled() const { return static_cast<double>(levels_ > 0 ? since_ : entries_[count_ > memory ? count_ % entries_.size() : 0].t); }
 
   void summarise(Json& summary) const {
@@ -74,7 +74,7 @@ class EnergyBook {
 
   Entry& entry(std::size_t i) { return entries_[i % entries_.size()]; }
 
-  /// Visual whether the present energy is far above the known one, which is taken as at least `least`, and comes from nowhere.
+  /// Check whether the present energy is far above the known one, taken as at least `least`, and created numerically.
   void look(Real kinetic, Real least) {
     using std::abs;
     const Entry& oldest = entry(count_ > memory ? count_ : 0);

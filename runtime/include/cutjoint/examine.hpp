@@ -1,4 +1,4 @@
-// A mechanism looked at from outside: its functions at given states, and the Jacobians of its accelerations.
+// Evaluation of a mechanism for tests: its functions at given states, and the Jacobians of its accelerations.
 #pragma once
 
 #include <cstddef>
@@ -27,8 +27,8 @@ Json evaluate_mechanism(M& mechanism, const Json& at) {
   return Json{{"vdot", vdot}, {"correction", correction}, {"residual", residual}, {"rate", rate}, {"dz", dz}, {"columns", columns}};
 }
 
-/// The Jacobians of the accelerations by the coordinates (as increments that are retracted) and by the speeds at a state, column by column, by central
-/// differences of `evaluate`; multipliers stay.
+/// The Jacobians of the accelerations with respect to coordinates (increments of `retract`) and velocities at a state, by columns, by central
+/// differences of `evaluate` with constant multipliers.
 template <Mechanism M>
 Json differentiate(M& mechanism, const State<typename M::real_type>& state) {
   using Real = typename M::real_type;

@@ -1,4 +1,4 @@
-// Generated classes behind virtual functions.
+// Adapters of generated classes to virtual functions.
 #pragma once
 
 #include "cutjoint/any_mechanism.hpp"
@@ -6,7 +6,7 @@
 
 namespace cutjoint {
 
-/// A generated class behind the virtual functions that mechanisms and systems have in common; its description stands apart.
+/// Adapts a generated class to the virtual functions common to mechanisms and systems; its description is separate.
 template <class Base, class Described, class Generated>
 class VirtualAdapter : public Base {
  public:
@@ -54,7 +54,7 @@ class VirtualAdapter : public Base {
   const Described& description_;
 };
 
-/// A generated mechanism, as the driver takes it.
+/// A generated mechanism for the driver.
 template <class Generated>
 class GeneratedMechanism final : public VirtualAdapter<AnyMechanism<typename Generated::real_type>, Description, Generated> {
  public:
@@ -82,7 +82,7 @@ class GeneratedMechanism final : public VirtualAdapter<AnyMechanism<typename Gen
   using VirtualAdapter<AnyMechanism<Real>, Description, Generated>::generated_;
 };
 
-/// A generated system, as the driver takes it.
+/// A generated system for the driver.
 template <class Generated>
 class GeneratedSystem final : public VirtualAdapter<AnySystem<typename Generated::real_type>, SystemDescription, Generated> {
  public:

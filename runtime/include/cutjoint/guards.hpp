@@ -1,4 +1,4 @@
-// Watches that forces which were left out of a model do not act, and that equations which were left out hold.
+// Checks that forces omitted from a model would not act, and that omitted equations hold.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@
 
 namespace cutjoint {
 
-/// The failure of a state at the end of a step in which `margins` of guards are violated: it names the forces that would act.
+/// The failure of a state with violated `margins` of guards: it names the forces that would act.
 template <class Real>
 Failure failure_of_guards(const std::vector<Guard>& guards, const std::vector<Real>& margins, double t, long number) {
   std::vector<std::string> violated;
@@ -46,7 +46,7 @@ class Guards {
 
   bool empty() const { return guards_.empty(); }
 
-  /// Throws Failure that names the forces which would act in the state at the end of a step; `begin_step` has been called for its time.
+  /// Throws Failure that names the omitted forces that would act at the end of a step; `begin_step` has been called for its time.
   void check(const State<Real>& state, long number) {
     if (empty()) return;
     subject_.guard(state.q.data(), state.v.data(), margin_.data());

@@ -12,7 +12,7 @@
 
 namespace cutjoint {
 
-/// The impacts that a run's summary lists, and that its balance of work and energy counts.
+/// The impacts in a run's summary and in its balance of work and energy.
 template <class Subject>
 class ImpactList {
  public:
@@ -20,7 +20,7 @@ class ImpactList {
 
   ImpactList(const Subject& subject, std::optional<EnergyBalance<Subject>>& energy) : subject_(subject), energy_(energy) {}
 
-  /// The motion goes on from an impact of an indicator's guide, which has done work.
+  /// Add an impact of an indicator's guide, with its work.
   void leave(const State<Real>& state, Real work, std::size_t which) {
     if (energy_) energy_->strike(state, work);
     found_.push_back({static_cast<double>(state.t), static_cast<double>(work), std::string(element_of(which))});

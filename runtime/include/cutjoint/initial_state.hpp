@@ -1,4 +1,4 @@
-// The start of a run in relative coordinates, as its run file asks for it.
+// The start of a run in relative coordinates, as requested by its run file.
 #pragma once
 
 #include <algorithm>
@@ -33,35 +33,35 @@ class InitialState {
   InitialState(const InitialState&) = delete;
   InitialState& operator=(const InitialState&) = delete;
 
-  /// A mechanism at rest, which no guide moves.  Throws Failure.
+  /// A mechanism at rest, with guides at rest.  Throws Failure.
   const State<Real>& at_rest() {
     require_none(initialisation_.rest(state_, read_positions()), d_);
     read_reactions();
     return state_;
   }
 
-  /// A mechanism in motion, with speeds that keep its loops closed: one that begins, or goes on from what the run file has under "begin".  Throws Failure.
+  /// A mechanism in motion, with velocities that satisfy its loops: at the start, or continued from "begin" of the run file.  Throws Failure.
   const State<Real>& in_motion();
 
-  /// Adds to a failure to start what is known of its cause.
+  /// Adds the known cause to a failure to start.
   Failure explain(const Failure& failure) { return explain_by_domains(mechanism_, state_, Real(0), failure); }
 
   M& mechanism() { return mechanism_; }
 
-  /// What the mechanism is loaded with and driven by.
+  /// Parameters, roads and inputs of the mechanism.
   ModelData<Real>& data() { return data_; }
 
   /// Penalties of the cut joints, known when a start has been found; the closure `penalty` has one for all.
   const std::vector<Real>& penalties() const { return initialisation_.penalties(); }
 
-  /// The forces along coordinates that the run file holds in the pose at rest, by speeds; none where nothing carries one.
+  /// Reaction forces of the coordinates that the run file prescribes in the pose at rest, by names of velocities; only nonzero ones.
   const Json& reactions() const { return reactions_; }
 
-  /// Independent speeds that neither run file nor loops determine.
+  /// Independent velocities that neither run file nor loops determine.
   const std::vector<std::string>& undetermined() const { return undetermined_; }
 
  private:
-  /// Where another code has come to, moved as little as closes the loops.
+  /// The state reached by other code, projected onto the loops.
   const State<Real>& continued(const Json& begin);
 
   void read_reactions() {
@@ -76,13 +76,13 @@ class InitialState {
     return mechanism;
   }
 
-  /// Values that the run file gives, and which they are.
+  /// Read values of the run file, and mark those that are given.
   std::vector<unsigned char> read(const char* key, const std::vector<std::string_view>& names, std::vector<Real>& values) const {
     const std::vector<bool> given = read_given(read_object(file_, key), names, values);
     return {given.begin(), given.end()};
   }
 
-  /// Coordinates that the run file gives, and how.
+  /// Read coordinates of the run file, and mark how they are given.
   std::vector<unsigned char> read_positions() {
     std::vector<unsigned char> given = read("positions", d_.coordinates, state_.q);
     if (!file_.contains("near")) return given;

@@ -1,4 +1,4 @@
-// Rows of a table that stand so close beside a jump of a column that another run may have them on its other side.
+// Samples so close to a jump of a column that another run may have them on its other side.
 #pragma once
 
 #include <algorithm>
@@ -13,8 +13,8 @@
 
 namespace cutjoint {
 
-/// Reports the columns of a subject at a state that has moved on for a time, by its speeds and accelerations.  Accelerations and multipliers
-/// stay, and so does what depends on time alone: columns of coordinates and speeds show where they jump.
+/// Reports the columns of a subject at a state extrapolated in time by its velocities and accelerations.  Accelerations, multipliers and
+/// functions of time alone are constant: this shows jumps of columns that depend on coordinates and velocities.
 template <class Subject>
 void report_moved(Subject& subject, const State<typename Subject::real_type>& state, typename Subject::real_type time,
                   typename Subject::real_type* column) {
@@ -32,14 +32,14 @@ void report_moved(Subject& subject, const State<typename Subject::real_type>& st
   subject.report(q.data(), v.data(), state.vdot.data(), state.lambda.data(), column);
 }
 
-/// Finds the columns that jump within a time of a row.
+/// Finds the columns that jump near a sample.
 template <class Real>
 class NearJumps {
  public:
-  /// Jumps that are at most `within` (s) before or after a row.
+  /// Looks for jumps at most `within` (s) before or after a sample.
   NearJumps(double within, std::size_t columns) : within_(within), before_(columns), after_(columns), probe_(columns) {}
 
-  /// Visual at a row at time t, whose values are `here`; `report` gives those of a time after it, or before it if that is negative.
+  /// Check a sample at time t with values `here`; `report` gives those at a time after it, or before it if negative.
   template <class Report>
   void look(Real t, const std::vector<Real>& here, Report report) {
     using std::abs;
@@ -69,7 +69,7 @@ class NearJumps {
     double after, size;
   };
 
-  /// Whether a column that differs by `change` at an `end` jumps on the way there, and where.  The difference of a smooth or steep column falls with the distance.
+  /// Whether a column that differs by `change` at an `end` jumps before it, and where.  The difference of a continuous column decreases with the distance.
   template <class Report>
   void find(Real t, std::size_t column, Real here, Real end, Real change, Report report) {
     using std::abs;

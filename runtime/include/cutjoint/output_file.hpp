@@ -17,7 +17,7 @@
 
 namespace cutjoint {
 
-/// A file that is written from where it stands, a path from its beginning.  Every error is noticed, at the latest when it is closed, and thrown with the file's name.
+/// A file written from its present position, a path from its beginning.  All errors are thrown with the file's name, at the latest when it is closed.
 class OutputFile {
  public:
   /// `place` is a path, or a descriptor (on Windows a handle) that is open for writing, with a name for messages: {"descriptor": 5, "name": "run.csv"}.
@@ -32,7 +32,7 @@ class OutputFile {
     if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size()) fail();
   }
 
-  /// Leave only the first bytes of what was written here; what a stream has been given stays.
+  /// Truncate to the first bytes written here; a stream is unchanged.
   void cut(long bytes) {
     if (std::fflush(file_.get()) != 0) fail();
     if (std::fseek(file_.get(), begin_ + bytes, SEEK_SET) == 0 && ::ftruncate(::fileno(file_.get()), begin_ + bytes) != 0) fail();
@@ -54,7 +54,7 @@ class OutputFile {
 
   std::string name_;
   std::unique_ptr<std::FILE, Close> file_;
-  long begin_ = 0;  ///< bytes before the first that is written here, 0 of a stream
+  long begin_ = 0;  ///< bytes before the first one written here, 0 for a stream
 };
 
 }  // namespace cutjoint

@@ -1,4 +1,4 @@
-// Steps against the wall clock.
+// Steps in real time.
 #pragma once
 
 #include <chrono>
@@ -14,9 +14,9 @@
 
 namespace cutjoint {
 
-/// Begins each step when it is due, and notes how long it took and how long after its due end it ended; negative where it was in time.
+/// Begins each step when it is due, and records its duration and its lateness, which is negative if it ended in time.
 ///
-/// A step that is late is followed by the next one at once.  All memory is taken before the first step, and locked where that is allowed.
+/// After a late step the next one begins immediately.  All memory is allocated before the first step, and locked if permitted.
 class Pace {
  public:
   Pace(long steps, double dt) : dt_(dt), took_(static_cast<std::size_t>(steps)), late_(took_.size()) {
@@ -26,7 +26,7 @@ class Pace {
     begin_ = Clock::now();
   }
 
-  /// Wait until a step, counted from 0, is due.  A sleep may end late by tens of microseconds: the last part of the way is spent awake.
+  /// Wait until a step, counted from 0, is due.  A sleep may end tens of microseconds late, so the last part is a busy wait.
   void wait(long step) {
     const Clock::time_point due = at(step);
     if (Clock::now() < due - awake_) std::this_thread::sleep_until(due - awake_);
@@ -35,14 +35,14 @@ class Pace {
     from_ = Clock::now();
   }
 
-  /// The step has ended.
+  /// End the step.
   void finish(long step) {
     const Clock::time_point now = Clock::now();
     took_[static_cast<std::size_t>(step)] = seconds(now - from_);
     late_[static_cast<std::size_t>(step)] = seconds(now - at(step + 1));
   }
 
-  /// Write the first steps into a table, over the time of their ends.
+  /// Write the first steps into a table over their end times.
   void write(Table& table, long steps) const {
     static constexpr std::string_view columns[] = {"duration", "lateness"};
     table.header(std::span(columns));

@@ -1,4 +1,4 @@
-// A run inside a program that has read its run file: what drivers do with mechanisms and systems.
+// The task of a run file that has been read, by drivers of mechanisms and systems.
 #pragma once
 
 #include "cutjoint/json.hpp"
@@ -9,7 +9,7 @@ namespace cutjoint {
 template <class Real>
 class AnySystem;
 
-/// Do the task of a run file and return its summary: `start` finds where the run begins, and `mechanism` goes on.
+/// Do the task of a run file and return its summary: `start` finds the initial state, `mechanism` continues.
 Json perform(const Json& file, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism);
 
 /// Do the task of a run file by a Lagrangian method.

@@ -14,7 +14,7 @@
 
 namespace cutjoint {
 
-/// A message on one line: control characters, which a run file or the name of a file may have, are escaped.
+/// A message on one line, with control characters escaped.
 inline std::string printable(std::string_view text) {
   constexpr char digits[] = "0123456789abcdef";
   std::string printed;

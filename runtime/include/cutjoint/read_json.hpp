@@ -1,4 +1,4 @@
-// Values of a run file, each read with its range: what is out of it is refused by name.
+// Values of a run file, each read with its range; values out of range are rejected by name.
 #pragma once
 
 #include <algorithm>
@@ -35,7 +35,7 @@ inline const Json& read_object(const Json& object, const char* key) {
   return value;
 }
 
-/// Words or names as a sentence lists them.
+/// Words or names joined as in a sentence.
 template <class Words>
 std::string listed(const Words& words) {
   std::string list;
@@ -43,7 +43,7 @@ std::string listed(const Words& words) {
   return list;
 }
 
-/// Refuses a key that is not one of `known`.
+/// Rejects a key that is not one of `known`.
 template <class Words>
 void require_keys(const Json& object, const Words& known) {
   for (const auto& [key, value] : object.items())
@@ -86,7 +86,7 @@ inline bool read_flag(const Json& object, const char* key) {
   return value.get<bool>();
 }
 
-/// Read a word, which is one of several, as its value.
+/// Read a keyword as its value.
 template <class Value, std::size_t n>
 Value read_word(const Json& object, const char* key, const std::array<std::pair<std::string_view, Value>, n>& meanings) {
   const Json& value = value_of(object, key);

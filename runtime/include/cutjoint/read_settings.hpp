@@ -1,4 +1,4 @@
-// The reader of a run's settings: a value out of its range is refused by name, and so are keys and words that there are not.
+// Reads a run's settings; values out of range and unknown keys and words are rejected by name.
 #pragma once
 
 #include <algorithm>
@@ -46,7 +46,7 @@ class SettingsReader {
  public:
   SettingsReader(const Json& file, const Abilities& abilities) : file_(file), abilities_(abilities) {}
 
-  /// Throws runtime_error for what is missing, unknown, out of its range, or does not go together.
+  /// Throws runtime_error for missing, unknown, out-of-range or inconsistent settings.
   RunSettings read() const {
     if (!file_.is_object()) throw std::runtime_error("the run file is not an object of JSON");
     require_keys(file_, keys_);
@@ -107,7 +107,7 @@ class SettingsReader {
     return value.get<std::string>();
   }
 
-  /// Check that settings agree with each other.
+  /// Check that settings are consistent.
   void require_agreement(const RunSettings& s) const {
     const IntegratorRow& row = integrator_rows[static_cast<std::size_t>(s.integrator)];
     if (row.absolute_tolerance && !s.absolute_tolerance) refuse_null("absolute_tolerance");
@@ -119,7 +119,7 @@ class SettingsReader {
 
   [[noreturn]] void refuse_null(std::string_view key) const { refuse(key, "is null, but a run with these settings needs it"); }
 
-  /// A word whose meaning this program is able to do.
+  /// A keyword that this program supports.
   template <class Value, std::size_t n>
   Value able(const char* key, const std::array<words::Meaning<Value>, n>& meanings, const std::vector<Value>& able) const {
     const Json& word = value_of(file_, key);
@@ -146,7 +146,7 @@ class SettingsReader {
     return read_number<double>(object, key);
   }
 
-  /// The length of steps: its square, by which accelerations are multiplied, has a value.
+  /// The step length; its square must be representable.
   static double dt(const Json& numerics) {
     const Real dt(positive(numerics, "dt"));
     const double quarter = static_cast<double>(dt * dt / Real(4)), rest = static_cast<double>(Real(1) / (dt * dt));
@@ -155,14 +155,14 @@ class SettingsReader {
     return read_number<double>(numerics, "dt");
   }
 
-  /// The value that `read` finds under a key, unless null stands there.
+  /// The value that `read` finds under a key, unless it is null.
   template <class Read>
   static auto if_given(const Json& object, const char* key, Read read) -> std::optional<decltype(read(key))> {
     if (value_of(object, key).is_null()) return std::nullopt;
     return read(key);
   }
 
-  /// The keys that a run file may have; those that are no settings are read where they are used.
+  /// The keys of a run file; those that are no settings are read where they are used.
   static constexpr auto keys_ = std::to_array<std::string_view>(
       {"task", "pose", "end", "output_step", "integrator", "solver", "numerics", "stabilisation", "model", "parameters", "inputs", "positions",
        "near", "rates", "roads", "surface", "out", "out_rows", "steps_out", "steps_out_rows", "tangents_out", "coordinates_out", "coordinates_out_rows", "state", "states", "with_state", "energy",
@@ -175,19 +175,19 @@ class SettingsReader {
   const Abilities& abilities_;
 };
 
-/// The settings of a run file for a program.  Throws runtime_error with a message that names what is wrong, and what there is.
+/// The settings of a run file for a program.  Throws runtime_error that names the error and the allowed values.
 template <class Real>
 RunSettings read_settings(const Json& file, const Abilities& abilities) {
   return SettingsReader<Real>(file, abilities).read();
 }
 
-/// The steps of a run and how many of them belong to a row of its table; cutjoint/model/ranges.py has the same.
+/// The numbers of steps of a run and per row of its table; cutjoint/model/ranges.py has the same.
 struct Steps {
   long number;
   long stride;
 };
 
-/// The rows that a table has at most.
+/// The largest number of rows of a table.
 constexpr double most_rows = 1e8;
 
 /// The steps of a run with a row each `output_step`, or each step; with more, times of neighbouring steps are one number.
@@ -204,7 +204,7 @@ Steps count_steps(const RunSettings& settings, bool row_each = false) {
   return {static_cast<long>(number), static_cast<long>(stride)};
 }
 
-/// The length of a run's steps together, s.
+/// The total length of a run's steps, s.
 template <class Real>
 double length_of(const RunSettings& settings) {
   return static_cast<double>(count_steps<Real>(settings).number) * settings.dt;

@@ -27,22 +27,22 @@
 
 namespace cutjoint {
 
-/// Runs one mechanism as a run file asks: the mechanism starts in relative coordinates, the method goes on from there.
+/// Runs one mechanism as requested by a run file: it starts in relative coordinates, and the method continues from there.
 ///
 /// A method has
 ///
 /// - `columns` and `report`, the names and values of what it reports, and `time`,
-/// - if rows can be looked at for jumps beside them, `report_moved`, the values a time after the last report, or before it,
-/// - `coordinates` and `position`, the names and values of its coordinates where it has last reported,
-/// - `begin`, which takes over a start with the penalties of its cut joints, `prepare`, which gets ready for steps, and `step` with the step's number; they throw Failure,
-///   and `step` Stopped where a stop is requested within it,
-/// - if a run may go on by other code after it, `keep`, which keeps its state, and `kept`, that state for a run file,
+/// - if jumps near samples can be detected, `report_moved`, the values at a time after the last report, or before it,
+/// - `coordinates` and `position`, the names and values of its coordinates at the last report,
+/// - `begin`, which takes over a start with the penalties of its cut joints, `prepare`, which prepares for steps, and `step` with the step's number; they throw Failure,
+///   and `step` throws Stopped if a stop is requested within it,
+/// - if other code may continue a run, `keep`, which saves its state, and `kept`, that state for a run file,
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
-/// - `summarise`, which adds to a summary what the steps took,
-/// - `explain`, which adds to a failure of a step what is known of its cause,
+/// - `summarise`, which adds statistics of the steps to a summary,
+/// - `explain`, which adds the known cause to a failure of a step,
 /// - `evaluate`, the results of its functions at the run file's states,
-/// - if it can balance work and energy, `energy`, the balance of a run that asks for it,
-/// - if others may know it, `state`, that of its last step,
+/// - if it can balance work and energy, `energy`, the balance if requested,
+/// - if available, `state`, that of its last step,
 /// - if it iterates to a fixed point, `differentiate`, the Jacobians of its accelerations at the last state,
 /// - if it has a linear solver, `time_solver`.
 template <Mechanism M, class Method>
@@ -53,8 +53,8 @@ class Run {
   Run(M& mechanism, Method& method, const RunSettings& settings, const Json& file)
       : initial_state_(mechanism, settings, file), method_(method), settings_(settings), file_(file) {}
 
-  /// Do the run's task and return its summary.  A Failure or a request to stop ends in the summary, and the table has the rows up to then.
-  /// Throws where a file cannot be written.
+  /// Do the run's task and return its summary.  A Failure or a request to stop is part of the summary, and the table has the rows up to then.
+  /// Throws if a file cannot be written.
   Json perform() {
     Json summary;
     try {
@@ -119,7 +119,7 @@ class Run {
     return Json{{"columns", table}};
   }
 
-  /// Steps in blocks: from one row of the table to the next, or one by one where each is measured.  Only the steps themselves are timed.
+  /// Steps in blocks, from one row of the table to the next, or one by one if each is measured.  Only the steps themselves are timed.
   Json simulate() {
     method_.prepare();
     const double dt = settings_.dt;
@@ -156,7 +156,7 @@ class Run {
     return counts();
   }
 
-  /// Steps against the wall clock, without rows; the times of the steps are a table, also where a step fails.
+  /// Steps in real time, without rows; the times of the steps are written to a table, also if a step fails.
   Json keep_pace() {
     method_.prepare();
     const double dt = settings_.dt;
@@ -179,12 +179,12 @@ class Run {
     return counts();
   }
 
-  /// Within a step, what it is made of need not know its number.
+  /// Sets the number of a step for what happens within it.
   void number(Failure& failure) const {
     if (failure.step == 0) failure.step = steps_ + 1;
   }
 
-  /// Steps up to `last`, fewer where a stop is requested.
+  /// Steps up to `last`, fewer if a stop is requested.
   void advance(long first, long last) {
     const double checked = seconds_of_checks();
     const auto begin = std::chrono::steady_clock::now();
@@ -198,7 +198,7 @@ class Run {
     seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() - (seconds_of_checks() - checked);
   }
 
-  /// Whether the tables have the rows up to the run's beginning from other code.
+  /// Whether other code has written the rows before this run.
   bool goes_on() const { return file_.contains("begin"); }
 
   void open_tables() {
@@ -218,7 +218,7 @@ class Run {
     if (file_.contains("tangents_out")) tangents_.emplace(file_.at("tangents_out"));
   }
 
-  /// The run's table comes last: who waits for its lock finds the others whole.
+  /// The run's table is closed last: when its lock is released, the others are complete.
   void close_files() {
     if (steps_table_) steps_table_->close();
     if (coordinates_) coordinates_->close();
@@ -238,12 +238,12 @@ class Run {
       if (tangents_) tangents_->write(method_.differentiate().dump() + '\n');
   }
 
-  /// Keep the present state, from which other code may go on.
+  /// Save the present state, from which other code may continue.
   void keep() {
     if constexpr (requires { method_.keep(); }) method_.keep();
   }
 
-  /// Keep where the tables end, as long as the rows from here on may have to be taken back.
+  /// Save where the tables end, as long as later rows may have to be removed.
   void remember() {
     if constexpr (requires { method_.energy(); }) {
       if (!method_.energy()) return;
@@ -252,7 +252,7 @@ class Run {
     }
   }
 
-  /// The time that the balance of work and energy has taken, s.
+  /// The time spent on the balance of work and energy, s.
   double seconds_of_checks() const {
     if constexpr (requires { method_.energy(); })
       if (method_.energy()) return method_.energy()->seconds();
@@ -265,14 +265,14 @@ class Run {
     return std::nullopt;
   }
 
-  /// Take back the rows after a time, but for the first.
+  /// Remove the rows after a time, except the first.
   void take_back(double since) {
     while (ends_.size() > 1 && ends_.back().time > since) ends_.pop_back();
     table_->cut(ends_.back().table);
     if (coordinates_) coordinates_->cut(ends_.back().coordinates);
   }
 
-  /// The row of the last state that converged, unless it has one.
+  /// Write the row of the last converged state, unless written.
   void write_last(double dt) {
     if (static_cast<double>(method_.time()) > written_ + 1e-9 * dt) write();
   }
@@ -289,7 +289,7 @@ class Run {
     return summary;
   }
 
-  /// A line of JSON on standard output each twentieth of the run, and once after ten seconds, then with what it has taken, for whoever watches.
+  /// Progress: a line of JSON on standard output each twentieth of the run, and once after ten seconds with the time taken.
   void progress(long step, long steps) {
     const long mark = 20 * step / steps;
     const bool slow = !slow_ && seconds_ > 10.0;
@@ -304,7 +304,7 @@ class Run {
     std::cout << line << std::endl;
   }
 
-  /// The time of a row, and where the tables end with it.
+  /// The time of a row, and the ends of the tables there.
   struct RowEnd {
     double time;
     Table::End table, coordinates;
@@ -317,12 +317,12 @@ class Run {
   std::vector<Real> values_;
   std::optional<NearJumps<Real>> near_jumps_;
   std::optional<Table> table_, steps_table_, coordinates_;
-  std::deque<RowEnd> ends_;             ///< of the rows that may have to be taken back, and the one before
-  std::optional<OutputFile> tangents_;  ///< a line of JSON a row
+  std::deque<RowEnd> ends_;             ///< of the rows that may have to be removed, and the one before
+  std::optional<OutputFile> tangents_;  ///< one line of JSON per row
   bool begun_ = false;                  ///< whether the method has taken over a start
   bool stopped_ = false;                ///< by request, before the end
-  bool slow_ = false;                   ///< whether a watcher knows that the run takes long
-  long steps_ = 0, first_ = 0, mark_ = -1;  ///< steps_: from the start on, of which other code has made the first
+  bool slow_ = false;                   ///< whether the run has been reported as slow
+  long steps_ = 0, first_ = 0, mark_ = -1;  ///< steps_: from the start on, the first by other code
   double seconds_ = 0.0, written_ = 0.0;  ///< written_: the time of the last row
 };
 

@@ -1,4 +1,4 @@
-// How far loops stand open, beside what is allowed.
+// Constraint violations relative to their limits.
 #pragma once
 
 #include <cmath>
@@ -9,17 +9,17 @@
 
 namespace cutjoint {
 
-/// The violation (m or rad) of the equation that stands open by the largest share of its limit; of none where there are no equations.
+/// The violation (m or rad) of the equation with the largest one relative to its limit; zero without equations.
 struct ConstraintViolation {
   int equation = -1;
   double size = 0.0, limit = 0.0;
 
   bool is_torn() const { return !(size <= limit); }
 
-  /// Whether loops are closed behind a guide that jumps.
+  /// Whether loops are closed after a jump of a guide.
   bool is_closed() const { return size <= 1e-3 * limit; }
 
-  /// How many steps later violations are measured again.  That costs a seventh of an evaluation, and violations grow slowly where they are small.
+  /// Steps until violations are measured again.  That costs a seventh of an evaluation, and small violations grow slowly.
   long next_measurement() const { return size < 0.1 * limit ? 16 : 1; }
 
   Fault fault(double t, long step) const {
@@ -27,7 +27,7 @@ struct ConstraintViolation {
   }
 };
 
-/// The time (s) in which a violation closes by itself, over which its rate counts.
+/// The time (s) in which stabilisation closes a violation, over which its rate counts.
 inline double closing_time(const SimulationSettings& settings) {
   return settings.stabilisation.frequency > 0.0 ? 1.0 / settings.stabilisation.frequency : settings.dt;
 }

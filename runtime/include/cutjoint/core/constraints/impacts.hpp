@@ -1,4 +1,4 @@
-// Guides whose rates jump: the impulses of guides and loops at that instant.
+// Jumps of guides' rates: the impulses of guides and loops at that instant.
 #pragma once
 
 #include <algorithm>
@@ -16,10 +16,10 @@
 
 namespace cutjoint {
 
-/// A mechanism or system as an impulse meets it: masses, the equations of loops, and the momentum of what is guided.
+/// A mechanism or system under impulses: masses, the equations of loops, and the momentum of guided bodies.
 ///
-/// All come from functions that it has anyway.  In relative coordinates T = 1/2 v^T M v + v^T p + T_0; guides give the momentum p to the
-/// free coordinates.  Differences of T are M and p without an error.  A system has M in its residual.  Natural coordinates have guides
+/// In relative coordinates T = 1/2 v^T M v + v^T p + T_0, where guides give the momentum p to the
+/// free coordinates.  Differences of T yield M and p exactly.  A system has M in its residual.  Natural coordinates have guides
 /// among their equations, and p = 0.
 template <class S>
 class Struck {
@@ -30,7 +30,7 @@ class Struck {
 
   static constexpr bool is_system = requires(S& s, const Real* in, Real* out) { s.apply_jacobian(in, in, out); };
 
-  /// Its memory is for `n` speeds and `m` equations, those of the subject or none.
+  /// Memory for `n` velocities and `m` equations, those of the subject or none.
   Struck(S& subject, std::size_t n, std::size_t m)
       : subject_(subject), n_(n), m_(m), relative_(!is_system || !charts_of(subject).empty()), v_(n), still_(n), force_(n), weight_(n), none_(m), violation_(m),
         rest_(m), masses_(n * n) {}
@@ -48,7 +48,7 @@ class Struck {
 
   Real mass(std::size_t i, std::size_t j) const { return masses_[j * n_ + i]; }
 
-  /// A column of Phi_v, with m elements, in the pose and at the time where masses were taken.
+  /// A column of Phi_v, with m elements, in the pose and at the time of the masses.
   void jacobian(const Coordinates<S>& q, std::size_t j, Real* column) {
     rest();
     v_[j] = Real(1);
@@ -84,13 +84,13 @@ class Struck {
     return violation_;
   }
 
-  /// Kinetic energy of relative coordinates at a time, with guides held still.
+  /// Kinetic energy of relative coordinates at a time, with guides at rest.
   Real kinetic_beside_guides(const Coordinates<S>& q, const Speeds<S>& v, Real t) {
     subject_.begin_step(t, Real(0));
     return relative_ ? energy(q, v) : Real(0);
   }
 
-  /// Kinetic energy at a time; of natural coordinates by the masses that were taken.
+  /// Kinetic energy at a time; in natural coordinates by the stored masses.
   Real kinetic(const Coordinates<S>& q, const Speeds<S>& v, Real t) {
     if (relative_) {
       subject_.begin_step(t, Real(1));
@@ -110,7 +110,7 @@ class Struck {
     else subject_.constraint_residual(q.data(), v.data(), rest_.data(), violation_.data());
   }
 
-  /// Kinetic energy; nobody asks a system in natural coordinates, which may have none.
+  /// Kinetic energy; not called for a system in natural coordinates, which may have none.
   Real energy(const Coordinates<S>& q, const Speeds<S>& v) {
     Real energy[2] = {};
     if constexpr (requires { subject_.energy(q.data(), v.data(), still_.data(), zero(), energy); })
@@ -138,7 +138,7 @@ class Struck {
     }
   }
 
-  /// Accelerations so large that forces beside them cost no digits.
+  /// Accelerations so large that forces are below rounding.
   void masses_of_system(const Coordinates<S>& q)
     requires is_system
   {
@@ -161,7 +161,7 @@ class Struck {
   Array<S, unknowns * unknowns> masses_;
 };
 
-/// Instead of what meets impacts, where no guide can jump in rate: nothing is remembered.
+/// Replaces `Impacts` if no guide's rate can jump: empty memory.
 struct NoImpacts {
   template <class... Any>
   explicit NoImpacts(Any&&...) {}
@@ -171,13 +171,13 @@ struct NoImpacts {
   static void restore(Memory) {}
 };
 
-/// Nobody looks on.
+/// No observer.
 struct UnwatchedImpacts {
   static void reach(const auto&) {}
   static void leave(const auto&, const auto&, std::size_t) {}
 };
 
-/// Somebody looks on who is not known when this is compiled.
+/// An observer set at run time.
 template <class S>
 struct CalledImpacts {
   using Real = typename S::real_type;
@@ -194,7 +194,7 @@ struct CalledImpacts {
   }
 };
 
-/// The watch of a simulation's impacts; a simulation whose classes know their sizes has none.
+/// The observer of a simulation's impacts; none for classes with known sizes.
 template <class S>
 using ImpactWatch = std::conditional_t<Sized<S>, UnwatchedImpacts, CalledImpacts<S>>;
 
@@ -202,8 +202,8 @@ using ImpactWatch = std::conditional_t<Sized<S>, UnwatchedImpacts, CalledImpacts
 ///
 ///     M (v+ - v-) + p+ - p- + Phi_v^T mu = 0        Phid(v+) = 0
 ///
-/// Closed loops do no work, so that the guides' work is the change of the kinetic energy, T+ - T-.  The work of open loops, mu . Phid, is
-/// not the guides'.  An observer is told of the state that `reach`es an impact, then of the one that `leave`s it, with the guides' work (J) and the indicator.
+/// Closed loops do no work, so the guides' work is the change of the kinetic energy, T+ - T-.  The work of open loops, mu . Phid, is
+/// excluded.  An observer receives the state before an impact (`reach`), then that after it (`leave`) with the guides' work (J) and the indicator.
 template <class S>
 class Impacts {
   static constexpr Sizes sizes = static_sizes<S>();
@@ -212,25 +212,25 @@ class Impacts {
  public:
   using Real = typename S::real_type;
 
-  /// Of a run up to `end`.  All memory is taken here, where guides may jump.
+  /// For a run up to `end`.  All memory is allocated here if guides may jump.
   Impacts(S& subject, double end) : Impacts(subject, end, may_jump(subject) ? sizes_of(subject) : Sizes{}) {}
 
-  /// Whether guides may jump in rate.
+  /// Whether guides' rates may jump.
   bool possible() const { return may_jump(subject_); }
 
-  /// How long before an event that has been located at a time its guides certainly follow the formula before.
+  /// A time before a located event by which its guides certainly follow the previous formula.
   Real width(Real t) const {
     using std::abs;
     return std::max(Real(1e-11), 64 * epsilon()) * std::max(end_, abs(t));
   }
 
-  /// The change of a rate beside one of 1 that is no jump.
+  /// The relative change of a rate below which it is no jump.
   static Real share() { return std::max(Real(1e-9), 1024 * epsilon()); }
 
-  /// Whether guides' rates in a pose are others at two times next to each other, and their places are not.
+  /// Whether guides' rates jump between two adjacent times while their positions do not.
   bool jumps(const Coordinates<S>& q, Real before, Real after) { return rates_jump(q, before, after) && !places_jump(q, before, after); }
 
-  /// The speeds of a state before a jump become those after it, and its time is `after`.  Returns the guides' work (J).
+  /// Apply the jump to the velocities of a state, and set its time to `after`.  Returns the guides' work (J).
   Real strike(StateOf<S>& state, Real after) {
     const std::size_t n = struck_.speeds(), m = struck_.equations();
     struck_.momentum(state.q, state.t, momentum_);
@@ -249,7 +249,7 @@ class Impacts {
     return work;
   }
 
-  /// A step of a scheme (stepping/stepper.hpp) has ended at an event of an indicator, `since` the one before: impulses, if guides' rates jump there.
+  /// A step of a scheme (stepping/stepper.hpp) has ended at an event, `since` the previous one: apply impulses if guides' rates jump there.
   template <class Scheme, class Watch>
   void meet(Scheme& scheme, std::size_t which, Real since, Watch watch) {
     if (!possible()) return;
@@ -271,13 +271,13 @@ class Impacts {
     for (std::size_t i = 0; i < probe_.size(); ++i) probe_[i] = Real(1) + Real(static_cast<int>(i * 7 % 11)) / 13;
   }
 
-  /// A jump is more than what guides' accelerations change in as long a time beside it.
+  /// A jump exceeds the change by guides' accelerations in an equal time beside it.
   bool rates_jump(const Coordinates<S>& q, Real before, Real after) {
     const Real change = change_of_rates(q, before, after), length = after - before;
     return change > share() && change > 4 * std::max(change_of_rates(q, before - length, before), change_of_rates(q, after, after + length));
   }
 
-  /// The largest change of what guides' rates change, each beside its size.
+  /// The largest relative change of quantities that guides' rates change.
   Real change_of_rates(const Coordinates<S>& q, Real before, Real after) {
     using std::abs;
     Real largest(0);
@@ -292,7 +292,7 @@ class Impacts {
     return largest;
   }
 
-  /// Whether another place of a guide changes the mechanism: violations of the equations, and masses as the free coordinates meet them.
+  /// Whether a guide's position changes the mechanism: violations of the equations, and masses of the free coordinates.
   bool places_jump(const Coordinates<S>& q, Real before, Real after) {
     using std::abs;
     const Real one = struck_.kinetic_beside_guides(q, probe_, before);
@@ -306,8 +306,8 @@ class Impacts {
 
   static constexpr Real epsilon() { return std::numeric_limits<Real>::epsilon(); }
 
-  /// The change of the speeds, then mu, by least squares of least norm, with masses and rows of the equations scaled to one.  A row below 1e-7 of the
-  /// largest, beside the masses, keeps its share of that: scaled to one, a row that is zero but for rounding would hold a direction of chance.
+  /// The change of the velocities, then mu, by minimum-norm least squares, with masses and rows of the equations scaled to one.  A row below 1e-7 of the
+  /// largest, relative to the masses, is not scaled up: a row that is zero up to rounding would constrain a random direction.
   void solve(const Coordinates<S>& q, Real t) {
     using std::sqrt;
     const std::size_t n = struck_.speeds(), m = struck_.equations(), size = n + m;

@@ -1,4 +1,4 @@
-// Takes positions and velocities to the nearest ones that close the cut joints, nearest as the masses see it.
+// Projects positions and velocities onto the cut joints' constraints, in the metric of the masses.
 #pragma once
 
 #include <algorithm>
@@ -21,13 +21,13 @@ namespace cutjoint {
 
 /// Projects states of a mechanism; all memory is taken in the constructor.  `begin_step` has been called for the state's time.
 ///
-/// Each iteration is a step of `project` for the remaining violation: the next one closes the part that a penalty leaves.  Near a singular pose
+/// Each iteration is a `project` of the remaining violation, which a penalty leaves.  Near a singular pose
 /// much of the violation is left.  Then T w = violation is solved with T = -Phi_v project, and `project` w closes it.  Directions in which T is below
-/// 1e-6 are left alone, since closing them would take a leap.  The iteration ends when the violation is rounding, or below 1e-12 and a thousandth of what
-/// it was, so that little is left beside the error of the step that opened it; or when it falls no further and is below 1e-10, or 1e-6 in directions
-/// that are left alone.
+/// 1e-6 are ignored, since closing them would take a large displacement.  The iteration ends when the violation is rounding, or below 1e-12 and a
+/// thousandth of the initial one, which is small beside the step's error; or when it stops decreasing below 1e-10, or 1e-6 in ignored
+/// directions.
 ///
-/// Of several instances side by side each goes as if it were alone.
+/// Each of several SIMD instances iterates as if it were alone.
 template <Mechanism M>
 class Projection {
  public:
@@ -64,27 +64,27 @@ class Projection {
     return Instances::either(open, close_speeds(state, Instances::without(going, open)));
   }
 
-  /// Why an instance stayed open.
+  /// The fault of an instance.
   Fault fault(int instance, long number) const {
     Fault fault = faults_[static_cast<std::size_t>(instance)];
     fault.step = number;
     return fault;
   }
 
-  /// Near a singular pose, until the next call, violations close until they fall no further.  A violation of 1e-13 m leaves a place of 1e-9 m open along a
-  /// direction that the loops hold to 1e-4, and a speed of 1e-4 m/s beside it, which the next projection takes away with its energy.
+  /// Near a singular pose, until the next call, iterate until violations stop decreasing.  A violation of 1e-13 m allows an error of 1e-9 m in a
+  /// direction that the loops constrain by 1e-4, and a velocity of 1e-4 m/s, which the next projection removes with its energy.
   void close_fully(bool fully) {
     rounding_ = Real((fully ? 2 : 64) * std::numeric_limits<Scalar>::epsilon());
     share_ = Real(fully ? 0 : 1e-3);
   }
 
-  /// The solver of what near-singular loops leave, for another use between calls.
+  /// The solver for near-singular loops, for other use between calls.
   FallingResiduals<M>& solver() { return solver_; }
 
   /// Iterations of the last positions or speeds.
   int iterations() const { return iterations_; }
 
-  /// One step of each towards closed loops, whatever is left: the same cost always.
+  /// One iteration of each, at constant cost.
   void approach(StateOf<M>& state) {
     if (violation_.empty()) return;
     measure(state, violation_);
@@ -106,13 +106,13 @@ class Projection {
 
   Mask close_speeds(StateOf<M>& state, Mask going) { return close(state, going, state.v, other_, Cause::speeds_not_found); }
 
-  /// Steps that move coordinates or speeds by what is open: the residual, in violation_, or its rate, in other_.  Returns the instances of which it stays
-  /// open.  No template, which the flags of another file might compile.
+  /// Project coordinates or velocities: the residual is in violation_, its rate in other_.  Returns the instances that stay open.
+  /// No template, which might be compiled with another file's flags.
   Mask close(StateOf<M>& state, Mask going, std::span<Real> moved, const Equations<M>& open, Cause cause) {
     iterations_ = 0;
     if (violation_.empty() || !Instances::any(going)) return Instances::all_if(false);
     if (!is_measured_) measure(state, open);
-    Real left = largest(open);  // of both ways: what is compiled twice may round otherwise
+    Real left = largest(open);  // for both cases: code compiled twice may round differently
     is_measured_ = true;
     const Real size = arm_ * (Real(1) + largest(moved)), least = rounding_ * size, most_left = Real(1e-9) * arm_;
     const Real little = share_ * where(left < most_left, left, most_left), enough = where(little < least, least, little);
@@ -148,7 +148,7 @@ class Projection {
     return Instances::either(lost, failed);
   }
 
-  /// The step that closes what is open, of `weak` ones by `solve`; which of these are singular is told anew.
+  /// The step of one iteration, for `weak` instances by `solve`, which updates `singular`.
   void find_step(const StateOf<M>& state, const Equations<M>& open, Mask active, Mask weak, Mask& singular) {
     const Mask solved = Instances::both(active, weak);
     if (Instances::any(solved)) {
@@ -160,7 +160,7 @@ class Projection {
       for (std::size_t i = 0; i < dz_.size(); ++i) Instances::take(solved, solver_.step()[i], dz_[i]);
   }
 
-  /// A step `project` w with T w = open; of which instances all of w was found.
+  /// A step `project` w with T w = open; returns the instances whose w is complete.
   Mask solve(const StateOf<M>& state, const Equations<M>& open, Mask going) {
     mechanism_.constraint_residual(state.q.data(), still_.data(), scratch_.data(), rest_.data());
     return solver_.solve(open, Real(1e-6), Real(1e-6), going, [&](const Equations<M>& violation, Speeds<M>& step, Equations<M>& closed) {
@@ -175,7 +175,7 @@ class Projection {
     return largest(open);
   }
 
-  /// `project` has no finite step: the fault names the first speed that is no number.
+  /// `project` has no finite step: the fault names the first velocity that is not finite.
   void give_up(const StateOf<M>& state, Mask odd) {
     for (int k = 0; k < Instances::number; ++k) {
       if (!Instances::has(odd, k)) continue;
@@ -199,7 +199,7 @@ class Projection {
     }
   }
 
-  /// 1e-10 m or rad, of the arm where that is not a metre, or what rounding leaves of large numbers.
+  /// 1e-10 m or rad, times the arm if that is not 1, or the rounding of large numbers.
   Real allowed(Real size) const {
     const Real least = Real(1e-10) * arm_, left = Real(6400 * std::numeric_limits<Scalar>::epsilon()) * size;
     return where(least < left, left, least);
@@ -213,8 +213,8 @@ class Projection {
   Equations<M> rest_, scratch_;
   Speeds<M> still_;
   int iterations_ = 0;
-  Real rounding_{64 * std::numeric_limits<Scalar>::epsilon()}, share_{1e-3};  ///< shares of a size that is rounding, of a violation that may be left
-  bool is_measured_ = false;  ///< whether violation_ and other_ are those of the present coordinates and speeds: positions leave them to speeds
+  Real rounding_{64 * std::numeric_limits<Scalar>::epsilon()}, share_{1e-3};  ///< relative rounding of a size, and allowed fraction of the initial violation
+  bool is_measured_ = false;  ///< whether violation_ and other_ belong to the present state
   std::array<Fault, Instances::number> faults_{};
   FallingResiduals<M> solver_;
 };

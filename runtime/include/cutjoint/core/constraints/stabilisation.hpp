@@ -1,4 +1,4 @@
-// How cut joints are held together.
+// Enforcement of cut joints.
 #pragma once
 
 #include <optional>
@@ -8,15 +8,15 @@
 
 namespace cutjoint {
 
-/// By one penalty and a stabilisation; by a penalty for each cut joint and projections, with multipliers that are corrected from one evaluation
-/// to the next, or that each evaluation solves for.
+/// By one penalty and stabilisation; or by a penalty for each cut joint and projections, with multipliers corrected from evaluation to
+/// evaluation, or solved for in each.
 enum class Closure { penalty, proximal, solved };
 
-/// Whether each cut joint has a penalty of its own, and steps end with a projection.
+/// Whether each cut joint has its own penalty, and steps end with a projection.
 constexpr bool is_projected(Closure closure) { return closure != Closure::penalty; }
 
-/// How the recursive equations, which start every run, hold cut joints.  Without a `penalty` it follows from the
-/// masses that the cut joints feel at the start; a projected closure has one for each cut joint, up to this one if there is one.
+/// Enforcement of cut joints in the recursive equations, which start every run.  Without a `penalty` it is computed from the
+/// effective masses of the cut joints at the start; a projected closure has one for each cut joint, at most the given one.
 struct StabilisationSettings {
   Closure closure;
   std::optional<double> penalty;
@@ -26,7 +26,7 @@ struct StabilisationSettings {
   bool operator==(const StabilisationSettings&) const = default;
 };
 
-/// Load a mechanism whose cut joints are held by `penalties`, one for each, the same for all with the closure `penalty`; a system holds its own.
+/// Load a mechanism with `penalties` of its cut joints, one for each, all equal with the closure `penalty`; a system has its own.
 template <class M, class Penalties>
 void load_mechanism(M& mechanism, const typename M::real_type* parameters, const Road<typename M::real_type>* roads,
                     const StabilisationSettings& stabilisation, const Penalties& penalties) {

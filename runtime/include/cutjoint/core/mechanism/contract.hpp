@@ -22,7 +22,7 @@ namespace cutjoint {
 template <class Real>
 class Road;
 
-/// Figures of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).  The proximal closure
+/// Parameters of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).  The proximal closure
 /// has a penalty for each cut joint, which `load` reads, and nothing else.
 template <class Real>
 struct Stabilisation {

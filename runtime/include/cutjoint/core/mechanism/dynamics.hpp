@@ -1,4 +1,4 @@
-// Equations of motion in independent coordinates, and Jacobians of points of bodies by their rates.
+// Equations of motion in independent coordinates, and Jacobians of points of bodies with respect to their rates.
 #pragma once
 
 #include <algorithm>
@@ -29,7 +29,7 @@ class WithDynamics : public Base {
     return call_ok;
   }
 
-  /// Velocities of a point, which is given where it is in the design position, and angular velocity of its body by rates: (6, degrees of freedom) by rows.
+  /// Jacobian (6, degrees of freedom), by rows, of the velocity of a point, given in the design position, and of its body's angular velocity.
   static int point_jacobian(WithDynamics* s, int index, const double* point, double* jacobian) {
     if (const int status = Base::ask(s)) return status;
     if (index < 0 || static_cast<std::size_t>(index) >= count) return no_such_index;
@@ -47,7 +47,7 @@ class WithDynamics : public Base {
  private:
   static constexpr std::size_t f = Base::dofs, states = Base::states, n = Base::all_speeds;
 
-  /// The speeds of unit rates of independent coordinates, column by column, where guides stand still: motions by these alone.
+  /// Velocities for unit rates of independent coordinates, column by column, with guides at rest.
   template <class Use>
   Fault with_directions(Use use) {
     std::array<double, n * f + 1> columns;

@@ -16,18 +16,18 @@ namespace cutjoint {
 /// A mechanism.  All arrays belong to the caller and have the lengths of its lists; nothing allocates.  It knows these lengths, `sizes`, or has a `description`.
 ///
 /// - `load` computes what depends on parameters alone,
-/// - `begin_step` what depends on time and on inputs, which their source gives (inputs.hpp); `motion` is 1 in a run and 0 where a mechanism
-///   is held at rest, which stops guides and drives,
+/// - `begin_step` what depends on time and on inputs, which their source gives (inputs.hpp); `motion` is 1 in a run and 0 for a mechanism
+///   at rest, whose guides and drives stand still,
 /// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
 /// - `constraint_residual` the residual of the cut joints and its rate,
 /// - `report` the columns; generated code also has `energy`, the kinetic energy and the power of all forces, guides and drives,
-/// - `project` the step of the speeds' integrals (or of the speeds) that closes given violations of the residual (or its rate) and moves the
-///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -violation, up to a share of the violation that a finite penalty leaves; one that only starts runs may
-///   do without, with the closure `penalty`.
+/// - `project` the displacement (or velocity change) that removes given violations of the residual (or its rate) at least
+///   cost in the metric of the masses: M dz + Phi_q^T mu = 0, Phi_q dz = -violation, up to the fraction that a finite penalty leaves; optional for one that
+///   only starts runs, with the closure `penalty`.
 ///
-/// Where the rates of guides may jump the mechanism or system has `energy` too, and `events` for steps that go over events, unless its coordinates are
-/// natural.  Where forces were left out, `guard` is the smallest margin of each, which is negative where the force would act.  With controllers
-/// `sample` is what each would hold next (sampling.hpp).
+/// If the rates of guides may jump, the mechanism or system has `energy` too, and `events` for steps across events, unless its coordinates are
+/// natural.  For omitted forces, `guard` is the smallest margin of each, negative where the force would act.  With controllers
+/// `sample` is the next value of each (sampling.hpp).
 template <class M>
 concept Mechanism = requires(M& m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
                              const Stabilisation<typename M::real_type>& s, const Road<typename M::real_type>* roads) {
@@ -48,11 +48,11 @@ std::span<const Chart> charts_of(const M& mechanism) {
     return mechanism.description().charts;
 }
 
-/// Where the indicators of a mechanism or system are watched.
+/// The event indicators of a mechanism or system.
 template <class M>
 using IndicatorPlaces = std::conditional_t<Sized<M>, std::span<const IndicatorPlace>, std::vector<IndicatorPlace>>;
 
-/// A class that knows its indicators has them all watched; of others `watched` says whether they are.
+/// All of them if the class knows them, else only if `watched`.
 template <class M>
 IndicatorPlaces<M> indicators_of(const M& mechanism, [[maybe_unused]] bool watched = true) {
   if constexpr (Sized<M>) {
@@ -65,7 +65,7 @@ IndicatorPlaces<M> indicators_of(const M& mechanism, [[maybe_unused]] bool watch
   }
 }
 
-/// Whether the rates of guides may jump, as far as a class knows; one that knows its sizes says so by `guides_jump`.
+/// Whether the rates of guides may jump, as known at compile time; a class with known sizes has `guides_jump`.
 template <class M>
 constexpr bool can_jump = !Sized<M> || requires { M::guides_jump; };
 
@@ -76,8 +76,8 @@ bool may_jump([[maybe_unused]] const M& mechanism) {
   else return mechanism.description().guides_jump;
 }
 
-/// The usual sizes of the first-order states of a mechanism or system, none where all are 1.  Of one whose `arm_of` is not 1 those of all accelerations
-/// stand before them: 1 of lengths, and 1/arm of angles.
+/// Nominal values of the first-order states of a mechanism or system, none if all are 1.  If `arm_of` is not 1, those of all accelerations
+/// come first: 1 for lengths, and 1/arm for angles.
 template <class M>
 std::span<const double> nominals_of(const M& subject) {
   if constexpr (requires { M::nominals; }) return M::nominals;
@@ -94,7 +94,7 @@ std::span<const double> nominals_of_states(const M& subject) {
   else return all;
 }
 
-/// A length (m) near the mechanism's where that is far from a metre, otherwise 1: that of its equations between directions.
+/// A characteristic length (m) of the mechanism if it is far from a metre, else 1; it scales equations between directions.
 template <class M>
 double arm_of(const M& subject) {
   if constexpr (requires { M::arm; }) return M::arm;

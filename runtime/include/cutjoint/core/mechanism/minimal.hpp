@@ -1,4 +1,4 @@
-// The motion of a mechanism in as many coordinates as it has degrees of freedom.
+// Minimal coordinates of a mechanism, one for each degree of freedom.
 #pragma once
 
 #include <algorithm>
@@ -19,17 +19,17 @@
 
 namespace cutjoint {
 
-/// Independent coordinates z of a mechanism and their rates, x = (z, z'), from which all others follow by its loops; behind them its first-order states.
+/// Independent coordinates z of a mechanism, their rates and first-order states, x = (z, z', states); the loops determine all others.
 ///
-/// All coordinates are counted by the delta of `retract` from a reference, in which scalars are 0: a scalar is itself, a ball has its rotation
-/// vector.  Of these, one for each speed, `dofs` are independent; the others follow from closed loops by Newton's method, and their rates from
-/// loops that stay closed.  Which are independent is chosen anew where loops give others a better hold.
+/// Coordinates are the delta of `retract` from a reference in which scalars are 0: a scalar is itself, a ball has its rotation
+/// vector.  Of these, one for each velocity, `dofs` are independent; Newton's method finds the others from the loops, and their rates from the
+/// loops' rates.  If the set of independent coordinates becomes ill-conditioned, another one is chosen.
 template <Sized M, std::size_t dofs>
 class MinimalCoordinates {
  public:
   using Real = typename M::real_type;
 
-  /// The choice of independent speeds, how fast others may follow (their largest rate for a unit rate of one), and a pose near which states are,
+  /// The choice of independent velocities, the gain (largest rate of a dependent one for a unit rate of an independent one), and a nearby pose
   /// with the rates there.
   struct Choice {
     Coordinates<M> reference, pose;
@@ -55,7 +55,7 @@ class MinimalCoordinates {
     return choose(starter, state, independent);
   }
 
-  /// Take the choice of a caller, which marks the `independent` speeds.
+  /// Take the caller's choice of `independent` velocities.
   Fault choose(Starter<M>& starter, const StateOf<M>& state, const Speeds<M, unsigned char>& independent) {
     const Choice before = choice_;
     choice_ = {.reference = reference_at(state), .pose = state.q, .rate = {}, .independent = independent, .is_made = true};
@@ -67,14 +67,14 @@ class MinimalCoordinates {
     return {};
   }
 
-  /// States are near the pose of this one from now on, or on the way that its speeds lead.
+  /// From now on states are near this pose, or along its velocities.
   void settle(const StateOf<M>& state) {
     choice_.pose = state.q;
     displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
     chart_rates<Real>(charts(), delta_.data(), state.v.data(), choice_.rate.data());
   }
 
-  /// Whether others would better be independent in the pose of a state, or a ball has turned far.
+  /// Whether the choice is ill-conditioned in the pose of a state, or a ball has rotated far.
   bool is_ill_conditioned(Starter<M>& starter, const StateOf<M>& state) {
     displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
     for (const Chart& chart : charts())
@@ -84,7 +84,7 @@ class MinimalCoordinates {
     return find_gain(starter, state, gain) || !(gain <= 4 * std::max(Real(1), choice_.gain));
   }
 
-  /// The numbers of a state.
+  /// The x of a state.
   void read(const StateOf<M>& state, Real* x) {
     displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
     chart_rates<Real>(charts(), delta_.data(), state.v.data(), rate_.data());
@@ -93,7 +93,7 @@ class MinimalCoordinates {
     std::copy(state.v.begin() + joints, state.v.end(), x + 2 * dofs);
   }
 
-  /// Their derivatives, of a state with accelerations.
+  /// Its derivative, for a state with accelerations.
   void derive(const StateOf<M>& state, Real* x) {
     displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
     chart_rates<Real>(charts(), delta_.data(), state.v.data(), rate_.data());
@@ -103,7 +103,7 @@ class MinimalCoordinates {
     std::copy(state.vdot.begin() + joints, state.vdot.end(), x + 2 * dofs);
   }
 
-  /// Numbers that follow from x, one for each speed, from those of independent ones, and the other way round.
+  /// Scatter numbers of independent coordinates into an array with one for each velocity; `put` gathers them.
   template <class Number>
   void put(const Speeds<M, Number>& values, Number* x) const {
     for (std::size_t i = 0; i < n; ++i)
@@ -116,7 +116,7 @@ class MinimalCoordinates {
       if (choice_.independent[i]) values[i] = *x++;
   }
 
-  /// The loops' Jacobian by dependent ones in the pose of a state, which `solve` takes until something else is asked.
+  /// Decompose the Jacobian of loops with respect to dependent coordinates in the pose of a state, for the next calls of `solve`.
   Fault decompose(Starter<M>& starter, const StateOf<M>& state) {
     if constexpr (m > 0) {
       find_jacobian(starter, state, choice_.reference);
@@ -126,13 +126,13 @@ class MinimalCoordinates {
     return {};
   }
 
-  /// How dependent ones have to change so that constraint violations close, one number for each speed; b and `room` are overwritten.
+  /// Displacements of dependent coordinates that remove constraint violations b, one number for each velocity; b and `room` are overwritten.
   template <class Number>
   void solve(Number* b, Number* step, Number* room) const {
     solve(*squares_, b, step, room);
   }
 
-  /// The speeds for a unit rate of each independent coordinate, others at rest: one column of all speeds for each, in the pose of a state.
+  /// All velocities for a unit rate of each independent coordinate, one column for each, in the pose of a state.
   Fault directions(Starter<M>& starter, const StateOf<M>& state, Real* columns) {
     displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
     if constexpr (m > 0) {
@@ -153,7 +153,7 @@ class MinimalCoordinates {
     return {};
   }
 
-  /// The coordinates and speeds of numbers, which follow from these and the pose near which they are; the state stays where loops do not close.
+  /// The state of x that continues the nearby pose; unchanged if loops do not close.
   Fault close(M& mechanism, Starter<M>& starter, const Real* x, StateOf<M>& state) {
     StateOf<M> found = state;
     std::copy_n(x + 2 * dofs, n - joints, found.v.begin() + joints);
@@ -183,8 +183,8 @@ class MinimalCoordinates {
     return reference;
   }
 
-  /// Move dependent ones as the speeds of the pose do in the time in which independent ones come next to the numbers: beyond a pose that has several
-  /// ways on, the motion is sought on its own.
+  /// Extrapolate dependent coordinates along the velocities of the pose to the new independent ones: this selects the branch
+  /// beyond a singular pose.
   void extrapolate(const Real* x) {
     Real along(0), square(0);
     for (std::size_t i = 0; i < n; ++i) {
@@ -197,7 +197,7 @@ class MinimalCoordinates {
       if (!choice_.independent[i]) delta_[i] += along / square * choice_.rate[i];
   }
 
-  /// The Jacobian of the loops' equations by the delta from a reference.
+  /// The Jacobian of loops with respect to the delta from a reference.
   void find_jacobian(Starter<M>& starter, const StateOf<M>& state, const Coordinates<M>& reference) {
     find_jacobian(starter, state, reference, matrix_);
   }
@@ -218,7 +218,7 @@ class MinimalCoordinates {
     }
   }
 
-  /// That by dependent ones, decomposed: their columns side by side.
+  /// The Jacobian with respect to dependent coordinates, decomposed.
   dense::LeastSquares<Real> decomposed_by_dependent() {
     std::size_t width = 0;
     for (std::size_t j = 0; j < joints; ++j) {
@@ -235,7 +235,7 @@ class MinimalCoordinates {
     return squares;
   }
 
-  /// The solution of J x = b by dependent ones, with independent ones 0.
+  /// The solution of J x = b for dependent coordinates, with independent ones 0.
   template <class Number>
   void solve(const dense::LeastSquares<Real>& squares, Number* b, Number* step, Number* room) const {
     squares.solve(b, step, room);
@@ -282,7 +282,7 @@ class MinimalCoordinates {
     }
   }
 
-  /// Speeds of the rates of independent ones; the matrix is that of the pose.
+  /// Velocities from the rates of independent coordinates; the matrix is that of the pose.
   Fault close_speeds(M& mechanism, StateOf<M>& state) {
     if constexpr (m > 0) {
       const auto squares = decomposed_by_dependent();
@@ -323,8 +323,8 @@ class MinimalCoordinates {
   std::optional<dense::LeastSquares<Real>> squares_;
 };
 
-/// Values that change their sign where a mechanism goes over to other formulas, one for each indicator: of a place along a road the way to the nearest
-/// break, with another sign beyond each.
+/// Event indicators, which change sign where a mechanism changes mode; for a position along a road the distance to the nearest
+/// break, with alternating sign.
 template <Sized M>
 void event_indicators(M& mechanism, const StateOf<M>& state, const Road<typename M::real_type>* roads, typename M::real_type* values) {
   if constexpr (M::sizes.indicators > 0) {

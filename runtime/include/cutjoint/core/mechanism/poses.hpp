@@ -1,4 +1,4 @@
-// Poses of all bodies and markers of a simulation, for what draws or sounds them.
+// Poses of all bodies and markers of a simulation, for display and sound.
 #pragma once
 
 #include <array>
@@ -10,7 +10,7 @@ namespace cutjoint {
 /// The numbers of a pose as generated code has them: position, rotation by columns, velocity, angular velocity, design point.
 inline constexpr std::size_t numbers_per_pose = 21;
 
-/// The unit quaternion w, x, y, z of a rotation, by columns; of the two that mean it the one with w >= 0 (Shepperd, J. Guidance and Control 1
+/// The unit quaternion w, x, y, z of a rotation, by columns; of the two equivalent ones that with w >= 0 (Shepperd, J. Guidance and Control 1
 /// (1978) 223: by the largest of the four, so that no digits are lost).
 inline void quaternion_of(const double* columns, double* quaternion) {
   const auto R = [columns](std::size_t i, std::size_t j) { return columns[3 * j + i]; };

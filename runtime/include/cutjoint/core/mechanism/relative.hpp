@@ -15,8 +15,8 @@
 
 namespace cutjoint {
 
-/// y = (q, v).  The multipliers are corrected in each evaluation until the rest would change the accelerations by a share `tolerance` or
-/// less.  No penalty is left in them, and loops drift apart by the integrator alone.  A class `Solving`, derived from it, may find them another way.
+/// y = (q, v).  Each evaluation corrects the multipliers until the remaining error of accelerations is at most the fraction `tolerance`.
+/// Then no penalty affects them, and loops drift by the integrator's error alone.  A derived class `Solving` may find them another way.
 template <Mechanism M, class Solving = void>
 class Relative {
  public:
@@ -31,7 +31,7 @@ class Relative {
   const M& subject() const { return mechanism_; }
   std::size_t size() const { return state_.q.size() + state_.v.size(); }
 
-  /// Take over coordinates, speeds, and multipliers to begin with.
+  /// Take over coordinates, velocities, and initial multipliers.
   Vector begin(const StateOf<M>& start) {
     state_ = start;
     Vector y(size());
@@ -44,10 +44,10 @@ class Relative {
     find_derivative(derivative);
   }
 
-  /// Quaternions get their length back.
+  /// Normalise quaternions.
   void project(Real, Vector& y) const { normalise<Real>(charts_of(mechanism_), y.data()); }
 
-  /// Multipliers of the last evaluation, and others for the next one to begin with.
+  /// Multipliers of the last evaluation; the next one starts from them.
   const Equations<M>& multipliers() const { return state_.lambda; }
   void guess(const Equations<M>& lambda) { state_.lambda = lambda; }
 
@@ -58,7 +58,7 @@ class Relative {
     return state_;
   }
 
-  /// A state gets the accelerations and multipliers of its coordinates and speeds.
+  /// Find accelerations and multipliers of a state.
   void find_accelerations(StateOf<M>& state) {
     state_ = state;
     mechanism_.begin_step(state_.t, Real(1));
@@ -66,7 +66,7 @@ class Relative {
     state = state_;
   }
 
-  /// The state for an onlooker: it leaves no trace in later evaluations, and counts nowhere.
+  /// The state for an observer: later evaluations and counts are unaffected.
   const StateOf<M>& complete(Real t, const Vector& y) {
     const Experience experience = experience_;
     complete_ = state_;
@@ -80,15 +80,15 @@ class Relative {
 
   /// Memory of the next evaluation, besides multipliers.
   struct Experience {
-    Real effect{0};        ///< of a correction of 1 on the accelerations
+    Real effect{0};        ///< of a unit correction on the accelerations
     int passes = 1;        ///< that solve for the multipliers
-    int weak = 0;          ///< whether the loops hardly hold a direction, 0 or 1
-    long age = 1000;       ///< evaluations since this was seen
+    int weak = 0;          ///< whether a direction is nearly unconstrained, 0 or 1
+    long age = 1000;       ///< evaluations since this was measured
     long evaluations = 0;
   };
 
  protected:
-  /// Coordinates and speeds of a state, one behind the other.
+  /// Coordinates and velocities of a state, concatenated.
   static void put(const StateOf<M>& state, Vector& y) {
     std::copy(state.v.begin(), state.v.end(), std::copy(state.q.begin(), state.q.end(), y.begin()));
   }
@@ -99,7 +99,7 @@ class Relative {
     std::copy(y.begin() + middle(), y.end(), state_.v.begin());
   }
 
-  /// A state is taken whose values at the beginning of a step are found.
+  /// Accept a state with its values at the beginning of a step.
   void begin_at(Real t, const Vector& y) {
     take(t, y);
     mechanism_.begin_step(t, Real(1));
@@ -118,7 +118,7 @@ class Relative {
   Real tolerance_;
   Equations<M> correction_;
 
-  /// A pass adds its correction to the multipliers; how far that moves the accelerations is known from a pass not long ago.
+  /// Each pass adds its correction to the multipliers; its effect on accelerations is known from a recent pass.
   void correct_multipliers() {
     constexpr int most = 40, fresh = 8;
     Real last = std::numeric_limits<Real>::infinity(), owed(0);
@@ -132,7 +132,7 @@ class Relative {
       }
       owed = largest(correction_);
       if (experience_.age < fresh && Real(10) * experience_.effect * owed <= tolerance_ * size) break;
-      if (pass > 1 && !(change < last)) break;  // what is left is rounding
+      if (pass > 1 && !(change < last)) break;  // the rest is rounding
       if (pass > 0) last = change;
     }
     ++experience_.age;

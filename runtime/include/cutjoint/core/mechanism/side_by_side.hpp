@@ -1,4 +1,4 @@
-// One mechanism whose instances find the accelerations of several of its states side by side.
+// A mechanism whose SIMD instances find accelerations of several states at once.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 
 namespace cutjoint {
 
-/// A mechanism that may have instances to find accelerations in, as a search for equilibrium takes it: most of that is accelerations of
+/// A mechanism that may have SIMD instances for accelerations, as needed by the search for an equilibrium, which mostly evaluates
 /// neighbouring states.
 template <class Alone, class Instances>
 class SideBySide : public Alone {
@@ -23,7 +23,7 @@ class SideBySide : public Alone {
   /// How many states it accelerates at once.
   static constexpr std::size_t states_at_once = LaneSteps<Instances>::width;
 
-  /// Find accelerations of several states in instances that step nothing meanwhile, and outlive that.
+  /// Use instances for accelerations of several states; they must be idle and outlive this use.
   void lend(LaneSteps<Instances>& lanes) { lanes_ = &lanes; }
 
   void load(const double* parameters, const Stabilisation<double>& stabilisation, const Road<double>* roads) {

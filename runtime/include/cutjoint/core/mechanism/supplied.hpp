@@ -1,4 +1,4 @@
-// Calls of functions whose code the user of a model supplies.
+// Calls of functions supplied by the user of a model.
 #pragma once
 
 #include <array>
@@ -9,11 +9,11 @@
 
 namespace cutjoint {
 
-/// A function of a model: it writes its value at the arguments to `result`, and where `partials` is not null its derivative by each argument there.
-/// The same arguments give the same numbers at each call: steps are tried, rejected and tried again.
+/// A function of a model: it writes its value to `result` and, unless `partials` is null, its derivative with respect to each argument.
+/// It must be pure, since steps may be rejected and repeated.
 using Supplied = void (*)(const double* arguments, double* result, double* partials);
 
-/// Its value; of several numbers side by side one call for each, of numbers with derivatives these too.
+/// Its value; for SIMD lanes with one call for each lane, for dual numbers with derivatives.
 template <class Real, std::size_t count>
 Real supplied(Supplied function, const Real (&x)[count]) {
   if constexpr (requires { Real::size; }) {
@@ -39,7 +39,7 @@ Real supplied(Supplied function, const Real (&x)[count]) {
   }
 }
 
-/// Its derivative by the argument of a number.
+/// Its derivative with respect to one argument.
 template <class Real, std::size_t count>
 Real supplied_partial(Supplied function, int by, const Real (&x)[count]) {
   if constexpr (requires { Real::size; }) {
@@ -62,10 +62,10 @@ Real supplied_partial(Supplied function, int by, const Real (&x)[count]) {
 /// A function with several results, or one that reads a memory; `partials` has a row for each result.
 using SuppliedWithMemory = void (*)(const double* arguments, const void* memory, double* results, double* partials);
 
-/// What a memory becomes at a sample, from the memory before; nothing else writes one.
+/// Updates a memory at a sample, from the memory before; nothing else writes it.
 using MemoryUpdate = void (*)(const double* arguments, const void* memory, void* next);
 
-/// The arguments of a function as doubles, and its memory, of which each number at their end holds four bytes as a whole number.
+/// The arguments of a function as doubles, then its memory, four bytes in each number as an integer.
 template <std::size_t count, std::size_t words>
 struct SuppliedArguments {
   static constexpr std::size_t size = count - words;
@@ -95,7 +95,7 @@ struct SuppliedArguments {
   alignas(16) unsigned char memory[words ? 4 * words : 1];
 };
 
-/// Numbers of each lane, side by side.
+/// Numbers of each lane.
 template <class Real, std::size_t size, std::size_t count, class Each>
 std::array<Real, size> of_lanes(const Real (&x)[count], Each each) {
   typename Real::Vector values[size];
@@ -110,7 +110,7 @@ std::array<Real, size> of_lanes(const Real (&x)[count], Each each) {
   return all;
 }
 
-/// All results of a function by one call for each of several numbers side by side.
+/// All results of a function, by one call for each lane.
 template <class Real, std::size_t results, std::size_t words, class Function, std::size_t count>
 std::array<Real, results> supplied_results(Function function, const Real (&x)[count]) {
   if constexpr (requires { Real::size; }) {
@@ -135,7 +135,7 @@ std::array<Real, results> supplied_results(Function function, const Real (&x)[co
   }
 }
 
-/// The derivatives of all results by all arguments, a row for each result.
+/// The Jacobian of a function, a row for each result.
 template <class Real, std::size_t results, std::size_t words, class Function, std::size_t count>
 std::array<Real, results * (count - words)> supplied_partials(Function function, const Real (&x)[count]) {
   constexpr std::size_t size = results * (count - words);

@@ -1,4 +1,4 @@
-// L U of a matrix whose unknowns fall apart but for a border.
+// L U of a bordered block-diagonal matrix.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 
 namespace cutjoint {
 
-/// One, two or four doubles beside each other, one of each part of a matrix.  As members they need no other alignment than that of doubles.
+/// A SIMD pack of one, two or four doubles, one of each block of a matrix, with the alignment of doubles.
 template <std::size_t side>
 struct Beside;
 
@@ -49,7 +49,7 @@ CUTJOINT_BESIDE(4, FourBeside, (v[0] + v[2]) + (v[1] + v[3]), each(0), each(1), 
 #undef CUTJOINT_BESIDE
 #undef CUTJOINT_OPERATION
 
-/// Numbers of each part beside each other, that factors of each are multiplied with.
+/// A pack of numbers of each block, to be multiplied with factors of each.
 template <std::size_t side, class Number, class Each = std::make_index_sequence<side>>
 struct Sides {
   Beside<side> x;
@@ -82,15 +82,15 @@ struct Sides<side, Along, std::index_sequence<l...>> {
   }
 };
 
-/// Where the entries of a matrix stand whose unknowns belong to the parts that `T::parts` names, the last of them the border.  As many parts as `T::beside`
-/// says in turn, which have the same entries, stand side by side.  Each such set has a front, rows of its own unknowns and below them of the border's.
+/// The layout of a matrix whose unknowns belong to the blocks `T::parts`, the last of them the border.  Sets of `T::beside` blocks with the same
+/// sparsity are packed in SIMD lanes.  Each set has a front: the rows of its own unknowns, and below them those of the border.
 template <class T>
 struct BorderedPlaces {
   static constexpr std::size_t size = std::size(T::parts), sets = std::size(T::beside);
 
-  std::array<std::size_t, sets> length{}, border{};                             ///< of each set: its unknowns a part, and the border's
-  std::array<std::size_t, sets> first{}, front{}, part{}, row{}, lines{}, pivot{};  ///< where its unknowns, entries, parts, rows, their scales and pivots begin
-  std::array<std::size_t, size> set{}, place{};                                       ///< of unknowns their sets, and places in their parts
+  std::array<std::size_t, sets> length{}, border{};                             ///< of each set: unknowns per block, and of the border
+  std::array<std::size_t, sets> first{}, front{}, part{}, row{}, lines{}, pivot{};  ///< first unknown, entry, block, row, scale and pivot
+  std::array<std::size_t, size> set{}, place{};                                       ///< of unknowns: their sets, and indices in their blocks
   std::size_t entries = 0, rows = 0, scales = 0, pivots = 0, largest = 0;
 
   constexpr BorderedPlaces() {
@@ -113,10 +113,10 @@ struct BorderedPlaces {
     }
   }
 
-  /// The place of an unknown among those of parts side by side.
+  /// The position of an unknown in the packed order.
   constexpr std::size_t slot(std::size_t i) const { return first[set[i]] + place[i] * T::beside[set[i]] + T::parts[i] - part[set[i]]; }
 
-  /// Of a row and a column, one of which is in the border if their parts differ.
+  /// The position of an entry by row and column, one of which is in the border if their blocks differ.
   constexpr std::size_t of(std::size_t i, std::size_t j) const {
     const std::size_t p = T::parts[i] < T::parts[j] ? T::parts[i] : T::parts[j], s = T::parts[i] < T::parts[j] ? set[i] : set[j];
     const std::size_t down = T::parts[i] == p ? place[i] : length[s] + place[i], along = T::parts[j] == p ? place[j] : length[s] + place[j];
@@ -124,8 +124,8 @@ struct BorderedPlaces {
   }
 };
 
-/// Such a matrix, of which entries are where `pattern` says.  Pivots are taken where they cost least (Markowitz), of those that are not small in their columns,
-/// with rows divided by their largest entries.  Other matrices of the pattern take the same pivots as long as these stay large enough.
+/// Such a matrix with the sparsity `pattern`.  Pivots are chosen by least fill (Markowitz) among those not small in their columns, with rows
+/// scaled by their largest entries.  Further matrices reuse the pivots as long as these stay large enough.
 template <class T>
 class Bordered {
  public:
@@ -133,7 +133,7 @@ class Bordered {
   static constexpr std::size_t size = places.size;
   using Pattern = std::array<bool, places.entries>;
 
-  /// The entries, by `places`.
+  /// The entries, in the order of `places`.
   Fixed<double, places.entries>& entries() { return x_; }
 
   void clear() {
@@ -143,14 +143,14 @@ class Bordered {
     }
   }
 
-  /// Where all entries may be other than 0.
+  /// The pattern of a full matrix.
   static constexpr Pattern everywhere = [] {
     Pattern all{};
     all.fill(true);
     return all;
   }();
 
-  /// Decompose it, which is overwritten; false where pivots have become small, or new ones are no numbers.
+  /// Decompose the matrix in place; false if reused pivots have become small, or new ones are not finite.
   bool decompose(const Pattern& pattern) {
     bool is_regular = true;
     for (std::size_t s = 0; s < places.sets && is_regular; ++s)
@@ -165,7 +165,7 @@ class Bordered {
     return is_regular;
   }
 
-  /// x with A x = b, which it takes the place of; both in the order of `places`.
+  /// Solve A x = b in place, in the order of `places`.
   template <class Number>
   void solve(Number* b) const {
     std::array<Number, size> room;
@@ -175,7 +175,7 @@ class Bordered {
       with_side(s, [&]<std::size_t side>() { this->template back_substitute<side, Number>(s, b, room.data()); });
   }
 
-  /// x with A^T x = b, which it takes the place of.
+  /// Solve A^T x = b in place.
   void solve_transposed(double* b) const {
     std::array<double, size> room;
     for (std::size_t s = 0; s < places.sets; ++s)
@@ -186,7 +186,7 @@ class Bordered {
 
  private:
   using Index = std::uint16_t;
-  static constexpr double least = 0.1, too_small = 1e-3;  ///< shares of columns that new pivots have, and others
+  static constexpr double least = 0.1, too_small = 1e-3;  ///< fractions of the columns' largest entries, for new pivots and reused ones
 
   static constexpr bool has_side(std::size_t side) { return std::find(std::begin(T::beside), std::end(T::beside), side) != std::end(T::beside); }
 
@@ -209,7 +209,7 @@ class Bordered {
   Beside<side>& scale(std::size_t s, std::size_t i) {
     return reinterpret_cast<Beside<side>&>(scales_[places.lines[s] + i * side]);
   }
-  /// Row and column of a pivot, and the rows below it and columns behind it that are changed and change.
+  /// Row and column of a pivot, and the rows and columns of its update.
   struct Pivot {
     Index row, column, rows = 0, columns = 0;
     Index row_list[places.largest], column_list[places.largest];
@@ -221,7 +221,7 @@ class Bordered {
     Index columns[places.largest];
   };
 
-  /// Take unknowns of a set out of its front by known pivots; false where one is small.
+  /// Eliminate the unknowns of a set with known pivots; false if one is small.
   template <std::size_t side>
   bool eliminate(std::size_t s) {
     const Beside<side> none = Beside<side>::of([](std::size_t) { return 0.0; });
@@ -254,7 +254,7 @@ class Bordered {
     return share;
   }
 
-  /// The same by pivots that are chosen on the way.
+  /// The same, choosing pivots.
   template <std::size_t side>
   bool choose(std::size_t s, const Pattern& pattern) {
     const std::size_t n = places.length[s], all = n + places.border[s];
@@ -295,7 +295,7 @@ class Bordered {
     return true;
   }
 
-  /// The pivot that changes fewest entries, of those that are large enough in all parts, else the largest; false where none is a number.
+  /// Choose the pivot that changes fewest entries among those large enough in all blocks, else the largest; false if none is finite.
   template <std::size_t side, class There, class Left>
   bool find_pivot(std::size_t s, const There& there, const Left& is_left, Pivot& pivot) {
     const std::size_t n = places.length[s], all = n + places.border[s];
@@ -325,7 +325,7 @@ class Bordered {
     return best > 0.0;
   }
 
-  /// L y = b of a set, whose share of the border's rows is taken from these in b.
+  /// L y = b of a set; its part of the border's rows is subtracted from b.
   template <std::size_t side, class Number>
   void forward_substitute(std::size_t s, Number* b, Number* room) const {
     const std::size_t n = places.length[s];
@@ -369,7 +369,7 @@ class Bordered {
     }
   }
 
-  /// U^T y = b of a set, whose share of the border's columns is taken from these in b.
+  /// U^T y = b of a set; its part of the border's columns is subtracted from b.
   template <std::size_t side>
   void forward_substitute_transposed(std::size_t s, double* b, double* room) const {
     const std::size_t n = places.length[s];
@@ -409,7 +409,7 @@ class Bordered {
   }
 
   Fixed<double, places.entries> x_;
-  Fixed<double, places.scales> scales_;  ///< of rows, by which their entries are compared
+  Fixed<double, places.scales> scales_;  ///< of rows, for comparing their entries
   Pivot pivots_[places.pivots];
   Line lines_[places.rows];
   bool is_ordered_ = false;

@@ -1,4 +1,4 @@
-// Small dense kernels: L U, least squares of least norm, and the eigenvalues of symmetric matrices.  Columns stand one after another; all memory is the caller's.
+// Small dense kernels: L U, least squares of least norm, and the eigenvalues of symmetric matrices.  Column-major; all memory is the caller's.
 #pragma once
 
 #include <cmath>
@@ -8,7 +8,7 @@
 
 namespace cutjoint::dense {
 
-/// A matrix in somebody's memory.
+/// A matrix in the caller's memory.
 template <class Real>
 struct Matrix {
   Real* x;
@@ -25,7 +25,7 @@ class Triangles {
  public:
   Triangles(Matrix<Real> A, std::size_t* order) : A_(A), order_(order) {}
 
-  /// Decompose A, which is overwritten; false where a pivot is zero or no number.
+  /// Decompose A in place; false if a pivot is zero or not finite.
   bool decompose() {
     for (std::size_t i = 0; i < A_.rows; ++i) order_[i] = i;
     for (std::size_t k = 0; k < A_.rows; ++k) {
@@ -38,7 +38,7 @@ class Triangles {
     return true;
   }
 
-  /// x with A x = b, which it takes the place of; `room` has as many elements.  A number is real, or several that are solved for side by side.
+  /// Solve A x = b in place; `room` has as many elements.  A number is real, or a pack of several right-hand sides.
   template <class Number>
   void solve(Number* b, Number* room) const {
     for (std::size_t i = 0; i < A_.rows; ++i) room[i] = b[order_[i]];
@@ -51,7 +51,7 @@ class Triangles {
   }
 
  private:
-  /// The row of the largest entry below comes to the next place; one that is no number counts as largest.
+  /// Exchange rows to bring the largest entry to the pivot; NaN counts as largest.
   void bring_largest(std::size_t k) {
     using std::abs;
     std::size_t largest = k;
@@ -62,7 +62,7 @@ class Triangles {
     for (std::size_t j = 0; j < A_.rows; ++j) std::swap(A_(k, j), A_(largest, j));
   }
 
-  /// Take from the rest of a column the share of column k of L.
+  /// Subtract the multiple of column k of L from the rest of a column.
   template <class Number>
   void subtract(std::size_t k, const Number& factor, Number* column) const {
     const Number share = factor;
@@ -94,7 +94,7 @@ class LeastSquares {
  public:
   LeastSquares(Matrix<Real> A, std::size_t* order, Real* left, Real* right) : A_(A), order_(order), left_(left), right_(right) {}
 
-  /// Decompose A, which is overwritten; pivots below the share `threshold` of the largest one count as zero.
+  /// Decompose A in place; pivots below the fraction `threshold` of the largest one count as zero.
   void decompose(Real threshold) {
     for (std::size_t j = 0; j < A_.columns; ++j) order_[j] = j;
     const std::size_t most = A_.rows < A_.columns ? A_.rows : A_.columns;
@@ -113,11 +113,11 @@ class LeastSquares {
 
   std::size_t rank() const { return rank_; }
 
-  /// The column that stands at a place; those before `rank` are independent.
+  /// The column at a position of the permutation; those before `rank` are independent.
   std::size_t column_at(std::size_t place) const { return order_[place]; }
 
-  /// x with |A x - b| least, of all such the shortest; b is overwritten, `room` has an element for each column.  A number is real, or several that
-  /// are solved for side by side.
+  /// The x of least norm that minimises |A x - b|; b is overwritten, `room` has an element for each column.  A number is real, or a pack of several
+  /// right-hand sides.
   template <class Number>
   void solve(Number* b, Number* x, Number* room) const {
     for (std::size_t k = 0; k < rank_; ++k) apply(k, b);
@@ -139,7 +139,7 @@ class LeastSquares {
  private:
   static Real magnitude(Real x) { return x < Real(0) ? -x : x; }
 
-  /// The column whose part below is longest comes to the next place.
+  /// Exchange columns to bring the longest remaining one to the pivot.
   void bring_longest() {
     std::size_t longest = rank_;
     Real most(-1);
@@ -153,7 +153,7 @@ class LeastSquares {
     std::swap(order_[rank_], order_[longest]);
   }
 
-  /// A column reflected by the k-th reflection of Q.
+  /// Apply the k-th reflection of Q to a column.
   template <class Number>
   void apply(std::size_t k, Number* column) const {
     const Real* u = A_.column(k);
@@ -164,7 +164,7 @@ class LeastSquares {
     for (std::size_t i = k + 1; i < A_.rows; ++i) column[i] -= sum * u[i];
   }
 
-  /// Reflections from the right leave nothing beside T.
+  /// Reflections from the right eliminate everything beside T.
   void clear_beside() {
     const std::size_t n = A_.columns - rank_;
     for (std::size_t k = rank_; k-- > 0;) {

@@ -16,8 +16,8 @@ Real dot(std::span<const Real> a, std::span<const Real> b) {
 
 typedef double FourProducts __attribute__((vector_size(32)));
 
-/// Keep products from being joined to the sum that they are added to: whether a compiler does depends on what it knows of the length, and on the
-/// processor that it compiles for.
+/// Prevent contraction of products and sums (FMA), which would depend on what the compiler knows of the length and on the target
+/// processor.
 [[gnu::always_inline]] inline void seal([[maybe_unused]] FourProducts& products) {
 #if defined(__FMA__)
   asm("" : "+x"(products));
@@ -26,7 +26,7 @@ typedef double FourProducts __attribute__((vector_size(32)));
 #endif
 }
 
-/// The sum by registers, in an order that does not depend on how much of the length the compiler knows.
+/// The sum by registers, in an order independent of what the compiler knows of the length.
 [[gnu::always_inline]] inline double dot(std::span<const double> a, std::span<const double> b) {
   typedef double Loose __attribute__((vector_size(32), aligned(8), may_alias));
   FourProducts sum{}, last_a{}, last_b{};

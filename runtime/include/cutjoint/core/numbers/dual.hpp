@@ -1,4 +1,4 @@
-// Numbers with derivatives: what generated code makes of them are exact derivatives, to rounding.
+// Dual numbers: forward-mode derivatives of generated code, exact up to rounding.
 #pragma once
 
 #include <cmath>
@@ -9,7 +9,7 @@
 
 namespace cutjoint {
 
-/// How many doubles a register has.
+/// Doubles per SIMD register.
 #if defined(__AVX512F__)
 inline constexpr std::size_t register_length = 8;
 #elif defined(__AVX__)
@@ -18,13 +18,13 @@ inline constexpr std::size_t register_length = 4;
 inline constexpr std::size_t register_length = 2;
 #endif
 
-/// A register of doubles; a struct that has some needs no other alignment than that of doubles.
+/// A register of doubles with the alignment of doubles.
 typedef double Part __attribute__((vector_size(register_length * sizeof(double)), aligned(alignof(double))));
 
 template <std::size_t count, class Parts = std::make_index_sequence<count / register_length>>
 struct Side;
 
-/// So many numbers side by side, by registers: GCC takes vectors that are longer than these through memory.
+/// `count` numbers in registers; GCC spills longer vectors to memory.
 template <std::size_t count, std::size_t... p>
 struct Side<count, std::index_sequence<p...>> {
   Part part[sizeof...(p)];
@@ -32,7 +32,7 @@ struct Side<count, std::index_sequence<p...>> {
   double operator[](std::size_t k) const { return part[k / register_length][k % register_length]; }
   double& operator[](std::size_t k) { return reinterpret_cast<double*>(part)[k]; }
 
-  /// Each part by its number.
+  /// Construct each register from its index.
   template <class Each>
   [[gnu::always_inline]] static Side of(Each each) {
     return {{each(p)...}};
@@ -54,10 +54,10 @@ struct Side<count, std::index_sequence<p...>> {
 #undef CUTJOINT_OPERATION
   [[gnu::always_inline]] friend Side operator-(const Side& a) { return {{(-a.part[p])...}}; }
 
-  /// The larger of both; the second where one is not a number.
+  /// The larger of both; the second if one is NaN.
   [[gnu::always_inline]] friend Side larger(const Side& a, const Side& b) { return {{(a.part[p] > b.part[p] ? a.part[p] : b.part[p])...}}; }
 
-  /// What changes with these times how steeply it does: 0 with what does not change, also where it is infinitely steep.
+  /// The product steepness * a, with 0 if a is 0, even if the steepness is infinite.
   template <class Steepness>
   [[gnu::always_inline]] friend Side along(const Steepness& steepness, const Side& a) {
     const Side product = steepness * a;
@@ -65,20 +65,20 @@ struct Side<count, std::index_sequence<p...>> {
   }
 };
 
-/// Derivatives along several directions.
+/// Derivatives along several seeds.
 inline constexpr std::size_t directions = 8;
 using Tangents = Side<directions>;
 
-// As calls, products and quotients take a third less time of a compiler and a tenth more of a processor.
+// Not inlined, products and quotients compile in a third less time and run a tenth slower.
 #ifdef CUTJOINT_SMALL_DERIVATIVES
 #define CUTJOINT_PRODUCT gnu::noinline
 #else
 #define CUTJOINT_PRODUCT gnu::always_inline
 #endif
 
-/// A value and its derivatives along directions, with the arithmetic and functions of generated code.  Comparisons are of values: where formulas
-/// change, derivatives are those of the formula that holds, of |x| at 0 those of x.  What does not change along a direction has a derivative of 0,
-/// also where a function is infinitely steep.
+/// A value and its derivatives along seeds, with the arithmetic and functions of generated code.  Comparisons are of values: at non-smooth points
+/// derivatives are those of the active branch, for |x| at 0 those of x.  A constant has a derivative of 0 also where a function is
+/// infinitely steep.
 struct Dual {
   double value = 0.0;
   Tangents derivative{};
@@ -86,7 +86,7 @@ struct Dual {
   constexpr Dual() = default;
   constexpr Dual(double number) : value(number) {}
   constexpr Dual(double number, const Tangents& derivatives) : value(number), derivative(derivatives) {}
-  /// The derivatives of another: clang takes a vector that is passed by itself for an aligned one.
+  /// The derivatives of another: clang assumes alignment of a vector passed by itself.
   constexpr Dual(double number, const Dual& other) : value(number), derivative(other.derivative) {}
 
   [[gnu::always_inline]] Dual& operator+=(const Dual& b) { return *this = *this + b; }
@@ -110,7 +110,7 @@ struct Dual {
 
 #undef CUTJOINT_PRODUCT
 
-/// Derivatives without their value, which linear maps of numbers take to others.
+/// Derivatives without a value, for linear maps.
 struct Along {
   Tangents derivative;
 
@@ -123,11 +123,11 @@ struct Along {
   [[gnu::always_inline]] friend Along operator*(double a, const Along& b) { return {a * b.derivative}; }
 };
 
-/// A function's value, and its derivatives by an argument, of which it has that `steepness`.
+/// A function's value and the chain rule for an argument, with the partial derivative `steepness`.
 inline Dual follow(double value, double steepness, const Dual& a) { return {value, along(steepness, a.derivative)}; }
 inline double value_of(const Dual& a) { return a.value; }
 
-/// Numbers with derivatives, alone or side by side.
+/// Dual numbers, single or in lanes.
 template <class A>
 concept Differentiated = requires(const A& a) { a.derivative, value_of(a); };
 

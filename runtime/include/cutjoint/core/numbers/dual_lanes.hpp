@@ -1,4 +1,4 @@
-// Numbers with derivatives side by side.
+// Dual numbers in SIMD lanes.
 #pragma once
 
 #include <algorithm>
@@ -11,8 +11,8 @@
 
 namespace cutjoint {
 
-/// Numbers with derivatives: the values of all, then the derivatives of all along the first direction, and so on.  Each operation is a
-/// call, so that long functions are compiled in seconds.
+/// Dual numbers in lanes: all values, then all derivatives along the first seed, and so on.  Each operation is a
+/// call, so that long functions compile in seconds.
 template <int N>
 struct Lanes<Dual, N> {
   using Plain = Lanes<double, N>;
@@ -26,7 +26,7 @@ struct Lanes<Dual, N> {
     Dual& operator[](int k) { return number[k]; }
   };
 
-  using Values = Side<std::max<std::size_t>(N, register_length)>;  ///< where registers are longer, as often as they fill one
+  using Values = Side<std::max<std::size_t>(N, register_length)>;  ///< repeated if registers are longer
   using Derivatives = Side<directions * N>;
 
   Values value;
@@ -133,12 +133,12 @@ struct Lanes<Dual, N> {
     return values;
   }
 
-  /// Values beside the derivatives along each direction.
+  /// Values repeated for the derivatives along each seed.
   [[gnu::always_inline]] static Derivatives beside(const Values& a) {
     return Derivatives::of([&](std::size_t p) { return a.part[p % (sizeof a / sizeof(Part))]; });
   }
 
-  /// Derivatives that are the same for all.
+  /// Derivatives equal in all lanes.
   [[gnu::always_inline]] static Derivatives spread(const Tangents& a) {
     return Derivatives::of([&](std::size_t p) {
       if constexpr (N >= register_length) return Part{} + a[p * register_length / N];

@@ -1,4 +1,4 @@
-// A solution of linear equations of the loops, where only their effect on a direction can be tried.
+// A matrix-free solver for linear equations of the loops.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +14,8 @@
 
 namespace cutjoint {
 
-/// Solves T w = right by residuals that fall (Eisenstat, Elman, Schultz 1983: GCR); all memory is taken in the constructor.  Of several
-/// instances side by side each goes as if it were alone.
+/// Solves T w = right by generalised conjugate residuals (Eisenstat, Elman, Schultz 1983: GCR); all memory is taken in the constructor.
+/// Each of several SIMD instances iterates as if it were alone.
 template <Mechanism M>
 class FallingResiduals {
  public:
@@ -27,8 +27,8 @@ class FallingResiduals {
       : right_(sizes_of(mechanism).equations), found_(right_), step_(sizes_of(mechanism).speeds),
         number_of_tries_(std::min(most_tries, right_.size())), tries_(number_of_tries_, Try{right_, step_, right_}) {}
 
-  /// `respond` tells of a w the step in the speeds that answers it and T w.  Directions of which T w is below a share `least` of w are left
-  /// alone.  Residuals fall to a share `left`.  Returns the instances of which all of w was found.
+  /// `respond` computes for a w the step in the velocities and T w.  Directions with T w below the fraction `least` of w are
+  /// ignored.  Residuals fall to the fraction `left`.  Returns the instances whose w is complete.
   template <class Respond>
   Mask solve(const Equations<M>& right, Real least, Real left, Mask going, Respond respond) {
     using std::sqrt;
@@ -58,14 +58,14 @@ class FallingResiduals {
     return Instances::both(Instances::without(going, stopped), dot(right_, right_) <= enough);
   }
 
-  /// w, and the step that answers it.
+  /// w, and its step.
   const Equations<M>& found() const { return found_; }
   const Speeds<M>& step() const { return step_; }
 
  private:
   static constexpr std::size_t most_tries = 64;
 
-  /// A direction, the step that answers it, and T of it.
+  /// A direction, its step, and T of it.
   struct Try {
     Equations<M> violation;
     Speeds<M> step;

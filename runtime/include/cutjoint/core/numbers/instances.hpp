@@ -1,4 +1,4 @@
-// Numbers of several instances of a mechanism side by side: which of them go on, and how large they are.
+// Several instances of a mechanism in SIMD lanes: selections and norms.
 #pragma once
 
 #include <span>
@@ -40,7 +40,7 @@ struct Selection<Lanes<Number, N>> {
   }
 };
 
-/// The larger of two numbers; not a number where one of them is none.
+/// The larger of two numbers; NaN if one is NaN.
 template <class Number, int N>
 Lanes<Number, N> larger(Lanes<Number, N> a, Lanes<Number, N> b) {
   return where((b.v > a.v) | (b.v != b.v), b, a);

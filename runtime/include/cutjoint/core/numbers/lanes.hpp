@@ -1,4 +1,4 @@
-// Several reals side by side in one vector register: the members of a class of equal parts of a mechanism.
+// SIMD lanes of reals: the members of a class of equal parts of a mechanism.
 #pragma once
 
 #include <cmath>
@@ -10,7 +10,7 @@
 
 #if defined(__x86_64__) && defined(__GLIBC__)
 #ifdef CUTJOINT_WITHOUT_LIBMVEC
-#define CUTJOINT_IN_LIBMVEC(of)  // no function, but square roots of the processor
+#define CUTJOINT_IN_LIBMVEC(of)  // only the processor's square roots
 #else
 #define CUTJOINT_IN_LIBMVEC(of) of(sin) of(cos) of(tan) of(atan) of(exp) of(log)
 #endif
@@ -51,7 +51,7 @@ struct Register<float, N> {
   typedef float type __attribute__((vector_size(N * sizeof(float))));
 };
 
-/// The doubles of a vector register: how many instances go side by side.  Compilers take wider vectors through memory.
+/// Doubles per vector register, the number of instances in lanes.  Compilers spill wider vectors to memory.
 #if defined(__AVX512F__)
 inline constexpr int doubles_of_register = 8;
 #elif defined(__AVX__)
@@ -105,7 +105,7 @@ Side strided(const Number* x) {
   return v;
 }
 
-/// Numbers in memory that are assigned to side by side.
+/// Numbers in memory, assigned to as lanes.
 template <class Side>
 struct Row {
   typename Side::real_type* x;
@@ -160,7 +160,7 @@ Lanes<Real, N> each(Lanes<Real, N> a, Lanes<Real, N> b, Function function) {
 CUTJOINT_FUNCTIONS(CUTJOINT_EACH)
 #undef CUTJOINT_EACH
 
-/// The sign's bit cleared.
+/// Clears the sign bit.
 template <PlainReal Real, int N>
 Lanes<Real, N> abs(Lanes<Real, N> a) {
   using Vector = typename Lanes<Real, N>::Vector;

@@ -8,13 +8,13 @@
 
 namespace cutjoint {
 
-/// The larger of two numbers; not a number where one of them is none.
+/// The larger of two numbers; NaN if one is NaN.
 template <class Real>
 Real larger(Real a, Real b) {
   return b > a || b != b ? b : a;
 }
 
-/// The largest absolute value; not a number where one is none.
+/// The largest absolute value; NaN if one is NaN.
 template <class Real>
 Real largest(std::span<const Real> values) {
   using std::abs;
@@ -24,7 +24,7 @@ Real largest(std::span<const Real> values) {
   return result;
 }
 
-/// The largest by registers: a step asks for it more than ten times.  The caller's flags compile it, since it is inlined.
+/// The largest by registers: a step needs it more than ten times.  It is inlined, and so compiled with the caller's flags.
 [[gnu::always_inline]] inline double largest(std::span<const double> values) {
   typedef double Four __attribute__((vector_size(32)));
   typedef double Loose __attribute__((vector_size(32), aligned(8), may_alias));
@@ -55,7 +55,7 @@ template <class Numbers>
   return largest(std::span<const typename Numbers::value_type>(values.data(), values.size()));
 }
 
-/// The same of a row whose last values count as shares of `sizes`.
+/// The same with the last values relative to `sizes`.
 template <class Numbers>
 auto largest(const Numbers& values, std::span<const double> sizes) {
   using Real = std::remove_cvref_t<decltype(values[0])>;

@@ -1,4 +1,4 @@
-// A fixed point sought from several of its iterations at once.
+// Anderson mixing for fixed points.
 #pragma once
 
 #include <algorithm>
@@ -13,10 +13,10 @@
 
 namespace cutjoint {
 
-/// Anderson's mixing of depth 2 (J. ACM 12 (1965) 547-560) for x = g(x): the next try is g less that combination of its last two differences whose
-/// changes f = g - x leave least of the present change.  Two directions, those in which g follows x most, so go to where they end, also where they would
-/// not by themselves.  A mixed try from which changes grow more than fourfold ends what is known.  Of several instances side by side each goes as if it
-/// were alone.
+/// Anderson's mixing of depth 2 (J. ACM 12 (1965) 547-560) for x = g(x): the next iterate is g minus the combination of its last two differences that
+/// minimises the residual f = g - x by least squares.  This removes the two slowest directions, also divergent ones.  If residuals grow more than
+/// fourfold after a mixed iterate, the history is discarded.  Each of several SIMD instances iterates as if it were
+/// alone.
 template <class M>
 class Mixing {
  public:
@@ -28,10 +28,10 @@ class Mixing {
     for (Pair& pair : pairs_) pair = {Speeds<M>(speeds), Speeds<M>(speeds), Real(0)};
   }
 
-  /// Begin a search.
+  /// Begin an iteration.
   void begin() { tries_ = 0; }
 
-  /// Values g(x) of the instances in `going` become where to try next.  `change` is g - x, in all `size`; the last components count as shares of `nominals`.
+  /// Replace g(x) of the instances in `going` by the next iterate.  `change` is g - x, of norm `size`; its last components are relative to `nominals`.
   void mix(const Speeds<M>& change, Real size, std::span<const double> nominals, Mask going, Speeds<M>& g) {
     now_ = change;
     for (std::size_t k = 0, first = now_.size() - nominals.size(); k < nominals.size(); ++k) now_[first + k] = now_[first + k] / Real(nominals[k]);
@@ -59,7 +59,7 @@ class Mixing {
   }
 
  private:
-  /// How f and g have changed from one iteration to the next, and the square of the former; nought where it is not known.
+  /// Differences of f and g between iterations, and the square of the former; 0 if unknown.
   struct Pair {
     Speeds<M> f, g;
     Real size;

@@ -1,11 +1,11 @@
-// Which instances of a mechanism go on: the one that a real is a number of, or some of several side by side.
+// Selections of instances of a mechanism: one for a plain real, or some of several SIMD lanes.
 #pragma once
 
 #include <cmath>
 
 namespace cutjoint {
 
-/// Instances of a mechanism by a mask: of a plain real there is one.  Reals that are numbers of several have a specialisation.
+/// A mask of instances: one for a plain real.  Reals with lanes have a specialisation.
 template <class Real>
 struct Selection {
   using Scalar = Real;
@@ -24,7 +24,7 @@ struct Selection {
   static double of(Real x, int) { return static_cast<double>(x); }
   static void count(bool mask, long& counted) { counted += mask; }
 
-  /// A number becomes another in a selection.
+  /// Assign in the selected instances.
   static void take(bool mask, Real value, Real& number) {
     if (mask) number = value;
   }

@@ -1,4 +1,4 @@
-// The stages of a step by Radau IIA, which are coupled, by Newton's iteration on their accelerations.
+// The coupled stages of a step by Radau IIA, by Newton's iteration on their accelerations.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,7 @@
 
 namespace cutjoint::radau {
 
-/// The unknowns are the accelerations a_i of all stages, from which follow, with the weights A of the method,
+/// The unknowns are the accelerations a_i of all stages; with the weights A of the method,
 ///
 ///     v_i = v_0 + h sum_j A_ij a_j         delta_i = h sum_j A_ij T(delta_j)^-1 v_j         q_i = retract(q_0, delta_i)
 ///
@@ -23,14 +23,14 @@ namespace cutjoint::radau {
 ///
 ///     (M + alpha Phi_q^T Phi_q) da_i + h C sum_j A_ij da_j + h^2 K sum_j (A^2)_ij da_j = -(M a_i + Phi_q^T lambda_i - Q_i + alpha Phi_q^T Phidd_i)
 ///
-/// and lambda_i += alpha (Phidd_i + Phi_q da_i).  The eigenvectors of A part this into a real and a complex system of the size of one stage: places are no
-/// unknowns beside speeds.  M, C and K, of the pose of a stage, serve further steps, of other lengths too, with other factors.
+/// and lambda_i += alpha (Phidd_i + Phi_q da_i).  The eigenvectors of A decouple this into a real and a complex system of the size of one stage: positions are no
+/// additional unknowns.  M, C and K of one pose are reused in further steps, also of other lengths, with new factors.
 template <class S, class Solver>
 class Stages : public StepStart<S, Solver> {
   using Base = StepStart<S, Solver>;
 
   template <class Numbers>
-  using OfStages = std::array<Numbers, Table::stages + 1>;  ///< the first is that of the step's start
+  using OfStages = std::array<Numbers, Table::stages + 1>;  ///< the first belongs to the step's start
 
  public:
   using typename Base::Real;
@@ -64,7 +64,7 @@ class Stages : public StepStart<S, Solver> {
     return true;
   }
 
-  /// The attempted step counts: its end becomes the present state, and `before` the one before it.
+  /// Accept the attempted step: its end becomes the present state, and `before` the one before it.
   Fault accept(Real h, StateOf<S>& before) {
     at_.t = start_.t + h;
     if (const Fault fault = this->project(at_)) return fault;
@@ -116,8 +116,8 @@ class Stages : public StepStart<S, Solver> {
       Base::n_, Base::phidd_, Base::pose_, Base::push_, Base::rates_, Base::derivatives_, Base::slow_, Base::start_, Base::system_, Base::tangent_, Base::time_,
       Base::tolerances_, Base::trial_, Base::turns_, Base::x_;
 
-  static constexpr double shorter = 0.9, longer = 1.1;  ///< factors serve steps up to these times theirs
-  static constexpr double rest = 0.003;                 ///< share of the allowed error that the iteration leaves
+  static constexpr double shorter = 0.9, longer = 1.1;  ///< factors are reused for steps up to these times theirs
+  static constexpr double rest = 0.003;                 ///< fraction of the allowed error that the iteration leaves
   static constexpr int most_iterations = 25;
 
   static Real node(std::size_t i) { return Table::nodes[i].template as<Real>(); }
@@ -128,8 +128,8 @@ class Stages : public StepStart<S, Solver> {
     system_.begin_step(time_, Real(1));
   }
 
-  /// Newton's iteration for all stages; whether these are `found`.  The first change is judged by the share that a stage before left of one, less and less
-  /// trusted (Hairer, Wanner, section IV.8).  Where it goes slowly it may have met a stiff force that begins in this step.
+  /// Newton's iteration for all stages; whether these are `found`.  The first change is judged by the convergence rate of earlier steps, with decreasing
+  /// trust (Hairer, Wanner, section IV.8).  Slow convergence may be due to a stiff force that begins in this step.
   Fault iterate(Real h, bool& found) {
     using std::pow;
     const Real w = Table::gamma.template as<Real>() * h;
@@ -159,7 +159,7 @@ class Stages : public StepStart<S, Solver> {
     return {};
   }
 
-  /// The guessed accelerations and multipliers: on the cubic through those of the last step, unless that is far behind.
+  /// Predict accelerations and multipliers by the cubic through those of the last step, unless that is too long ago.
   void extrapolate(Real h) {
     const bool near = last_h_ > Real(0) && h <= 2 * last_h_;
     for (std::size_t i = 1; i <= Table::stages; ++i) {
@@ -179,8 +179,8 @@ class Stages : public StepStart<S, Solver> {
     }
   }
 
-  /// Redundant equations leave a part of the multipliers open, which no iteration corrects: as the equations' directions turn, some of it comes in at each step,
-  /// and extrapolating enlarges it without end.  Where multipliers have doubled mostly by it, and it carries no force, the guess goes without.
+  /// Redundant equations leave a component of the multipliers undetermined, which no iteration corrects: as the Jacobian rotates, it grows at each step,
+  /// and extrapolation amplifies it.  If multipliers have doubled mostly by it, without a force, the prediction omits it.
   void drop_open_part() {
     const Real size = largest(forces_.back());
     const bool grown = size > 2 * before_;
@@ -207,7 +207,7 @@ class Stages : public StepStart<S, Solver> {
     return false;
   }
 
-  /// Whether stages that converge slowly or not at all leave the mode, as they are or as extrapolated within the previous mode.
+  /// Whether slowly or not converging stages leave the mode, as computed or as extrapolated within the previous mode.
   bool leaves_early() {
     if (leaves()) return true;
     cells_.begin(start_.t);
@@ -221,7 +221,7 @@ class Stages : public StepStart<S, Solver> {
   }
 
   /// An iteration over all stages.  Violations are corrected along the Phi_q of the tangent's pose.
-  /// So are the multipliers, by alpha (Phidd + Phi_q da): where Phi_q has turned, the new Phidd is another one, and alpha would enlarge the difference.
+  /// So are the multipliers, by alpha (Phidd + Phi_q da): if Phi_q has changed, the new Phidd differs, and alpha would amplify the difference.
   Fault correct(bool renew, Real w) {
     constexpr std::size_t middle = 2;
     const bool linearised = renew && stale_;
@@ -244,7 +244,7 @@ class Stages : public StepStart<S, Solver> {
     return {};
   }
 
-  /// The parts M with the equations, w C and w^2 K of the tangent in a stage.
+  /// The terms M (with the equations), w C and w^2 K of the tangent in a stage.
   void part(const StateOf<S>& state, Real w) {
     parted_w_ = w;
     pose_ = state.q;
@@ -259,7 +259,7 @@ class Stages : public StepStart<S, Solver> {
     }
   }
 
-  /// The real and the complex tangent of a step that is longer than the one of the parts by a ratio.
+  /// The real and the complex tangent of a step whose length is `ratio` times that of these terms.
   void join(Real ratio) {
     const Real gamma = Table::gamma.template as<Real>(), a = ratio * Table::real.template as<Real>() / gamma, b = ratio * Table::imaginary.template as<Real>() / gamma;
     for (std::size_t i = 0; i < mass_.size(); ++i) {
@@ -278,7 +278,7 @@ class Stages : public StepStart<S, Solver> {
     return {};
   }
 
-  /// The right-hand side of a stage, whose balance may be known.
+  /// The right-hand side of a stage, whose residual may be known.
   void pull(std::size_t i, bool known) {
     enter(i);
     StateOf<S>& state = points_[i - 1];
@@ -292,7 +292,7 @@ class Stages : public StepStart<S, Solver> {
     for (std::size_t j = 0; j < n_; ++j) changes_[i][j] = -f_[j] - x_[j];
   }
 
-  /// The changes of all stages from their right-hand sides.
+  /// Solve for the changes of all stages.
   Fault solve_stages() {
     const auto mixed = [](const auto& row, const auto& a, const auto& b, const auto& c, std::size_t j) {
       return row[0].template as<Real>() * a[j] + row[1].template as<Real>() * b[j] + row[2].template as<Real>() * c[j];
@@ -309,7 +309,7 @@ class Stages : public StepStart<S, Solver> {
     return {};
   }
 
-  /// Speeds and coordinates of the stages' accelerations; false where a ball turns too far for its chart.
+  /// Velocities and coordinates of the stages from their accelerations; false if a ball rotates too far for its chart.
   bool follow() {
     for (std::size_t i = 1; i <= Table::stages; ++i) {
       StateOf<S>& point = points_[i - 1];
@@ -328,7 +328,7 @@ class Stages : public StepStart<S, Solver> {
     return close;
   }
 
-  /// Rates and displacements of a ball, whose speeds begin at a place; whether they are found.
+  /// Rates and displacements of a ball, from the first index of its angular velocity; whether they are found.
   bool turn(std::size_t at) {
     using std::abs;
     constexpr Chart here{0, 0, 0, true};
@@ -348,7 +348,7 @@ class Stages : public StepStart<S, Solver> {
     return change <= 64 * std::numeric_limits<Real>::epsilon();
   }
 
-  /// The largest change of a speed by an iteration beside what its error may be; without that measure, `move`.
+  /// The largest change of a velocity by an iteration relative to its allowed error; without tolerances, `move`.
   Real size_of_change(Real w, Real& move) {
     using std::abs;
     Real largest(0);
@@ -363,13 +363,13 @@ class Stages : public StepStart<S, Solver> {
 
   ComplexSolver<S> complex_;
   std::array<StateOf<S>, Table::stages> points_;
-  OfStages<Speeds<S>> changes_, guess_, kept_, places_;  ///< of the accelerations, as guessed, those of the last step, displacements
+  OfStages<Speeds<S>> changes_, guess_, kept_, places_;  ///< changes of accelerations, their prediction, those of the last step, displacements
   OfStages<Equations<S>> violations_, kept_forces_;
   Entries<S> mass_, damping_, stiffness_, re_, im_;
   Speeds<S> x_re_, x_im_;
   Real h_{0}, parted_w_{1};
   bool whole_ = false;  ///< whether the attempt continues outside the mode
-  bool stale_ = false;  ///< whether a renewal of factors needs other parts
+  bool stale_ = false;  ///< whether new factors need new terms
 };
 
 }  // namespace cutjoint::radau

@@ -1,4 +1,4 @@
-// The state from which Radau IIA steps continue, its mode, loops and errors.
+// The state from which Radau IIA steps continue: its mode, loops and errors.
 #pragma once
 
 #include <algorithm>
@@ -26,9 +26,9 @@
 
 namespace cutjoint::radau {
 
-/// Steps over (delta, v), delta being the displacement from the step's start in the chart of `retract`: so the order holds on balls too.  The unknown of
-/// a stage is its acceleration.  Loops are equations of the accelerations, M vdot + Phi_q^T lambda = Q and Phidd = 0: a differential equation, whose order
-/// does not suffer.  What steps leave of Phi and Phid is projected away.
+/// Steps over (delta, v), delta being the displacement from the step's start in the chart of `retract`, so that the order holds for balls too.  The unknown of
+/// a stage is its acceleration.  Loops are equations of the accelerations, M vdot + Phi_q^T lambda = Q and Phidd = 0 (index 1), without
+/// order reduction.  Violations of Phi and Phid are projected away after steps.
 template <class S, class Solver>
 class StepStart : public Workspace<S, Solver> {
   using Base = Workspace<S, Solver>;
@@ -40,7 +40,7 @@ class StepStart : public Workspace<S, Solver> {
   static constexpr int order = Table::order;
   static constexpr bool estimates = true;  ///< an error
 
-  /// `other` solves for the accelerations of single states; `indicators` are where those stand at which steps end, all or none of the system's, and
+  /// `other` solves for the accelerations of single states; `indicators` are the event indicators, all or none of the system's, and
   /// `roads` those of its tyres.
   StepStart(S& system, Solver& solver, Solver& other, IndicatorPlaces<S> indicators, const Road<Real>* roads)
       : Base(system, solver), other_(other), single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}),
@@ -51,7 +51,7 @@ class StepStart : public Workspace<S, Solver> {
   std::size_t size() const { return pose_.size() + n_; }
   using Base::charts;
 
-  /// Take over a start, whose accelerations and multipliers are found.
+  /// Take over a start and find its accelerations and multipliers.
   Fault begin(const StateOf<S>& start) {
     start_ = start;
     if (const Fault fault = single_.begin(start_, Real(1))) return fault;
@@ -66,10 +66,10 @@ class StepStart : public Workspace<S, Solver> {
     take_over();
   }
 
-  /// Put accelerations and multipliers into a state; what that takes is no part of a step.
+  /// Put accelerations and multipliers into a state, without counting evaluations as those of steps.
   Fault complete(StateOf<S>& state) { return single_.begin(state, Real(1)); }
 
-  /// Go on from a state as it is, which is taken over.
+  /// Continue from a state as given.
   Fault go_on(StateOf<S>& state) {
     const Fault fault = single_.go_on(state);
     if (fault) return fault;
@@ -81,7 +81,7 @@ class StepStart : public Workspace<S, Solver> {
   /// Close the loops of a state away from any step, by moving the masses least.
   Fault assemble(StateOf<S>& state) { return single_.assemble(state); }
 
-  /// Set the largest error of a step; Newton's iteration ends where it leaves a hundredth of that.
+  /// Set the largest error of a step; Newton's iteration ends at a hundredth of that.
   void set_tolerances(const stepping::Tolerances<Real>& tolerances) { tolerances_ = tolerances; }
 
   /// The size of the attempted step's error, 1 being what is allowed; infinite where it is no number.
@@ -102,7 +102,7 @@ class StepStart : public Workspace<S, Solver> {
 
   const StateOf<S>& present() const { return start_; }
 
-  /// Accelerations and multipliers of a state, where guides need them: those of the stages only come near to them.
+  /// Accelerations and multipliers of a state, if guides need them: those of the stages are approximations.
   void accelerate(StateOf<S>& state) {
     if (!system_.description().driven) return;
     row_ = state;
@@ -119,7 +119,7 @@ class StepStart : public Workspace<S, Solver> {
     start_.v = state.v;
   }
 
-  /// Accelerations and multipliers of the present state, which forces that jump change; factors and what stages are guessed by are forgotten.
+  /// New accelerations and multipliers of the present state after a jump of forces; discard factors and predictions of stages.
   Fault restart() {
     const long evaluations = single_.evaluations(), factorisations = single_.factorisations();
     if (const Fault fault = single_.begin(start_, Real(1))) return fault;
@@ -175,7 +175,7 @@ class StepStart : public Workspace<S, Solver> {
     return this->close_with(state, pose_, alpha_, closing_, way_, moved_, residuals_);
   }
 
-  /// The residuals of the equations after it.
+  /// The residuals of the equations after that.
   const Residuals& residuals() const { return residuals_; }
 
   long iterations() const { return iterations_; }
@@ -183,11 +183,11 @@ class StepStart : public Workspace<S, Solver> {
   /// The values of the last tangent.
   const Entries<S>& tangent() const { return tangent_; }
 
-  // With what restarts take.
+  // Including those of restarts.
   long evaluations() const { return Base::evaluations() + evaluations_; }
   long factorisations() const { return Base::factorisations() + factorisations_; }
 
-  /// Why the last attempt, whose stages were `found` or not, is not taken in a shorter step; `size` is that of its error.
+  /// The fault of the last attempt, whose stages were `found` or not, with error `size`, if no shorter step is possible.
   Fault give_up(bool found, bool adaptive, long number, Real size) {
     const Cause cause = is_singular() ? Cause::pose_singular : found ? Cause::tolerance_not_met : adaptive ? Cause::stages_not_found : Cause::stage_not_converged;
     Fault fault = this->fault_in_row(cause, static_cast<int>(worst_), size);
@@ -196,7 +196,7 @@ class StepStart : public Workspace<S, Solver> {
     return fault;
   }
 
-  /// Memory for the next steps, with mode and solvers; flags are as long as numbers, so that equal ones have equal bytes.
+  /// Memory for the next steps, with mode and solvers; flags have the size of numbers, so that equal memories have equal bytes.
   struct Memory {
     StateOf<S> start;
     Coordinates<S> pose;
@@ -271,11 +271,11 @@ class StepStart : public Workspace<S, Solver> {
     worst_ = speed;
   }
 
-  /// Whether equations nearly depend on each other: a good part of the loops' force, Phi_q^T lambda, is by multipliers beside alpha Phi_q A^-1 Phi_q^T lambda, which
-  /// are those that the masses of the tangent A keep from the penalty.  What redundant equations leave open is beside it too, but has no force.
+  /// Whether equations nearly depend on each other: then a large part of the loops' force Phi_q^T lambda is by multipliers outside alpha Phi_q A^-1 Phi_q^T lambda,
+  /// with the tangent A.  The undetermined component of redundant equations is outside too, but has no force.
   bool is_singular() { return m_ > 0 && has_factors_ && carries_open_part(start_.lambda); }
 
-  /// The part of multipliers that redundant equations leave open, which the penalty does not see, in push_; whether a tenth of their force is its.
+  /// Put the component of multipliers that redundant equations leave undetermined into push_; return whether it has a tenth of their force.
   bool carries_open_part(const Equations<S>& lambda) {
     std::fill(push_.begin(), push_.end(), Real(0));
     if (this->follow_weight(pose_, pose_, lambda, trial_, push_)) return false;
@@ -285,7 +285,7 @@ class StepStart : public Workspace<S, Solver> {
     return largest(trial_) > largest(way_) / 10;
   }
 
-  /// The difference (d, e) of the two orders in delta and v, into way_ and x_, without what is fast beside a step, which it overstates
+  /// The difference (d, e) of the two orders in delta and v, into way_ and x_, filtered for fast components, which it overestimates
   /// (Hairer, Wanner, section IV.8): (d', e') with e' = A^-1 (M e - w K d) and d' = d + w e', A being the tangent.  The balance of accelerations
   /// vdot + e/w at displacements -d is (M e - w K d)/w, but for what is of second order.
   Fault estimate(Real h) {
@@ -308,8 +308,8 @@ class StepStart : public Workspace<S, Solver> {
   Closing<S> closing_;
   stepping::IndicatorCells<S> cells_;
   Turns<S> turns_;
-  StateOf<S> row_, start_, at_, probe_;  ///< room, at the step's start, of a stage and at last the end, and beside it
-  Coordinates<S> pose_, moved_;          ///< that of the factors
+  StateOf<S> row_, start_, at_, probe_;  ///< scratch, at the step's start, of a stage and finally the end, and a probe
+  Coordinates<S> pose_, moved_;          ///< of the factors
   Equations<S> push_;
   Speeds<S> way_, delta_, trial_;
   std::array<Speeds<S>, Table::stages + 1> rates_, derivatives_;  ///< at the start and of the stages: delta' and accelerations
@@ -318,7 +318,7 @@ class StepStart : public Workspace<S, Solver> {
   stepping::Tolerances<Real> tolerances_;
   Real alpha_{1}, factored_w_{0}, last_h_{0}, share_{0.5}, before_{0};  ///< the last: of a change by the iteration before, and multipliers when their open part was sought
   bool has_factors_ = false;  ///< of a stage since the start
-  bool factored_ = false, slow_ = false;  ///< whether these serve, and whether the iteration was slow
+  bool factored_ = false, slow_ = false;  ///< whether these are usable, and whether the iteration was slow
   std::size_t worst_ = 0;
   long iterations_ = 0, evaluations_ = 0, factorisations_ = 0;
 };

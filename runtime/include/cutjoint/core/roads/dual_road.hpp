@@ -1,4 +1,4 @@
-// Roads under wheels whose places have derivatives.
+// Roads with derivatives with respect to the wheel's position.
 #pragma once
 
 #include "cutjoint/core/numbers/dual.hpp"
@@ -6,7 +6,7 @@
 
 namespace cutjoint {
 
-/// A road of plain numbers, which belongs to somebody else.
+/// A road of plain numbers, owned by another object.
 template <>
 class Road<Dual> {
  public:

@@ -1,4 +1,4 @@
-// A road that a host lays while simulations exist: lines, the same for both sides, and on them a surface.
+// A road that a host sets at run time: line segments, equal for both sides, and a surface on them.
 #pragma once
 
 #include <array>
@@ -9,12 +9,12 @@
 
 namespace cutjoint {
 
-/// A road of at most so many lines.
+/// A road of at most `most` lines.
 template <std::size_t Most>
 class LaidRoad {
  public:
-  /// Takes lines in the order of x, each by the three numbers where it begins, its height there and its slope, and heights on a grid that repeats
-  /// along x, which stay the host's: `grid` is the first place along x and y, and the distance of places.  False where there are too many lines.
+  /// Set lines in the order of x, each given by the x of its beginning, its height there and its slope, and heights on a grid that repeats
+  /// along x, which the host owns: `grid` is the first x and y, and the spacing.  False if there are too many lines.
   bool lay(const double* lines, int count, const double* grid, const double* heights, int along, int across) {
     if (count < 1 || static_cast<std::size_t>(count) > Most || along < 0 || across < 0 || (along > 0 && (along < 4 || across < 2))) return false;
     for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
@@ -29,7 +29,7 @@ class LaidRoad {
     return true;
   }
 
-  /// The road as points meet it.
+  /// The road for point followers.
   Road<double> road() const {
     const Track<double> track{.pieces = {pieces_.data(), count_}, .breaks = {begins_.data() + 1, count_ - 1}};
     return {track, track, false, &surface_};

@@ -1,4 +1,4 @@
-// Roads of several instances side by side.
+// Roads of several instances in SIMD lanes.
 #pragma once
 
 #include <array>
@@ -9,7 +9,7 @@
 
 namespace cutjoint {
 
-/// One road for each instance: their wheels stand on different pieces.
+/// One road for each instance, since their wheels are on different pieces.
 template <int N>
 class Road<Lanes<double, N>> {
  public:

@@ -1,4 +1,4 @@
-// Roads: height and slope over x, in pieces, one profile left of y = 0 and one right of it; on them a surface.
+// Roads: piecewise profiles of height and slope over x, left and right of y = 0, plus a surface.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@ namespace cutjoint {
 
 enum class PieceKind {
   line,    ///< z = a + b (x - begin)
-  arc,     ///< z = a + sqrt(b^2 - (x - c)^2): what the centre of a disc of radius b sees of an edge at x = c
+  arc,     ///< z = a + sqrt(b^2 - (x - c)^2): the path of the centre of a disc of radius b over an edge at x = c
   cosine,  ///< z = a + b (1 - cos(c (x - begin)))
 };
 
@@ -56,8 +56,8 @@ struct Piece {
   }
 };
 
-/// One side of a road: its pieces in the order of x, of which the first also holds before its begin, and where all others begin; both belong to
-/// somebody else.
+/// One side of a road: its pieces in the order of x, of which the first also holds before its beginning, and the beginnings of the others; owned by
+/// another object.
 template <class Real>
 struct Track {
   std::span<const Piece<Real>> pieces;
@@ -69,7 +69,7 @@ struct Track {
   }
 };
 
-/// A road as one wheel meets it.  A point follower sees height and slope; a rigid disc sees its envelope and no slope.
+/// A road for one wheel.  A point follower has height and slope; a rigid disc has the height of its envelope and no slope.
 template <class Real>
 class Road {
  public:
@@ -80,14 +80,14 @@ class Road {
   Real height(Real x, Real y) const { return track(y).at(x).height(x); }
   Real slope(Real x, Real y) const { return disc_ ? Real(0) : track(y).at(x).slope(x); }
 
-  /// Where one piece ends and the next begins, on the side of y.
+  /// The breaks between pieces on the side of y.
   std::span<const Real> breaks(Real y) const { return track(y).breaks; }
 
-  /// The derivatives of height and slope by x.
+  /// The derivatives of height and slope with respect to x.
   Real height_dx(Real x, Real y) const { return track(y).at(x).slope(x); }
   Real slope_dx(Real x, Real y) const { return disc_ ? Real(0) : track(y).at(x).curvature(x); }
 
-  /// The surface's height on the tracks, and the factor of friction, or their derivatives of these orders by x and y.
+  /// The surface's height above the tracks, and the friction factor, or their partial derivatives with respect to x and y.
   Real surface(Real x, Real y, int by_x, int by_y) const { return surface_ ? surface_->height(x, y, by_x, by_y) : Real(0); }
   Real friction(Real x, Real y, int by_x, int by_y) const { return surface_ ? surface_->friction(x, y, by_x, by_y) : Real(by_x + by_y > 0 ? 0 : 1); }
 
@@ -98,7 +98,7 @@ class Road {
 
   Track<Real> left_, right_;
   bool disc_;
-  const Surface<Real>* surface_ = nullptr;  ///< of all wheels
+  const Surface<Real>* surface_ = nullptr;  ///< shared by all wheels
 };
 
 }  // namespace cutjoint

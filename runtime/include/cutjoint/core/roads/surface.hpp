@@ -1,4 +1,4 @@
-// Surfaces of roads: heights on a grid with a smooth surface through them, and patches with another friction.
+// Road surfaces: interpolated heights on a grid, and patches with another friction.
 #pragma once
 
 #include <algorithm>
@@ -11,16 +11,16 @@
 
 namespace cutjoint {
 
-/// A surface through heights (m) on a grid: a product of cubics with central differences as slopes, one-sided ones at edges.  Beyond an edge its
-/// slope across the edge runs out over one cell, and its height stays from there on.
+/// A surface through heights (m) on a grid: a product of cubics with central differences as slopes, one-sided ones at edges.  Beyond an edge
+/// the slope across it fades out over one cell, and the height is constant from there on.
 template <class Real>
 struct HeightField {
-  std::array<Real, 2> start, step;    ///< the first place along x and y, and the distance of places, m
+  std::array<Real, 2> start, step;    ///< the first x and y, and the spacing, m
   std::array<std::ptrdiff_t, 2> counts;
-  bool wraps, bilinear;               ///< it repeats along x; it is linear in x and in y between places
-  std::span<const Real> heights;      ///< for each place along x those along y; they belong to somebody else
+  bool wraps, bilinear;               ///< periodic along x; bilinear between grid points
+  std::span<const Real> heights;      ///< for each x those along y; owned by another object
 
-  /// The height at a place, or its derivative of orders 0 to 2 by x and y.
+  /// The height at a point, or its partial derivatives of orders 0 to 2 in x and y.
   Real derivative(Real x, Real y, int by_x, int by_y) const {
     const Weights rows = weigh(0, x, by_x), columns = weigh(1, y, by_y);
     const std::array<Real, 4>& a = columns.of;
@@ -32,7 +32,7 @@ struct HeightField {
   }
 
  private:
-  /// The places of an axis about one between them, and the weights of their heights.
+  /// The grid indices around a position on an axis, and the weights of their heights.
   struct Weights {
     std::array<std::ptrdiff_t, 4> at{};
     std::array<Real, 4> of{};
@@ -56,20 +56,20 @@ struct HeightField {
     return w;
   }
 
-  /// A place counted in steps; on an axis that repeats between its begin and its end.
+  /// A position in grid steps; wrapped on a periodic axis.
   Real into(Real place, std::size_t axis, bool around, Real last) const {
     const Real u = (place - start[axis]) / step[axis];
     return around && !(u >= Real(0) && u < last) ? u - last * Real(std::floor(double(u / last))) : u;
   }
 
-  /// The weights where nothing changes any more, and those of what is not a number.
+  /// The weights in the constant continuation, and for NaN.
   static Weights beyond(Real u, int order, std::ptrdiff_t n) {
     if (!(u < Real(0)) && !(u > Real(0))) return {{}, {u, u, u, u}};
     const std::ptrdiff_t end = u < Real(0) ? 0 : n - 1;
     return {{end, end, end, end}, {Real(order == 0 ? 1 : 0), Real(0), Real(0), Real(0)}};
   }
 
-  /// The weights of four places by those of a cubic's ends and slopes, or of two places.
+  /// The weights of four grid points from those of a cubic's ends and slopes, or of two points.
   std::array<Real, 4> shares(Real t, int order) const {
     if (bilinear) return {Real(0), order == 0 ? Real(1) - t : Real(order == 1 ? -1 : 0), order == 0 ? t : Real(order == 1 ? 1 : 0), Real(0)};
     const std::array<Real, 4> h = hermite(t, order);
@@ -77,7 +77,7 @@ struct HeightField {
     return {-begins, h[0] - ends, h[1] + begins, ends};
   }
 
-  /// The weights at an edge, whose slopes are one-sided, or over the seam of an axis that repeats.
+  /// The weights at an edge, with one-sided slopes, or across the seam of a periodic axis.
   void fit(Weights& w, Real t, int order, std::ptrdiff_t k, std::ptrdiff_t n, bool around) const {
     for (std::ptrdiff_t& at : w.at) at = around ? (at < 0 ? at + n : at >= n ? at - n : at) : std::clamp<std::ptrdiff_t>(at, 0, n - 1);
     if (around || bilinear) return;
@@ -92,7 +92,7 @@ struct HeightField {
     }
   }
 
-  /// The shares of both ends' heights and of their slopes in a cubic over [0, 1], or in its derivative.
+  /// The Hermite basis over [0, 1], or its derivative.
   static std::array<Real, 4> hermite(Real t, int order) {
     const Real one(1), two(2), three(3), six(6), r = one - t;
     if (order == 0) return {r * r * (one + two * t), t * t * (three - two * t), t * r * r, -t * t * r};
@@ -102,13 +102,13 @@ struct HeightField {
   }
 };
 
-/// A rectangle of a road with another friction, which goes over to that around it by cubics across its edges, over a width of `edge`; lengths in m.
+/// A rectangle with another friction, blended into its surroundings by cubics of width `edge` across its edges; lengths in m.
 template <class Real>
 struct FrictionPatch {
   std::array<Real, 2> x, y;
   Real friction, edge;
 
-  /// The share of the patch at a place, or its derivative of order 0 or 1 by x and y.
+  /// The blending weight of the patch at a point, or its partial derivatives of order 0 or 1 in x and y.
   Real share(Real at_x, Real at_y, int by_x, int by_y) const { return along(x, at_x, by_x) * along(y, at_y, by_y); }
 
  private:
@@ -121,8 +121,8 @@ struct FrictionPatch {
   }
 };
 
-/// What a road has beside its two tracks: a height field along x and y or along a line, if it has one, and patches, of which a later one lies on
-/// those before.
+/// The surface of a road besides its two tracks: an optional height field along x and y or along a line, and patches; later patches cover
+/// earlier ones.
 template <class Real>
 struct Surface {
   HeightField<Real> field{};
@@ -134,7 +134,7 @@ struct Surface {
     return curved.heights.empty() ? Real(0) : curved.derivative(x, y, by_x, by_y);
   }
 
-  /// The factor of friction at a place, or its derivative of order 0 or 1 by x or y.
+  /// The friction factor at a point, or its partial derivative of order 0 or 1 in x or y.
   Real friction(Real x, Real y, int by_x, int by_y) const {
     Real value(1), slope(0);
     for (const FrictionPatch<Real>& patch : patches) {

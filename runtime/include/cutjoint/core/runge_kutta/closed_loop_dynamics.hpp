@@ -1,4 +1,4 @@
-// A mechanism as an explicit method sees it.
+// A mechanism as a differential equation for explicit methods.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@
 
 namespace cutjoint::runge_kutta {
 
-/// The differential equation of a mechanism some of whose indicators, all or none, are watched at every stage, and whose loops are closed after each step.
+/// The differential equation of a mechanism; all or none of its event indicators are evaluated at each stage, and loops are projected after each step.
 template <Mechanism M>
 class ClosedLoopDynamics : public Solved<M> {
  public:
@@ -28,7 +28,7 @@ class ClosedLoopDynamics : public Solved<M> {
       : Solved<M>(mechanism, tolerance, multipliers), cells_(cells), history_{state_.lambda, state_.lambda}, residual_(state_.lambda),
         rate_(state_.lambda), speeds_(state_.v) {}
 
-  /// Take a start in its present mode.
+  /// Take over a start in its present mode.
   Vector begin(const StateOf<M>& start) {
     Vector y = Solved<M>::begin(start);
     adopt(start.t, y);
@@ -36,7 +36,7 @@ class ClosedLoopDynamics : public Solved<M> {
     return y;
   }
 
-  /// An attempt of a step from t begins, with the multipliers of the last step: those of a rejected attempt may be anything.
+  /// Begin an attempt of a step from t with the multipliers of the last step, not those of a rejected attempt.
   void begin_attempt(Real t) {
     cells_.begin(t);
     if (history_.known < 2) state_.lambda = history_.last;
@@ -56,7 +56,7 @@ class ClosedLoopDynamics : public Solved<M> {
     return true;
   }
 
-  /// The derivative at a stage that only tells what lies between a step's ends: it leaves no trace in later evaluations, and no indicator is looked at there.
+  /// The derivative at a stage of the interpolant: it does not affect later evaluations, and indicators are not evaluated.
   void derive_between(Real t, const Vector& y, Vector& derivative) {
     const auto before = this->experience_;
     complete_ = state_;
@@ -68,7 +68,7 @@ class ClosedLoopDynamics : public Solved<M> {
     this->experience_.evaluations = evaluations;
   }
 
-  /// Quaternions get their length back, loops are closed, and speeds keep them closed.
+  /// Normalise quaternions, and project positions and velocities onto the loops.
   Fault project(Real t, Vector& y) {
     Solved<M>::project(t, y);
     if (state_.lambda.empty()) return {};
@@ -90,7 +90,7 @@ class ClosedLoopDynamics : public Solved<M> {
     return {static_cast<double>(largest(residual_)), static_cast<double>(largest(rate_)), 0.0};
   }
 
-  /// A state as one, with accelerations and multipliers where guides need them.
+  /// Put y into a state, with accelerations and multipliers if guides need them.
   void inspect(Real t, const Vector& y, StateOf<M>& state) {
     if (mechanism_.description().driven) {
       state = this->complete(t, y);
@@ -116,7 +116,7 @@ class ClosedLoopDynamics : public Solved<M> {
     return cells_.found();
   }
 
-  /// A step ended at t with its last stage; the mode continues.
+  /// Accept a step that ended at t with its last stage; the mode continues.
   void advance(Real t) {
     cells_.advance();
     history_.last.swap(history_.before_last);
@@ -165,8 +165,8 @@ class ClosedLoopDynamics : public Solved<M> {
  private:
   using Solved<M>::complete_, Solved<M>::mechanism_, Solved<M>::projection_, Solved<M>::state_;
 
-  /// Whether speeds have been moved far for little, as near a singular pose.  Along a direction that loops hold to a share of 1e-6 rounding of places
-  /// turns the speeds that are closed; steps that happen to end there would lose their energy, where those that go over the pose lose none.
+  /// Whether the projection moved velocities far, as near a singular pose.  In a direction that loops constrain by 1e-6, rounding of positions
+  /// rotates projected velocities; steps that end there would lose energy, those that cross the pose do not.
   bool leaps() {
     using std::abs;
     if (this->multipliers_ != Multipliers::solved) return false;
@@ -177,7 +177,7 @@ class ClosedLoopDynamics : public Solved<M> {
     return largest(rate_) < Real(1e-5) * moved;
   }
 
-  /// Multipliers to begin with: on the line through those of the last two steps' ends, or those of the stage before.
+  /// Initial multipliers: extrapolated linearly from the ends of the last two steps, or those of the previous stage.
   void predict(Real t) {
     const auto& [last, before_last, last_time, before_last_time, known] = history_;
     if (known < 2 || this->multipliers_ != Multipliers::corrected) return;
@@ -197,7 +197,7 @@ class ClosedLoopDynamics : public Solved<M> {
   stepping::IndicatorCells<M> cells_;
   History history_;
   Equations<M> residual_, rate_;
-  Speeds<M> speeds_;  ///< before loops are closed
+  Speeds<M> speeds_;  ///< before the projection
 };
 
 }  // namespace cutjoint::runge_kutta

@@ -1,4 +1,4 @@
-// Accelerations of a mechanism whose multipliers an evaluation solves for.
+// Accelerations of a mechanism with multipliers solved for in each evaluation.
 #pragma once
 
 #include <algorithm>
@@ -14,13 +14,13 @@
 
 namespace cutjoint::runge_kutta {
 
-/// Multipliers are `corrected` from evaluation to evaluation, or `solved` for in each by passes from none, so that the state alone says what it finds.
-/// Near singular poses, where the loops hardly hold some directions, passes leave part of what must push there.  Solved ones leave it so: one
-/// evaluation among others that goes further would look like a jump to an estimate of the error.  `completed` ones are for rules without one.
+/// Multipliers are `corrected` from evaluation to evaluation, or `solved` for in each by passes from zero, so that they depend on the state alone.
+/// Near singular poses, in nearly unconstrained directions, passes leave part of the forces missing.  `solved` accepts this: a single
+/// evaluation with more passes would look like a jump to an error estimate.  `completed` is for rules without one.
 enum class Multipliers { corrected, solved, completed };
 
-/// The differential equation of a mechanism.  Near a singular pose completed multipliers are found by residuals that fall, in the nearest state
-/// that closes the loops, since what opens them asks for accelerations as large as it is beside what is left of the equations.
+/// The differential equation of a mechanism.  Near a singular pose completed multipliers are found by GCR (falling_residuals.hpp) in the nearest
+/// consistent state, since violations would cause large accelerations there.
 template <Mechanism M>
 class Solved : public Relative<M, Solved<M>> {
  public:
@@ -51,9 +51,9 @@ class Solved : public Relative<M, Solved<M>> {
 
   Real enough() const { return std::max(tolerance_, Real(1e-9)) * (Real(1) + largest(state_.vdot)); }
 
-  /// From no multipliers by as many passes as the last check found to be enough.  A check takes one more, and further ones as long as each changes
-  /// the accelerations much less than the one before.  Completed ones are checked more often, each one near a singular pose, which a step may go
-  /// over as a whole.
+  /// From zero multipliers by as many passes as the last check found sufficient.  A check takes one more, and further ones as long as each changes
+  /// the accelerations much less than the one before.  Completed ones are checked more often, near a singular pose always, since a step may
+  /// cross it.
   void solve_multipliers() {
     const bool checks = experience_.age >= trusted, completes = multipliers_ == Multipliers::completed;
     forget();
@@ -89,7 +89,7 @@ class Solved : public Relative<M, Solved<M>> {
 
   void forget() { std::fill(state_.lambda.begin(), state_.lambda.end(), Real(0)); }
 
-  /// Near a singular pose.  If passes are enough, the pose is left.
+  /// Near a singular pose; left when passes suffice again.
   void settle() {
     projection_.close_fully(true);
     (void)projection_.positions(state_), (void)projection_.velocities(state_);
@@ -108,7 +108,7 @@ class Solved : public Relative<M, Solved<M>> {
     }
   }
 
-  /// Passes from no multipliers as elsewhere; whether each changes the accelerations much less than the one before until that is enough.
+  /// Passes from zero multipliers as elsewhere; whether they converge quickly enough.
   bool is_enough() {
     Real last = std::numeric_limits<Real>::infinity();
     for (int pass = 1; pass <= most; ++pass) {
@@ -123,7 +123,7 @@ class Solved : public Relative<M, Solved<M>> {
     return false;
   }
 
-  /// A correction of the multipliers that leaves a share of what they lack; how far it has moved the accelerations.
+  /// A correction of the multipliers, which leaves a fraction of their error; returns the change of the accelerations.
   Real solve_left(Real share) {
     using std::abs;
     keep();

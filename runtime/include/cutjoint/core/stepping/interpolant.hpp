@@ -1,4 +1,4 @@
-// States between the ends of a step.
+// Interpolated states within a step.
 #pragma once
 
 #include <algorithm>
@@ -14,20 +14,20 @@
 namespace cutjoint::stepping {
 
 /// The polynomial of degree 5 through displacements, their rates and second derivatives at both ends of a step, in the chart of its start.
-/// Speeds are those of its derivative: the cubic through rates and second derivatives, and a part for the surplus of the displacement over
-/// the integral of that cubic.  A speed has the h-th part of the surplus, and so must not have the rounding of coordinates: the
-/// displacement is the one that the stages found.
+/// Velocities are its derivative: the cubic through rates and second derivatives, plus a term for the difference (surplus) of the displacement and
+/// the integral of that cubic.  Dividing the surplus by h would amplify rounding of coordinates, so the displacement is the one computed by
+/// the stages.
 template <class S>
 class Interpolant {
  public:
   using Real = typename S::real_type;
   using Vector = Array<S, static_sizes<S>().coordinates + static_sizes<S>().speeds>;  ///< y = (q, v)
 
-  /// For states as long as `like`.
+  /// For states of the size of `like`.
   Interpolant(std::span<const Chart> charts, const StateOf<S>& like)
       : charts_(charts), now_{like.q, like.v, like.v, {like.v, like.v, like.v}, {like.v, like.v, like.v}, Real(1)}, delta_(like.v), rate_(like.v) {}
 
-  /// Between two states with accelerations, a step of h apart; `found` is the displacement as the stages found it.
+  /// Interpolate between two states with accelerations, a step of h apart; `found` is the displacement computed by the stages.
   void join(Real h, const StateOf<S>& start, const StateOf<S>& end, const Speeds<S>& found) {
     now_.q = start.q;
     now_.h = h;
@@ -39,7 +39,7 @@ class Interpolant {
     copy_states(charts_, end.vdot, second.begin());
     derivative = start.v;
     bend = start.vdot;
-    for (std::size_t i = 0; i < shift.size(); ++i) {  // Taylor's polynomial, and what the three conditions at the end ask of powers 3 to 5
+    for (std::size_t i = 0; i < shift.size(); ++i) {  // Taylor's polynomial, and powers 3 to 5 from the three conditions at the end
       const Real v = h * derivative[i], a = h * h * bend[i] / 2;
       const Real violation = shift[i] - v - a, rate = h * rate_[i] - v - 2 * a, curve = h * h * second[i] - 2 * a;
       const Real change = rate_[i] - derivative[i], surplus = found[i] - h * (derivative[i] + rate_[i]) / 2 - h * h * (bend[i] - second[i]) / 12;
@@ -54,7 +54,7 @@ class Interpolant {
     now_.vdot = start.vdot;
   }
 
-  /// The state at the share s of the step: y = (q, v).
+  /// The state at the fraction s of the step: y = (q, v).
   void at(Real s, Vector& y) {
     const auto& [q, speed, vdot, parts, rates, h] = now_;
     for (std::size_t i = 0; i < delta_.size(); ++i) {
