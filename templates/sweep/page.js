@@ -17,9 +17,9 @@ const columns = about.columns.map((column, i) => {
   const values = table.subarray((i + 1) * rows, (i + 2) * rows);
   return {...withRange(column, [values]), values};
 });
-const filters = new Map();  // from the number of a column to its least and largest value
+const filters = new Map();  // from a column's index to its range
 const curves = new Map(Object.entries(about.curves).map(([number, text]) => [+number, new Float32Array(bytesOf(text).buffer)]));
-let kept = Array.from(all.keys()), marked = [];  // runs that stand beside one another, in the order of their colours
+let kept = Array.from(all.keys()), marked = [];  // compared runs, in the order of their colours
 
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const most = 6, markColour = (i) => style(`--loop${i}`);  // of marked runs
@@ -75,7 +75,7 @@ const placeAxes = () => {
   $('axes').replaceChildren(...columns.map((column, i) => {
     const axis = document.createElement('div'), name = document.createElement('b');
     axis.className = `axis ${column.role}`; axis.style.left = `${across(i, box.width)}px`; axis.dataset.column = i;
-    name.textContent = title(column).replaceAll('_', '_\u200b');  // where a long name may be broken
+    name.textContent = title(column).replaceAll('_', '_\u200b');  // a long name may be broken here
     const ticks = column.labels ? column.labels.map((_, k) => k) : [column.high, column.low];
     const marks = ticks.map((v) => {
       const mark = document.createElement('i');
@@ -134,7 +134,7 @@ const marks = (low, high) => {
   for (let v = Math.ceil(low / step) * step; v <= high + step * 1e-9; v += step) list.push(Math.abs(v) < step * 1e-9 ? 0 : v);
   return list;
 };
-/** Axes of two columns with their names; returns where values are. */
+/** Draws axes of two columns with their names; returns the scales. */
 const drawPlane = ({g, width, height}, x, y) => {
   const w = width - margin.left - margin.right, h = height - margin.top - margin.bottom;
   const px = (v) => margin.left + w * (0.02 + 0.96 * share(x, v)), py = (v) => margin.top + h * (0.98 - 0.96 * share(y, v));
@@ -231,7 +231,7 @@ $('plane').addEventListener('pointermove', (event) => {
 $('plane').addEventListener('pointerleave', () => { $('tip').hidden = true; });
 $('plane').addEventListener('click', (event) => choose(nearest(event), event));
 
-// An output of the marked runs over the time, of those that were simulated again.
+// An output of the marked runs over time, for those simulated again.
 const curve = (number, output) => {
   const all = curves.get(number), size = all.length / (1 + about.outputs.length);
   return {t: all.subarray(0, size), values: all.subarray((output + 1) * size, (output + 2) * size)};
@@ -259,7 +259,7 @@ const replayed = (link, number) => {
   if (!link.hidden) link.href = about.replays[number];
   return link;
 };
-/** Mark a run alone, or with those that are marked; one that is marked is so no longer. */
+/** Mark a run alone or in addition; unmark a marked one. */
 const choose = (r, event) => {
   const joins = event.ctrlKey || event.metaKey || event.shiftKey || event.target.type === 'checkbox';
   if (r < 0 || !joins) mark(r < 0 ? [] : [r]);
@@ -311,7 +311,7 @@ const markEnds = () => {
   const column = columns[+$('of').value];
   mark([...new Set([1, -1].flatMap((sign) => inOrder(column, sign).slice(0, 1)))]);
 };
-/** The runs that pass, in the digits that the page has. */
+/** The filtered runs, with the page's digits. */
 const keptText = () => {
   const quoted = (word) => (/[",\n]/.test(word) ? `"${word.replaceAll('"', '""')}"` : word);
   const head = ['run', ...columns.map((c) => quoted(c.unit ? `${c.name} [${c.unit}]` : c.name))];

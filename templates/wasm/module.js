@@ -1,8 +1,8 @@
-// A generated simulator in WebAssembly: the C interface of its folder, called from JavaScript.  All values are in SI units.
+// A generated simulator in WebAssembly: the C interface of its export, called from JavaScript.  All values are in SI units.
 const KINDS = ['parameter', 'input', 'coordinate', 'speed', 'equation', 'start_coordinate', 'start_speed', 'output', 'pose'];
 const NUMBERS_OF_POSE = 16, PAGE = 65536, TEXT = 1000;
 
-/** A call that did nothing, or a motion that cannot go on: the message is the core's, `status` its number, `time` where the simulation stands, s. */
+/** A rejected call, or a motion that cannot continue: the core's message, its `status`, and the `time` of the simulation, s. */
 class SimulationError extends Error {
   constructor(message, status, time) {
     super(message);
@@ -25,7 +25,7 @@ class Model {
     for (const kind of KINDS) this.#tables[kind] = this[`${kind.replace(/_(.)/, (_, letter) => letter.toUpperCase())}s`] = this.#table(kind);
   }
 
-  /** Whether the core has a function of the C interface, by its name without the model's. */
+  /** Whether the core has a function of the C interface, by its name without the prefix. */
   has(name) {
     return `${this.facts.name}_${name}` in this.exports;
   }
@@ -44,14 +44,14 @@ class Model {
     return new Simulation(this, sim, () => this.#blocks.push(at));
   }
 
-  /** The number of what has a name, of a kind such as 'input'; a number stays. */
+  /** The index of a name of a kind such as 'input'; a number is returned as it is. */
   find(kind, name) {
     const known = this.#tables[kind], index = typeof name === 'number' ? name : known.findIndex((each) => each.name === name);
     if (index >= 0) return index;
     throw new Error(`the model '${this.facts.name}' has no ${kind.replace('_', ' ')} '${name}'; it has ${known.map((each) => each.name).join(', ') || 'none'}`);
   }
 
-  /** So many doubles of the module's memory; a call that makes a simulation may take them away. */
+  /** A view of doubles in the module's memory; creating a simulation may invalidate it. */
   doubles(at, length) {
     return new Float64Array(this.exports.memory.buffer, at, length);
   }
@@ -60,20 +60,20 @@ class Model {
     return new Uint8Array(this.exports.memory.buffer, at, length);
   }
 
-  /** The text at a place, up to its zero; '' of a null pointer. */
+  /** The zero-terminated text at an address; '' for a null pointer. */
   text(at) {
     if (!at) return '';
     const all = new Uint8Array(this.exports.memory.buffer, at);
     return new TextDecoder().decode(all.subarray(0, all.indexOf(0)));
   }
 
-  /** A place for so many bytes that one call reads or writes. */
+  /** Scratch memory for one call. */
   room(bytes) {
     if (this.#room.bytes < bytes) this.#room = { at: this.take(2 * bytes), bytes: 2 * bytes };
     return this.#room.at;
   }
 
-  /** The place of so many bytes of new memory, which begins a page and stays. */
+  /** The address of new memory, which begins a page and is permanent. */
   take(bytes) {
     return this.exports.memory.grow(Math.ceil(bytes / PAGE)) * PAGE;
   }
@@ -86,7 +86,7 @@ class Model {
   }
 }
 
-/** One simulation.  Names stand for numbers of the C interface wherever a number is asked for. */
+/** One simulation.  Names may be used wherever the C interface has an index. */
 class Simulation {
   #model;
   #sim;
@@ -96,7 +96,7 @@ class Simulation {
     [this.#model, this.#sim, this.#release] = [model, sim, release];
   }
 
-  /** Gives the memory back; no call may follow. */
+  /** Frees the memory; no call may follow. */
   free() {
     this.#release();
     this.#sim = 0;
@@ -109,7 +109,7 @@ class Simulation {
   /** Steps up to a time, s. */
   advance(time) { this.#do('advance', time); }
 
-  /** So many steps; the outputs at the end of each, row by row. */
+  /** Takes steps; returns the outputs at the end of each, row by row. */
   run(steps) {
     const count = steps * this.#model.outputs.length, at = this.#model.room(8 * count);
     this.#do('run', steps, at);
@@ -119,21 +119,21 @@ class Simulation {
   setStep(dt) { this.#do('set_step', dt); }
   setIterations(number) { this.#do('set_iterations', number); }
   setTolerance(relative, absolute = relative) { this.#do('set_tolerance', relative, absolute); }
-  /** Whether a start is a pose at rest. */
+  /** Sets whether a start is an equilibrium. */
   setEquilibrium(wanted) { this.#do('set_equilibrium', Number(wanted)); }
   setParameter(name, value) { this.#do('set_parameter', this.#model.find('parameter', name), value); }
-  /** An input's value, and derivatives by which it goes on until it is set again. */
+  /** Sets an input's value, and the derivatives by which it continues until set again. */
   setInput(name, value, rate = 0, acceleration = 0) { this.#do('set_input', this.#model.find('input', name), value, rate, acceleration); }
   /** An input follows its scene again. */
   releaseInput(name) { this.#do('release_input', this.#model.find('input', name)); }
   input(name) { return this.#call('input', this.#model.find('input', name)); }
   setStartCoordinate(name, value) { this.#do('set_start_coordinate', this.#model.find('start_coordinate', name), value); }
   setStartSpeed(name, value) { this.#do('set_start_speed', this.#model.find('start_speed', name), value); }
-  /** Forgets coordinates and speeds that were given. */
+  /** Clears given coordinates and velocities. */
   resetStart() { this.#do('reset_start'); }
 
   get time() { return this.#call('time'); }
-  /** The present values, arrays that the next call changes; copy what shall stay. */
+  /** The present values, as views that the next call changes: copy to keep them. */
   get outputs() { return this.#values('outputs', this.#model.outputs); }
   get coordinates() { return this.#values('coordinates', this.#model.coordinates); }
   get speeds() { return this.#values('speeds', this.#model.speeds); }
@@ -142,17 +142,17 @@ class Simulation {
   get parameters() { return this.#values('parameters', this.#model.parameters); }
   output(name) { return this.outputs[this.#model.find('output', name)]; }
 
-  /** Of each body and marker place (3), attitude (w, x, y, z), velocity (3), angular velocity (3), place in the design (3): 16 numbers. */
+  /** For each body and marker 16 numbers: position (3), attitude (w, x, y, z), velocity (3), angular velocity (3), design position (3). */
   get poses() { return this.#values('poses', { length: NUMBERS_OF_POSE * this.#model.poses.length }); }
 
-  /** All that later steps follow from. */
+  /** The complete state. */
   save() {
     const bytes = this.#model.call('snapshot_size'), at = this.#model.room(bytes);
     this.#do('save', at);
     return this.#model.bytes(at, bytes).slice();
   }
 
-  /** Goes on where `save` was called, bit by bit. */
+  /** Continues from a `save`, bit by bit. */
   restore(snapshot) {
     const bytes = this.#model.call('snapshot_size');
     if (snapshot.length !== bytes) throw new Error(`a snapshot has ${bytes} bytes, not ${snapshot.length}`);
@@ -161,7 +161,7 @@ class Simulation {
     this.#do('restore', at, bytes);
   }
 
-  /** What failed last, and where it stands in the model's file. */
+  /** What failed last, and its line in the model file. */
   failureText() {
     const at = this.#model.room(TEXT);
     this.#call('failure_text', at, TEXT);

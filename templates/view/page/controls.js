@@ -1,4 +1,4 @@
-// What is pressed, and the start of it all.
+// Keys and buttons, and the start of the page.
 function fill(select, entries, chosen) {
   select.replaceChildren(...entries.map(([value, text]) => new Option(text, value, false, value === chosen)));
 }
@@ -31,14 +31,14 @@ addEventListener('keydown', (e) => {
   if (e.key === 'ArrowRight' || e.key === 'ArrowLeft') setTime(t[Math.min(Math.max(row() + (e.key === 'ArrowRight' ? 1 : -1), 0), t.length - 1)]);
 });
 
-/** For tests and for a console: what the page shows where. */
+/** For tests and the console: what the page shows, and where. */
 window.cutjoint = {
   setTime, choose, play,
-  /** The pixel in the picture at which a body's centre of mass is at a time, s. */
+  /** The pixel of a body's centre of mass at a time, s. */
   project(body, time) { if (!about.live && !about.drive) setTime(time); camera.updateMatrixWorld(); return place(nodes.get(body)).slice(0, 2); },
-  /** The pixel of the ball around what failed. */
+  /** The pixel of the mark around the failed element. */
   mark() { camera.updateMatrixWorld(); return place(marks[0]).slice(0, 2); },
-  /** The pixel at which the ghost of a body is. */
+  /** The pixel of a body's ghost. */
   ghost(body, time) {
     setTime(time);
     scene.updateMatrixWorld();
@@ -46,20 +46,20 @@ window.cutjoint = {
     ghost.scene.traverse((object) => { if (object.userData.body === body) found = object; });
     return place(found).slice(0, 2);
   },
-  /** From where to where an arrow goes, in the scene's axes, where y is up. */
+  /** Both ends of an arrow, in the scene's axes (y is up). */
   arrow(name, time) {
     setTime(time);
     const node = arrows.find((a) => a.userData.arrow === name), at = node.localToWorld(new Vector3());
     return { at: at.toArray(), along: node.localToWorld(new Vector3(0, 0, 1)).sub(at).normalize().toArray(), newton: node.scale.x * node.userData.newton };
   },
-  /** Where the eye is and what it looks at, in the scene's axes (y is up), its angle of view in degrees, and the picture's size in pixels. */
+  /** Position and target of the camera in the scene's axes (y is up), its field of view in degrees, and the picture's size in pixels. */
   eye() { return { from: camera.position.toArray(), to: orbit.target.toArray(), angle: camera.fov, size: [picture.clientWidth, picture.clientHeight] }; },
   motion: chooseMotion, tab: showTab, tell, plotted() { return plot?.data; }, table: tableText,
-  /** The places of a body's centre of mass that its trace has, in the scene's axes. */
+  /** The points of a body's trace, in the scene's axes. */
   way(body) { return wayOf(body).map((place) => place.toArray()); },
-  /** Takes a coordinate to a value as its slider does; all coordinates afterwards. */
+  /** Moves a coordinate to a value as its slider does; returns all coordinates. */
   slide(name, value) { slide(sliders.sliders.find((s) => s.name === name), value); return [...pose]; },
-  /** How many times a host has said where its bodies are. */
+  /** The number of poses received from a host. */
   heard() { return heard; },
   shown() { return { ...state, row: row() }; },
   frames() { return renderer.info.render.frame; },

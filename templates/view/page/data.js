@@ -1,4 +1,4 @@
-// What the page holds: facts, the numbers of the run's table, and what is chosen.
+// Data of the page: facts, the run's table, and the selection.
 const { AmbientLight, AnimationMixer, Box3, BufferGeometry, Color, DirectionalLight, Float32BufferAttribute, Fog, GLTFLoader, HemisphereLight,
   LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial, OrbitControls, PerspectiveCamera, Plot, Quaternion, Raycaster,
   Scene, Vector2, Vector3, Vector4, WebGLRenderer,
@@ -20,7 +20,7 @@ const { outlook } = about;
 let [first, last] = about.motions.length ? [0, about.period] : [t[0], t[t.length - 1]];
 const state = { time: first, playing: false, body: '', chosen: columns.slice(0, 1).map((c) => c.name), over: '', follow: outlook.follow };
 
-/** The text of an element, which is as it was written: its CRC-32 (ISO/IEC 13239) is beside it. */
+/** The text of an element, verified by its CRC-32 (ISO/IEC 13239). */
 function held(id) {
   const element = by(id), text = element?.textContent ?? '';
   let crc = -1;
@@ -29,7 +29,7 @@ function held(id) {
   return text;
 }
 
-/** A column with as many decimals as five digits of its largest value have. */
+/** A column with the decimals of five digits of its largest value. */
 function measured(column) {
   const largest = column.values.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
   return { ...column, decimals: largest > 0 ? Math.min(Math.max(4 - Math.floor(Math.log10(largest)), 0), 9) : 0 };

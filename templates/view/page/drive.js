@@ -1,18 +1,18 @@
-// A simulation that runs in the page: the clock, keys and sliders that move its inputs, its record, and the way back.
+// A simulation that runs in the page: clock, keys and sliders for its inputs, recording and rewinding.
 const { drive } = about;
 
-/** Seconds of a frame that steps may take, that a frame makes up for at most, and between snapshots, curves and lines of figures. */
+/** Seconds: for steps in a frame, caught up in a frame at most, and between snapshots, curves and lines of values. */
 const BUDGET = 0.03, MOST = 0.1, BETWEEN = 1, CURVES = 0.4, FIGURES = 0.25;
 const RPM = 30 / Math.PI;
-/** Rows of the curves, and snapshots before every other one of the older half goes. */
+/** Rows of the curves, and snapshots before every other one of the older half is dropped. */
 const SHOWN = 3000, KEPT = 1200;
-/** How fast keys move what they move, in ways from rest to its end a second: away, and back where it goes back by itself. */
+/** Rates of keys in full travels per second: away from rest, and back if self-centring. */
 const PACE = { steer: [1.6, 3.5], throttle: [2, 5], brake: [4, 8], '': [0.5, 0] };
-/** The speed, m/s, at which keys turn a car's steering wheel by half of its way: as far as tyres hold at any speed, about. */
+/** The speed, m/s, at which keys turn a car's steering wheel by half of its travel: roughly the grip of tyres at any speed. */
 const EASY = 8;
-const TURNED = { steer: 0, throttle: 7, brake: 6 };  // of a gamepad, by the standard mapping: an axis, and buttons
+const TURNED = { steer: 0, throttle: 7, brake: 6 };  // of a gamepad in the standard mapping: an axis, and buttons
 
-/** Numbers that become more. */
+/** A growing array of numbers. */
 class Growing {
   constructor() { [this.room, this.length] = [new Float64Array(256), 0]; }
   push(value) {
@@ -27,7 +27,7 @@ const run = {
   late: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, speed: 0, camera: drive?.car ? 'chase' : 'orbit', heading: undefined, pad: undefined, drawn: 0, told: 0, frames: 0,
 };
 
-/** An input or a parameter that keys, a slider, a touch or a gamepad moves: `place` is from -1 to 1, where 0 is its value at rest. */
+/** An input or a parameter moved by keys, a slider, touch or a gamepad: `place` is from -1 to 1, with 0 at rest. */
 class Axis {
   constructor(about) {
     Object.assign(this, about, { place: 0, wanted: 0, touched: about.role !== '', sent: undefined });
@@ -40,20 +40,20 @@ class Axis {
     const way = value - this.rest, far = Math.sign(way) === Math.sign(this.low - this.rest) ? this.rest - this.low : this.high - this.rest;
     return far ? Math.min(Math.max(way / far, -1), 1) : 0;
   }
-  /** The keys that are down: which way. */
+  /** The direction of the keys that are down. */
   get keyed() {
     const down = (keys) => Number(keys.some((key) => run.keys.has(key)));
     return down(this.plus) - (this.low === this.rest ? 0 : down(this.minus));
   }
-  /** What keys reach of the way: of a car's wheel less, the faster it goes. */
+  /** The fraction of the travel that keys reach: for a car's wheel less at higher speeds. */
   get reach() { return drive.car && this.role === 'steer' ? 1 / (1 + (run.speed / EASY) ** 2) : 1; }
-  /** Where keys, or else a gamepad's axis or button, push it. */
+  /** The direction of keys, or else of a gamepad's axis or button. */
   get pushed() { return this.keyed * this.reach || (run.pad ? this.of(run.pad) : 0); }
   of(pad) {
     if (this.role === 'steer') { const at = pad.axes[TURNED.steer] ?? 0; return Math.abs(at) < 0.08 ? 0 : at; }
     return this.role ? pad.buttons[TURNED[this.role]]?.value ?? 0 : 0;
   }
-  /** One step of dt towards where it is pushed, or goes back by itself. */
+  /** One step of dt towards that direction, or back to rest. */
   move(dt) {
     const pushed = this.pushed, [away, back] = PACE[this.role];
     if (pushed && !this.touched) this.place = this.placeOf(run.sim.input(this.name));
@@ -64,31 +64,31 @@ class Axis {
     const way = this.wanted - this.place;
     this.place = Math.min(Math.max(this.held ? this.wanted : this.place + Math.min(Math.max(way, -most), most), -1), 1);
   }
-  /** The slider's place, which stays until a key is pressed. */
+  /** Sets the slider's position, which stays until a key is pressed. */
   put(place) { [this.wanted, this.held, this.touched] = [place, true, true]; }
-  /** Gives the simulation the value, where it is another one. */
+  /** Passes the value to the simulation if it has changed. */
   send() {
     if (!this.touched || this.value === this.sent) return;
     this.sent = this.value;
     run.events.push([run.step, this.name, this.value]);
     give(run.core, run.sim, this.name, this.value);
   }
-  /** The value as it was given in a drive that is taken once more. */
+  /** Takes the value of a replayed drive. */
   take(value) { [this.place, this.wanted, this.touched, this.held, this.sent] = [this.placeOf(value), this.placeOf(value), true, !this.role, value]; }
   get state() { return [this.place, this.wanted, this.touched, this.held, this.sent]; }
   set state(state) { [this.place, this.wanted, this.touched, this.held, this.sent] = state; }
 }
 
-/** What a drive that was saved gave, from step to step. */
+/** The inputs of a saved drive, by steps. */
 class Script {
   constructor({ events }) { [this.events, this.next] = [events, 0]; }
-  /** The events up to a step that have not been given. */
+  /** The remaining events up to a step. */
   *upTo(step) { while (this.next < this.events.length && this.events[this.next][0] <= step) yield this.events[this.next++]; }
 }
 
 const give = (core, sim, name, value) => sim[core.inputs.some((input) => input.name === name) ? 'setInput' : 'setParameter'](name, value);
 
-/** One step with the inputs as they are; a fault ends the drive with the core's words. */
+/** One step with the present inputs; a fault ends the drive with the core's message. */
 function advance() {
   if (run.script) for (const event of run.script.upTo(run.step)) {
     run.events.push(event);
@@ -114,13 +114,13 @@ function keep() {
   if (run.snapshots.length > KEPT) run.snapshots = run.snapshots.filter((_, i) => i % 2 === 0 || i > KEPT / 2);
 }
 
-/** The speed of the body that is driven, m/s. */
+/** The speed of the driven body, m/s. */
 function speedOf(poses) {
   const at = 16 * about.bodies.indexOf(drive.body);
   return Math.hypot(...poses.subarray(at + 7, at + 10));
 }
 
-/** So many steps at once; false where the drive has ended. */
+/** Takes steps; false if the drive has ended. */
 function takeSteps(count) {
   try {
     for (let i = 0; i < count; i++) advance();
@@ -146,7 +146,7 @@ function stop(error) {
   storeDrive();
 }
 
-/** Back to the last snapshot at a time or before; what came later is forgotten. */
+/** Returns to the last snapshot at or before a time and discards what came later. */
 function goBack(time) {
   playDrive(false);
   const at = Math.max(0, run.snapshots.findLastIndex((each) => each.time <= time + 1e-9)), to = run.snapshots[at];
@@ -160,7 +160,7 @@ function goBack(time) {
   showDriven(true);
 }
 
-/** A simulation at the start of the scene, with what is given besides. */
+/** A simulation at the start of the scene, with given values. */
 function begun(core, given) {
   const sim = core.create();
   sim.setStep(drive.dt);
@@ -169,7 +169,7 @@ function begun(core, given) {
   return sim;
 }
 
-/** The start of the scene, on the road as it is; one that has been found is kept, since a pose at rest takes long to find. */
+/** The start of the scene on the present road; cached, since an equilibrium takes long to find. */
 function restart(given = drive.given) {
   const shownBy = run.axes.map(({ input, output, bar }) => ({ input, output, bar }));
   if (run.sim && given === run.given) run.sim.restore(run.snapshots[0].bytes);
@@ -186,7 +186,7 @@ function restart(given = drive.given) {
   keep();
 }
 
-/** A road, with memory of its own; the drive begins anew. */
+/** Sets a road with its own memory and restarts the drive. */
 async function takeRoad(name, seed, given) {
   const before = [run.core, run.sim, run.road], core = await instantiate(run.module), road = drive.ground ? makeRoad(name, seed) : undefined;
   if (road) layRoad(core, road);
@@ -214,7 +214,7 @@ function playDrive(on) {
   else { showFigures(); storeDrive(); }
 }
 
-/** Steps of equal length as the clock asks for them; what a frame cannot take is late, and the drive slower than the clock. */
+/** Takes equal steps to keep up with the clock; what a frame cannot take delays the drive. */
 function driveFrame(now) {
   if (!state.playing) return;
   const elapsed = Math.min((now - (run.before ?? now)) / 1000, MOST), speed = Number(by('speed').value), began = performance.now(), { dt } = drive;
@@ -238,7 +238,7 @@ function driveFrame(now) {
   if (goes && state.playing) requestAnimationFrame(driveFrame);
 }
 
-/** Bodies, eye, sliders and clock as they are now; curves too where they are asked for. */
+/** Draws bodies, camera, sliders and clock; curves too if requested. */
 function showDriven(curves) {
   const { poses } = run.sim, [from] = [nodes.get(drive.body)?.getWorldPosition(new Vector3())];
   const rows = about.bodies.map((_, i) => poses.subarray(16 * i, 16 * i + 7)), at = 16 * about.bodies.indexOf(drive.body);
@@ -267,7 +267,7 @@ function showAxis(axis) {
   if (axis.bar) axis.bar.style.setProperty('--place', axis.place);
 }
 
-/** Speed, gear and engine, and of each wheel its load, a circle of the friction that it has, and its force in that. */
+/** Speed, gear and engine, and for each wheel its load, friction circle and force. */
 function showDials(speed) {
   const { outputs } = run.sim, value = (index) => (index === undefined ? 0 : outputs[index]), [gear, engine] = [/gear|selected/, /engine.*speed/].map((name) => run.core.outputs.findIndex((o) => name.test(o.name)));
   by('fast').textContent = (3.6 * speed).toFixed(0);
@@ -284,7 +284,7 @@ function showDials(speed) {
   });
 }
 
-/** A drawing of each wheel where it is, ahead up. */
+/** A drawing of each wheel at its position, forward is up. */
 function layWheels() {
   const part = (name, parent, given = {}) => { const made = document.createElementNS('http://www.w3.org/2000/svg', name); for (const [key, value] of Object.entries(given)) made.setAttribute(key, value); return parent.appendChild(made); };
   const far = [0, 1].map((axis) => Math.max(...drive.wheels.map(({ at }) => Math.abs(at[axis] - middle(axis))), 1e-9));
@@ -303,7 +303,7 @@ function showFigures() {
   by('pace').textContent = `${(share / speed).toFixed(2)} of the clock, ${run.late} late${core}`;
 }
 
-/** The eye behind a car, at the driver's place, or where it was turned to; the sun and its shadow go with the car. */
+/** The camera behind a car, at the driver's seat, or where it was moved; sun and shadow follow the car. */
 function look(from) {
   const node = nodes.get(drive.body), size = outlook.extent;
   if (!node) return;
@@ -336,21 +336,21 @@ function chooseCamera(name) {
   look();
 }
 
-/** The record as it is kept, in all digits: rows of outputs, then of what moved them. */
+/** The recording in full precision: rows of outputs, then of inputs. */
 function driveTable() {
   const heads = [{ name: 't', unit: 's' }, ...run.core.outputs, ...run.axes].map(({ name, unit }) => (unit ? `${name} [${unit}]` : name));
   const lines = Array.from({ length: run.times.length }, (_, i) => [run.times, ...run.rows].map((column) => column.room[i]).join(','));
   return [heads.join(','), ...lines].join('\n') + '\n';
 }
 
-/** All that a replay needs: steps, and what was given before which. */
+/** The data of a replay: steps, and the inputs given before them. */
 const driveLog = () => JSON.stringify({ cutjoint: 'drive', mark: run.core.facts.mark, model: about.title, scene: about.scene, dt: drive.dt, given: run.given, ...(run.road?.lines ? { road: run.road.name, seed: run.road.seed } : {}), steps: run.step, every: drive.every, events: run.events });
 
 const saveDrive = () => save(`${stem()}.csv`, new Blob([driveTable()], { type: 'text/csv' }));
 
 const keyName = (key) => ({ ArrowLeft: '←', ArrowRight: '→', ArrowUp: '↑', ArrowDown: '↓' })[key] ?? key.replace(/^Key|^Digit/, '');
 
-/** The keys that there are, over the picture. */
+/** The keys, shown over the picture. */
 function layKeys() {
   const own = run.axes.filter((axis) => axis.plus.length).map((axis) => [[axis.low === axis.rest ? '' : axis.minus[0], axis.plus[0]].filter(Boolean).map(keyName), axis.name]);
   for (const [keys, text] of [...own, [['space'], 'drive, pause'], [['⌫'], 'back 3 s'], [['R'], 'reset'], [['C'], 'camera'], [['H'], 'hide this']]) {
@@ -359,7 +359,7 @@ function layKeys() {
   }
 }
 
-/** A line with a slider for each axis, the keys beside its name, and for a car bars over the picture. */
+/** A line with a slider for each axis, with its keys, and for a car bars over the picture. */
 function layAxes() {
   for (const axis of run.axes) {
     const line = document.createElement('div'), label = document.createElement('label'), hint = document.createElement('kbd');
@@ -382,10 +382,10 @@ function layAxes() {
   by('tuning').hidden = !by('tunable').childElementCount;
 }
 
-/** Thumbs have room for four buttons: those of a car's pedals and wheel, or of the first two inputs. */
+/** Touch screens have four buttons: those of a car's pedals and wheel, or of the first two inputs. */
 const hasPads = (axis) => run.axes.some((each) => each.role) ? axis.role : run.axes.indexOf(axis) < 2;
 
-/** A button that a thumb holds, as a key is held. */
+/** A touch button, pressed like a key. */
 function layPad(axis, side, key, text) {
   const pad = Object.assign(document.createElement('button'), { type: 'button', textContent: axis.role === 'steer' ? (side === 'minus' ? '◀' : '▶') : axis.role ? axis.role : text, ariaLabel: `${axis.name}, ${side}` });
   if (!axis.role) pad.append(Object.assign(document.createElement('small'), { textContent: axis.name }));
@@ -446,7 +446,7 @@ async function changeRoad(name, seed) {
   showDriven(true);
 }
 
-/** The record of a step count by scripted keys, as fast as it goes: for tests and for a console. */
+/** The recording of some steps with scripted keys, as fast as possible: for tests and the console. */
 const driven = {
   /** Keys are [step, 'down' or 'up', code]. */
   steps(count, keys = []) {
@@ -460,7 +460,7 @@ const driven = {
   road: changeRoad, goOn, ghost: raceGhost, store: storeDrive, kept: () => kept,
   heights() { return Array.from(run.road.field?.heights ?? []); },
   groundBelow() { return heightAt(run.sim.poses[0], run.sim.poses[1]); },
-  /** Where the ghost of a body is, in the model's axes. */
+  /** The position of a body's ghost, in the model's axes. */
   rival(body) { return rival.figure.nodes.get(body).position.toArray(); },
   goBack, reset: resetDrive, table: driveTable, log: driveLog, camera: chooseCamera,
   shown() { return { step: run.step, time: run.sim.time, late: run.late, fault: run.fault?.message ?? '', playing: state.playing, snapshots: run.snapshots.length, camera: run.camera, road: run.road?.name ?? '', ghost: rival.rows?.length ?? 0, axes: Object.fromEntries(run.axes.map((axis) => [axis.name, axis.value])) }; },

@@ -1,7 +1,7 @@
-// A run that failed: what stopped it, where, and its last steps in slow motion.
+// A failed run: the cause, the element, and its last steps in slow motion.
 const { failure } = about;
 
-/** Seconds that the last steps take when they are played slowly. */
+/** Duration of the last steps in slow motion, s. */
 const SLOWLY = 8;
 
 function showFailure() {

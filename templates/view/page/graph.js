@@ -1,4 +1,4 @@
-// The topology: bodies and joints as a graph that can be shifted and zoomed; a click tells of an element.
+// The topology: bodies and joints as a graph that can be panned and zoomed; a click shows an element's details.
 const { graph } = about;
 const SVG = 'http://www.w3.org/2000/svg';
 const parts = new Map();  // of the graph, by the element's name
@@ -13,7 +13,7 @@ function shape(parent, kind, attributes, text) {
   return made;
 }
 
-/** The part of an element: all that a click on it chooses. */
+/** The group of an element, which a click selects. */
 function part(parent, name, kind) {
   const made = shape(parent, 'g', { class: kind, tabindex: 0, role: 'button', 'aria-label': name });
   made.addEventListener('click', () => tell(name));
@@ -46,7 +46,7 @@ function drawTreeJoint(parent, link, bodies) {
   if (link.is_noted) shape(label, 'tspan', { class: 'alarm' }, ' !');
 }
 
-/** A way out of a side of a body: straight to the right, or first up or down to where nothing stands. */
+/** A path from a side of a body: straight to the right, or first up or down to a free position. */
 const leave = (body, height) => Math.abs(height - body.y) < 12 ? `M ${body.x + body.width} ${height}`
   : `M ${body.x + body.width - 8} ${body.y + (height < body.y ? -13 : 13)} V ${height}`;
 
@@ -61,7 +61,7 @@ function drawCut(parent, link, number, bodies) {
 }
 
 const taken = [];
-/** A height near the wanted one at which no other name stands. */
+/** A free height for a name near the wanted one. */
 function placeOf(wanted) {
   let y = wanted;
   for (let step = 1; taken.some((other) => Math.abs(other - y) < 15); step++) y = wanted + (step % 2 ? 1 : -1) * Math.ceil(step / 2) * 15;
@@ -69,7 +69,7 @@ function placeOf(wanted) {
   return y;
 }
 
-/** Tells of an element, and lights it up with its loop. */
+/** Shows an element's details and highlights it with its loop. */
 function tell(name) {
   told = told === name ? '' : name;
   const link = graph.links.find((l) => l.name === told), body = graph.bodies.find((b) => b.name === told);
@@ -90,7 +90,7 @@ function lookAtGraph() {
   by('graph').setAttribute('viewBox', `${x} ${y} ${width / scale} ${height / scale}`);
 }
 
-/** All of it is seen, no larger than it is. */
+/** Fits the graph into view, without magnification. */
 function fitGraph() {
   const { clientWidth: width, clientHeight: height } = picture;
   const scale = Math.min(width / graph.width, height / graph.height, 1.25);

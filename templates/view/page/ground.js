@@ -1,9 +1,9 @@
-// The ground of a drive: the road that wheels meet, laid for the core and drawn.
+// The ground of a drive: the road, for the core and drawn.
 const FINE = { cell: 0.25, half: 72, below: 0 }, COARSE = { cell: 5, half: 48, below: 0.04 }, AWAY = 5;  // m, cells to each side, m, m between new drawings
 const WAVES = 32, TERMS = 8, FEWEST = 4;  // as in run/road_field.py
 const ground = { parts: [], at: undefined, posts: undefined };
 
-/** Cosine and sine of an angle in turns, by sums and products alone: the same bits on all machines. */
+/** Cosine and sine of an angle in turns, by sums and products alone: identical bits on all machines. */
 function circle(turns) {
   const quarter = Math.floor(4 * turns + 0.5), r = (turns - quarter / 4) * (2 * Math.PI);
   let cosine = 1, sine = 1;
@@ -39,7 +39,7 @@ function summed(real, imaginary, at, stride, turns) {
   return [x, y];
 }
 
-/** Heights on a grid, as rough_field of run/road_field.py has them, bit by bit. */
+/** Heights on a grid, bit by bit those of rough_field in run/road_field.py. */
 function roughField({ roughness, width, band, step, length, level }, seed) {
   const finest = 1 / (FEWEST * step), half = Math.ceil(width / 2 / step), across = 2 * half + 1, heights = new Float64Array(length * across);
   const cycles = Array.from({ length: length / 2 - 1 }, (_, i) => (i + 1) / (length * step)).filter((n) => n >= band[0] && n <= band[1]);
@@ -66,7 +66,7 @@ function roughField({ roughness, width, band, step, length, level }, seed) {
   return { start: [0, -half * step], step: [step, step], counts: [length, across], wraps: true, heights };
 }
 
-/** A road of the page, or the scene's own where it has no name: what the core is given, and what is drawn. */
+/** A road of the page, or the scene's own if unnamed: the data for the core, and for drawing. */
 function makeRoad(name, seed) {
   const { lines, ...waves } = drive.roads[name] ?? {}, own = lines ? { patches: [] } : drive.ground;
   const sides = lines ? [lines, lines].map((side) => side.map(([x, z, slope]) => ['line', x, z, slope, 0])) : [own.left, own.right];
@@ -74,7 +74,7 @@ function makeRoad(name, seed) {
   return { name, seed, lines, sides, patches: own.patches, field: spec?.roughness ? roughField(spec, lines ? seed : own.seed) : own.field ?? undefined };
 }
 
-/** Gives the core a road for all its simulations. */
+/** Sets the core's road for all simulations. */
 function layRoad(core, { lines, field }) {
   if (!lines) return;
   const numbers = [...lines.flat(), ...(field ? [...field.start, ...field.step] : [0, 0, 0, 0])], heights = field?.heights ?? [];
@@ -103,7 +103,7 @@ function surfaceAt({ start, step, counts, wraps, heights }, x, y) {
   return sum;
 }
 
-/** Grass in squares of 10 m with a line at each metre of height, and a road with lines; colours are by the place in the model's axes. */
+/** Grass in squares of 10 m with a line at each metre of height, and a road with lines; colours depend on the position in the model's axes. */
 const GROUND = `#include <color_fragment>
 { vec2 p = vPlace.xy, w = max(fwidth(p), 1e-4);
   float h = vPlace.z, dh = fwidth(h) + 1e-4, check = mod(floor(p.x / 10.0) + floor(p.y / 10.0), 2.0);
@@ -118,7 +118,7 @@ const GROUND = `#include <color_fragment>
   for (int i = 0; i < PATCHES; i++) if (p.x > patches[i].x && p.x < patches[i].y && p.y > patches[i].z && p.y < patches[i].w) c = mix(c, vec3(0.55, 0.75, 0.9), 0.6);
   diffuseColor.rgb = c * light; }`;
 
-/** The ground as grids about a place, a fine one within a coarse one. */
+/** The ground as grids about a point, a fine one within a coarse one. */
 function drawGround(road) {
   clearGround();
   Object.assign(ground, { road, at: undefined });
@@ -155,7 +155,7 @@ function clearGround() {
   ground.parts = [];
 }
 
-/** The grids go where a place in the model's axes is, by whole cells of the coarse one. */
+/** Moves the grids to a point in the model's axes, by whole cells of the coarse one. */
 function moveGround(x, y) {
   const at = [x, y].map((place) => AWAY * Math.round(place / AWAY));
   if (!ground.road || (ground.at && at[0] === ground.at[0] && at[1] === ground.at[1])) return;

@@ -1,9 +1,9 @@
-// A drive that lasts: kept as it goes, taken up again, and raced as a ghost.
+// Saved drives: stored while driving, resumed, and shown as a ghost.
 const kept = { at: 0, every: 2000, silent: false, earlier: undefined };
 const rival = { figure: undefined, rows: undefined, step: 0 };
 const slot = (name) => `cutjoint drive ${run.core.facts.mark} ${name}`;
 
-/** A line that goes by itself. */
+/** A message that disappears by itself. */
 function say(text) {
   by('saying').textContent = text;
   by('saying').hidden = false;
@@ -11,7 +11,7 @@ function say(text) {
   say.timer = setTimeout(() => { by('saying').hidden = true; }, 8000);
 }
 
-/** Keeps the drive so far in the browser, as often as costs little. */
+/** Stores the drive so far in the browser, as often as is cheap. */
 function storeDrive() {
   const began = performance.now();
   kept.at = began;
@@ -25,7 +25,7 @@ function storeDrive() {
   kept.every = Math.max(2000, 50 * (performance.now() - began));
 }
 
-/** The drive of the page before it was closed, if one is kept. */
+/** The stored drive from before the page was closed, if there is one. */
 function findKept() {
   try {
     const text = localStorage.getItem(slot('now'));
@@ -53,14 +53,14 @@ const readDrive = () => new Promise((found) => {
   input.click();
 });
 
-/** Whether a drive can be taken once more by this page. */
+/** Whether this page can replay a drive. */
 function fits(log) {
   if (log.mark === run.core.facts.mark && log.dt === drive.dt && Array.isArray(log.events)) return true;
   say('That is no drive of this page: a drive is a JSON file that a page of the same model, scene and version has saved.');
   return false;
 }
 
-/** So many calls, in slices, so that the page answers; it ends where one returns false. */
+/** Makes calls in slices, so that the page stays responsive, until one returns false. */
 async function inSlices(count, call, what) {
   run.busy = true;
   by('pace').hidden = false;
@@ -73,7 +73,7 @@ async function inSlices(count, call, what) {
   run.busy = false;
 }
 
-/** Takes up a drive that was saved, from where it ended, bit by bit. */
+/** Resumes a saved drive from its end, bit by bit. */
 async function goOn(log) {
   playDrive(false);
   by('kept').hidden = true;
@@ -87,7 +87,7 @@ async function goOn(log) {
   showFigures();
 }
 
-/** Shows a drive that was saved beside this one, or none: all of its poses and outputs come first, from the core. */
+/** Shows a saved drive as a ghost, or none: its poses and outputs are computed first. */
 async function raceGhost(log) {
   playDrive(false);
   by('kept').hidden = true;
@@ -123,7 +123,7 @@ async function raceGhost(log) {
   showFigures();
 }
 
-/** The ghost goes to a time, or to the end of its drive. */
+/** Moves the ghost to a time, or to the end of its drive. */
 function showGhostDrive(time) {
   if (!rival.rows) return;
   const place = Math.min(time / rival.step, rival.rows.length - 1), i = Math.floor(place), share = place - i, now = rival.rows[i].poses, next = rival.rows[Math.min(i + 1, rival.rows.length - 1)].poses;

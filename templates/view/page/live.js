@@ -1,7 +1,7 @@
-// A host that runs elsewhere: where its bodies are comes as events.
+// A host that runs elsewhere: poses of bodies arrive as events.
 let heard = 0;
 
-/** Of each body the place of its centre of mass and its attitude w, x, y, z, for a mechanism that is drawn. */
+/** Applies the positions of bodies' centres of mass and their attitudes w, x, y, z to a drawn mechanism. */
 function stand(figure, poses) {
   about.bodies.forEach((name, i) => {
     const [x, y, z, a, b, c, d] = poses[i], node = figure.nodes.get(name);
@@ -14,7 +14,7 @@ function stand(figure, poses) {
   for (const other of sliders?.others ?? []) placeOther(other, figure);
 }
 
-/** The mechanism stands so at a time. */
+/** Shows a pose at a time. */
 function follow(time, ...poses) {
   heard++;
   const before = state.follow && nodes.get(state.follow)?.getWorldPosition(new Vector3());

@@ -1,4 +1,4 @@
-// Ways to look: from the sides, through bodies, with the traces of points and the distance of two.
+// Views: from the sides, transparent, with traces of points and the distance of two.
 const SIDES = { front: [1, 0, 0], side: [0, -1, 0], top: [0, 0, 1] };
 
 /** Looks along an axis of the model, or as at the start. */
@@ -17,7 +17,7 @@ function seeThrough(on) {
 
 const traces = new Map();  // lines by the names of bodies
 
-/** The way of a body's centre of mass through the whole run, or none any more. */
+/** Shows or hides the path of a body's centre of mass through the run. */
 function traceBody(body) {
   const drawn = traces.get(body);
   if (drawn) {
@@ -31,7 +31,7 @@ function traceBody(body) {
   redraw();
 }
 
-/** The places of a body's centre of mass at the times of its keys, in the scene's axes. */
+/** The positions of a body's centre of mass at its key times, in the scene's axes. */
 function wayOf(body) {
   const node = nodes.get(body), track = action.getClip().tracks.find((each) => each.name === `${node.uuid}.position` || each.name === `${node.name}.position`);
   if (!track) return [node.getWorldPosition(new Vector3())];
@@ -50,7 +50,7 @@ function lineThrough(places, color) {
 
 const measure = { ends: [], line: undefined };
 
-/** Takes a point on a body; of two the distance is shown, and stays with the bodies. */
+/** Selects a point on a body; the distance of two is shown and updated. */
 function takePoint(hit) {
   if (measure.ends.length === 2) measure.ends = [];
   if (hit) measure.ends.push({ object: hit.object, at: hit.object.worldToLocal(hit.point.clone()) });

@@ -1,4 +1,4 @@
-// Motions that are no runs: modes, the way to an equilibrium, free directions.  They are played again and again.
+// Motions other than runs, played repeatedly: modes, the search for an equilibrium, free directions.
 const { motions } = about;
 
 function chooseMotion(name) {

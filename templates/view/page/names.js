@@ -9,7 +9,7 @@ function named(node) {
   return { text: `${node.userData.arrow} ${+(node.scale.x * node.userData.newton).toPrecision(3)} N`, node, kind: 'force' };
 }
 
-/** What may have a name in the picture: text, node and kind, the most important first. */
+/** Named objects in the picture: text, node and kind, the most important first. */
 function nameable() {
   const shown = by('names').checked ? [...nodes.keys()] : state.body ? [state.body] : [];
   const marked = marks.slice(0, 1).map((node) => ({ text: failure.row, node, kind: 'failed' }));
@@ -20,7 +20,7 @@ function nameable() {
   return placed.sort((a, b) => rank(a) - rank(b) || a.at[2] - b.at[2]);
 }
 
-/** The names, but for those that would overlap one before them. */
+/** Places the names, except those that would overlap an earlier one. */
 function label() {
   const taken = [], labels = by('labels');
   labels.replaceChildren();

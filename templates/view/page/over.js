@@ -30,14 +30,14 @@ function loadGhost(gltf, name) {
   moveGhost();
 }
 
-/** The ghost goes to the present time, or to the end of its own run. */
+/** Moves the ghost to the present time, or to the end of its own run. */
 function moveGhost() {
   if (!ghost.action) return;
   ghost.action.time = Math.min(Math.max(state.time, ghost.t[0]), ghost.t[ghost.t.length - 1]);
   ghost.mixer.update(0);
 }
 
-/** The ghost's value of a column at the present time, undefined where it has none. */
+/** The ghost's value of a column at the present time, or undefined. */
 function ghostValue(name) {
   const values = ghost.columns.get(name);
   return values && values[rowOf(ghost.t)];

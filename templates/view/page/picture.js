@@ -1,4 +1,4 @@
-// The picture: the scene of the .glb file, its light, its ground and the eye.
+// The picture: the scene of the .glb file, light, ground and camera.
 const picture = by('picture');
 const renderer = new WebGLRenderer({ antialias: true });
 picture.prepend(renderer.domElement);
@@ -10,7 +10,7 @@ scene.add(new HemisphereLight(0xffffff, 0x8a8f99, 1.7), new AmbientLight(0xfffff
 const sun = new DirectionalLight(0xffffff, 1.9);
 scene.add(sun);
 const nodes = new Map();  // of bodies, by name
-const marks = [];  // balls around what failed
+const marks = [];  // marks around failed elements
 const elements = new Map();  // nodes of springs, rods and wheels, by name
 const arrows = [];  // of forces and reactions
 const clickable = [], tarmac = new Map();  // of the road's materials the colours by day
@@ -28,7 +28,7 @@ function load(gltf) {
     if (object.userData.arrow !== undefined) return dressArrow(object);
     if (!materials.has(object.material)) materials.set(object.material, new MeshLambertMaterial({ color: object.material.color, fog: isRoad(object) }));
     if (isRoad(object)) tarmac.set(materials.get(object.material), object.material.color.clone());
-    object.material = materials.get(object.material);  // cheaper than what glTF describes, where a processor draws
+    object.material = materials.get(object.material);  // cheaper than the glTF materials in software rendering
     if (bodyOf(object) !== undefined) clickable.push(object);
   });
   clips = gltf.animations;
@@ -47,7 +47,7 @@ function load(gltf) {
   dress();
 }
 
-/** An arrow is seen through bodies too. */
+/** Arrows are visible through bodies. */
 function dressArrow(object) {
   arrows.push(object);
   object.material = new MeshLambertMaterial({ color: object.material.color, transparent: true, opacity: 0.85, depthTest: false });
@@ -61,14 +61,14 @@ function showArrows(on) {
 
 const isMark = (object) => object.userData.mark !== undefined;
 
-/** A mark shines through what is before it. */
+/** Marks are visible through bodies. */
 function dressMark(object) {
   marks.push(object);
   object.material = new MeshBasicMaterial({ color: object.material.color, transparent: true, opacity: 0.45, depthTest: false });
   object.renderOrder = 1;
 }
 
-/** The name of the body that an object is a part of. */
+/** The name of the body of an object. */
 function bodyOf(object) {
   for (let at = object; at; at = at.parent) if (at.userData.body !== undefined) return at.userData.body;
   return undefined;
@@ -77,7 +77,7 @@ function bodyOf(object) {
 /** A vector of the model's axes in those of the scene. */
 const turned = (vector) => new Vector3(...vector).applyQuaternion(model.children[0].quaternion);
 
-/** Looks at the mechanism so that all of it is seen, at all times where nothing is followed. */
+/** Frames the whole mechanism, at all times if no body is followed. */
 function home(direction = outlook.direction) {
   const box = new Box3(), { time } = state;
   for (const at of state.follow || !action ? [time] : Array.from({ length: 17 }, (_, i) => first + ((last - first) * i) / 16)) {
@@ -89,7 +89,7 @@ function home(direction = outlook.direction) {
   const back = turned(direction).normalize(), level = Math.abs(back.y) < 0.999 ? new Vector3(0, 1, 0) : turned([1, 0, 0]), right = level.cross(back).normalize(), up = back.clone().cross(right);
   const slope = Math.tan((camera.fov * Math.PI) / 360);
   let distance = outlook.extent / 2;
-  for (let k = 0; k < 8; k++) {  // each corner is seen
+  for (let k = 0; k < 8; k++) {  // all corners are visible
     const corner = half.clone().multiply(new Vector3(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1));
     const across = Math.max(Math.abs(corner.dot(up)), Math.abs(corner.dot(right)) / camera.aspect) / slope;
     distance = Math.max(distance, corner.dot(back) + 1.12 * across);

@@ -1,4 +1,4 @@
-// What the page shows as files: the table, the picture, a video.
+// Saves the table, the picture or a video as files.
 function save(name, content) {
   const link = document.createElement('a');
   link.href = URL.createObjectURL(content);
@@ -9,7 +9,7 @@ function save(name, content) {
 
 const stem = () => about.title.replace(/[^\w.-]+/g, '_');
 
-/** The rows that the page has, in the digits that it has. */
+/** The rows of the page, with its digits. */
 function tableText() {
   const all = [{ name: 't', values: t, unit: 's' }, ...columns], quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
   const head = all.map((c) => quoted(c.unit ? `${c.name} [${c.unit}]` : c.name)).join(',');
@@ -21,7 +21,7 @@ function savePicture() {
   renderer.domElement.toBlob((blob) => save(`${stem()}.png`, blob), 'image/png');
 }
 
-/** Plays the run once, at the speed that is chosen, and saves what was seen. */
+/** Plays the run once at the chosen speed and saves the video. */
 function saveVideo() {
   const kind = ['video/webm;codecs=vp9', 'video/webm', 'video/mp4'].find((each) => MediaRecorder.isTypeSupported(each));
   const recorder = new MediaRecorder(renderer.domElement.captureStream(30), { mimeType: kind, videoBitsPerSecond: 8e6 }), parts = [];

@@ -1,8 +1,8 @@
-// A pose that can be changed: a slider for each coordinate of the tree's joints; the others follow so that the loops stay closed.
+// An editable pose: a slider for each tree joint coordinate; the others keep the loops closed.
 const { sliders } = about;
 const CLOSED = 1e-10, ROUNDS = 25, DAMPING = 1e-12, LONGEST_STEP = 0.05;
 
-/** q (+) delta: scalars add, a quaternion is turned by (1, theta/2). */
+/** q (+) delta: scalars add, a quaternion is rotated by (1, theta/2). */
 function retract(q, delta) {
   const moved = q.slice();
   for (const chart of sliders.charts) {
@@ -18,7 +18,7 @@ function retract(q, delta) {
 
 const speeds = () => Math.max(0, ...sliders.charts.map((c) => c.v + c.scalars + 3 * c.ball));
 
-/** The columns of the residual's Jacobian by small steps, zero of the speed that is held. */
+/** The columns of the residual's Jacobian by finite differences, zero for the fixed velocity. */
 function jacobian(q, residual, held) {
   const n = speeds(), step = 1e-7;
   return Array.from({ length: n }, (_, k) => {
@@ -52,7 +52,7 @@ function solve(columns, residual) {
   return x;
 }
 
-/** Coordinates near q that close the loops and leave one speed's coordinate where it is; undefined where there are none. */
+/** Coordinates near q that close the loops with one of them fixed; undefined if there are none. */
 function closed(q, held) {
   let best = Infinity;
   for (let round = 0; round < ROUNDS; round++) {
@@ -65,7 +65,7 @@ function closed(q, held) {
   return best < 1e3 * CLOSED ? q : undefined;
 }
 
-/** Takes a coordinate to a value, or as far as the loops let it go. */
+/** Moves a coordinate to a value, or as far as the loops allow. */
 function slide(slider, wanted) {
   const start = pose[slider.q], steps = Math.max(1, Math.ceil(Math.abs(wanted - start) / (LONGEST_STEP * (slider.high - slider.low))));
   for (let i = 1; i <= steps; i++) {
@@ -81,10 +81,10 @@ function slide(slider, wanted) {
 let pose = sliders ? Float64Array.from(sliders.q) : undefined;
 const standing = [];
 
-/** A mechanism that is drawn: its nodes by body and by element, and the frames of its bodies. */
+/** A drawn mechanism: its nodes by body and by element, and the frames of its bodies. */
 const shown = { nodes, elements, frames: new Map() };
 
-/** Where a point of a body is, or of the ground. */
+/** The position of a point of a body or of the ground. */
 const pointAt = ({ body, point }, { frames }) => body ? new Vector3(...point).applyMatrix4(frames.get(body)) : new Vector3(...point);
 
 function showPose() {

@@ -17,7 +17,7 @@ function setTime(time) {
   redraw();
 }
 
-/** The eye goes with the body that it follows, which was elsewhere before. */
+/** Moves the camera with the followed body. */
 function keepInMiddle(before) {
   const way = nodes.get(state.follow).getWorldPosition(new Vector3()).sub(before);
   camera.position.add(way);
@@ -44,7 +44,7 @@ function tick(now) {
   else requestAnimationFrame(tick);
 }
 
-/** The number of the last of some ascending times up to the present one. */
+/** The index of the last of some ascending times up to the present one. */
 function rowOf(times) {
   let low = 0, high = times.length - 1;
   while (low < high) {

@@ -1,4 +1,4 @@
-// What a page says where it cannot show what it holds: the notice that stands there until all is ready.
+// The notice of a page that cannot show its content, present until all is ready.
 const by = (id) => document.getElementById(id);
 
 function tellTrouble(error) {
@@ -9,7 +9,7 @@ function tellTrouble(error) {
   notice.textContent = `This page cannot be shown: ${String(error).replace(/\.$/, '')}. Write it anew.`;
 }
 
-// Events without an error are no script's, such as a notice that sizes will be observed in the next frame.
+// Events without an error are not from scripts, such as the ResizeObserver's loop notice.
 for (const [name, thrown] of [['error', (e) => e.error], ['unhandledrejection', (e) => e.reason]]) {
   addEventListener(name, (e) => {
     if (!thrown(e)) return;

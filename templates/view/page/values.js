@@ -22,7 +22,7 @@ function listValues() {
   showValues();
 }
 
-/** Lines of the list whose columns are in the plot have the colours of their curves. */
+/** Lines of the list have the colours of their curves in the plot. */
 function markChosen() {
   for (const { column, line, tick } of cells) {
     const place = state.chosen.indexOf(column.name);
@@ -47,7 +47,7 @@ function chooseColumns(names) {
   drawPlot();
 }
 
-/** A column, or by `#` and its number a plot that the scene names. */
+/** Chooses a column, or by `#` and its number a plot of the scene. */
 function choosePlot(value) {
   const named = value.startsWith('#') ? about.plots[Number(value.slice(1))] : undefined;
   if (named) by('abscissa').value = state.over = named.x === 't' ? '' : named.x;
@@ -62,7 +62,7 @@ function toggleColumn(name) {
 let plot, now;
 const plotSize = () => ({ width: by('plot').clientWidth || 300, height: 220 });
 
-/** Texts of an axis, with as many decimals as tell its marks apart. */
+/** Tick labels of an axis, with as many decimals as distinguish them. */
 function markTexts(marks, step) {
   let decimals = 0;
   while (decimals < 12 && Math.abs(step * 10 ** decimals - Math.round(step * 10 ** decimals)) > 1e-6 * step * 10 ** decimals) ++decimals;
@@ -72,7 +72,7 @@ function markTexts(marks, step) {
 const colourOf = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const curveColour = (place) => colourOf(place ? `--loop${place % 6}` : '--accent');
 
-/** The curves of what is chosen, over the time or over another column; those of an earlier run are dashed. */
+/** The chosen curves, over the time or over another column; those of an earlier run are dashed. */
 function drawPlot() {
   const chosen = state.chosen.map((name) => columns.find((c) => c.name === name)).filter(Boolean);
   const over = columns.find((c) => c.name === state.over);
@@ -105,7 +105,7 @@ function drawPlot() {
   let pressedAt = 0;
   plot.over.addEventListener('mousedown', (e) => { pressedAt = e.offsetX; });
   plot.over.addEventListener('click', (e) => {
-    if (over || about.drive || Math.abs(e.offsetX - pressedAt) > 3) return;  // a stretch that was drawn is zoomed to
+    if (over || about.drive || Math.abs(e.offsetX - pressedAt) > 3) return;  // a dragged range is zoomed to
     play(false);
     setTime(plot.posToVal(e.offsetX, 'x'));
   });
@@ -116,14 +116,14 @@ function drawPlot() {
   cursor();
 }
 
-/** Curves over times of their own as uPlot has them. */
+/** Joins curves with different times as uPlot needs them. */
 function joined(curves) {
   const times = [...new Set(curves.map((curve) => curve.x))], of = (x) => curves.filter((curve) => curve.x === x);
   const order = times.flatMap(of), found = Plot.join(times.map((x) => [x, ...of(x).map((curve) => curve.values)]));
   return [found[0], ...curves.map((curve) => found[1 + order.indexOf(curve)])];
 }
 
-/** The way of a curve over another column, from row to row. */
+/** The path of a curve over another column, from row to row. */
 function through(self, series) {
   const [xs, ys] = self.data[series], stroke = new Path2D(), { facets } = self.series[series];
   let drawn = false;
@@ -135,7 +135,7 @@ function through(self, series) {
   return { stroke };
 }
 
-/** The line in the plot goes to the present time, or the dot to its place. */
+/** Moves the cursor in the plot to the present time. */
 function cursor() {
   if (!now || !plot) return;
   const over = columns.find((c) => c.name === state.over), scale = plot.series.at(-1).scale, { clientWidth: width, clientHeight: height } = plot.over;
