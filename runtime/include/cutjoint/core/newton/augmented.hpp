@@ -11,10 +11,10 @@
 
 namespace cutjoint {
 
-/// M vdot + Phi_q^T (alpha Phi + lambda) = Q with lambda such that Phi vanishes.  Redundant and momentarily dependent equations are as
-/// good as others: the tangent  f_q = M + dt/2 C + dt^2/4 (K + alpha Phi_q^T Phi_q)  is positive definite whatever their rank.
+/// M vdot + Phi_q^T (alpha Phi + lambda) = Q with lambda such that Phi vanishes.  Redundant and momentarily dependent equations are
+/// allowed: the tangent  f_q = M + dt/2 C + dt^2/4 (K + alpha Phi_q^T Phi_q)  is positive definite whatever their rank.
 ///
-/// What `augmented` and `recursive-newton` share; `Own` is one of these.
+/// The base of `augmented` and `recursive-newton`; `Own` is one of these.
 template <class Own, class S, class Solver>
 class AugmentedBase : public Newton<Own, S, Solver> {
  public:
@@ -80,8 +80,8 @@ class AugmentedBase : public Newton<Own, S, Solver> {
   Weights<Real> weights() const { return {speed_, k_, k_ * alpha_, turns_.data()}; }
   Weights<Real> start_weights() const { return {Real(0), Real(0), start_alpha_, turns_.data()}; }
 
-  /// The start weighs the equations against the heaviest coordinate, and so does a step whose penalty is not given, alpha dt^2/4 being what
-  /// stands beside the masses in its tangent.
+  /// The start weights the equations relative to the heaviest coordinate, and so does a step without a given penalty, whose weight beside the
+  /// masses in its tangent is alpha dt^2/4.
   void choose_weights(const StateOf<S>& state) {
     start_alpha_ = overweight<Real> * this->heaviest(state, turns_.data());
     weigh();
@@ -91,7 +91,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
     if (!settings_.penalty) alpha_ = start_alpha_ / (k_ > Real(0) ? k_ : Real(1));
   }
 
-  /// By products that are stored, and so the same whatever else the compiler knows of them.
+  /// By stored products, so that results do not depend on contraction by the compiler.
   void correct_start() {
     for (std::size_t i = 0; i < m_; ++i) {
       weight_[i] = start_alpha_ * phidd_[i];
@@ -129,15 +129,15 @@ class AugmentedBase : public Newton<Own, S, Solver> {
     return {};
   }
 
-  /// An iteration leaves the share 1 / (1 + dt^2/4 alpha s) of what the multipliers lack in a direction with the inverse mass s.  What is
-  /// left at the end of a step, extrapolation enlarges.  With a large dt^2/4 alpha it is next to nothing; with a small one multipliers
-  /// that are extrapolated swing ever wider.
+  /// An iteration leaves the fraction 1 / (1 + dt^2/4 alpha s) of the multipliers' error in a direction with the inverse mass s.  Extrapolation
+  /// amplifies the error left at the end of a step.  With a large dt^2/4 alpha it is negligible; with a small one extrapolated
+  /// multipliers oscillate with growing amplitude.
   bool extrapolates() const {
     using std::pow;
     return pow(share_left_, Real(std::min(iteration_, settings_.multiplier_updates))) < Real(0.3);
   }
 
-  /// The projection  f_q dv = -dt^2/4 alpha Phi_q^T Phid  leaves the same share of the violation Phid; see Closing.
+  /// The projection  f_q dv = -dt^2/4 alpha Phi_q^T Phid  leaves the same fraction of the violation Phid; see Closing.
   Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& violation) {
     const Real negligible = static_cast<const Own*>(this)->negligible(this->size_of(state, values));
     const Fault fault = closing_.close(values, violation, k_ * alpha_, negligible, [&](const auto& w, auto shift, auto closing) {
@@ -161,7 +161,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
   Closing<S> closing_;
 
  private:
-  Speeds<S> shift_;  ///< of loops that close, and where from
+  Speeds<S> shift_;  ///< displacement of a projection, and its origin
   Coordinates<S> from_;
 };
 

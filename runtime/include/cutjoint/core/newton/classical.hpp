@@ -121,7 +121,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     return {};
   }
 
-  /// A fault where a projection changes values by a leap: one equation nearly depends on others, and the state would land on another branch silently.
+  /// A fault if a projection changes values strongly: an equation is nearly dependent, and the state would silently switch branch.
   Fault require_small(const Speeds<S>& values) const {
     using std::abs;
     std::size_t worst = 0;
@@ -145,8 +145,8 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
 
   Fault explain(const Fault& fault) { return is_singular() ? this->fault_in_row(Cause::tangent_singular, -1, Real(0)) : fault; }
 
-  /// True if the factored matrix blows a right-hand side of the size of its rows up beyond what numbers can resolve.  Pivots of a singular
-  /// matrix are rounding, hardly ever zero, so that its factors and solutions look as good as any.
+  /// True if the factored matrix amplifies a right-hand side of the size of its rows beyond the number's precision.  Pivots of a singular
+  /// matrix are rounding, hardly ever exactly zero.
   bool is_singular() {
     scaled_.measure(tangent_.data());
     scaled_.probe(probe_.data());

@@ -1,4 +1,4 @@
-// Bringing coordinates, rates or accelerations back to the equations with the factors of an augmented tangent.
+// Projection of coordinates, rates or accelerations with the factors of an augmented tangent.
 #pragma once
 
 #include <algorithm>
@@ -13,18 +13,18 @@
 
 namespace cutjoint {
 
-/// How much heavier than the heaviest coordinate the equations of an augmented tangent are, where nothing else is asked for.
+/// The default weight of the equations in an augmented tangent, relative to the heaviest coordinate.
 template <class Real>
 inline constexpr Real overweight{1e4};
 
-/// With the tangent A = B + c Phi_q^T Phi_q, the projection  A dv = -c Phi_q^T violation  leaves a share of the violation.  It is the first step, of
-/// length c, of an iteration for w in  S w = violation, S = Phi_q A^-1 Phi_q^T, dv = -A^-1 Phi_q^T w.  Conjugate residuals take steps of the best
-/// length at the same price, a back-substitution each.  They close violations where the length c closes next to nothing.  They are those of
+/// With the tangent A = B + c Phi_q^T Phi_q, the projection  A dv = -c Phi_q^T violation  leaves a fraction of the violation.  It is the first step, of
+/// length c, of an iteration for w in  S w = violation, S = Phi_q A^-1 Phi_q^T, dv = -A^-1 Phi_q^T w.  Conjugate residuals take steps of optimal
+/// length at the same cost, a back-substitution each.  They converge also where the length c achieves almost nothing.  They are those of
 /// Eisenstat, Elman, Schultz (SIAM J. Numer. Anal. 20 (1983) 345-357), since A need not be symmetric, nor belong to this very pose.
 ///
-/// A direction far weaker than others belongs to equations that depend on each other, or nearly do: it is left as it is, since closing it
-/// would take a leap in the rates.  The penalty hides its strength: without it S is S / (1 - c S).  (Directions that move no mass at all
-/// are strong without limit, which says nothing of others.)
+/// A direction far weaker than others belongs to nearly dependent equations: it is ignored, since closing it
+/// would take a large change of the rates.  The penalty hides its strength: without it S is S / (1 - c S).  (Massless directions
+/// have unbounded strength and are no reference for others.)
 template <class S>
 class Closing {
  public:
@@ -35,8 +35,8 @@ class Closing {
   explicit Closing(const S& system)
       : n_(sizes_of(system).speeds), m_(sizes_of(system).equations), shifts_(passes * n_), closings_(passes * m_) {}
 
-  /// Change `values` until their violation is `negligible`; it is left in `violation`, which is linear in them.  `follow` puts way = A^-1 Phi_q^T w and
-  /// closing = Phi_q way for a w, and `constraint` is c.  The fault is that of `follow`.
+  /// Change `values` until their `violation`, which is linear in them and updated, is `negligible`.  `follow` computes way = A^-1 Phi_q^T w and
+  /// closing = Phi_q way for a w; `constraint` is c.  The fault is that of `follow`.
   template <class Follow>
   Fault close(Speeds<S>& values, Equations<S>& violation, Real constraint, Real negligible, Follow follow) {
     Real strongest(0);
@@ -66,7 +66,7 @@ class Closing {
     return {};
   }
 
-  /// The share of the last violation that a projection of length c would leave, where most would be left.
+  /// The largest fraction of the last violation that a projection of length c would leave.
   Real share_left() const { return share_left_; }
 
   /// Whether the last violation has been closed.
@@ -83,7 +83,7 @@ class Closing {
   bool closed_ = true;
   Real share_left_{0};
   Array<S, passes * static_sizes<S>().speeds> shifts_;         ///< increments
-  Array<S, passes * static_sizes<S>().equations> closings_;  ///< what they close
+  Array<S, passes * static_sizes<S>().equations> closings_;  ///< their effect on the violation
 };
 
 }  // namespace cutjoint

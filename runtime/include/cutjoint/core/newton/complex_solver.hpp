@@ -11,9 +11,9 @@
 
 namespace cutjoint {
 
-/// Factors complex matrices with the pattern of a system's whole tangents, from the last unknown to the first: the coordinates of a tree stand parents first,
-/// so that little is filled in.  A row counts from its first nonzero entry.  The pivot is the diagonal's, unless it is below a thousandth of the
-/// largest of its column (Golub, Van Loan, Matrix Computations, section 3.4).  Real and imaginary parts stand apart, so that rows are changed by vectors.
+/// Factors complex matrices with the pattern of a system's whole tangents, from the last unknown to the first: coordinates of a tree are in the order of parents first,
+/// so fill is small.  A row is stored from its first nonzero entry.  The pivot is the diagonal's, unless it is below a thousandth of the
+/// largest of its column (Golub, Van Loan, Matrix Computations, section 3.4).  Real and imaginary parts are separate for vectorisation.
 template <class S>
 class ComplexSolver {
  public:
@@ -24,7 +24,7 @@ class ComplexSolver {
   explicit ComplexSolver(const S& system)
       : system_(system), n_(tangent_of(system).rows), re_(n_ * n_), im_(n_ * n_), x_(n_), y_(n_), first_(n_), last_(n_), order_(n_) {}
 
-  /// Factor the matrix with these parts of its values.
+  /// Factor the matrix with these real and imaginary parts.
   Breakdown factor(const Real* re, const Real* im) {
     fill(re, im);
     for (std::size_t k = n_; k-- > 0;) {
@@ -39,7 +39,7 @@ class ComplexSolver {
     return {};
   }
 
-  /// Replace both parts of a right-hand side by those of the solution.
+  /// Solve in place for both parts of a right-hand side.
   void solve(Real* re, Real* im) {
     for (std::size_t i = n_; i-- > 0;) take_products(i, i + 1, last_[i], re[order_[i]], im[order_[i]]);
     for (std::size_t i = 0; i < n_; ++i) {
@@ -80,7 +80,7 @@ class ComplexSolver {
     return abs(row(re_, i)[k]) + abs(row(im_, i)[k]);
   }
 
-  /// The row of the pivot of column k comes to place k; one that is no number counts as largest.
+  /// Exchange rows for the pivot of column k; NaN counts as largest.
   void bring_pivot(std::size_t k) {
     std::size_t largest = k;
     first_of_column_ = k;
@@ -113,7 +113,7 @@ class ComplexSolver {
     last_[i] = std::max(last_[i], k + 1);
   }
 
-  /// The unknown of a row is (x, y) without the products of its entries from one column up to another with their unknowns.
+  /// The unknown of a row: (x, y) minus the products of its entries in a range of columns with their unknowns.
   void take_products(std::size_t i, std::size_t from, std::size_t to, Real x, Real y) {
     const Real *a = row(re_, i), *b = row(im_, i);
     for (std::size_t j = from; j < to; ++j) {

@@ -1,4 +1,4 @@
-// L U of a whole matrix with partial pivoting: what takes over where a fixed pivot order is unsafe.
+// Dense L U with partial pivoting, used if a fixed pivot order is unsafe.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 namespace cutjoint {
 
-/// Factors the whole tangents of a system as dense matrices.
+/// Factors the tangents of a system as dense matrices.
 template <class S>
 class DenseSolver {
  public:
@@ -21,7 +21,7 @@ class DenseSolver {
 
   explicit DenseSolver(const S& system) : system_(system), order_(tangent_of(system).rows) {}
 
-  /// Take the memory, where it is not inside: few runs need any.
+  /// Allocate memory unless it is inside the object: few runs need any.
   void prepare() {
     if constexpr (!Sized<S>) a_.resize(order_.size() * order_.size());
     x_ = Rows<S>(order_.size());
@@ -38,7 +38,7 @@ class DenseSolver {
     return {};
   }
 
-  /// The smallest pivot, as a share of the largest entry of its column.
+  /// The smallest pivot, relative to the largest entry of its column.
   double smallest_pivot(const Real* values) const
     requires Sized<S>
   {

@@ -1,4 +1,4 @@
-// A fixed pivot order under watch: where it is unsafe, the matrix is factored again with pivoting.
+// A fixed pivot order with a check: if it is unsafe, the matrix is factored again with pivoting.
 #pragma once
 
 #include <algorithm>
@@ -10,10 +10,10 @@
 
 namespace cutjoint {
 
-/// Watches the emitted factorisation, whose pivot order does not depend on the values, over a matrix that is not symmetric.
+/// Checks the emitted factorisation with its fixed pivot order for a matrix that is not symmetric.
 ///
-/// The first solution of each factorisation is put into its equations.  Its backward error is the change of the equations, relative to
-/// their scale, by which it would solve them.  Above 1e-8, or where a pivot vanished, pivots of that order are too small for their rows,
+/// The backward error of the first solution of each factorisation is checked: the relative change of the equations by
+/// which it would solve them.  Above 1e-8, or if a pivot vanished, the fixed order is unsuitable
 /// and a solver with `Pivoting` takes over for this matrix: `prepare` is called before its first one.
 template <class S, class Pivoting>
 class GuardedSolver {
@@ -45,14 +45,14 @@ class GuardedSolver {
     return now_.trusted ? Breakdown{} : Breakdown{Breakdown::Kind::singular, -1};
   }
 
-  /// The smallest pivot of the last factors, as a share of the largest entry of its column; infinity before there are any.
+  /// The smallest pivot of the last factors, relative to the largest entry of its column; infinity before there are any.
   double smallest_pivot(const Real* values) const
     requires requires { S::pivot_columns; }
   {
     return now_.pivots ? pivoting_.smallest_pivot(values) : fixed_.smallest_pivot(values);
   }
 
-  /// How often the fixed pivot order had to be given up for pivoting.
+  /// The number of factorisations with pivoting instead of the fixed order.
   long fallbacks() const { return fallbacks_; }
 
   /// Whether pivoting is in use, the last factors are known to be good, and scales have been measured.  The type is long, so that equal values have equal bytes.
@@ -68,7 +68,7 @@ class GuardedSolver {
 
   Memory memory() const { return {scaled_.scales(), now_}; }
 
-  /// Go on from what another solver remembers, whose last matrix had these values.
+  /// Restore the memory of another solver, whose last matrix had these values.
   void restore(const Memory& memory, const Real* values) {
     factor(values);
     if (memory.progress.pivots && !now_.pivots) fall_back();
@@ -79,7 +79,7 @@ class GuardedSolver {
  private:
   Breakdown solve_anew(Real* x) { return now_.pivots ? pivoting_.solve(x) : fixed_.solve(x); }
 
-  /// The scales are those of an earlier matrix of the run until they find fault.
+  /// Scales of an earlier matrix are used until they show an error.
   bool solves(const Real* x) {
     const Real limit = std::max(Real(1e-8), 128 * std::numeric_limits<Real>::epsilon());
     if (now_.measured && scaled_.backward_error(values_, x, right_.data()) <= limit) return true;

@@ -11,12 +11,12 @@
 
 namespace cutjoint {
 
-/// The residual is cheap beside its tangent, so that factors are reused, over steps too, while they bring the iteration on; a step that fails
-/// even with a tangent in each iteration is taken in halves.
+/// The residual is cheap compared with its tangent, so factors are reused, over steps too, while the iteration converges; a step that fails
+/// even with a tangent in each iteration is halved.
 ///
 /// Violations are then corrected along the Phi_q of the tangent.  Along the present one, which differs by epsilon, the penalty
-/// would push epsilon dt^2/4 alpha / mass times too far in the free directions.  Multipliers are corrected once the iteration is near its
-/// end: before, Phi has parts that no force of the equations answers to, which redundant equations would keep.
+/// would overshoot by a factor epsilon dt^2/4 alpha / mass in the free directions.  Multipliers are corrected when the iteration has nearly
+/// converged: before, Phi has components without constraint forces, which redundant equations would retain.
 template <class S, class Solver>
 class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S, Solver> {
  public:
@@ -32,7 +32,7 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
   using Base::alpha_, Base::closing_, Base::f_, Base::settings_, Base::iteration_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::pose_,
       Base::share_left_, Base::system_, Base::x_;
 
-  /// f_q dq = -dt^2/4 (f + alpha Phi_q^T Phi), and twice the penalty where it has become part of the multipliers.
+  /// f_q dq = -dt^2/4 (f + alpha Phi_q^T Phi), and twice the penalty after it has been added to the multipliers.
   void approach(const StateOf<S>& state, int iteration, bool renewed) {
     iteration_ = iteration;
     if (iteration == 1) updates_ = 0;
@@ -55,8 +55,8 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
   /// A hundredth of what the iteration leaves of the accelerations.
   Real negligible(Real size) const { return Real(1e-2) * Real(settings_.tolerance) * size; }
 
-  /// Where the reused factors leave a violation, those of a new tangent close it.  So do they where their age shows: a violation of the rates is closed in the metric of
-  /// the tangent, and what its age changes in that has the same direction in all steps.
+  /// If reused factors leave a violation, a new tangent is factored.  Likewise if their age matters: rates are projected in the metric of
+  /// the tangent, and the error by its age has the same direction in all steps.
   Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& violation) {
     unclosed_ = values;
     violation_ = violation;
@@ -81,8 +81,8 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
     return this->age() * move > 100 * this->left() * this->speed_;
   }
 
-  /// Where a projection leaves most of a violation, equations nearly depend on each other.  Their directions turn quickly with the pose, their
-  /// multipliers grow without limit, and the tangent's share of these does too.
+  /// If a projection leaves most of a violation, equations are nearly dependent.  Their directions rotate quickly with the pose, and their
+  /// multipliers grow without limit.
   Fault project_surely(const StateOf<S>& state, Speeds<S>& values, Equations<S>& violation) {
     const Fault fault = Base::project_on(state, values, violation);
     if (!fault && &values == &state.v && share_left_ > Real(0.9)) return this->fault_in_equation(Cause::pose_singular, 0, share_left_);
@@ -92,10 +92,10 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
   bool renews_always() const { return false; }
   bool halves() const { return true; }
 
-  /// The iterate is near enough for its Phi to be the multipliers' alone.
+  /// Whether the iterate is so near that its Phi is only due to the multipliers.
   bool may_end() const { return m_ == 0 || this->is_near(); }
 
-  /// The last iteration leaves the share of Phi that its tangent's age explains: it is closed along the same Phi_q, by the accelerations.
+  /// The last iteration leaves the part of Phi due to its tangent's age: correct it along the same Phi_q, by the accelerations.
   Fault update_multipliers(StateOf<S>& state) {
     const Real rounding = this->rounding_like(1e-13) * this->pose_size(state.q);
     for (std::size_t pass = 0; pass < Base::passes && largest(phi_) > rounding; ++pass) {

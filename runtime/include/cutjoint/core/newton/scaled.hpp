@@ -1,4 +1,4 @@
-// How well a solution solves, whatever the units of rows and columns.
+// Backward errors of solutions, independent of the units of rows and columns.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace cutjoint {
 
-/// The measures of a system's whole tangent by which its rows and columns become comparable, and what they say of a solution.
+/// Row and column scales of a system's full tangent, and backward errors of solutions.
 ///
 /// With d_j the largest entry of column j, the unknowns d_j x_j have one scale whatever the units of x; the largest entry of row i in
 /// these unknowns, R_i = max_j |K_ij| / d_j, is the scale of equation i.
@@ -33,7 +33,7 @@ class Scaled {
   }
 
   /// The backward error of a solution, max_i |K x - b|_i / (R_i max_j |d_j x_j| + |b_i|): how much the equations would have to change,
-  /// relative to their scale, for x to solve them (after Oettli and Prager 1964).  Not a number where x has no finite value.
+  /// relative to their scale, for x to solve them (after Oettli and Prager 1964).  NaN if x is not finite.
   Real backward_error(const Real* values, const Real* x, const Real* b) {
     using std::abs, std::max;
     Real size(0), error(0);
@@ -50,7 +50,7 @@ class Scaled {
     return error;
   }
 
-  /// A right-hand side of the equations' scale without pattern of its own: what a singular matrix blows up.
+  /// A pseudo-random right-hand side of the equations' scale, which a singular matrix amplifies.
   void probe(Real* b) const {
     unsigned state = 12345;
     for (std::size_t i = 0; i < scales_.row.size(); ++i) {

@@ -1,12 +1,12 @@
-// A factorisation as index data, for systems whose straight-line code would be too long: see static_factor_blocks.hpp for how the factors
-// are stored.
+// A factorisation as index data, for systems whose straight-line code would be too long; static_factor_blocks.hpp describes the storage of
+// factors.
 #pragma once
 
 #include "cutjoint/core/newton/static_factor_blocks.hpp"
 
 namespace cutjoint::static_factor {
 
-/// One tile: its places in the array of factors, how many blocks of U and L it has, and how many sweeps follow it.
+/// One tile: its positions in the array of factors, and its numbers of blocks of U and L and of sweeps.
 struct Step {
   int pivots;
   int diagonal;
@@ -25,7 +25,7 @@ struct Sweep {
   int blocks;
 };
 
-/// The place of a value of the matrix.
+/// The position of a value of the matrix.
 struct Entry {
   int value;
   int place;
@@ -43,8 +43,8 @@ struct Table {
   const Item* end() const { return first + count; }
 };
 
-/// A factorisation as data.  `targets` has the places of all sweeps' blocks, `others` of each tile those of the tiles right of it, then of
-/// those below it, in a vector that has four reals a tile.
+/// A factorisation as data.  `targets` has the positions of all sweeps' blocks, `others` for each tile those of the tiles right of it, then
+/// below it, in a vector with four reals per tile.
 struct Tables {
   Table<Step> steps;
   Table<Sweep> sweeps;
@@ -55,7 +55,7 @@ struct Tables {
   int factors;
 };
 
-/// Finish a tile that all earlier ones have changed.
+/// Finish a tile after the updates by all earlier ones.
 template <bool symmetric, int pivots, class Real>
 [[gnu::always_inline]] inline void finish_tile(const Step& step, Real* factors) {
   Real* const diagonal = factors + step.diagonal;
@@ -77,7 +77,7 @@ template <bool symmetric, int pivots, class Real>
   }
 }
 
-/// A row of blocks that a tile changes in one later tile.
+/// The update of a row of blocks in one later tile.
 template <int pivots, int columns, class Real>
 [[gnu::always_inline]] inline void sweep(const Sweep& own, const int* target, Real* factors) {
   Four<Real> multiplier[pivots][columns];
@@ -120,7 +120,7 @@ template <int pivots, class Real>
   return target;
 }
 
-/// Finish a tile and subtract what it changes; the end of its sweeps' targets.
+/// Finish a tile and apply its updates; returns the end of its sweeps' targets.
 template <bool symmetric, int pivots, class Real>
 [[gnu::always_inline]] inline const int* eliminate_tile(const Step& step, const Sweep* sweeps, const int* target, Real* factors) {
   finish_tile<symmetric, pivots>(step, factors);
@@ -172,7 +172,7 @@ template <class Function>
   }
 }
 
-/// A tile's unknowns after elimination of the earlier ones, and the changes that these make in later ones.
+/// A tile's unknowns after elimination of the earlier ones, and their updates of later ones.
 template <int pivots, class Real>
 void forward(const Step& step, const int* lowers, const Real* factors, Real* own, Real* y) {
   const Real* block = factors + step.diagonal;
@@ -198,7 +198,7 @@ void backward(const Step& step, const int* uppers, const Real* factors, Real* ow
   finish_backward(t, block, own);
 }
 
-/// Solve L U x = right-hand side, which x has on entry; y has room for four reals a tile.
+/// Solve L U x = b in place of b; y has four reals per tile.
 template <class Real>
 void substitute(const Tables& tables, const Real* factors, Real* y, Real* x) {
   for (int i = 0; i < 4 * tables.steps.count; ++i) y[i] = Real(0);

@@ -1,4 +1,4 @@
-// The factorisation that was emitted with a system, with its static pivot order.
+// The emitted factorisation of a system with its static pivot order.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 
 namespace cutjoint {
 
-/// Why a matrix has no factors, and in which row of the pattern where that is known.
+/// The reason why a matrix has no factors, and the row of the pattern if known.
 struct Breakdown {
   enum class Kind {
     none,
@@ -26,14 +26,14 @@ struct Breakdown {
   explicit operator bool() const { return kind != Kind::none; }
 };
 
-/// The solver of a system's tangents, by settings where it takes some.
+/// The solver of a system's tangents, with settings if it takes some.
 template <class Solver, class S, class Settings>
 Solver solver_for(const S& system, const Settings& settings) {
   if constexpr (std::is_constructible_v<Solver, const S&, const Settings&>) return Solver(system, settings);
   else return Solver(system);
 }
 
-/// The smallest of pivots as a share of the largest entry of its column; `pivot_of(k)` is one, in the column `columns[k]` of the values.
+/// The smallest pivot relative to the largest entry of its column; `pivot_of(k)` is one, in the column `columns[k]` of the values.
 template <class S, class PivotOf, class Columns>
 double share_of_columns(const auto* values, PivotOf pivot_of, const Columns& columns) {
   double smallest = std::numeric_limits<double>::infinity();
@@ -65,14 +65,14 @@ class StaticSolver {
     return {};
   }
 
-  /// The smallest pivot of the last factors, as a share of the largest entry of its column; infinity before there are any.
+  /// The smallest pivot of the last factors, relative to the largest entry of its column; infinity before there are any.
   double smallest_pivot(const Real* values) const
     requires requires { S::pivot_columns; }
   {
     return share_of_columns<S>(values, [this](std::size_t k) { return 1.0 / static_cast<double>(factors_[k]); }, S::pivot_columns);
   }
 
-  /// The next solutions follow from the matrix alone.
+  /// No memory: solutions depend on the matrix alone.
   struct Memory {};
 
   Memory memory() const { return {}; }

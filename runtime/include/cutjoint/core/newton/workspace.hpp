@@ -1,4 +1,4 @@
-// A system with its tangent's factors and the arrays of a step: what Newton's iteration, the start and the projections work with.
+// A system with its tangent's factors and arrays, for Newton's iteration, the start and projections.
 #pragma once
 
 #include <algorithm>
@@ -18,10 +18,10 @@
 
 namespace cutjoint {
 
-/// Evaluates, factors and solves with a linear solver, counts what it does, and tells where a number is not one.  All memory is taken in the constructor.
+/// Evaluates, factors and solves with a linear solver, counts these, and locates numbers that are not finite.  All memory is taken in the constructor.
 ///
-/// A system has, besides what mechanism.hpp says of `begin_step`, `report`, `guard` and `events`, the functions of lagrangian/system.hpp; a solver
-/// has `factor`, of the values of a tangent, and `solve`, in place, each of which returns a Breakdown.
+/// A system has `begin_step`, `report`, `guard` and `events` (mechanism.hpp) and the functions of lagrangian/system.hpp; a solver
+/// has `factor` for the values of a tangent, and `solve` in place, which return a Breakdown.
 template <class S, class Solver>
 class Workspace {
  public:
@@ -61,7 +61,7 @@ class Workspace {
 
   Fault solve() { return fault_of(solver_.solve(x_.data())); }
 
-  /// way = A^-1 Phi_q^T w and closing = Phi_q way, the first Phi_q that of a pose, with the factors of A.
+  /// way = A^-1 Phi_q^T w with the Phi_q of a given pose, and closing = Phi_q way, with the factors of A.
   Fault follow_weight(const Coordinates<S>& pose, const Coordinates<S>& at, const Equations<S>& w, std::span<Real> shift, std::span<Real> closing) {
     system_.apply_jacobian_transposed(pose.data(), w.data(), x_.data());
     if (const Fault fault = solve()) return fault;
@@ -70,8 +70,8 @@ class Workspace {
     return {};
   }
 
-  /// Close the loops of a state, positions first, then speeds, with the factors of a tangent that belongs to a pose and has the weight `constraint`
-  /// of the equations; `shift` and `from` are room for speeds and coordinates.  `left` is what is left.
+  /// Close the loops of a state, positions first, then velocities, with the factors of a tangent of a pose with the weight `constraint`
+  /// of the equations; `shift` and `from` are scratch arrays.  `left` receives the remaining violations.
   Fault close_with(StateOf<S>& state, const Coordinates<S>& pose, Real constraint, Closing<S>& closing, Speeds<S>& shift, Coordinates<S>& from,
                    Residuals& left) {
     const auto bring = [&](Speeds<S>& values, Equations<S>& violation, Real negligible) {
@@ -93,7 +93,7 @@ class Workspace {
     return {};
   }
 
-  /// The largest mass of a coordinate, of one that is no length as its arm's end has it; 1 where none has any.
+  /// The largest mass of a coordinate, for angles divided by the squared arm; 1 if there is none.
   Real heaviest(const StateOf<S>& state, const Real* turns) {
     linearise(state, Real(0), {Real(0), Real(0), Real(0), turns});
     const auto& pattern = pattern_of(system_);
@@ -105,8 +105,8 @@ class Workspace {
     return heaviest > Real(0) ? heaviest : Real(1);
   }
 
-  /// The size (m) that violations of a pose are beside, m/s of speeds and m/s2 of accelerations: where the mechanism is about a metre, 1 + the largest.
-  /// Otherwise its arm stands for the metre, angles count by it, and the second is that in which it falls its arm's length at 1 m/s2.
+  /// The reference size of violations of a pose (m), of velocities (m/s) and of accelerations (m/s2): 1 + the largest for a mechanism of about a metre.
+  /// Otherwise lengths are relative to its arm, angles are multiplied by it, and times are relative to that of falling an arm's length at 1 m/s2.
   Real pose_size(const Coordinates<S>& q) const {
     if (arm_ == Real(1)) return Real(1) + largest(q);
     if (charts().empty()) return arm_ + largest(q, nominals_of(system_));
@@ -132,7 +132,7 @@ class Workspace {
       return charts_;
   }
 
-  /// A fault of an unknown, or of an equation behind the unknowns; of none where the row is negative.
+  /// A fault of an unknown, or of an equation after the unknowns; of neither if the row is negative.
   Fault fault_in_row(Cause cause, int row, Real value) const {
     const bool equation = row >= static_cast<int>(n_);
     return {.cause = cause, .list = row < 0 ? FaultList::none : equation ? FaultList::equations : FaultList::speeds,
@@ -145,7 +145,7 @@ class Workspace {
     return fault_in_row(cause, static_cast<int>(n_ + equation), value);
   }
 
-  /// The share of a quantity that is rounding in this type, for one that is rounding in double.
+  /// The relative rounding in this number type that corresponds to one in double.
   static Real rounding_like(double in_double) {
     return Real(in_double / std::numeric_limits<double>::epsilon()) * std::numeric_limits<Real>::epsilon();
   }
@@ -158,7 +158,7 @@ class Workspace {
   std::size_t n_, m_;                         ///< unknowns and equations
   Real arm_;                                  ///< see `arm_of`
   Speeds<S> f_;                               ///< force residual
-  Equations<S> phi_, phid_, phidd_, weight_;  ///< equations and their rates, and room for what pulls on the equations
+  Equations<S> phi_, phid_, phidd_, weight_;  ///< equations and their rates, and scratch for weights of the equations
   Equations<S> lambda_;
   Rows<S> x_;  ///< right-hand side and then solution
   Entries<S> tangent_;
@@ -166,12 +166,12 @@ class Workspace {
   long number_ = 0;  ///< of the step
 
  private:
-  /// A fault where the residual or the tangent has an entry that is no number.
+  /// A fault if an entry of the residual or the tangent is not finite.
   Fault require_finite() const {
     for (std::size_t i = 0; i < n_; ++i)
       if (!finite(f_[i])) return fault_in_row(Cause::forces_not_finite, static_cast<int>(i), f_[i]);
     bool all = true;
-    for (const Real value : tangent_) all &= value - value == Real(0);  // without branches, since this is asked of every tangent
+    for (const Real value : tangent_) all &= value - value == Real(0);  // without branches, since this is checked for every tangent
     if (all) return {};
     std::size_t i = 0;
     while (finite(tangent_[i])) ++i;

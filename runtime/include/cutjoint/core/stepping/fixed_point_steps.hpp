@@ -19,7 +19,7 @@
 
 namespace cutjoint {
 
-/// The integrator of a simulation (simulation.hpp) by the fixed point of the trapezoidal rule.  Steps go over events.
+/// The integrator of a simulation (simulation.hpp) by the fixed point of the trapezoidal rule.  Steps cross events.
 template <class M>
 class FixedPointSteps {
  public:
@@ -33,7 +33,7 @@ class FixedPointSteps {
   /// Whether steps may leave loops open without a fault.
   static bool leaves_violations(const SimulationSettings& settings) { return !settings.fixed_point.proximal || settings.fixed_point.fixed_cost; }
 
-  /// The length of steps with a fixed point, which penalties follow.
+  /// The step length that limits penalties.
   static Real fixed_point_step(const SimulationSettings& settings) { return Real(settings.dt); }
 
   FixedPointSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>*)
@@ -48,13 +48,13 @@ class FixedPointSteps {
 
   Fault start(StateOf<M>&, Real) { return {}; }
 
-  /// Forces have jumped: the next step begins with the accelerations that they give, by the multipliers before, which an evaluation corrects.
+  /// Restart after a jump of forces: the next step begins with new accelerations by the old multipliers, corrected in one evaluation.
   void restart_after_input_jump(StateOf<M>& state) {
     mechanism_.begin_step(state.t, Real(1));
     mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), state.vdot.data(), correction_.data());
   }
 
-  /// A controller has changed forces: the next step begins with accelerations and multipliers that these give.
+  /// Restart after a controller's sample: the next step begins with new accelerations and multipliers.
   void restart_after_sample(StateOf<M>& state) {
     if (correction_.empty()) return restart_after_input_jump(state);
     cutjoint::accelerate(mechanism_, state, Real(1), next_, correction_);
@@ -69,7 +69,7 @@ class FixedPointSteps {
   /// Close the loops of a state by moving the masses least.
   Fault close(StateOf<M>& state) { return steps_.projection().close(state); }
 
-  /// From the state to that at the end of a step of length h; the state stays where it fails.
+  /// Take a step of length h; the state is unchanged on failure.
   Fault step(StateOf<M>& state, const SimulationSettings& settings, Real h, Real, long number) {
     steps_.set_step(h);
     steps_.set_fixed_point(settings.fixed_point);
@@ -81,7 +81,7 @@ class FixedPointSteps {
   /// The state with its accelerations and multipliers.
   const StateOf<M>& complete(const StateOf<M>& state) const { return state; }
 
-  /// Tell a watch of impacts.
+  /// Report impacts to an observer.
   void watch_impacts(const ImpactWatch<M>& watch) { watch_ = watch; }
 
   long iterations() const { return steps_.evaluations(); }
@@ -90,10 +90,10 @@ class FixedPointSteps {
     else return steps_.evaluations();
   }
 
-  /// What the last iteration still changed the accelerations by, as a share of 1 + the largest of them.
+  /// The change of accelerations by the last iteration, relative to 1 + the largest of them.
   double change() const { return steps_.change(); }
 
-  /// What the next step expects by the last ones.
+  /// The accelerations extrapolated to the next step.
   Extrapolation<M>& expected() { return steps_.expected(); }
 
   struct Memory {

@@ -1,4 +1,4 @@
-// Steps of several instances of a mechanism side by side, each in a lane of its own.
+// Steps of several instances of a mechanism in SIMD lanes.
 #pragma once
 
 #include <array>
@@ -20,13 +20,13 @@
 
 namespace cutjoint {
 
-/// Values become those of lane k of as many numbers.
+/// Copy values into lane k.
 template <class Values, class Numbers>
 void put_lane(int k, const Values& values, Numbers& numbers) {
   for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i].v[k] = values[i];
 }
 
-/// A state becomes that of lane k.
+/// Copy a state into lane k.
 template <class Single, class Several, int N, class Arrays>
 void put_lane(int k, const State<Single, Several>& state, State<Lanes<Single, N>, Arrays>& states) {
   states.t.v[k] = state.t;
@@ -48,8 +48,8 @@ void take_lane(int k, const State<Lanes<Single, N>, Arrays>& states, State<Singl
   take_lane(k, states.vdot, state.vdot), take_lane(k, states.lambda, state.lambda);
 }
 
-/// What an instance goes on from: a consistent state, and what its mechanism is loaded with and driven by.  Steps are counted from `origin`, s, of which
-/// `number` are made.  The sources of roads and inputs outlive the steps.
+/// The start of an instance: a consistent state, parameters, roads and inputs.  `number` steps have been taken since
+/// `origin`, s.  The sources of roads and inputs outlive the steps.
 template <class StateOfOne>
 struct LaneStart {
   const StateOfOne& state;
@@ -59,13 +59,13 @@ struct LaneStart {
   InputSource<double> inputs{};
   double origin = 0.0;
   long number = 0;
-  long unmeasured = 1;  ///< how many steps there are until violations are measured
+  long unmeasured = 1;  ///< steps until violations are measured
 };
 
-/// Steps by the trapezoidal rule of instances side by side.
+/// Steps of instances in lanes by the trapezoidal rule.
 ///
-/// They go as one alone would, up to rounding.  What the other lanes have changes no bit of one, nor does the lane that it is in.  One that fails
-/// stops at its last state, and the others go on.  Between runs the instances may find accelerations of several states of one mechanism.
+/// Each steps as if alone, up to rounding; its bits depend neither on other lanes nor on its own lane.  One that fails
+/// stops at its last state, the others continue.  Between runs the instances may find accelerations of several states of one mechanism.
 template <Mechanism M>
 class LaneSteps {
  public:
@@ -83,7 +83,7 @@ class LaneSteps {
   LaneSteps(const LaneSteps&) = delete;
   LaneSteps& operator=(const LaneSteps&) = delete;
 
-  /// Accelerations and multipliers of states of one mechanism, which is loaded and driven like that; no lane goes.
+  /// Accelerations and multipliers of several states of one mechanism, given by `like`; no lane is running.
   template <class StateOfOne>
   void accelerate(std::array<StateOfOne, width>& states, double motion, const double* parameters, const Stabilisation<double>& s,
                   const Road<double>* roads, const InputSource<double>& source) {
@@ -98,10 +98,10 @@ class LaneSteps {
     for (int k = 0; k < width; ++k) take_lane(k, state_, at(states, k));
   }
 
-  /// All lanes stand still.
+  /// Stop all lanes.
   void clear() { going_ = Instances::all_if(false); }
 
-  /// An instance goes in a lane; the first one stands in for those that do not.
+  /// Put an instance into a lane; the first one fills lanes without one.
   template <class StateOfOne>
   void put(int k, const LaneStart<StateOfOne>& start) {
     const bool is_first = !any_goes();
@@ -109,7 +109,7 @@ class LaneSteps {
     going_[k] = -1;
   }
 
-  /// Get ready for steps of those that were put, which have the same settings; with `violation_limits` they stop where a loop is torn.
+  /// Prepare for steps of the instances, which have the same settings; with `violation_limits` they stop if a loop is torn.
   void begin(const SimulationSettings& settings, const double* violation_limits = nullptr) {
     settings_ = settings;
     violation_limits_ = violation_limits;
@@ -124,14 +124,14 @@ class LaneSteps {
   bool goes(int k) const { return Instances::has(going_, k); }
   Mask going() const { return going_; }
 
-  /// Why the one in a lane stopped.
+  /// The fault of a lane.
   const Fault& fault(int k) const { return at(faults_, k); }
 
   /// Its state and its time, s.
   const StateOf<M>& states() const { return state_; }
   double time(int k) const { return state_.t[k]; }
 
-  /// How often it was evaluated since the beginning until its iterations had converged.
+  /// Its evaluations since the beginning, until its iterations had converged.
   long evaluations(int k) const { return static_cast<long>(steps_.evaluations()[k]); }
 
   /// A step of the settings' length.
@@ -140,7 +140,7 @@ class LaneSteps {
     number_ = where(going_, number_ + Real(1), number_);
   }
 
-  /// Steps of all, which have the same time, to another, the last one shorter where they do not end there.
+  /// Step all from their common time to another; the last step is shorter if needed.
   void advance(double until) {
     const double rounding = 1e-9 * settings_.dt;
     while (any_goes()) {

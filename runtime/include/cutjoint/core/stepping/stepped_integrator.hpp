@@ -1,4 +1,4 @@
-// The common part of a simulation's integrators that go on by a stepper.
+// The common base of integrators with a stepper.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 
 namespace cutjoint::stepping {
 
-/// Steps of an integrator (simulation.hpp) over coordinates and speeds of S.  `Own` has the `stepper_` of stepper.hpp, room `y_` for its values, `begin`, and
+/// Steps of an integrator (simulation.hpp) over coordinates and velocities of S.  `Own` has the `stepper_` of stepper.hpp, memory `y_` for its values, `begin`, and
 /// `keep`, which puts accelerations or multipliers of the steps into a state.
 template <class Own, class S>
 class SteppedIntegrator {
@@ -23,27 +23,27 @@ class SteppedIntegrator {
 
   SteppedIntegrator(S& subject, const SimulationSettings& settings) : impacts_(subject, settings.end) {}
 
-  /// The length of steps with a fixed point, which penalties follow: there is none.
+  /// The step length that limits penalties: none without fixed-point iteration.
   static Real fixed_point_step(const SimulationSettings&) { return Real(0); }
 
-  /// From the state to a time; the state stays where it fails.
+  /// Integrate the state to a time; unchanged on failure.
   Fault step(StateOf<S>& state, const SimulationSettings& settings, Real, Real until, long number) {
     get_ready(settings, until);
     const Fault fault = own().stepper_.advance(state.t, until, own().y_, number);
     return finish(state, until, fault);
   }
 
-  /// Step to a time, or to where a force changes its formula, if that is earlier.
+  /// Step to a time, or to an event if that is earlier.
   Fault step_to_event(StateOf<S>& state, const SimulationSettings& settings, Real until, long number) {
     get_ready(settings, until);
     const Fault fault = own().stepper_.advance_to_event(state.t, until, own().y_, number);
     return finish(state, own().stepper_.time(), fault);
   }
 
-  /// Where the run ends, of steps that are foreseen.
+  /// The end of the run, if known in advance.
   void run_to(Real end) { own().stepper_.run_to(end); }
 
-  /// Tell a watch of impacts.
+  /// Report impacts to an observer.
   void watch_impacts(const ImpactWatch<S>& watch) { watch_ = watch; }
 
   auto& stepper() { return own().stepper_; }
@@ -63,7 +63,7 @@ class SteppedIntegrator {
     if constexpr (Own::adaptive) own().stepper_.bound(settings.most_steps);
   }
 
-  /// Momentum carries over where the rate of a guide jumps.
+  /// Apply the impulses of jumps of a guide's rate.
   template <class Scheme>
   static void strike(void* who, Scheme& scheme, std::size_t which, Real since) {
     SteppedIntegrator* const own = static_cast<SteppedIntegrator*>(who);

@@ -213,7 +213,7 @@ class Stepper {
     const Real left = limit - time();
     Real h = scheme_.adaptive() ? std::min(now_.h, left) : left;
     if (left - h < h / 1000) h = left;
-    Real span_left = std::exchange(now_.soon, Real(-1));  // to where the regime is left, if it is
+    Real span_left = std::exchange(now_.soon, Real(-1));  // to where the mode is left, if it is
     if (span_left >= Real(0)) h = std::min(h, std::max(Real(0.9) * span_left, shortest()));
     for (;; ++counts_.rejected) {
       const bool whole = h <= shortest();
@@ -330,7 +330,7 @@ class Stepper {
       return {};
     }
     if (const Real more = share_together(high, h); out_at(high + more) > out_at(high)) high += more;
-    if constexpr (std::remove_cvref_t<decltype(scheme_.cells())>::has_continuous) {  // the first stage behind has the derivative of its side
+    if constexpr (std::remove_cvref_t<decltype(scheme_.cells())>::has_continuous) {  // the first stage after the event has the one-sided derivative there
       scheme_.follow(high);
       if (scheme_.cells().is_continuous(scheme_.found())) high += Real(1e-6);
     }

@@ -1,4 +1,4 @@
-// Steps of a simulation by a rule of equal steps, which end at events too.
+// Equal steps of a simulation, divided into substeps at events.
 #pragma once
 
 #include "cutjoint/core/numbers/arrays.hpp"
@@ -14,8 +14,8 @@
 
 namespace cutjoint {
 
-/// The integrator of a run (simulation.hpp) by a rule of stepping/equal_steps.hpp: a step of the settings' length, in parts where events lie.  Where a run
-/// fails the state is the last one that counts.
+/// The integrator of a run (simulation.hpp) by a rule of stepping/equal_steps.hpp: a step of the settings' length, divided into substeps at events.  If a run
+/// fails, the state is the last valid one.
 template <class Rule>
 class SplitSteps : public stepping::SteppedIntegrator<SplitSteps<Rule>, typename Rule::Subject> {
  public:
@@ -34,10 +34,10 @@ class SplitSteps : public stepping::SteppedIntegrator<SplitSteps<Rule>, typename
 
   Fault start(StateOf<Subject>& state, Real) { return stages_.begin(state); }
 
-  /// A step has failed.
+  /// Handle a failed step.
   void begin(StateOf<Subject>& state) { state = stages_.enter(); }
 
-  /// Forces have jumped: a singular pose keeps the accelerations that it has.
+  /// Restart after a jump of forces; a singular pose keeps its accelerations.
   void restart_after_input_jump(StateOf<Subject>& state) {
     stages_.adopt();
     stages_.restart();
@@ -46,14 +46,14 @@ class SplitSteps : public stepping::SteppedIntegrator<SplitSteps<Rule>, typename
 
   const StateOf<Subject>& complete(const StateOf<Subject>& state) const { return state; }
 
-  /// The residuals of the loops in the state that steps have come to.
+  /// The residuals of the loops in the present state.
   const Residuals& residuals(const StateOf<Subject>&) const
     requires knows_residuals
   {
     return rule_.newton().residuals();
   }
 
-  /// The largest residuals of all parts of steps.
+  /// The largest residuals of all substeps.
   const Residuals& worst_residuals() const
     requires knows_residuals
   {

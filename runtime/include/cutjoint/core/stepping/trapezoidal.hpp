@@ -19,15 +19,15 @@
 
 namespace cutjoint {
 
-/// How the fixed point is sought: from the accelerations that those at the ends of the last steps lead to, by mixed iterations.
+/// The fixed-point iteration: starts from extrapolated accelerations, with Anderson mixing.
 ///
-/// It counts as reached when the accelerations change by at most `tolerance` times (1 + the largest of them); rates of states count as shares of
+/// It has converged when the accelerations change by at most `tolerance` times (1 + the largest of them); rates of states are relative to
 /// their `nominals`.  The multipliers are
-/// corrected in the first `multiplier_updates` iterations of a step and stay the same then: the penalty carries what is left.  Near a singular
-/// pose the multipliers of the vanishing direction have no limit, and correcting them further would never end.
+/// corrected in the first `multiplier_updates` iterations of a step and constant then: the penalty carries the rest.  Near a singular
+/// pose the multipliers of the vanishing direction are unbounded, and further corrections would not converge.
 ///
-/// With the proximal closure positions and speeds are projected at the end of a step.  A step of fixed cost has `iterations` of them, no
-/// less and no more, whatever they leave.
+/// With the proximal closure positions and velocities are projected at the end of a step.  A step of fixed cost has exactly `iterations`
+/// iterations.
 struct FixedPoint {
   double tolerance;
   int iterations;
@@ -38,14 +38,14 @@ struct FixedPoint {
   bool operator==(const FixedPoint&) const = default;
 };
 
-/// A fixed point that is not reached: what the accelerations still change by, how large they are, and the speed whose one changes most.
+/// A fixed point that is not reached: the last change of accelerations, their size, and the velocity whose acceleration changes most.
 inline Fault not_reached(int iterations, double change, double size, double t, long number, std::size_t speed) {
   return {.cause = std::isfinite(change) ? Cause::not_converged : Cause::diverged, .list = FaultList::speeds, .index = static_cast<int>(speed),
           .t = t, .step = number, .value = change, .size = size, .iterations = iterations};
 }
 
-/// Integrates a mechanism with steps of a given length.  Its reals may be numbers of several instances side by side: each
-/// goes as if it were alone, and its accelerations stay when they have converged while those of others still change.
+/// Integrates a mechanism with steps of a given length.  Its reals may have lanes for several instances: each iterates as if
+/// alone, and converged accelerations stay while those of others still change.
 template <Mechanism M>
 class Trapezoidal {
  public:
@@ -58,22 +58,22 @@ class Trapezoidal {
         delta_(v_hat_.size()), vdot_(v_hat_.size()), difference_(v_hat_.size()), correction_(sizes_of(mechanism).equations),
         before_(design_state(mechanism)), expected_(v_hat_.size()), mixing_(v_hat_.size()), projection_(mechanism) {}
 
-  /// One step of a mechanism alone; `state` is that at its end.  There is a fault when the iteration diverges to infinity or does not end, or loops
-  /// stay open; `state` is then the last one that converged, and the mechanism is at its time.
+  /// One step of a mechanism alone; `state` is that at its end.  Fault: the iteration diverges or does not converge, or loops
+  /// stay open; `state` is then the last converged one, and the mechanism is at its time.
   [[gnu::noinline]] Fault step(StateOf<M>& state, long number) {
     if (!step_of(state, true)) return {};
     mechanism_.begin_step(state.t, Real(1));
     return fault(0, number);
   }
 
-  /// One step of the instances in `going`; a state is then that at its end, of all others it stays.  Returns those that fail; the mechanism is at the
+  /// One step of the instances in `going`; states of others are unchanged.  Returns those that fail; the mechanism is at the
   /// end of the step.
   Mask step_of(StateOf<M>& state, Mask going) {
     const Mask failed = advance(state, going);
     return fixed_point_.proximal ? Instances::either(failed, project(state, Instances::without(going, failed))) : failed;
   }
 
-  /// Why the last step of an instance failed.
+  /// The fault of an instance's last step.
   Fault fault(int instance, long number) const {
     Fault fault = faults_[static_cast<std::size_t>(instance)];
     fault.step = number;
@@ -86,16 +86,16 @@ class Trapezoidal {
   Extrapolation<M>& expected() { return expected_; }
   const Extrapolation<M>& expected() const { return expected_; }
 
-  /// Go on with steps of another length.
+  /// Continue with steps of another length.
   void set_step(Real dt) { dt_ = dt; }
 
-  /// Seek the fixed point another way.
+  /// Change the settings of the iteration.
   void set_fixed_point(const FixedPoint& fixed_point) { fixed_point_ = fixed_point; }
 
-  /// How often each instance was evaluated until it had converged.
+  /// Evaluations of each instance until it converged.
   const typename Instances::Count& evaluations() const { return evaluations_; }
 
-  /// What the last iteration changed the accelerations of a mechanism alone by, as a share of 1 + the largest of them.
+  /// The change of a single mechanism's accelerations by the last iteration, relative to 1 + the largest of them.
   double change() const { return static_cast<double>(change_ / size_); }
 
   /// Count evaluations from 0.
@@ -118,7 +118,7 @@ class Trapezoidal {
     const std::span<const double> nominals = nominals_of(mechanism_);
     expected_.expect(state.vdot, dt, nominals);
     mixing_.begin();
-    // the first accelerations follow from the last step's multipliers: they are no sign of how those with present ones follow their tries, and no end
+    // the first accelerations belong to the last step's multipliers: they are used neither for mixing nor as convergence
     const int first_sure = correction_.empty() ? 1 : 2;
     Mask open = going, failed{};
     for (int iteration = 1; Instances::any(open); ++iteration) {
@@ -145,7 +145,7 @@ class Trapezoidal {
     return failed;
   }
 
-  /// Coordinates and speeds that belong to the state's accelerations.
+  /// Coordinates and velocities from the state's accelerations.
   void follow(StateOf<M>& state) {
     const Real half = dt_ / 2, quarter = dt_ * dt_ / 4;
     for (std::size_t i = 0; i < v_hat_.size(); ++i) {
@@ -155,7 +155,7 @@ class Trapezoidal {
     retract<Real>(charts_of(mechanism_), before_.q.data(), delta_.data(), state.q.data());
   }
 
-  /// Positions and speeds that keep the loops closed; returns the instances that fail, which go back to the state before the step.
+  /// Project positions and velocities; returns the instances that fail, which are reset to the state before the step.
   Mask project(StateOf<M>& state, Mask going) {
     Mask failed = Instances::all_if(false);
     if (fixed_point_.fixed_cost) projection_.approach(state);
@@ -175,7 +175,7 @@ class Trapezoidal {
     return change_ <= Real(fixed_point_.tolerance) * size_;
   }
 
-  /// Keep what is to say of instances that fail.
+  /// Record the faults of instances that fail.
   void note(Mask lost, Real t, int iteration) {
     for (int k = 0; k < Instances::number; ++k) {
       if (!Instances::has(lost, k)) continue;
@@ -188,7 +188,7 @@ class Trapezoidal {
     }
   }
 
-  /// Instances go back to the state before the step.
+  /// Reset instances to the state before the step.
   void restore(StateOf<M>& state, Mask which) const {
     if (!Instances::any(which)) return;
     const auto back = [&](auto& values, const auto& before) {
