@@ -171,10 +171,10 @@ def test_equilibrium_says_which_forces_hold_positions(tmp_path: Path) -> None:
         "joints: {hinge: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: y}}\n"
         "scenes: {rest: {end: 1, positions: {hinge.angle: 0}}}\n"
     )
-    assert "held at the start by: hinge.angle -9.81 N*m, released at t = 0\n" in call("equilibrium", path).output
+    assert "locked at the start by: hinge.angle -9.81 N*m, released at t = 0\n" in call("equilibrium", path).output
     text = path.read_text()
     path.write_text(text + "forces: {drive: {kind: joint_force, joint: hinge, law: -2}}\n")
-    assert "held at the start by: hinge.angle -7.81 N*m, released" in call("equilibrium", path).output
+    assert "locked at the start by: hinge.angle -7.81 N*m, released" in call("equilibrium", path).output
     path.write_text(text.replace("angle: 0}", "angle: 0}, near: [hinge.angle]"))
     assert "held at" not in call("equilibrium", path).output
     path.write_text(text.replace("-9.81", "0"))
@@ -244,7 +244,7 @@ def test_the_first_of_several_scenes_is_reported(command: str, tmp_path: Path) -
     model.write_text(SLIDE, encoding="utf-8")
     result = call(command, model)
     assert result.exit_code == 0, result.output
-    assert result.stderr.strip() == "scene still, the first of 2; --scene takes another"
+    assert result.stderr.strip() == "scene still, the first of 2; choose another with --scene"
     named = call(command, model, "--scene", "still")
     assert named.stdout == result.stdout
     assert named.stderr.strip() == ""

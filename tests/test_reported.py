@@ -61,10 +61,10 @@ def test_words_of_modes_are_explained(tmp_path: Path) -> None:
         result = CliRunner().invoke(main, ["modes", str(file)])
         assert result.exit_code == 0, result.output
         words[name] = " ".join(result.output.partition("words")[2].split())
-    assert words["swing"].startswith("eigenvalue its real part is the rate at which the motion grows")
-    assert "moves coordinates and the amplitudes of each" in words["swing"]
+    assert words["swing"].startswith("eigenvalue real part: growth rate")
+    assert "moves coordinates with amplitudes" in words["swing"]
     assert "rigid-body" not in words["swing"]
-    assert words["wheel"] == "rigid-body modes motions that nothing brings back, each by its leading coordinate"
+    assert words["wheel"] == "rigid-body modes motions without restoring force, each by its leading coordinate"
 
 
 def test_parameters_that_nothing_uses_are_named() -> None:
@@ -95,17 +95,17 @@ def test_a_mechanism_that_cannot_move_is_reported_from_one_that_guides_drive(tmp
     assert "degrees of freedom 1 words" in said_by_check(free, tmp_path)
     rigid = said_by_check(free.replace("kind: revolute", "kind: fixed").replace(", axis: [0, 1, 0]", "").replace(
         "forces: {push: {kind: joint_force, joint: pin, law: \"drive*gain\"}}", ""), tmp_path)  # fmt: skip
-    assert "motion none: loops and joints leave no freedom, and no joint has a guide" in rigid
+    assert "motion none: loops and joints leave no degree of freedom, and no joint is guided" in rigid
     assert "note" in rigid
     driven = said_by_check(free.replace("axis: [0, 1, 0]", "axis: [0, 1, 0], guide: t"), tmp_path)
-    assert "motion kinematic: guides drive all freedom" in driven
+    assert "motion kinematic: guides prescribe all degrees of freedom" in driven
 
 
 def test_check_explains_its_words(tmp_path: Path) -> None:
     alone, with_loops = said_by_check(ARM, tmp_path), said_by_check(PRESS.read_text(), tmp_path)
-    assert "isomorphic parts alike but for their numbers" in alone
+    assert "isomorphic parts that differ in numbers only" in alone
     assert "counted once: parts" not in alone
-    assert "counted once: parts that are computed side by side count as one" in with_loops
+    assert "counted once: parts evaluated in lanes count as one" in with_loops
 
 
 @needs_cpp
@@ -114,7 +114,7 @@ def test_a_run_says_its_file_and_errors_first_and_the_rest_by_request(tmp_path: 
     short, long = (CliRunner().invoke(main, [*words, *more]) for more in ([], ["--verbose"]))
     lines = [line for line in short.stdout.splitlines() if line.strip()]
     assert lines[0] == f"results: {tmp_path / 'run.csv'}, 4 columns, 11 rows"
-    assert lines[1] == "errors of the steps at most"
+    assert lines[1] == "time-stepping errors at most"
     assert lines[-1].startswith("scene turn, method recursive: ")
     assert lines[-1].endswith("; --verbose says more")
     assert len(lines) < 12
@@ -168,7 +168,7 @@ def test_a_first_model_is_said_to_compile_what_all_models_share(monkeypatch: pyt
     watch = Watch(tmp_path, ["g++"], [driver, own])
     with options.progress_bar("compiling swing"):
         watch.notify()
-        _wait_for("compiling swing and, once, what all models share: 0 %", written)
+        _wait_for("compiling swing and, once, the parts common to all models: 0 %", written)
         watch.finish(driver)
         _wait_for("compiling swing: 50 %", written)
 

@@ -109,8 +109,8 @@ def _fault_of_argument(text: str) -> str:
     if not _is_utf_8(text):
         return f"the argument {text!a} is not UTF-8; rename the file, or write another name"
     if not value and (not option or text.endswith("=")):
-        return f"the argument {text!a} is empty; write a value, or leave the option away"
-    return f"{value}: a link that leads to itself; remove it, or write another name" if _is_link_loop(value) else ""
+        return f"the argument {text!a} is empty; write a value, or omit the option"
+    return f"{value}: a circular link;  remove it, or write another name" if _is_link_loop(value) else ""
 
 
 def _is_link_loop(path: str) -> bool:

@@ -31,7 +31,7 @@ def test_a_singular_design_position(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(parallel_cranks_text(2, IN_LINE))
     said = check(path)
-    assert "singular for a moment: rank 1, but 2 in 4 other poses of the motion" in said
+    assert "instantaneously singular: rank 1, but 2 in 4 other poses of the motion" in said
     assert "m.yaml:13 x in the design position only" in said
 
 

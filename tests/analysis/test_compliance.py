@@ -128,7 +128,7 @@ def test_an_axle_on_joints_alone_does_not_give_way() -> None:
 def test_what_nothing_holds_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "axle.yaml"
     path.write_text(AXLE.replace("-9.81", "0").replace("      tie_rod: {kind: distance, bodies: [hull, carrier], at: TI, to: TO}\n", ""))
-    with pytest.raises(RunError, match=f"axle '{BODIES}': nothing holds the left wheel against"):
+    with pytest.raises(RunError, match=f"axle '{BODIES}': no stiffness supports the left wheel against"):
         find_compliance(path, axle=BODIES)
 
 

@@ -128,7 +128,7 @@ def test_the_command_line_writes_one_table(tmp_path: Path) -> None:
         result = CliRunner().invoke(main, asked)
         assert result.exit_code == 0, result.output
         tables[loops] = out.read_text(encoding="utf-8")
-        said = "went over to: the loops' equations at t = 0.1 s, since the functions of 'a' end at t = 0.15 s"
+        said = "switched to: the loops' equations at t = 0.1 s, since the functions of 'a' end at t = 0.15 s"
         assert (said in result.output.replace("\n", " ")) == (loops == "embedded")
     exact, gone_on = ([line.split(",") for line in table.splitlines()] for table in tables.values())
     assert [line[0] for line in gone_on] == [line[0] for line in exact]

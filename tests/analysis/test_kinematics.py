@@ -387,7 +387,7 @@ def test_a_rack_without_a_guide_is_found_or_asked_for(tmp_path: Path) -> None:
     assert ["steered", "by", "rack_slide"] in [line.split() for line in found.output.splitlines()]
     file.write_text(text.replace(slide, slide.replace("[0, 1, 0]", "[0, 1, 0.2]")), encoding="utf-8")
     done = CliRunner().invoke(main, ["kinematics", str(file)])
-    assert "its wheels move though their heights are held" in done.output
+    assert "its wheels move although their heights are prescribed" in done.output
     assert CliRunner().invoke(main, ["kinematics", str(file), "--points", "3", "--steer", "rack_slide"]).exit_code == 0
 
 

@@ -301,7 +301,7 @@ def test_one_place_has_the_code(tmp_path: Path) -> None:
     words = ["compile", tmp_path / "m.yaml", "--out", tmp_path / "out", "--host-functions", "--functions", tmp_path / "f.cpp"]
     result = CliRunner().invoke(main, [str(word) for word in words])
     assert result.exit_code == 2
-    assert "--functions has the code that --host-functions leaves to hosts: name one of the two" in result.output
+    assert "--functions and --host-functions exclude each other: the code is compiled in or left to the host" in result.output
 
 
 #: Three simulations of one folder, each with functions and data of its own, and one whose functions are missing.

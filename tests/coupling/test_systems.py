@@ -108,7 +108,7 @@ REFUSED = [
     (beside(inner="<ssd:ParameterBindings/>"), "has parameter bindings"),
     (structure(_PLAIN + '<ssd:System name="hanging"/>', ""), "'hanging' is no FMU for co-simulation"),
     (structure(_BOTH, "", before="<ssd:ParameterBindings/>"), "the system has parameter bindings"),
-    (structure(_BOTH, connection(*_LOOP, inner="<ssc:LinearTransformation factor='2'/>")), "transforms what it passes"),
+    (structure(_BOTH, connection(*_LOOP, inner="<ssc:LinearTransformation factor='2'/>")), "transforms its values"),
     (structure(_BOTH, connection("hanging", "pull.force", "elsewhere", "given")), "no component is named 'elsewhere'"),
     (structure(_BOTH, connection("hanging", "pull.force", "hanging", "given")), "is within one component"),
     (structure(_BOTH, connection("hanging", "x", "pushed", "a") + connection("hanging", "x", "pushed", "b")),
@@ -138,6 +138,6 @@ def test_what_is_no_system_is_reported(tmp_path: Path) -> None:
     for name, message in (("no.ssp", "File is not a zip file"), ("empty.ssp", nothing), ("x.ssp", "No such file")):
         with pytest.raises(RunError, match=message), open_system([tmp_path / name], {}, "pushed"):
             pass
-    with pytest.raises(RunError, match="give it alone, without --connect"), open_system([tmp_path / "x.ssp"], {"a": "b"},
+    with pytest.raises(RunError, match="pass only the system, without --connect"), open_system([tmp_path / "x.ssp"], {"a": "b"},
         "pushed"):
         pass

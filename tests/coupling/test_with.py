@@ -244,7 +244,7 @@ BROKEN = [
     ((("CoSimulation", "ModelExchange"), (' canHandleVariableCommunicationStepSize="false"', "")),
      "the FMU has no co-simulation but model exchange; export it for co-simulation"),
     ((("linux64", "win64"),), "the FMU has no binary for linux64 (it has win64); 'fmpy compile {fmu}' builds one from its sources"),
-    (((' stepSize="0.01"', ""),), "the FMU does not say how long its steps are; say --communication-step"),
+    (((' stepSize="0.01"', ""),), "the FMU has no default step size; set --communication-step"),
     (((_OUTPUT, _OUTPUT.replace("continuous", "discrete").replace('Real unit="N"', "Integer")),),
      "'force' cannot be connected with 'push': its type is Integer, and only real numbers are connected"),
     ((('fmiVersion="2.0"', 'fmiVersion="9.0"'),), "this is no FMU that can be read"),

@@ -56,7 +56,7 @@ def test_a_method_without_fmus_is_refused() -> None:
     with pytest.raises(cutjoint.RunError, match="method: 'euler' has no FMUs; use recursive, augmented, classical or recursive-newton"):
         fmu_of("press", 2, method="euler")
     for method in ("augmented", "classical", "recursive-newton"):
-        words = f"method: '{method}' has FMUs for co-simulation alone; leave out --kind me, or take the method recursive"
+        words = f"method: '{method}' has FMUs for co-simulation only; leave out --kind me, or use the method recursive"
         with pytest.raises(cutjoint.RunError, match=words):
             fmu_of("press", 2, kind="me", method=method)
 

@@ -118,7 +118,7 @@ def test_flags_that_name_a_processor_choose_its_code_alone() -> None:
     assert choose_target(("-O3",)) == "both"
     assert choose_target(("-O3", "-march=native")) == "baseline"
     assert choose_target(("-O3",), "avx2") == "avx2"
-    with pytest.raises(cutjoint.RunError, match="target: the flags name a processor, -mavx; leave out --target, or take them from"):
+    with pytest.raises(cutjoint.RunError, match="target: the flags name a processor, -mavx; leave out --target, or remove them from"):
         choose_target(("-O3", "-mavx"), "both")
 
 

@@ -77,7 +77,7 @@ def test_a_joint_of_the_yaml_is_fixed(tmp_path: Path) -> None:
         ("closed_loop: [[a, b, c]]\n", 1, "wants pairs of frames"),
         ("closed_loop: [[a, z]]\n", 1, "names 'z', which is neither joint nor link"),
         ("closed_loop: []\nname_mot: [z]\n", 2, "names the joint 'z', which is not there"),
-        ("joint_name: [k]\njoint_type: [UJOINT_XY]\n", 0, "is of a joint that the YAML beside makes a Cardan joint"),
+        ("joint_name: [k]\njoint_type: [UJOINT_XY]\n", 0, "is of a joint that the sidecar YAML makes a Cardan joint"),
     ],
 )
 def test_faults_of_the_yaml_have_their_line(tmp_path: Path, beside: str, line: int, message: str) -> None:
@@ -111,4 +111,4 @@ def test_older_dialects_say_the_same(tmp_path: Path) -> None:
 def test_joints_that_nothing_moves_are_reported(tmp_path: Path) -> None:
     follower = hinge("k", "a", "b", "1 0 0").replace("<joint", '<joint independent="false"')
     text = robot(LINKS, hinge("j", "base", "a", "0 0 0") + follower + hinge("l", "b", "c", "0 0 0"))
-    assert "free, since nothing in the file says what they follow: k" in model_of(tmp_path, text)[1].notes
+    assert "free, since the file does not say on which joints they depend: k" in model_of(tmp_path, text)[1].notes

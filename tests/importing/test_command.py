@@ -51,7 +51,7 @@ def test_no_file_of_the_user_is_written_over(tmp_path: Path) -> None:
     assert (tmp_path / "leg.yaml").read_text() == "kept: 1\n"
     assert (tmp_path / "leg.urdf").read_text() == LEG.read_text()
     result = CliRunner().invoke(main, ["import", str(tmp_path / "leg.yaml")])
-    assert "of no format that is read" in result.output
+    assert "has an unknown format" in result.output
 
 
 def test_bench_takes_such_a_file() -> None:

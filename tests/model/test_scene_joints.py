@@ -103,7 +103,7 @@ def test_a_run_says_that_it_is_kinematic(tmp_path: Path) -> None:
     file.write_text(TEXT)
     words = ("simulate", file, "--implementation", "interpreted", "--out", tmp_path / "run.csv", "--scene")
     driven, free = (CliRunner().invoke(main, [str(x) for x in (*words, scene)]) for scene in ("turned", "as_written"))
-    assert "motion: kinematic: guides drive all freedom; runs have the forces of the guides and all reactions" in driven.output
+    assert "motion: kinematic: guides prescribe all degrees of freedom; runs report guide forces and all reactions" in driven.output
     assert "kinematic" not in free.output
     held = CliRunner().invoke(main, ["check", str(file), "--scene", "held"])
     assert "0 cut" in held.output

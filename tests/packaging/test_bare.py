@@ -30,7 +30,7 @@ Bare = Callable[..., subprocess.CompletedProcess[str]]
 
 FOUR_BAR, AXLE, PRESS = (str(MODELS / f"{name}.yaml") for name in ("four_bar", "axle", "press"))
 TOOLS = "apt-get install g++ cmake ninja-build, or pip install 'cutjoint[compiler]'"
-NEEDS = re.compile(rf"this takes generated code; missing: [^;]*; {re.escape(TOOLS)}")
+NEEDS = re.compile(rf"this needs generated code; missing: [^;]*; {re.escape(TOOLS)}")
 COMMAND = "from cutjoint.cli import main; main()"
 
 #: The largest difference (SI units) that rounding makes in half a second of the four-bar, whose rows are of size 10 at most.
@@ -109,7 +109,7 @@ def test_runs_are_those_of_generated_code(bare: Bare, tmp_path: Path, method: st
     words = ["simulate", FOUR_BAR, "--method", method, "--integrator", integrator, "--end", "0.5", "--out", str(out)]
     done = bare(COMMAND, *words)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert f"no C++ compiler: interpreted; generated code takes steps 5 to 20 times as fast: {TOOLS}" in done.stdout
+    assert f"no C++ compiler: interpreted; generated code is 5 to 20 times as fast: {TOOLS}" in done.stdout
     run = cutjoint.simulate(cutjoint.compile_model(FOUR_BAR, method=method), integrator=integrator, end=0.5)
     rows = np.genfromtxt(out, delimiter=",", names=True, deletechars="")
     for name in run.columns:

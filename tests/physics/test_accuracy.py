@@ -319,7 +319,7 @@ def test_outputs_that_are_far_off_are_named_beside_places_that_have_converged() 
     console = Console(width=300)
     with console.capture() as said:
         console.print(error_facts(estimate))
-    assert "but not s.force: off by more than a tenth of what they reach" in said.get()
+    assert "but not s.force: errors above a tenth of their largest values" in said.get()
 
 
 @pytest.mark.parametrize(("size", "converged"), [(5e-4, False), (5e-6, True)])
@@ -376,7 +376,7 @@ def test_where_no_other_run_comes_to_its_end_the_words_say_so() -> None:
     console = Console(width=200)
     with console.capture() as said:
         console.print(error_facts(estimate))
-    assert "not known: no run with finer or coarser steps came to its end" in said.get()
+    assert "unknown: no run with finer or coarser steps reached its end" in said.get()
     assert "inf" not in said.get()
 
 

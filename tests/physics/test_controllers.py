@@ -297,7 +297,7 @@ def test_a_row_of_many_samples_and_one_of_too_many() -> None:
 
 def test_an_integrator_of_another_package_that_takes_no_samples() -> None:
     pytest.importorskip("cutjoint_bench")
-    words = r"servo.yaml:14:3: the integrator reference takes no samples, which the controller 'outer' needs; use trapezoidal, "
+    words = r"servo.yaml:14:3: the integrator reference does not support sampling, which the controller 'outer' needs; use trapezoidal, "
     with pytest.raises(RunError, match=words):
         make_run_file(servo(), servo().scenes["run"], {}, task="simulate", options=Options(integrator="reference"))
 

@@ -126,7 +126,7 @@ def test_a_run_reports_what_holds_its_start(tmp_path: Path) -> None:
     path = tmp_path / "hanging.yaml"
     path.write_text(TEXT, encoding="utf-8")
     done = CliRunner().invoke(main, ["simulate", str(path), "--implementation", "interpreted", "--out", str(tmp_path / "run.csv")])
-    assert "held at the start by: top.angle 7.358 N*m, released at t = 0\n" in done.output
+    assert "locked at the start by: top.angle 7.358 N*m, released at t = 0\n" in done.output
     free = read_model_text(near(0.1, 0.1), "hanging.yaml")
     assert not simulate(compile_interpreted(free, free.scenes["start"]), error=False).held
 

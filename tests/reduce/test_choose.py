@@ -200,8 +200,8 @@ def test_runs_are_as_far_apart_as_their_worst_place() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--dt", "0.1"], "--dt cannot go with method auto"),
-        (["--precision", "quad"], "--precision cannot go with method auto"),
+        (["--dt", "0.1"], "--dt cannot be combined with method auto"),
+        (["--precision", "quad"], "--precision cannot be combined with method auto"),
     ],
 )
 def test_options_that_auto_picks(tmp_path: Path, options: list[str], message: str) -> None:

@@ -65,7 +65,7 @@ def test_what_else_is_refused() -> None:
     artifact = compile_model(PENDULUM)
     with pytest.raises(RunError, match="no events 'found'; there is located, crossed"):
         simulate(artifact, events="found")
-    with pytest.raises(RunError, match="the integrator reference takes steps over events"):
+    with pytest.raises(RunError, match="the integrator reference steps across events"):
         simulate(artifact, integrator="reference", events="located")
     with_reference = replace(with_numerics(artifact, events="located"), additions=("reference",))
     assert told(with_reference, integrator="reference") is None

@@ -202,7 +202,7 @@ def test_a_trial_that_takes_too_long_is_ended() -> None:
 @pytest.mark.parametrize(
     ("begin", "said"),
     [
-        (Start(at_rest=False, closes_loops=True), "2, as small as the loops allow: one.angle_rate, other.angle_rate"),
+        (Start(at_rest=False, closes_loops=True), "2, minimum norm: one.angle_rate, other.angle_rate"),
         (Start(at_rest=False, closes_loops=False), "2, zero: one.angle_rate, other.angle_rate"),
         (Start(at_rest=True, closes_loops=True), ""),
     ],
@@ -211,7 +211,7 @@ def test_speeds_that_the_run_has_chosen_are_named(begin: Start, said: str) -> No
     run = replace(simulate(block()), undetermined=("one.angle_rate", "other.angle_rate"))
     table = run_facts(replace(block().compilation, start=begin), run)
     rows = dict(zip(table.columns[0].cells, table.columns[1].cells, strict=True))
-    assert rows.get("speeds not given", "") == said
+    assert rows.get("initial velocities not specified", "") == said
 
 
 @pytest.mark.parametrize(
@@ -304,7 +304,7 @@ scenes: {retract: {end: 2, output_step: 0.1}}
 def test_a_guide_that_leads_a_loop_past_its_reach_is_named(method: str) -> None:
     """The run ends where foot and top are as far apart as the bars together: law of cosines with the sides 0.8, 0.8."""
     model = read_model_text(BRACE, "brace.yaml")
-    with pytest.raises(FailedRunError, match="the guide of 'trunnion' may lead further than the links reach") as error:
+    with pytest.raises(FailedRunError, match="the guide of 'trunnion' may exceed the reach of the links") as error:
         simulate(compile_interpreted(model, model.scenes["retract"], method=method))
     longest = 2 * np.hypot(0.3, 0.5)
     angle = np.arccos(1 - longest**2 / (2 * 0.8**2)) - np.pi / 2

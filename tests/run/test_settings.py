@@ -88,7 +88,7 @@ def test_every_run_refuses_them(run: Callable[[], object], name: str) -> None:
 
 
 def test_nothing_else_is_said_of_steps_beside_an_accuracy() -> None:
-    with pytest.raises(RunError, match=r"^accuracy: steps follow from it; leave dt and solver_tolerance away, or the accuracy$"):
+    with pytest.raises(RunError, match=r"^accuracy: it determines the steps; remove dt and solver_tolerance or the accuracy$"):
         simulate(compiled(), accuracy=1e-3, dt=1e-3, tolerance=1e-9)
 
 

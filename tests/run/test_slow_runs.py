@@ -65,8 +65,8 @@ def run(tmp_path: Path, settings: str = "", *options: str) -> tuple[str, np.ndar
 def test_the_implicit_integrator_takes_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cutjoint.commands.simulate._is_watched", lambda: True)
     said, rows = run(tmp_path)
-    assert "after 10 s at t = 0.01 s of 0.4 s, 1000 steps by dormand-prince, which stability limits, not accuracy" in said
-    assert "went over to: the method recursive-newton" in said
+    assert "after 10 s at t = 0.01 s of 0.4 s, 1000 steps by dormand-prince, limited by stability, not accuracy" in said
+    assert "switched to: the method recursive-newton" in said
     assert abs(rows[-1, 0] - 0.4) < 1e-12
     speed = np.gradient(rows[:, 1], rows[:, 0], edge_order=2)
     energy = 0.5 * 0.35 * speed**2 - 9.81 * 0.5 * np.sin(rows[:, 1])  # the angle falls about y
@@ -77,9 +77,9 @@ def test_the_implicit_integrator_takes_over(tmp_path: Path, monkeypatch: pytest.
 @pytest.mark.usefixtures("slow")
 @pytest.mark.parametrize(
     ("settings", "options", "words"),
-    [("", (), "stability limits them, not accuracy; use --method recursive-newton"),
-     ("", ("--method", "recursive"), "stability limits them, not accuracy; use --method recursive-newton"),
-     (", numerics: {integrator: dormand-prince}", (), "stability limits them, not accuracy; use --method recursive-newton")],
+    [("", (), "limited by stability, not accuracy; use --method recursive-newton"),
+     ("", ("--method", "recursive"), "limited by stability, not accuracy; use --method recursive-newton"),
+     (", numerics: {integrator: dormand-prince}", (), "limited by stability, not accuracy; use --method recursive-newton")],
 )  # fmt: skip
 def test_who_has_chosen_is_reported(settings: str, options: tuple[str, ...], words: str, tmp_path: Path) -> None:
     said, _ = run(tmp_path, settings, *options)

@@ -122,5 +122,5 @@ def test_steps_up_to_a_failure_are_reported(tmp_path: Path) -> None:
 
 @pytest.mark.heavy
 def test_the_twin_does_not_run_against_the_clock() -> None:
-    with pytest.raises(RunError, match="runs against the wall clock take generated code"):
+    with pytest.raises(RunError, match="real-time runs need generated code"):
         run_in_real_time(compile_generic_model(MODELS / "pendulum.yaml"))

@@ -236,9 +236,9 @@ def test_what_cannot_be() -> None:
     call = {"steps": 10, "outputs": ["rail.displacement"], "by": ["push"]}
     with pytest.raises(KeyError, match="no 'pus'; did you mean 'push'"):
         sim.forward_sensitivities(**call, inputs={"pus": [1.0]})  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=re.escape("input 'push': (3,) values are not held for equal numbers of 10 steps")):
+    with pytest.raises(ValueError, match=re.escape("input 'push': (3,) values: their number does not divide 10 steps")):
         sim.forward_sensitivities(**call, inputs={"push": [1.0, 2.0, 3.0]})  # type: ignore[arg-type]
-    with pytest.raises(RunError, match=re.escape("the table goes from 0 s to 0.05 s, the run from 0 to 0.1 s")):
+    with pytest.raises(RunError, match=re.escape("the table covers from 0 s to 0.05 s, the run from 0 to 0.1 s")):
         sim.forward_sensitivities(**call, inputs={"push": {"t": [0, 0.05], "value": [0, 1]}})  # type: ignore[arg-type]
     with pytest.raises(KeyError, match=re.escape("no 'push.rate'")):
         sim.forward_sensitivities(10, ["rail.displacement"], ["push.rate"], inputs={"push": {"t": [0, 1], "value": [0, 1]}})

@@ -132,7 +132,7 @@ def test_the_command_goes_backwards_for_many_numbers(tmp_path: Path) -> None:
     call = ["gradient", str(tmp_path / "chain.yaml"), *options]
     back = CliRunner().invoke(main, [*call, "--check"])
     assert back.exit_code == 0, back.output
-    assert float(re.search(r"off differences of runs by (\S+)", back.output)[1]) < 1e-7  # type: ignore[index]
+    assert float(re.search(r"largest deviation from finite differences: (\S+) of", back.output)[1]) < 1e-7  # type: ignore[index]
     forth = CliRunner().invoke(main, [*call, "--by", "g"])
     derivatives = [re.search(r"^ *g +(\S+)", said.output, re.MULTILINE)[1] for said in (back, forth)]  # type: ignore[index]
     assert derivatives[0] == derivatives[1]
@@ -182,5 +182,5 @@ def test_the_command_lets_a_pose_at_rest_change(options: list[str], tmp_path: Pa
     said = CliRunner().invoke(main, call)
     assert said.exit_code == 0, said.output
     assert re.search(r"load +-0\.024525 ", said.output), said.output
-    error = float(re.search(r"off differences of runs by (\S+)", said.output)[1])  # type: ignore[index]
+    error = float(re.search(r"largest deviation from finite differences: (\S+) of", said.output)[1])  # type: ignore[index]
     assert error < 1e-6  # of poses at rest that are found to 1e-9

@@ -214,7 +214,7 @@ def test_what_modules_cannot_have_is_said(monkeypatch: pytest.MonkeyPatch) -> No
         standalone_of("pendulum").build_module()
     text = text.replace("outputs:", "forces:\n  drag: {kind: joint_force, joint: pin, law: \"drag(rate)\"}\noutputs:")
     asked = read_model_text(f"{text}\nfunctions:\n  drag: {{arguments: [v]}}\n", "pendulum.yaml")
-    with pytest.raises(RunError, match=r"target wasm: function 'drag' is left to a host, and modules call none; give its code"):
+    with pytest.raises(RunError, match=r"target wasm: function 'drag' is left to a host, but modules call none; provide its code"):
         folder_of_model(leave_to_host(asked)).build_module()
 
 

@@ -167,7 +167,7 @@ def test_a_scheduler_that_is_killed(tmp_path: Path, processes: Processes, whole:
     said = client.communicate(timeout=PATIENCE)[1].decode()
     assert client.returncode == 1
     assert "the scheduler has gone" in said
-    assert "the same call goes on from there" in said
+    assert "repeat the call to continue" in said
     processes.start_scheduler()
     processes.start_worker()
     done = cutjoint.sweep(path, out, scheduler=processes.address)

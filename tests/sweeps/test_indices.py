@@ -77,7 +77,7 @@ def test_points_of_runs_without_a_number_do_not_count(tmp_path: Path) -> None:
 def test_the_command_prints_shares_the_largest_first(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["sweep", str(study_of(tmp_path, 256, "a + 3*b + 2*c")), "--out", str(tmp_path / "out.parquet")])
     assert result.exit_code == 0, result.output
-    _, table = result.output.split("shares in the variance of value, 256 points")
+    _, table = result.output.split("Sobol' indices of value, 256 points")
     assert [line.split()[0] for line in table.splitlines()[2:5]] == ["b", "c", "a"]
 
 

@@ -136,7 +136,7 @@ def test_the_command_writes_pages(done: tuple[Path, Sweep], tmp_path: Path, monk
     assert beside.exit_code == 0, beside.output
     assert "study-run-17.html: press, turn, recursive, run 17 of a sweep" in (tmp_path / "study-run-18.html").read_text(encoding="utf-8")
     alone = CliRunner().invoke(main, ["sweep", str(done[0]), "--ghost", "study-run-17.html"])
-    assert "--ghost study-run-17.html: it lies under the run of --replay, which is missing" in alone.output
+    assert "--ghost study-run-17.html: it needs --replay, whose page shows it" in alone.output
     refused = CliRunner().invoke(main, ["sweep", str(done[0]), "--replay", "256"])
     assert "--replay 256: the study has no such run; its runs are 0 to 255" in refused.output
 

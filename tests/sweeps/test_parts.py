@@ -49,7 +49,7 @@ def test_damage_while_rows_come(damage: str, tmp_path: Path) -> None:
         require_sound(folder, done, harm.users)
         assert done.exit_code == 0, done.output
         if damage in ("lose", "flip"):
-            assert "runs that were made are gone" in done.output.replace("\n", " ")
+            assert "completed runs are missing" in done.output.replace("\n", " ")
 
 
 def test_parts_that_vanish_again_and_again(tmp_path: Path) -> None:
@@ -58,7 +58,7 @@ def test_parts_that_vanish_again_and_again(tmp_path: Path) -> None:
     harm = Harm(tmp_path / PARTS, random.Random(0))
     done = call(tmp_path, lambda number: harm.do("lose all"))
     assert done.exit_code == 1
-    assert f"{RUNS} runs that were made are gone" in done.output.replace("\n", " ")
+    assert f"{RUNS} completed runs are missing" in done.output.replace("\n", " ")
     assert not (tmp_path / OUT).exists()
     assert call(tmp_path).exit_code == 0
     assert (tmp_path / OUT).read_bytes() == whole()
@@ -83,7 +83,7 @@ def test_no_byte_of_a_part_can_change(tmp_path: Path) -> None:
 def test_a_whole_table_that_was_damaged_is_made_again(tmp_path: Path) -> None:
     write_study(tmp_path)
     assert call(tmp_path).exit_code == 0
-    assert "all runs were there" in call(tmp_path).output
+    assert "all runs were already done" in call(tmp_path).output
     content = whole()
     for at in (100, len(content) // 2, len(content) - 50):
         (tmp_path / OUT).write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])

@@ -27,7 +27,7 @@ _END = "objectives: {top: {maximum: slider.x}}\n"
 _WRONG = {
     "unknown parameter": (
         f"{_HEAD}parameters: {{stifness: {{from: 1, to: 2, count: 3}}}}\n{_END}",
-        ["s:3:14: parameter 'stifness': the model has none of this name; did you mean 'stiffness'?"],
+        ["s:3:14: parameter 'stifness': the model has no such name; did you mean 'stiffness'?"],
     ),
     "empty range": (
         f"{_HEAD}parameters:\n  stiffness: {{from: 2 kN/m, to: 1 kN/m, count: 3}}\n{_END}",
@@ -47,7 +47,7 @@ _WRONG = {
     ),
     "by ratios from zero": (
         f"{_HEAD}parameters: {{stiffness: {{from: 0, to: 2, scale: log}}}}\ndesign: {{sobol: 4}}\n{_END}",
-        ["s:3:32: parameter 'stiffness': a range by ratios begins above zero; write scale: linear, or another beginning"],
+        ["s:3:32: parameter 'stiffness': a logarithmic range begins above zero; write scale: linear, or a positive 'from'"],
     ),
     "unknown output": (
         f"{_HEAD}parameters: {{stiffness: [1, 2]}}\nobjectives:\n  a: {{maximum: slider.y0}}\n  b: {{end: 'slder.x + 1'}}\n",
@@ -85,7 +85,7 @@ _WRONG = {
     "unknown scene": (f"{_HEAD}scenes: [trn]\n{_END}", ["s:3:10: study: scenes: the model has no scene 'trn'; did you mean 'turn'?"]),
     "unknown coordinate": (
         f"{_HEAD}rates: {{pin.angle_rat: [1, 2]}}\n{_END}",
-        ["s:3:9: rate 'pin.angle_rat': the model has none of this name; did you mean 'pin.angle_rate'?"],
+        ["s:3:9: rate 'pin.angle_rat': the model has no such name; did you mean 'pin.angle_rate'?"],
     ),
     "all at once": (
         f"{_HEAD}parameters: {{stiffness: [1, 2]}}\nscenes: [turn, trn]\nend: -1\nflag: 1\n"

@@ -46,7 +46,7 @@ SPEAKERS: dict[str, tuple[Speaker, str]] = {
     "greeting": (lambda c: c.sendall(b"SSH-2.0-OpenSSH_9.2\r\n"), "another protocol|Connection reset by peer"),
     "garbage": (lambda c: c.sendall(os.urandom(5000)), "another protocol|Connection reset by peer"),
     "zeros": (lambda c: c.sendall(bytes(5000)), "another protocol|Connection reset by peer"),
-    "silent": (_read, "nothing was said in 0.5 s"),
+    "silent": (_read, "no answer in 0.5 s"),
 }
 
 
@@ -94,7 +94,7 @@ def test_nothing_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scheduler, "_PATIENCE", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = listening.getsockname()[1]
-    _refused(f"tcp://127.0.0.1:{port}", "Connection refused|nothing was said")
+    _refused(f"tcp://127.0.0.1:{port}", "Connection refused|no answer in")
     _refused("tcp://no-such-host.invalid:8786", "the host's name is not known")
 
 

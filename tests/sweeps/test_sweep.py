@@ -220,7 +220,7 @@ def test_the_command_says_what_there_is(tmp_path: Path) -> None:
     assert first.exit_code == 0, first.output
     assert f"results: {out}, 40 runs, 9 columns" in first.output.replace("\n", "")
     again = CliRunner().invoke(main, ["sweep", str(path), "--out", str(out)])
-    assert "all runs were there" in again.output
+    assert "all runs were already done" in again.output
     clash = CliRunner().invoke(main, ["sweep", str(path), "--out", str(path)])
     assert clash.exit_code == 1
     assert "is the study" in clash.output

@@ -157,7 +157,7 @@ def test_without_tools_a_package_with_simulators_goes_on(tmp_path: Path, monkeyp
         find_compiler()
     monkeypatch.setattr("cutjoint.toolchain.compiler.binaries_folder", lambda: tmp_path)
     assert must_interpret()
-    with pytest.raises(ToolchainError, match=r"^this takes generated code; missing: cmake, ninja, a C"):
+    with pytest.raises(ToolchainError, match=r"^this needs generated code; missing: cmake, ninja, a C"):
         find_compiler()
     monkeypatch.setenv("CXX", "no-such-compiler")
     with pytest.raises(ToolchainError, match="there is no program 'no-such-compiler'"):

@@ -62,7 +62,7 @@ outputs: [pin.angle]
 scenes: {swing: {end: 1, output_step: 0.01, rates: {pin.angle_rate: v}}}
 """, "arm.yaml"), None)
     assert [axis["name"] for axis in make_drive(model, scene, {}).facts["axes"]] == ["k"]  # type: ignore[attr-defined]
-    with pytest.raises(RunError, match="'v' changes the start alone, which a page has as numbers; change it in the file"):
+    with pytest.raises(RunError, match="'v' changes the start only, which is fixed in a page; change it in the file"):
         make_drive(model, scene, {"v": 1.0})
 
 

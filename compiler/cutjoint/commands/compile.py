@@ -36,7 +36,7 @@ def command(
 ) -> None:  # fmt: skip
     """Generate and compile the C++ of MODEL for one scene."""
     if hosted and functions is not None:
-        raise click.UsageError("--functions has the code that --host-functions leaves to hosts: name one of the two")
+        raise click.UsageError("--functions and --host-functions exclude each other: the code is compiled in or left to the host")
     with options.progress_bar(f"compiling {model.name}"):
         read = read_model(model, tunable=tunable, functions=functions)
         read = leave_to_host(read) if hosted else read

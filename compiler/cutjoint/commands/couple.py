@@ -86,7 +86,7 @@ def _plan(
     settings, steps = simulation.library.settings, simulation.library.steps
     if asked.tolerance is not None and not steps.adaptive:
         able = join_or(names_of(INTEGRATORS, lambda i: i.adaptive))
-        raise RunError(f"--solver-tolerance: beside an FMU only {able} has one; take it, or --dt")
+        raise RunError(f"--solver-tolerance: beside an FMU only {able} has one; use it, or --dt")
     if asked.iterations is not None and not steps.is_iterated:
         raise RunError(f"--iterations: only {describe_steps(lambda s: s.is_iterated)} has them")
     return Plan(
@@ -99,7 +99,7 @@ def _plan(
 def _step(fmu: ControllerFmu, communication: float | None) -> float:
     step = communication or fmu.step
     if step is None or not step > 0:
-        raise RunError(f"{fmu.path}: the FMU does not say how long its steps are; say --communication-step")
+        raise RunError(f"{fmu.path}: the FMU has no default step size; set --communication-step")
     return step
 
 

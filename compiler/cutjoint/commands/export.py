@@ -36,7 +36,7 @@ def command(
     if peer == table.FMU:
         if changes or asked:
             option = "--set" if changes else "--output"
-            raise click.UsageError(f"{option} is not for --to fmu, which has all parameters, for the host to set, and the scene's outputs")
+            raise click.UsageError(f"{option} does not apply to --to fmu: it has all parameters, set by its host, and the scene's outputs")
         checked = with_link_masses(read_model(model, tunable=tunable, functions=functions), options.read_masses(links))
         export_fmu(
             with_inputs(checked, external_wrenches=external_wrenches, terrain=terrain), scene, model, version=int(fmi or "2"), kind=kind
@@ -52,7 +52,7 @@ def command(
     )  # fmt: skip
     if peer in ROBOTS:
         if asked or scene:
-            raise click.UsageError(f"--{'output' if asked else 'scene'} is not for --to {peer}, which has the machine alone")
+            raise click.UsageError(f"--{'output' if asked else 'scene'} is not for --to {peer}, which exports the mechanism only")
         checked = with_link_masses(read_model(model, tunable=tunable), options.read_masses(links))
         export_robot(checked, options.read_parameters(changes), model, peer, out)
         return

@@ -40,7 +40,7 @@ def command(
     given = options.read_parameters(changes)
     method = method or chosen.method or DEFAULT_METHOD
     if METHODS[method].formulation is Formulation.NATURAL:
-        raise RunError(f"scene '{chosen.name}' has the method {method}, whose steps have no derivatives; give --method recursive")
+        raise RunError(f"scene '{chosen.name}' has the method {method}, which has no derivatives of steps; use --method recursive")
     with options.progress_bar(f"compiling {model.name}"):
         many = (len(by) or sum(p.binding is not Binding.CONST for p in read.parameters)) > (len(asked) or len(chosen.outputs))
         sim = load_scene(
@@ -55,7 +55,7 @@ def command(
     run = _Run(sim, objective, list(asked) or list(sim.outputs), *_count_steps(sim, chosen.end if end is None else end, chosen.output_step))
     names, start = list(by) or [*sim.parameters, *sim.inputs], sim.snapshot()
     if not names and objective == "event":
-        raise RunError(f"{model.name} has no parameter and no input by which its event could change: open numbers, or name states by --by")
+        raise RunError(f"{model.name} has no parameter or input that could change its event: add --tunable, or name states with --by")
     try:
         found = run.derive(names, from_equilibrium)
     except (KeyError, TypeError, ValueError) as error:
@@ -65,13 +65,13 @@ def command(
     if objective not in ("equilibrium", "start") and (idle := [
         name for name, row in zip(names, found.derivatives.T, strict=True) if name in sim.parameters and not row.any()
     ]):  # fmt: skip
-        options.out.print(f"nothing changes with {', '.join(idle)}; what moves the start alone has --objective start", markup=False)
+        options.out.print(f"zero derivatives by {', '.join(idle)}; use --objective start for parameters of the initial state", markup=False)
     if check:
         names, derivatives = _without_driven_inputs(sim, names, found.derivatives)
         sim.restore(start)
         begins_anew = from_equilibrium or objective in ("equilibrium", "start") or (objective == "modes" and chosen.pose == "equilibrium")
         share = _error(sim, lambda name, value: _trajectory(run, None if begins_anew else start, name, value), names, derivatives)
-        options.out.print(f"off differences of runs by {share:.1e} of the largest", markup=False)
+        options.out.print(f"largest deviation from finite differences: {share:.1e} of the largest derivative", markup=False)
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ def _without_driven_inputs(sim: Simulation, names: Sequence[str], derivatives: A
     """Names and their derivatives, without inputs that follow the scene: finite differences would freeze them."""
     driven = [name for name in names if name in sim.inputs and np.isnan(sim.inputs[name])]
     if driven:
-        options.out.print(f"not beside differences: {', '.join(driven)}, which the scene moves", markup=False)
+        options.out.print(f"not compared with finite differences: {', '.join(driven)} (prescribed by the scene)", markup=False)
     kept = [i for i, name in enumerate(names) if name not in driven]
     return [names[i] for i in kept], derivatives[:, kept]
 

@@ -15,9 +15,9 @@ from cutjoint.topology.reading import read_model_text
 def command(file: Path, base: str, name: str, folder: Path | None, out: Path | None) -> None:
     """Write a URDF, SDF or MJCF FILE as a model file."""
     if not is_foreign(file):
-        raise click.UsageError(f"{file.name} is of no format that is read; files end in {', '.join(READERS)}")
+        raise click.UsageError(f"{file.name} has an unknown format; known endings are {', '.join(READERS)}")
     if name and READERS[file.suffix.lower()] != "SDF":
-        raise click.UsageError(f"--model chooses one of an SDF; {file.name} is none")
+        raise click.UsageError(f"--model chooses a model of an SDF file;  {file.name} is none")
     if folder and not file.resolve().is_relative_to(folder.resolve()):
         raise click.UsageError(f"--folder {folder}: {file.name} is not below it")
     out = Path(name_of(file).name) if out is None else out

@@ -74,7 +74,7 @@ def choose_case(model: "Model", name: str | None) -> "tuple[Model, Scene]":
 
     case, chosen = find_case(model, next(iter(model.scenes), None) if name is None else name)
     if name is None and len(model.scenes) > 1:
-        err.print(f"scene {chosen.name}, the first of {len(model.scenes)}; --scene takes another", markup=False)
+        err.print(f"scene {chosen.name}, the first of {len(model.scenes)}; choose another with --scene", markup=False)
     return case, chosen
 
 
@@ -89,7 +89,7 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
 
         def count(now: Compiling) -> None:
             end = None if now.seconds is None else monotonic() + now.seconds
-            described = f"{words} and, once, what all models share" if now.share else words
+            described = f"{words} and, once, the parts common to all models" if now.share else words
             bar.update(task, total=now.total, completed=now.done, end=end, description=described)
 
         with listening(count):

@@ -33,7 +33,7 @@ def pick_and_run(
     ran = FinishedRun(variant.model, variant.scene, variant.method, parameters, variant.name)
     prepared, run = _execute(request, ran, execute)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
-        options.err.print(f"{run.failure}; again with the full model", markup=False)
+        options.err.print(f"{run.failure}; repeated with the full model", markup=False)
         full = with_loops(replace(scene, numerics=variant.scene.numerics), Loops.EXACT)
         ran = FinishedRun(model, full, variant.method, parameters, "full")
         prepared, run = _execute(request, ran, execute)
@@ -56,7 +56,7 @@ def _accuracy(asked: Options) -> float | None:
 def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mapping[str, float]) -> ReducedModel:
     """The model, scene and method that method auto chooses; it prints its choice and the reason."""
     wanted = replace(scene, method=AUTO, accuracy=accuracy or accuracy_of(scene))
-    with options.progress_bar(f"picking what keeps {wanted.accuracy:g} m and rad"):
+    with options.progress_bar(f"choosing method and step size for an accuracy of {wanted.accuracy:g} m and rad"):
         choice = choose(model, wanted, parameters=parameters)
     options.out.print(choice_table(choice, wanted))
     return chosen_model(model, wanted, choice)
@@ -70,4 +70,4 @@ def _require_free_choice(**asked: Any) -> None:
     """
     usual = {"implementation": (AUTO, Implementation.GENERATED), "precision": (DEFAULT_PRECISION,)}
     for name in (name for name, value in asked.items() if value not in usual.get(name, (None,))):
-        raise RunError(f"--{name} cannot go with method auto, which runs what it has measured; use --method")
+        raise RunError(f"--{name} cannot be combined with method auto, which chooses it by measurement; use --method")

@@ -139,7 +139,7 @@ def _run_meanwhile(
     artifact = replace(artifact, generate_seconds=compiling.seconds + artifact.generate_seconds)
     prepared = prepare(artifact, request.options, parameters)
     run = execute(prepared, watch)
-    options.err.print(f"interpreted, since {compiling}; that goes on, and later runs have compiled code")
+    options.err.print(f"interpreted, since {compiling}; compiling continues in the background for later runs")
     return prepared, run
 
 
@@ -171,7 +171,7 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
 def _compile_generic(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
     backend: Backend = IMPLEMENTATIONS.load(request.implementation)
     if request.precision != DEFAULT_PRECISION:
-        raise RunError(f"--precision {request.precision}: the generic twin runs in {DEFAULT_PRECISION}; use --implementation generated")
+        raise RunError(f"--precision {request.precision}: the generic solver runs in {DEFAULT_PRECISION}; use --implementation generated")
     return backend.compile(model, scene, method)
 
 
@@ -216,7 +216,7 @@ def assemble_and_run(
         options.err.print(str(note), markup=False)
     prepared, run = prepare_and_run(request, model, scene, method, parameters, execute)
     if run.failure is not None and run.failure.guards and scene.on_violation != "stop":
-        options.err.print(f"{run.failure}; again with the loops' equations", markup=False)
+        options.err.print(f"{run.failure}; repeated with the loop equations", markup=False)
         scene = with_loops(scene, Loops.EXACT)
         prepared, run = prepare_and_run(request, model, scene, method, parameters, execute)
     return prepared, run, FinishedRun(model, scene, method, parameters)

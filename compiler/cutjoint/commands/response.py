@@ -23,7 +23,7 @@ def command(
     """Find the frequency response of MODEL with poles, zeros and margins, or its random vibration on a rough road."""
     require_apart({"the model": model}, tables={"--out": out}, plots=plots)
     if (road is None) != (speed is None):
-        raise RunError("--road and --speed go together: a class of roads, and how fast it is driven over")
+        raise RunError("--road and --speed go together: the road class and the driving speed")
     if plots is not None:
         require_folder(plots)
     read = with_inputs(read_model(model, tunable=tunable), external_wrenches=external_wrenches, terrain=terrain)
@@ -34,10 +34,10 @@ def command(
     try:
         if road is not None and speed is not None:
             if isinstance(near, SampledStateSpace):
-                raise RunError("--road: of models with sampled controllers there is no random vibration; simulate them on the road")
+                raise RunError("--road: random vibration does not support sampled controllers; simulate the model on the road")
             found = random_vibration(near, road=road, speed=speed, weight=weight, points=points)
             if not near.is_stable:
-                options.err.print("not all poles decay: the densities hold only for outputs in which nothing grows", markup=False)
+                options.err.print("the model is not stable: densities are valid only for outputs without growing modes", markup=False)
             console.print(vibration_table(found, f"road {road} at {speed:g} m/s", weight))
             written = None if out is None else write_densities(found, out)
             pictures = [] if plots is None else plot_densities(found, f"{title}: road {road} at {speed:g} m/s", plots)

@@ -110,7 +110,7 @@ def command(
         options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)
         raise SystemExit(1)
     if error and prepared.run.is_asked and run.error.goal is not None and not run.error.converged:
-        options.err.print(f"accuracy not reached: nothing shows that places and angles keep {run.error.goal:g} m or rad", markup=False)
+        options.err.print(f"accuracy not reached: positions and angles may exceed {run.error.goal:g} m or rad", markup=False)
         raise SystemExit(1)
 
 
@@ -133,12 +133,12 @@ def _report_slow_run(plan: SimulatorRun, slow: Mapping[str, Any], *, may_switch:
     words = f"after 10 s at t = {slow['time']:.4g} s of {plan.run_file.end:g} s, {steps} steps by {settings.integrator}"
     if slow.get("stiff_steps", 0) > tables.STIFF * steps:
         if may_switch:
-            raise _SwitchMethod(f"{words}, which stability limits, not accuracy")
-        words += f": stability limits them, not accuracy; use --method {IMPLICIT_METHOD}, whose integrator is implicit"
+            raise _SwitchMethod(f"{words}, limited by stability, not accuracy")
+        words += f": limited by stability, not accuracy; use --method {IMPLICIT_METHOD}, whose integrator is implicit"
     elif INTEGRATORS[settings.integrator].adaptive:
-        words += ": the accuracy limits them; a larger --accuracy takes fewer"
+        words += ": limited by the accuracy; a larger --accuracy needs fewer"
     else:
-        words += f" of {settings.dt:g} s: a larger --dt takes fewer"
+        words += f" of {settings.dt:g} s: a larger --dt needs fewer"
     options.err.print(words, markup=False)
 
 
@@ -146,7 +146,7 @@ def _switch_method(
     request: Request, parameters: Mapping[str, float], execute: Callable[..., Trajectory], words: str
 ) -> tuple[PreparedRun, Trajectory, FinishedRun | None]:  # fmt: skip
     """The run by the method with an implicit integrator; the original run if that does not support the model, or fails."""
-    options.err.print(f"{words}; goes over to the method {IMPLICIT_METHOD}", markup=False)
+    options.err.print(f"{words}; switching to the method {IMPLICIT_METHOD}", markup=False)
     try:
         prepared, run, ran = _find_and_run(replace(request, method=IMPLICIT_METHOD), parameters, execute)
         reason = "" if run.failure is None else str(run.failure)
@@ -154,7 +154,7 @@ def _switch_method(
         reason = str(error)
     if not reason:
         return prepared, replace(run, fallback=f"the method {IMPLICIT_METHOD}, {words}"), ran
-    options.err.print(f"{IMPLICIT_METHOD}: {reason}; goes on by {DEFAULT_METHOD}", markup=False)
+    options.err.print(f"{IMPLICIT_METHOD}: {reason}; continuing with {DEFAULT_METHOD}", markup=False)
     return _find_and_run(request, parameters, execute)
 
 

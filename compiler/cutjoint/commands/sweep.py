@@ -39,7 +39,7 @@ def command(
     """
     out = Path(f"{study.stem}.parquet") if out is None else out
     if threads is not None and scheduler is not None:
-        raise RunError("--threads: they are those of this machine; the workers of --scheduler have their own")
+        raise RunError("--threads applies to this machine; the workers of --scheduler have their own")
     read = read_study(study, functions=functions)
     for earlier in read.model.notes:
         options.err.print(earlier, markup=False)
@@ -50,7 +50,7 @@ def command(
         _replay(read, replay, Path(f"{study.stem}-run-{replay}.html") if view is None else view, ghost_page)
         return
     if ghost_page is not None:
-        raise RunError(f"--ghost {ghost_page}: it lies under the run of --replay, which is missing")
+        raise RunError(f"--ghost {ghost_page}: it needs --replay, whose page shows it")
     if view is not None and view.suffix != ".html":
         raise OutputError(f"--view {view}: no such kind of file; write a name that ends in .html")
     with _progress(read) as (advance, note):
@@ -106,9 +106,9 @@ def _report(study: Study, done: Sweep) -> None:
     failed = sum(failure is not None for failure in done.failures)
     if done.performed:
         each = done.seconds / done.performed
-        options.out.print(f"{done.performed} runs in {done.elapsed:.3g} s, {1e3 * each:.3g} ms of a worker each", markup=False)
+        options.out.print(f"{done.performed} runs in {done.elapsed:.3g} s, {1e3 * each:.3g} ms of worker time each", markup=False)
     else:
-        options.out.print("all runs were there", markup=False)
+        options.out.print("all runs were already done", markup=False)
     options.out.print(f"results: {done.path}, {study.runs} runs, {len(done.table.column_names)} columns", markup=False)
     for scene, how in steps_of(done.manifest).items():
         options.out.print(f"steps of scene '{scene}': {how}", markup=False)
@@ -123,8 +123,8 @@ def _print_indices(study: Study, done: Sweep) -> None:
     """Print the Sobol indices of each objective, the largest first."""
     for objective in study.objectives:
         found = find_indices(done, objective.name)
-        title = f"shares in the variance of {objective.name}, {found.points} points"
-        facts = Table("variable", "alone", "95 %", "with others", "95 %", title=title, title_justify="left", box=None)
+        title = f"Sobol' indices of {objective.name}, {found.points} points"
+        facts = Table("variable", "first order", "95 %", "total", "95 %", title=title, title_justify="left", box=None)
         for i in np.argsort(-found.total, kind="stable"):
             intervals = [f"{low:.3f} to {high:.3f}" for low, high in (found.first_interval[:, i], found.total_interval[:, i])]
             facts.add_row(found.variables[i], f"{found.first[i]:.3f}", intervals[0], f"{found.total[i]:.3f}", intervals[1])

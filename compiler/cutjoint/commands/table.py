@@ -158,10 +158,10 @@ OPTIONS: Mapping[str, Row] = {
     "fit_study": click.argument("fit_study", metavar="STUDY", type=_READ),
     "file": click.argument("file", type=_READ),
     "base": click.option("--base", type=click.Choice(["fixed", "free"]), default="fixed", show_default=True,
-        help="Whether the first link of a URDF is fixed to the ground or free. SDF and MJCF say so themselves."),
-    "import.name": click.option("--model", "name", metavar="NAME", default="", help="One of the models of an SDF; all otherwise."),
-    "import.folder": click.option("--folder", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Folder below which the "
-        "FILE may name others, and from which paths of pictures lead; FILE's own otherwise."),
+        help="Whether the first link of a URDF is fixed to the ground or free. SDF and MJCF files specify it."),
+    "import.name": click.option("--model", "name", metavar="NAME", default="", help="Model of an SDF file. Default: all."),
+    "import.folder": click.option("--folder", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Folder that "
+        "contains the files to which FILE refers, and to which mesh paths are relative. Default: FILE's folder."),
     "scene": click.option("--scene", metavar="NAME", help="Scene of the model file. Default: the only one."),
     **dict.fromkeys(("check.scene", "equilibrium.scene", "explain.scene", "view.scene"), _FIRST_SCENE),
     **dict.fromkeys(("modes.scene", "response.scene"),
@@ -180,15 +180,15 @@ OPTIONS: Mapping[str, Row] = {
         "step. Default: the scene's."),
     "implementation": click.option("--implementation", type=click.Choice([AUTO, *(x.value for x in Implementation)]), default=AUTO,
         show_default=True, envvar="CUTJOINT_IMPLEMENTATION",
-        help="generated: C++ for the model. interpreted: the same equations without a compiler. generic: a solver of cutjoint- "
-        "bench written by hand. auto: generated; on a terminal, interpreted while compiling takes longer than 2 s."),
-    "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver of the Lagrangian methods, by default emitted, of the generic "
-        f"twin a library's{_packages(SOLVERS.added)}."),
+        help="generated: C++ for the model. interpreted: the same equations without a compiler. generic: a handwritten solver of "
+        "cutjoint-bench. auto: generated; on a terminal, interpreted while compiling takes longer than 2 s."),
+    "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver of the Lagrangian methods. Default: emitted; for "
+        f"generic a library's{_packages(SOLVERS.added)}."),
     "integrator": click.option("--integrator", type=_RULES,
         help=f"Integrator; {'; '.join(f'{method} has {join_and(names)}' for method, names in STEPS.items())}. Default: the scene's; "
         f"else {DEFAULT_INTEGRATOR} with --dt; else an adaptive one that meets the accuracy."),
     "batch.integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.batch)),
-        help="Equal steps of all runs side by side. Default: the scene's."),
+        help="Integrator with equal steps for all runs, in lanes. Default: the scene's."),
     **dict.fromkeys(("couple.integrator", "gradient.integrator"),
         click.option("--integrator", type=_RULES, help="Integrator. Default: the scene's, else that of simulate.")),
     "compile.integrator": click.option("--integrator", type=_RULES, help=f"Integrator. Default: the scene's, else {DEFAULT_INTEGRATOR}."),
@@ -220,7 +220,7 @@ OPTIONS: Mapping[str, Row] = {
         help="Set a parameter, or an input to a constant, without recompiling: in SI units, or with a unit as in 10mm."),
     "links": click.option("--link-mass", "links", metavar="BODY=KG", multiple=True,
         help="Turn a massless body into a slender rod; * in BODY stands for any text."),
-    "reduced": click.option("--reduced", is_flag=True, help="Take MODEL after the exact and guarded passes."),
+    "reduced": click.option("--reduced", is_flag=True, help="Use MODEL after the exact and guarded reduction passes."),
     "approximate": click.option("--approximate", is_flag=True, help="Include passes that change the motion slightly."),
     "linearise": click.option("--linearise", is_flag=True, help="Generate derivatives at a state: A, B, C, D and directional derivatives."),
     "adjoint": click.option("--adjoint", is_flag=True, help="Generate adjoint sensitivities of runs; includes --linearise."),
@@ -358,8 +358,7 @@ OPTIONS: Mapping[str, Row] = {
         help="Page (.html) of the results: filters, Pareto fronts, best and worst runs; with --replay that of the run (.html "
         "or .glb)."),
     "ghost_page": click.option("--ghost", "ghost_page", type=_READ,
-        help="Page of another run, of this or another model, which the page of --view then has as a "
-        "ghost."),
+        help="Page of another run, also of another model, to show as a ghost on the page of --view."),
     "replay": click.option("--replay", type=Setting("replay"), help="Write the page of this run for the viewer."),
     "replays": click.option("--replays", type=Setting("replays"), default=3, show_default=True,
         help="Number of best, worst and failed runs of each objective that get pages beside --view."),

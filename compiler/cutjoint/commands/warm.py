@@ -20,8 +20,8 @@ def command(drivers: tuple[str, ...], precision: str, comparison: bool) -> None:
         raise click.UsageError(f"batches have {DEFAULT_PRECISION} only; name the other drivers by --driver")
     solvers = tuple(SOLVERS.added.names()) if comparison else ()
     if precision != DEFAULT_PRECISION and any(SOLVERS[name].double_only for name in solvers):
-        raise click.UsageError(f"solvers of other packages are in {DEFAULT_PRECISION} alone; leave --comparison away")
+        raise click.UsageError(f"solvers of other packages support {DEFAULT_PRECISION} only; omit --comparison")
     for driver in drivers:
         with options.progress_bar(f"compiling the driver {driver}"):
             fresh = warm(driver, kind=Kind(precision=precision, additions=solvers))
-        options.out.print(f"driver {driver}: {'compiled' if fresh else 'was there'} ({' '.join(FLAGS)})", markup=False)
+        options.out.print(f"driver {driver}: {'compiled' if fresh else 'up to date'} ({' '.join(FLAGS)})", markup=False)

@@ -199,7 +199,9 @@ class Standalone:
             RunError: functions are left to a host, which WebAssembly has no pointers to.
         """
         if hosted := functions_of_host(self.parts.stepped.topology.model):
-            raise RunError(f"target wasm: function '{hosted[0]}' is left to a host, and modules call none; give its code by --functions")
+            raise RunError(
+                f"target wasm: function '{hosted[0]}' is left to a host, but modules call none; provide its code by --functions"
+            )
         facts = {
             "name": self.name, "scene": self.parts.stepped.scene.name, "method": self.method, "integrator": self.integrator,
             "dt": self.settings.step, "end": self.run_file.end, "size": self.size, "mark": self.mark,
@@ -249,7 +251,7 @@ def describe_frozen(model: Model) -> str:
     if not model.frozen:
         return ""
     names = join_and([f"'{name}'" for name in model.frozen])
-    return f"without {names}: the start alone follows from {'it' if len(model.frozen) == 1 else 'them'}, and is numbers here"
+    return f"without {names}: only the start depends on {'it' if len(model.frozen) == 1 else 'them'}, and is fixed here"
 
 
 def _symbols(part: object) -> set[Scalar]:
@@ -283,7 +285,7 @@ def make_standalone(
         _require_relative(equations, "linearise", "which have no derivatives")
         _require_partials(equations)
     if any(f.name == POSES for f in equations.mechanism.functions):
-        _require_relative(equations, POSES, "which do not say how all bodies stand")
+        _require_relative(equations, POSES, "which do not determine the poses of all bodies")
     dofs = find_mobility(equations.mechanism).degrees_of_freedom if linearise else None
     parts = replace(_parts(equations, program, lanes), dofs=dofs, derives_steps=derives_steps)
     options = choose_steps(equations.scene, parts.method, integrator, equal_steps=equal_steps)
@@ -415,14 +417,14 @@ def plan_export(
     folder, integrator, linearise = path_of(options.out), options.integrator, options.linearise or options.adjoint
     if folder is None or options.precision != DEFAULT_PRECISION:
         if integrator is not None:
-            raise RunError("integrator: only C exports have one of their own; give it to simulate instead")
+            raise RunError("integrator: only C exports have one of their own; pass it to simulate instead")
         if linearise:
             able = f"use method {join_or(linearised_methods())}, in {DEFAULT_PRECISION}"
-            raise RunError(f"linearise: only C exports have derivatives; give one by out, and {able}")
+            raise RunError(f"linearise: only C exports have derivatives; set out, and {able}")
         if options.reproducible:
-            raise RunError(f"reproducible: only C exports are; give one by out, in {DEFAULT_PRECISION}")
+            raise RunError(f"reproducible: only C exports are; set out, in {DEFAULT_PRECISION}")
         if options.poses:
-            raise RunError(f"poses: only C exports have them; give one by out, in {DEFAULT_PRECISION}")
+            raise RunError(f"poses: only C exports have them; set out, in {DEFAULT_PRECISION}")
         delivery = None if folder is None else ExportPlan(folder=folder, files=generated.source.files, program="simulator", alone=None)
     else:
         alone = make_standalone(

@@ -55,7 +55,7 @@ def schedule_system(
     # Topology -> Equations
     if start.topology.model.assemblies and not METHODS[method].functions:
         words = join_or(names_of(METHODS, lambda m: m.functions))
-        raise EquationsError(f"the method {method} has no loops that functions close; use {words}, or the loops' equations")
+        raise EquationsError(f"the method {method} does not support embedded loops; use {words}, or the loops' equations")
     equations, states = formulate_system(start, method, outputs)
     # Equations -> Program, Plan
     return plan_system(equations, states, lanes=lanes)
@@ -115,7 +115,7 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
         RunError: the equations depend on each other in one of the states, or some law has no value in any of them, or is code of the user.
     """
     for function in equations.topology.model.functions:
-        words = "classical chooses its pivots by values of all laws, and has none of functions whose code the user supplies"
+        words = "classical chooses its pivots by values of all laws, which user functions do not have at compile time"
         raise RunError(f"{function.span}: function '{function.name}': {words}; use --method recursive, recursive-newton or augmented")
     dt = equations.scene.numerics.of_method(equations.method).step
     samples = [sample for sample in tangent_samples(equations, states, dt) if np.isfinite(sample).all()]

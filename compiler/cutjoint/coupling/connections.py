@@ -66,7 +66,7 @@ def open_system(files: Sequence[Path], named: Mapping[str, str], model: str) -> 
         yield System(fmus=files, named=named)
         return
     if len(files) > 1 or named:
-        raise RunError(f"{files[0]}: a system has its FMUs and connections; give it alone, without --connect")
+        raise RunError(f"{files[0]}: a system contains its FMUs and connections; pass only the system, without --connect")
     with temporary_folder() as folder:
         try:
             with zipfile.ZipFile(files[0]) as archive:
@@ -143,10 +143,10 @@ def _connection(path: Path, element: Any, components: Mapping[str, Any], model: 
     ends = [(str(element.get(f"{end}Element") or ""), str(element.get(f"{end}Connector"))) for end in ("start", "end")]
     words = " to ".join(f"{owner}.{connector}" for owner, connector in ends)
     if element.tag != f"{_SPACE}Connection" or len(element) or element.get("suppressUnitConversion") == "true":
-        raise RunError(f"{path}: the connection {words} transforms what it passes; use plain ones")
+        raise RunError(f"{path}: the connection {words} transforms its values; use plain connections")
     for owner, _ in ends:
         if owner not in components:
-            raise RunError(f"{path}: the connection {words}: no component is named '{owner}'; connect components alone")
+            raise RunError(f"{path}: the connection {words}: no component is named '{owner}'; connect components only")
     (start, source), (end, sink) = ends
     if start == end:
         raise RunError(f"{path}: the connection {words} is within one component")
@@ -210,7 +210,7 @@ def find_port(fmus: Sequence[ControllerFmu], word: str, connection: str) -> Port
         return found[0]
     if found:
         both = " or ".join(f"{fmus[x.fmu].path.stem}:{x.port.name}" for x in found)
-        raise RunError(f"--connect {connection}: several FMUs have '{word}'; write {both}, and give files of one name other ones")
+        raise RunError(f"--connect {connection}: several FMUs have '{word}'; write {both}, and rename files of the same name")
     known = [name if len(fmus) == 1 else f"{fmu.path.stem}:{name}" for fmu in fmus for name in fmu.ports]
     whose, hint = (f"{fmus[0].path} has", "it has") if len(fmus) == 1 else ("the FMUs have", "they have")
     raise RunError(f"--connect {connection}: {whose} no such input or output; {nearest(word, known, hint)}")
@@ -223,7 +223,7 @@ def _other_port(fmus: Sequence[ControllerFmu], here: PortOf, word: str, name: st
         return None
     there = find_port(fmus, name, f"{word}={name}")
     if there.fmu == here.fmu:
-        raise RunError(f"--connect {word}={name}: both are ports of {fmus[here.fmu].path}; an FMU has its own connections inside")
+        raise RunError(f"--connect {word}={name}: both are ports of {fmus[here.fmu].path}; connections within an FMU are not supported")
     return there
 
 

@@ -78,7 +78,7 @@ class Tree:
             ready = next((j for j in waiting if j.base in self.origins or j.follower in self.origins), None)
             if ready is None:
                 raise ModelError(
-                    [problem_of(waiting[0].span, f"joint '{waiting[0].name}'", "hangs on nothing", "connect it to the ground")]
+                    [problem_of(waiting[0].span, f"joint '{waiting[0].name}'", "is attached to nothing", "connect it to the ground")]
                 )
             waiting.remove(ready)
             if ready.base in self.origins and ready.follower in self.origins:

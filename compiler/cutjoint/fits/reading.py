@@ -95,7 +95,7 @@ class _Reading:
                 self._fail(("parameters", p.name), "no model has a number of this name, and no expression of the study names it",
                     nearest(p.name, known, "they have"), at_key=True)  # fmt: skip
         if all(e.validation for e in experiments):
-            self._fail(("experiments",), "all experiments are for validation", "leave validation: true away from one")
+            self._fail(("experiments",), "all experiments are for validation", "remove validation: true from one")
         if self.problems:
             raise self.problems.error()
         starts, resamples = document.starts, document.bootstrap
@@ -203,11 +203,11 @@ class _Reading:
             if not whole.any():
                 self._fail((*keys, "signals", text), "there are no samples in the window of time", "see from and to")
             elif not part.poses and (np.diff(t[whole]) <= 0).any():
-                self._fail((*keys, "signals", text), f"the times of {part.data} do not rise", "sort the rows, and leave double ones away")
+                self._fail((*keys, "signals", text), f"the times of {part.data} do not rise", "sort the rows and remove duplicates")
             missing = int(inside.sum() - whole.sum())
             signals.append(self._signal((*keys, "signals", text), text, measured, reader, (t[whole] - begin, values[whole], missing)))
             if part.poses and missing:
-                self._fail((*keys, "signals", text), "a pose lacks a sample", "leave its row away")
+                self._fail((*keys, "signals", text), "a pose lacks a sample", "remove its row")
         named = {n: Term(sympy.Symbol(f"[{n}]", real=True)) for text in part.start.values() for n in symbols_of(text) - self.terms.keys()}
         columns = {}
         for n, term in named.items():

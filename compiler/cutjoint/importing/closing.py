@@ -58,7 +58,7 @@ def close(robot: Robot, *, free: bool = False) -> Closed:
             return close(robot, free=True)
         if np.abs(violation).max() > CLOSED:
             apart = f"{np.abs(violation).max():.2g} m or rad"
-            one.node.refuse(f"does not close: in the position found it is open by {apart}", "correct the frames of its two ends")
+            one.node.refuse(f"does not close: in the position found it is violated by {apart}", "correct the frames of its two ends")
     values[np.abs(values) < 1e-12] = 0
     q = {
         name: each - 2 * np.pi * np.round(each / (2 * np.pi)) if robot.joints[name].kind == "revolute" else each
@@ -175,7 +175,7 @@ def _eliminate(couplings: list[Coupling], order: Mapping[str, tuple[bool, bool]]
     for i, coupling in enumerate(couplings):
         able = [int(j) for j in np.flatnonzero(np.abs(rows[i]) > _ZERO)]
         if not able:
-            coupling.node.refuse("says nothing that other couplings do not say", "leave it out")
+            coupling.node.refuse("depends on the other couplings", "leave it out")
         rates = {j: abs(np.log(abs(rows[i, j]))) for j in able}
         j = min(able, key=lambda j: (*order[joints[j]], rates[j], j))
         rows[i] /= rows[i, j]

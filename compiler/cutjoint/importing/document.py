@@ -56,7 +56,7 @@ class Document:
         if free:
             self._float()
         for link, carrier in lump(robot):
-            self._note("links that are part of what they are welded to, since no body has their moments of inertia", f"{link} of {carrier}")
+            self._note("links merged into their carriers, since no body has their moments of inertia", f"{link} of {carrier}")
         for joint in robot.outwards():
             self._add_joint(joint)
         for name, hinges in robot.balls.items():
@@ -146,7 +146,7 @@ class Document:
     def _float(self) -> None:
         (root,) = self._robot.root()
         if root.name == "world":
-            root.node.refuse("stands on the ground, since its first link is the world", "leave out --base free")
+            root.node.refuse("is fixed to the ground, since its first link is the world", "leave out --base free")
         name = self._add_body(root)
         joint = self._name(f"{name}_free")
         self._sections["joints"][joint] = {"kind": "free", "bodies": ["ground", name], "at": [0, 0, 0]}
@@ -307,7 +307,7 @@ class Document:
         name = self._own_name(loop.name, "loop")
         self._sections["joints"][name] = element
         if loop.stiffness and any(q.any() for q in self._closed.q.values()):
-            loop.node.refuse("has a spring where a loop closes, whose zero is not known there", "put it on another joint of the loop")
+            loop.node.refuse("has a spring where a loop closes, whose zero position is unknown", "put it on another joint of the loop")
         self._resist(name, element, loop, np.zeros(1))
 
     def _add_gear(self, relation: Relation) -> None:

@@ -140,7 +140,7 @@ class _Reading:
         added.armature = float(m.dof_armature[dof])
         higher = (m.jnt_stiffnesspoly[joint], "SPRING"), (m.dof_dampingpoly[dof], "DAMPER"), (m.jnt_springyield[joint], "SPRING")
         if any(np.any(value) and flag not in self._off for value, flag in higher):
-            added.node.refuse("has a spring or a damper that is not linear", "leave the further coefficients out")
+            added.node.refuse("has a spring or a damper that is not linear", "leave out the higher coefficients")
         if kind in (_SLIDE, _HINGE):
             self._start[name] = float(m.qpos0[address])
             added.rest = float(m.qpos_spring[address]) - self._start[name]
@@ -303,7 +303,7 @@ class _Reading:
         """The rotor of an actuator and its damping, seen through the gear, are the joint's."""
         m, gear = self.m, float(self.m.actuator_gear[self.m.actuator_outadr[i]][0])
         if np.any(m.actuator_dampingpoly[i]):
-            joint.node.refuse("has an actuator with a damper that is not linear", "leave the further coefficients out")
+            joint.node.refuse("has an actuator with a damper that is not linear", "leave out the higher coefficients")
         joint.armature += gear**2 * float(m.actuator_armature[i])
         joint.damping += gear**2 * float(m.actuator_damping[i]) if "DAMPER" not in self._off else 0.0
         if joint.kind not in ("revolute", "prismatic") and (m.actuator_armature[i] or m.actuator_damping[i]):
@@ -342,7 +342,7 @@ class _Reading:
         held = {int(i) for of in (m.eq_obj1id, m.eq_obj2id) for i in of[m.eq_type == _TENDON]}
         idle = [self._name("TENDON", i, f"tendon_{i + 1}") for i in range(m.ntendon) if i not in held | self._pulled]
         if idle:
-            notes.append(f"left out, limits included, since no equality holds and no actuator taken pulls them: tendons {', '.join(idle)}")
+            notes.append(f"left out with their limits, since no equality and no imported actuator uses them: tendons {', '.join(idle)}")
         if m.opt.density or m.opt.viscosity:
             notes.append("left out: forces of the medium (density, viscosity)")
         for body in np.flatnonzero(m.body_gravcomp):

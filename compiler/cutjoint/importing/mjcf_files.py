@@ -129,7 +129,7 @@ def _require_inside(root: Node, path: Path, folder: Path, outside: set[str]) -> 
 
 def _look_up(node: Node, name: str, folder: Path, at: Iterable[Path]) -> list[Path]:
     """The files that a name may mean, seen from folders; ModelError where one is outside the ``folder``, or is none."""
-    found, leaves, hint = list[Path](), False, "put what it needs into that folder"
+    found, leaves, hint = list[Path](), False, "move its files into that folder"
     for start in at:
         try:
             target = (start / name).resolve()

@@ -43,7 +43,7 @@ def compile_in_subprocess(path: Path, folder: Path, outside: set[str]) -> tuple[
         except (ImportError, OSError) as error:
             raise MissingPackageError(_BROKEN.format(error)) from None
         except subprocess.TimeoutExpired:
-            raise ValueError(f"it has taken longer than {LIMIT:g} s") from None
+            raise ValueError(f"it took longer than {LIMIT:g} s") from None
         finally:
             process.kill()
             process.communicate()

@@ -79,7 +79,7 @@ class _Assembly:
     def _add(self, node: Node, scope: _Scope) -> str:
         name = scope.prefix + node.name()
         if name in self._nodes:
-            node.refuse("has the name of another", "give each model, link, joint and frame a name of its own")
+            node.refuse("has the name of another", "give each model, link, joint and frame a unique name")
         self._nodes[name] = node, scope
         return name
 

@@ -32,7 +32,7 @@ class Sidecar:
         """Make balls, Cardan joints and fixed joints of those that the file names."""
         for name, kind in self._pairs("joint_name", "joint_type"):
             if name not in robot.joints:
-                self._fail("joint_name", f"names the joint '{name}', which is not there", "correct the name, or take it and its type out")
+                self._fail("joint_name", f"names the joint '{name}', which is not there", "correct the name, or remove it and its type")
             joint = robot.joints[name]
             if kind == "SPHERICAL":
                 joint.kind = "spherical"
@@ -61,7 +61,7 @@ class Sidecar:
             robot.loops.append(Loop(f"loop_{i + 1}", root, kind, links, first[1], second[1]))
         for name in map(str, self._items("name_mot")):
             if name not in robot.joints:
-                self._fail("name_mot", f"names the joint '{name}', which is not there", "correct the name, or take it out")
+                self._fail("name_mot", f"names the joint '{name}', which is not there", "correct the name, or remove it")
             add_drive(robot, name)
         if others := [str(key) for key in self._data if key not in _KEYS]:
             robot.notes.append(f"left out of {self._path.name}: {', '.join(others)}")

@@ -42,7 +42,7 @@ def read_urdf(path: Path) -> tuple[Robot, Node]:
     beside.close_loops(robot, root)
     tied = robot.in_loops()
     if alone := [joint.name for joint in robot.joints.values() if joint.follows and joint.name not in tied]:
-        robot.notes.append(f"free, since nothing in the file says what they follow: {', '.join(alone)}")
+        robot.notes.append(f"free, since the file does not say on which joints they depend: {', '.join(alone)}")
     return robot, root
 
 
@@ -71,7 +71,7 @@ def _relate(robot: Robot, root: Node) -> None:
 
 def _add(into: dict[str, Any], thing: Link | Joint, node: Node) -> None:
     if thing.name in into:
-        node.refuse("has the name of another", "give each a name of its own")
+        node.refuse("has the name of another", "give each a unique name")
     into[thing.name] = thing
 
 
@@ -129,9 +129,9 @@ def _couple(node: Node, robot: Robot) -> None:
             mimic.refuse(f"follows the joint '{independent[:60]}', which is not there", "correct the name")
         name, ratio = node.name(), mimic.number("multiplier", 1.0)
         if name not in robot.joints:
-            mimic.refuse("is of a joint that the YAML beside makes a Cardan joint", "take one of both out")
+            mimic.refuse("is of a joint that the sidecar YAML makes a Cardan joint", "remove one of them")
         if not robot.joints[name].freedom:
-            robot.notes.append(f"{name} follows {independent} no more, since it is fixed")
+            robot.notes.append(f"{name} no longer follows {independent}, since it is fixed")
             return
         if not robot.joints[independent].freedom:
             mimic.refuse(f"follows the joint '{independent[:60]}', which is fixed", "fix both")
@@ -142,10 +142,10 @@ def _require_tree(robot: Robot, root: Node) -> None:
     seen = {link.name for link in robot.root()}
     for joint in robot.outwards():
         if joint.child in seen:
-            joint.node.refuse(f"carries '{joint.child}', which another joint carries too", "a URDF is a tree: say loops by <loop>")
+            joint.node.refuse(f"carries '{joint.child}', which another joint carries too", "a URDF is a tree: write loops as <loop>")
         seen.add(joint.child)
     if left := [link for name, link in robot.links.items() if name not in seen]:
-        left[0].node.refuse("hangs in a circle of joints", "a URDF is a tree: say loops by <loop>")
+        left[0].node.refuse("hangs in a circle of joints", "a URDF is a tree: write loops as <loop>")
     if not robot.links:
         root.refuse("has no <link>", "expand it first, if it is a macro")
     if len(robot.root()) != 1:

@@ -121,7 +121,7 @@ def read_xml(path: Path) -> Node:
         stack[-1].text += data
 
     def refuse(*_: object) -> None:
-        fail("document types and entities are not read", "write out what they stand for")
+        fail("document types and entities are not read", "expand them")
 
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = begin, end, add
     parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse

@@ -73,11 +73,11 @@ def _motion(mobility: Mobility, guided: int) -> str:
     """The words about a model that has no freedom."""
     if mobility.degrees_of_freedom:
         return ""
-    return KINEMATIC if guided else "none: loops and joints leave no freedom, and no joint has a guide"
+    return KINEMATIC if guided else "none: loops and joints leave no degree of freedom, and no joint is guided"
 
 
 #: The motion of a model that guides drive whole.
-KINEMATIC = "kinematic: guides drive all freedom; runs have the forces of the guides and all reactions"
+KINEMATIC = "kinematic: guides prescribe all degrees of freedom; runs report guide forces and all reactions"
 
 
 def _assemblies(model: Model) -> str:
@@ -85,18 +85,18 @@ def _assemblies(model: Model) -> str:
     gap = max(assembly.functions.violation for assembly in model.assemblies)
     found = [(a.independent, a.functions) for a in model.assemblies]
     ranges = "; ".join(f"{x} {'turns' if f.turns else f'from {f.range.lower:.4g} to {f.range.upper:.4g}'}" for x, f in found)
-    return f"{len(model.assemblies)}, whose loops functions close to {gap:.1g} m or rad: {ranges}"
+    return f"{len(model.assemblies)}, whose loops are closed by functions to within {gap:.1g} m or rad: {ranges}"
 
 
 def _design_position(mobility: Mobility) -> str:
     """The design position beside other poses in words: ordinary, singular or not closed."""
     if not mobility.closed:
-        return "not closed: no pose near it closes the loops while the guides stand where they begin"
+        return "not closed: no pose near it closes the loops with the guides at their initial positions"
     others = f"{mobility.poses - 1} other pose{'s' if mobility.poses != 2 else ''} of the motion"
     if mobility.design_rank < mobility.rank:
-        return f"singular for a moment: rank {mobility.design_rank}, but {mobility.rank} in {others}"
+        return f"instantaneously singular: rank {mobility.design_rank}, but {mobility.rank} in {others}"
     if mobility.poses == 1 and mobility.degrees_of_freedom:
-        return f"rank {mobility.rank}; no other pose was found beside it, so that it may be singular"
+        return f"rank {mobility.rank}; no other pose was found, so it may be singular"
     condition = f"condition {mobility.condition:.3g}"
     if mobility.condition > _NEARLY_SINGULAR:
         condition += f": {_NEARLY}; are the file's numbers rounded?"
@@ -178,22 +178,22 @@ def describe_output_times(run: SimulatorRun) -> str:
     if steps.rows < 3 or abs(apart - wanted) <= 1e-6 * wanted:
         return ""
     return (
-        f"rows are {apart:g} s apart, not {wanted:g} s: equal steps of {dt:g} s have rows at their ends alone; take a step that divides "
-        "output_step, or leave out dt"
+        f"samples are {apart:g} s apart, not {wanted:g} s: equal steps of {dt:g} s have samples at their ends only; choose a dt that "
+        "divides output_step, or omit dt"
     )
 
 
 #: The words of `check` in a line each: (word, meaning, whether it stands in the tables of loops alone).
 _LEGEND = (
-    ("rank", "how many of the equations say something that the others do not; degrees of freedom are the coordinates less the rank", True),
-    ("condition", "how far equations are from saying the same, 1 at best; above 1e5 numbers of the file may be rounded", True),
-    ("base body", "the last body on the ways from the ground to both bodies of the cut joint", True),
+    ("rank", "number of independent equations; degrees of freedom are the coordinates less the rank", True),
+    ("condition", "ratio of the largest to the smallest singular value, 1 at best; above 1e5 numbers of the file may be rounded", True),
+    ("base body", "the last common body on the paths from the ground to both bodies of the cut joint", True),
     ("width", "the largest number of bodies to which a body of the loop is coupled; operations grow with it", True),
-    ("(chosen)", "the compiler cuts the loop here, since neither the model nor a force says where", True),
-    ("redundant", "equations that follow from others; they do no harm, but reactions that they share are indeterminate", True),
-    ("operations", "of an evaluation, as predicted with this cut; counted once: parts that are computed side by side count as one", True),
-    ("massless", "links without mass, which follow the others", False),
-    ("isomorphic", "parts alike but for their numbers, which are computed side by side", False),
+    ("(chosen)", "chosen by the compiler, since neither the model nor a force prescribes the cut", True),
+    ("redundant", "equations that depend on others; harmless, but reactions that they share are indeterminate", True),
+    ("operations", "predicted for an evaluation with this cut; counted once: parts evaluated in lanes count as one", True),
+    ("massless", "massless links, whose motion the others determine", False),
+    ("isomorphic", "parts that differ in numbers only, evaluated in lanes", False),
 )  # fmt: skip
 
 
@@ -203,7 +203,7 @@ def legend(*, with_loops: bool) -> Table:
 
 
 #: The value in the columns of indeterminate reactions.
-LEAST = "of all solutions the one with the smallest multipliers of cut joints"
+LEAST = "the solution with the smallest multipliers of cut joints"
 
 
 def indeterminate_reactions(columns: Iterable[str]) -> str:
@@ -214,7 +214,7 @@ def indeterminate_reactions(columns: Iterable[str]) -> str:
 def locking_force_facts(held: Mapping[str, tuple[float, str]]) -> list[tuple[str, str]]:
     """The forces that hold coordinates of a start at rest and are gone in motion; none where nothing holds it."""
     forces = [f"{name} {f'{force / 1e3:.4g} k' if abs(force) >= 1e4 else f'{force:.4g} '}{unit}" for name, (force, unit) in held.items()]
-    return [("held at the start by", f"{', '.join(forces)}, released at t = 0")] if forces else []
+    return [("locked at the start by", f"{', '.join(forces)}, released at t = 0")] if forces else []
 
 
 def trim_facts(found: Trimmed) -> list[tuple[str, str]]:
@@ -224,16 +224,18 @@ def trim_facts(found: Trimmed) -> list[tuple[str, str]]:
     several = {"found": numbers, "follow from other conditions": found.redundant, "change at the start": changing}
     facts = [(name, ", ".join(values)) for name, values in several.items() if values]
     if found.strayed:
-        facts.append(("warning", "no start was near the given one; this one was found from random coordinates: check its poses"))
-    return [*facts, ("largest residual", f"{found.residual:.1e} of what a change of full size makes")]
+        facts.append(("warning", "no solution near the given start; this one was found from random coordinates: check its pose"))
+    return [*facts, ("largest residual", f"{found.residual:.1e} of the change by a full-size step of the unknowns")]
 
 
-#: The facts that a run tells in any case.
-_REPORTED = ("motion", "warning", "note", SHIPPED, "went over to", "impacts", "stiff", "held at the start by", "speeds not given",
-             "indeterminate")  # fmt: skip
+#: The facts that every run reports.
+_REPORTED = (
+    "motion", "warning", "note", SHIPPED, "switched to", "impacts", "stiff", "locked at the start by", "initial velocities not specified",
+    "indeterminate",
+)  # fmt: skip
 
 #: The words about a run that is interpreted since there is no compiler.
-_GAIN = f"interpreted; generated code takes steps 5 to 20 times as fast: {ADVICE}"
+_GAIN = f"interpreted; generated code is 5 to 20 times as fast: {ADVICE}"
 
 
 def reported_facts(counts: Iterable[tuple[str, str]], compilation: Compilation, run: Trajectory) -> list[tuple[str, str]]:
@@ -276,7 +278,7 @@ def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]
         *([(SHIPPED, _GAIN)] if c.compiler == SHIPPED else []),
         ("run", _run_time(run)),
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
-        *([("went over to", run.fallback)] if run.fallback else []),
+        *([("switched to", run.fallback)] if run.fallback else []),
         *_statistics_facts(run.statistics),
         *_balance_facts(run.energy),
         *locking_force_facts(run.held),
@@ -288,12 +290,12 @@ def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]
 def _compiled(c: Compilation) -> str:
     how = f"{c.compiler}, {' '.join(c.flags)}"
     if c.implementation == Implementation.INTERPRETED:
-        return f"nothing: the program is interpreted ({how.rstrip(', ')})"
+        return f"none: the program is interpreted ({how.rstrip(', ')})"
     return f"{_build_time(c.compile_seconds)} ({how})"
 
 
 def _balance_facts(energy: EnergyBalance | None) -> list[tuple[str, str]]:
-    words = "" if energy is None else f"apart by {energy.defect:.1e} J at most, of {energy.kinetic + energy.exchanged:.2g} J"
+    words = "" if energy is None else f"differ by {energy.defect:.1e} J at most, of {energy.kinetic + energy.exchanged:.2g} J"
     return [("work and energy", words)] if words else []
 
 
@@ -301,8 +303,8 @@ def _unspecified_speeds(start: Start, undetermined: tuple[str, ...]) -> list[tup
     """The speeds that a run has chosen; none where it begins at rest, since no speed is given."""
     if start.at_rest or not undetermined:
         return []
-    chosen = "as small as the loops allow" if start.closes_loops else "zero"
-    return [("speeds not given", f"{len(undetermined)}, {chosen}: {', '.join(undetermined)}")]
+    chosen = "minimum norm" if start.closes_loops else "zero"
+    return [("initial velocities not specified", f"{len(undetermined)}, {chosen}: {', '.join(undetermined)}")]
 
 
 #: The outputs that a line names at most.
@@ -316,19 +318,19 @@ def error_facts(error: ErrorEstimate) -> Table:
         unit = error.units[name]
         by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
     promised = "yes; 99.5 % of such runs are within 3 times these values"
-    doubt = "no: finer steps bring the outputs no nearer, errors may be larger"
+    doubt = "no: outputs do not converge with finer steps, errors may be larger"
     if error.goal is not None:
-        doubt = "no, accuracy not reached: the finest steps leave larger errors, or errors that fall no further"
+        doubt = "no, accuracy not reached: errors of the finest steps are larger, or no longer decrease"
     if inf in error.max_error.values():
-        by_unit, doubt = {}, "not known: no run with finer or coarser steps came to its end, so that nothing says how wrong this one is"
+        by_unit, doubt = {}, "unknown: no run with finer or coarser steps reached its end"
     rows = [("converged", promised if error.converged else doubt)]
     if error.converged and error.rough:
         names = ", ".join(error.rough[:_NAMED]) + (f" and {len(error.rough) - _NAMED} more" if len(error.rough) > _NAMED else "")
-        why = "off by more than a tenth of what they reach, or no nearer with finer steps; a smaller accuracy helps"
+        why = "errors above a tenth of their largest values, or not converging with finer steps; use a smaller accuracy"
         rows = [("converged", f"{promised}; but not {names}: {why}")]
     rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
     rows += [("warning", warning) for warning in error.warnings]
-    return facts("errors of the steps at most", rows)
+    return facts("time-stepping errors at most", rows)
 
 
 def _build_time(seconds: float) -> str:
@@ -342,9 +344,9 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
     return facts(f"scene {artifact.scene.name}, a batch", [
         ("generate", f"{artifact.generate_seconds:.2f} s"),
         ("compile", f"{compiled} ({', '.join([artifact.binary.compiler, *filter(None, [' '.join(artifact.binary.flags)])])})"),
-        ("integrator", f"{batch.settings}, runs {'side by side' if batch.side_by_side else 'one by one'}"),
+        ("integrator", f"{batch.settings}, runs {'in lanes' if batch.side_by_side else 'one by one'}"),
         ("runs", f"{runs} in {batch.elapsed:.3g} s, {batch.elapsed / runs * 1e3:.3g} ms each"),
-        ("steps", f"{batch.seconds / runs * 1e3:.3g} ms of a thread for each run"),
+        ("steps", f"{batch.seconds / runs * 1e3:.3g} ms of thread time for each run"),
         ("parameters", ", ".join(batch.names)),
         *_unspecified_speeds(artifact.start, batch.undetermined),
     ])  # fmt: skip
@@ -354,10 +356,10 @@ def _statistics_facts(statistics: RunStatistics) -> list[tuple[str, str]]:
     """The effort of a Lagrangian method or of an integrator with steps of its own."""
     if not statistics.solver:
         return [*_residual_facts(statistics.residuals), *_stepping_facts(statistics)]
-    fallbacks = f", {statistics.pivoting_fallbacks} with pivoting after all" if statistics.pivoting_fallbacks else ""
+    fallbacks = f", {statistics.pivoting_fallbacks} with pivoting" if statistics.pivoting_fallbacks else ""
     facts = [("solver", f"{statistics.solver}, {statistics.factorisations} factorisations{fallbacks}")]
     facts += [("penalty", f"{statistics.penalty:.3g}")] if statistics.penalty == statistics.penalty else []
-    facts += [("taken in parts", f"{statistics.substeps} parts of steps")] if statistics.substeps else []
+    facts += [("substeps", f"{statistics.substeps}")] if statistics.substeps else []
     return [*facts, *_residual_facts(statistics.residuals), *_stepping_facts(statistics)]
 
 
@@ -378,8 +380,8 @@ def _stepping_facts(statistics: RunStatistics) -> list[tuple[str, str]]:
     if statistics.impacts:
         facts.append(("impacts", "; ".join(f"'{x.element}' at {x.time:.6g} s, {x.work:.3g} J" for x in statistics.impacts)))
     if statistics.stiff_steps > max(STIFF * statistics.iterations, FEW_STEPS):
-        advice = "an implicit integrator takes longer ones, as the method recursive-newton has by default"
-        facts.append(("stiff", f"stability, not accuracy, limited {statistics.stiff_steps} steps: {advice}"))
+        advice = "use an implicit integrator, as the method recursive-newton has by default"
+        facts.append(("stiff", f"{statistics.stiff_steps} steps limited by stability, not accuracy: {advice}"))
     return facts
 
 

@@ -115,7 +115,7 @@ def _facts(times: StepTimes) -> Table:
     latest = f" in {times.stalls} stalls, by {_short(float(times.lateness.max()))} at most" if times.missed else ""
     table.add_row("missed deadlines", f"{times.missed}{latest}")
     if times.missed:
-        table.add_row("", f"{times.missed_by_steps} of them by the steps' own time, the others since steps began late")
+        table.add_row("", f"{times.missed_by_steps} of them by the duration of the step, the others because it began late")
     table.add_row("latest begin", _share_of_period(float(times.wakeup_latency.max()), times.period))
     return table
 
@@ -148,11 +148,11 @@ _LISTED, _MOST = 0.05, 4
 
 #: The words of `modes` and their meaning.
 _MODE_WORDS = (
-    ("eigenvalue", "its real part is the rate at which the motion grows, decays where negative; its imaginary part the circular frequency"),
-    ("moves", "coordinates and the amplitudes of each, m and rad beside the first one's 1: signs and angles are phases; in brackets the "
-     "share of the kinetic energy, which is negative where a coordinate works against what carries it; wx is a turn about x"),
-    ("without dampers", "the same with all damping left out; a real eigenvalue there is an unstable equilibrium"),
-    ("rigid-body modes", "motions that nothing brings back, each by its leading coordinate"),
+    ("eigenvalue", "real part: growth rate, negative if the mode decays; imaginary part: angular frequency"),
+    ("moves", "coordinates with amplitudes (m, rad) relative to the first; signs and angles are phases;  in brackets the "
+     "share of the kinetic energy, negative if a coordinate moves against its base; wx is a rotation about x"),
+    ("without dampers", "the same without damping; a real eigenvalue means an unstable equilibrium"),
+    ("rigid-body modes", "motions without restoring force, each by its leading coordinate"),
 )  # fmt: skip
 
 
@@ -277,7 +277,7 @@ def note_lines(variant: ReducedModel) -> Iterator[str]:
 
 def choice_table(choice: Choice, scene: Scene) -> Table:
     """A table of the choice beside the other candidates."""
-    title = f"scene {scene.name}: the fastest within {accuracy_of(scene):g} m and rad (the truth still moves by {choice.settled:.0e})"
+    title = f"scene {scene.name}: the fastest within {accuracy_of(scene):g} m and rad (reference solution: {choice.settled:.0e})"
     table = _reduced_table(title, ("", "method", "model", "steps", "error", "ms", "of real time"), 3)
     for candidate in choice.evidence:
         table.add_row("picked" if candidate == choice.picked else "", candidate.method, candidate.variant, *_cells(candidate, scene))

@@ -412,8 +412,8 @@ def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
 def _imbalance(energy: EnergyBalance, change: float) -> str:
     return (
         f"work and energy differ by {energy.defect:.2g} J, of {energy.kinetic + energy.exchanged:.2g} J in all, and with other steps by "
-        f"{change:.1g} J more or less: not the steps but what holds the loops, or a guide that jumps, does work that it should not; "
-        "errors of the steps do not see it"
+        f"{change:.1g} J more or less: the cause is not the step size but the loop closure or a guide that jumps; "
+        "the errors do not include it"
     )
 
 
@@ -436,6 +436,6 @@ def find_common_violation(run: Trajectory, others: Sequence[Trajectory]) -> floa
 
 def describe_violation(violation: float, *, is_known: bool) -> str:
     """The warning of such a violation; ``is_known`` is whether the errors of the run include its effect."""
-    counted = "a run with error control, whose loops are closed, shows what that changes, and the errors count it"
-    known = counted if is_known else "errors of the steps do not see what that changes"
-    return f"loops stand open by up to {violation:.2g} m or rad, with other steps too: {known}; the closure proximal closes them"
+    counted = "the errors include its effect, found by a run with error control"
+    known = counted if is_known else "the errors do not include its effect"
+    return f"constraint violation of loops up to {violation:.2g} m or rad, with other steps too: {known}; use closure proximal"

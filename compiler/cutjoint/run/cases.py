@@ -44,9 +44,9 @@ def read_cases(path: Path, model: Model) -> list[dict[str, float]]:
 def _check_names(place: str, names: Sequence[str], model: Model) -> None:
     for i, name in enumerate(names):
         if not name:
-            raise RunError(f"{place}: column {i + 1} has no name; write a parameter above it, or take the comma away")
+            raise RunError(f"{place}: column {i + 1} has no name; write a parameter above it, or remove the comma")
         if name in names[:i]:
-            raise RunError(f"{place}: parameter '{name}' stands above two columns; leave one away")
+            raise RunError(f"{place}: parameter '{name}' stands above two columns; remove one")
         try:
             parameter_values(model, {name: 0.0})
         except RunError as error:

@@ -103,7 +103,7 @@ def _require_table(what: str, table: Mapping[str, Sequence[float]], start: float
             raise RunError(f"{what}: t = {later:g} s stands after {earlier:g} s; put the times in ascending order, each once")
     if times[0] > start or times[-1] < end:
         has, needs = f"from {times[0]:g} s to {times[-1]:g} s", f"from {start:g} to {end:g} s"
-        raise RunError(f"{what}: the table goes {has}, the run {needs}; make the table longer")
+        raise RunError(f"{what}: the table covers {has}, the run {needs}; extend the table")
 
 
 def _numbers(what: str, values: Any) -> list[float]:

@@ -385,7 +385,7 @@ def require_sampling(model: Model, scene: Scene, integrator: str) -> None:
             raise RunError(f"{controller.span}: {words} {controller.every:.9g} s; write a longer every, or an earlier end")
     if model.controllers and integrator not in (known.name for known in INTEGRATORS.values()):
         first = model.controllers[0]
-        words = f"the integrator {integrator} takes no samples, which the controller '{first.name}' needs"
+        words = f"the integrator {integrator} does not support sampling, which the controller '{first.name}' needs"
         raise RunError(f"{first.span}: {words}; use {join_or(tuple(known.name for known in INTEGRATORS.values()))}")
 
 

@@ -142,9 +142,9 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
     if not integrator.supports(method, implementation):
         if asked is None:
             return _own_integrator(numerics, method, implementation, options)
-        raise RunError(f"the integrator {wanted} takes generated code of the method {join_or(integrator.methods)}")
+        raise RunError(f"the integrator {wanted} needs generated code of the method {join_or(integrator.methods)}")
     if method.closure(numerics.closure, implementation, usual=integrator.closure).name not in integrator.closures:
-        raise RunError(f"the integrator {wanted} closes loops in its own way: use closure: {join_or(integrator.closures)}")
+        raise RunError(f"the integrator {wanted} has its own closures: use closure: {join_or(integrator.closures)}")
     return integrator
 
 
@@ -180,7 +180,7 @@ def _require_accuracy(options: Options) -> None:
     others = {"dt": options.dt, "solver_tolerance": options.tolerance, "iterations": options.iterations}
     require_settings(accuracy=options.accuracy)
     if given := [name for name, value in others.items() if value is not None]:
-        raise RunError(f"accuracy: steps follow from it; leave {join_and(given)} away, or the accuracy")
+        raise RunError(f"accuracy: it determines the steps; remove {join_and(given)} or the accuracy")
 
 
 def accuracy_of(scene: Scene) -> float:
@@ -230,7 +230,7 @@ def find_events(
     if asked == Events.LOCATED and not can:
         raise RunError(f"events are located by generated code of the methods {join_and(names_of(METHODS, lambda m: m.events))}")
     if asked == Events.LOCATED and integrator.events is None:
-        raise RunError(f"the integrator {integrator.name} takes steps over events: use events: crossed")
+        raise RunError(f"the integrator {integrator.name} steps across events: use events: crossed")
     if not can or integrator.events is None:
         return None
     return (asked or numerics.events or integrator.events) == Events.LOCATED

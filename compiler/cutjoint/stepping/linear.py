@@ -148,7 +148,7 @@ class Linear(States):
                 return difference(found, h)
         raise ValueError(
             f"by '{name}' there is no derivative: what changes with it jumps or is not smooth at this state, as where a damper has other "
-            "rates for bump and rebound; make that law smooth here, or take a state beside it"
+            "rates for bump and rebound; make that law smooth here, or choose a nearby state"
         )
 
     def equations_of_motion(self) -> tuple[Array, Array]:

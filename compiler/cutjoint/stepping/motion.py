@@ -16,7 +16,7 @@ from cutjoint.stepping.handle import Handle
 from cutjoint.stepping.library import StatisticsRecord
 from cutjoint.stepping.values import Array, StepStatistics, find_place
 
-OVER_EVENTS = f"these steps go over events: load the model by {describe_steps(lambda s: s.finds_events)}"
+OVER_EVENTS = f"these steps do not end at events: load the model by {describe_steps(lambda s: s.finds_events)}"
 
 
 class Motion(Handle):

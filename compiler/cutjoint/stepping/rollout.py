@@ -42,7 +42,7 @@ def rollout(
     if not counts and any(given):
         counts = {1}
     if not counts:
-        raise ValueError("how many simulations? give a parameter or an input a value for each, or snapshots")
+        raise ValueError("number of simulations unknown: give an array of values for a parameter or an input, or snapshots")
     if len(counts) != 1:
         raise ValueError(f"parameters, inputs and snapshots need one and the same number of simulations, not {sorted(counts)}")
     number, common = counts.pop(), simulation.snapshot()

@@ -479,7 +479,7 @@ class SampledStateSpace(LinearModel):
             ValueError: an output follows derivatives of an input, or the inputs are to be these.
         """
         if by != "value":
-            raise ValueError(f"by: the inputs of a sampled loop are held, and have no {by}; leave it out")
+            raise ValueError(f"by: the inputs of a sampled loop have a zero-order hold, and no {by}; leave it out")
         return self._discrete
 
     def evaluate(self, s: ComplexArray) -> ComplexArray:

@@ -71,7 +71,7 @@ def _make(name: str, place: int, given: InputTrajectoryLike, start: float, steps
     if not isinstance(given, Mapping):
         values = np.asarray(given, dtype=np.float64)
         if values.ndim != 1 or not len(values) or steps % len(values):
-            raise ValueError(f"input '{name}': {values.shape} values are not held for equal numbers of {steps} steps")
+            raise ValueError(f"input '{name}': {values.shape} values: their number does not divide {steps} steps")
         times: Array = start + np.arange(float(len(values))) * ((steps // len(values)) * dt)
         return _linear(place, times, lambda knots: np.column_stack([knots[name], np.zeros((len(times), 3))]), {name: values}, jumps=True)
     table = read_table(f"input '{name}'", given, start, start + steps * dt * (1 - 1e-12))

@@ -432,7 +432,7 @@ def ties(objective: str, values: Array) -> dict[int, NDArray[np.intp]]:
 def tie_message(times: Array, name: str, value: float) -> str:
     """The message of an extreme that rows at some times share."""
     at = " and ".join(f"{time:.6g} s" for time in times[:2])
-    return f"'{name}' is the same {value:.6g} at {at}, with other derivatives: that it is the extreme has none"
+    return f"'{name}' is the same {value:.6g} at {at}, with other derivatives: the extreme value has no derivative"
 
 
 @with_old_members

@@ -64,7 +64,7 @@ def find_fault(key: str, version: str) -> str:
     if version != __version__:
         return f"it has cutjoint {__version__}, not {version}; install the same version"
     if key not in _works:
-        return "it has not got the libraries"
+        return "it lacks the libraries"
     return require_loadable(_works[key].kernels)
 
 

@@ -70,7 +70,7 @@ def _place(v: Variable, names: Sequence[str]) -> int:
     if v.name not in names:
         if v.kind in (Kind.POSITION, Kind.RATE):
             raise RunError(f"{v.span}: {v.kind} '{v.name}': its joint is cut to open a loop; set the coordinate of another joint")
-        raise RunError(f"{v.span}: {v.kind} '{v.name}': nothing in the model depends on it; leave it away")
+        raise RunError(f"{v.span}: {v.kind} '{v.name}': nothing in the model depends on it; remove it")
     return list(names).index(v.name)
 
 

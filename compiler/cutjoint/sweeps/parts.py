@@ -104,7 +104,7 @@ class Parts:
             place = next(self.aside / name for name in names if not os.path.lexists(self.aside / name))
             with suppress(FileNotFoundError):
                 shutil.move(path, place)
-        self._note(f"{path} {why}: it is now {place}" + ("" if why != _UNFIT else ", and its runs are made again"))
+        self._note(f"{path} {why}: it is now {place}" + ("" if why != _UNFIT else ", and its runs are repeated"))
 
     def write(self, rows: Rows) -> None:
         """The rows of a chunk.
@@ -157,7 +157,7 @@ class Parts:
 
     def incomplete(self, gaps: Sequence[tuple[int, int]]) -> OutputError:
         """The error that rows which were there are not there any more."""
-        return OutputError(f"{self.folder}: {count_runs(gaps)} runs that were made are gone; see who removes them, and make the call again")
+        return OutputError(f"{self.folder}: {count_runs(gaps)} completed runs have disappeared; find the cause, and repeat the call")
 
     def _remove(self, ranges: Sequence[tuple[int, int]]) -> None:
         """Remove what the sweep has put into the folder, and the folder if nothing else is there."""

@@ -172,13 +172,13 @@ def perform_study(
         request = stack.enter_context(stop_requests())
         done = parts.ranges()
         if done:
-            say(f"{count_runs(done)} of {study.runs} runs are in {parts.folder}: going on")
+            say(f"{count_runs(done)} of {study.runs} runs are in {parts.folder}: continuing")
         workers = _workers(work, scheduler, threads, say)
         stack.callback(workers.close)
         driver = _Driver(study, work, parts, workers, layout.row_bytes, progress)
         driver.perform(missing(done, study.runs), request)
         if lost := parts.finish():
-            say(f"{count_runs(lost)} runs that were made are gone from {parts.folder}: making them again")
+            say(f"{count_runs(lost)} completed runs are missing from {parts.folder}: repeating them")
             driver.perform(lost, request)
             if lost := parts.finish():
                 raise parts.incomplete(lost)
@@ -227,7 +227,7 @@ class _Driver:
                     if self.progress is not None:
                         self.progress(done, self.study.runs)
         except BaseException as error:
-            error.add_note(f"{done} of {self.study.runs} runs are in {self.parts.folder}; the same call goes on from there")
+            error.add_note(f"{done} of {self.study.runs} runs are in {self.parts.folder}; repeat the call to continue")
             raise
 
     def _record_speed(self, runs: int, seconds: float) -> None:
@@ -303,4 +303,4 @@ def steps_of(manifest: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _describe_lanes(lanes: int) -> str:
-    return "one by one" if lanes == 1 else "side by side"
+    return "one by one" if lanes == 1 else "in lanes"

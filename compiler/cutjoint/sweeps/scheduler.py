@@ -94,7 +94,7 @@ def _describe(answer: Any) -> str:
     if reason := next((cause.strerror for cause in causes if isinstance(cause, OSError) and cause.strerror), ""):
         return reason
     if any(isinstance(cause, TimeoutError) for cause in causes):
-        return f"nothing was said in {_PATIENCE:g} s"
+        return f"no answer in {_PATIENCE:g} s"
     said = " ".join(str(answer).split())[:160]
     if isinstance(answer, TypeError | ImportError):
         return f"Dask has not what this kind of address needs ({said})"

@@ -155,7 +155,7 @@ class Variables:
     def _unknown(self, name: str, known: Mapping[str, object]) -> tuple[str, str]:
         if name in self._constants:
             return "the parameter has binding const", f"write binding: param at {self._constants[name].span}"
-        return "the model has none of this name", nearest(name, known, "it has") or "give a parameter binding: param, or open: ['*.mass']"
+        return "the model has no such name", nearest(name, known, "it has") or "give a parameter binding: param, or tunable: ['*.mass']"
 
     def _named(self, name: str, section: str, span: Span) -> tuple[Variable, Read]:
         """A variable by its name, and what reads its numbers."""
@@ -199,7 +199,7 @@ class Variables:
         if not low < high and not isnan(low + high):
             self._fail((*keys, "to"), f"the range from {low:g} to {high:g} is empty", "write the smaller number first")
         if by_ratio and not low > 0 and not isnan(low):
-            self._fail((*keys, "from"), "a range by ratios begins above zero", "write scale: linear, or another beginning")
+            self._fail((*keys, "from"), "a logarithmic range begins above zero", "write scale: linear, or a positive 'from'")
         if is_grid and values.count is None:
             self._fail(keys, "a grid needs the number of values", "write count: 10 beside from and to", at_key=True)
         if not is_grid and values.count is not None:
@@ -221,7 +221,7 @@ class Variables:
     def _of_table(self, design: Csv | Listed, scenes: tuple[Scene, ...]) -> Design:
         for section in _SECTIONS:
             if getattr(self._document, section):
-                self._fail((section,), f"{section}: the design has all values", "leave this section away", at_key=True)
+                self._fail((section,), f"{section}: the design specifies all values", "remove this section", at_key=True)
         self._end()
         variables, rows = self._csv(design) if isinstance(design, Csv) else self._list(design)
         self._require_names(variables)

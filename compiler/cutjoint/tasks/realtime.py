@@ -113,7 +113,7 @@ def run_in_real_time(
     artifact = compile_unless_compiled(model, scene, tunable)
     if artifact.implementation != Implementation.GENERATED:
         find_compiler()  # who has none is told so
-        raise RunError("runs against the wall clock take generated code")
+        raise RunError("real-time runs need generated code")
     options = Options(dt=dt, end=end, iterations=iterations, integrator=DEFAULT_INTEGRATOR)
     run_file = make_run_file(
         artifact.topology.model, artifact.scene, parameters or {}, task="realtime", method=artifact.method, options=options
@@ -136,7 +136,7 @@ def run_in_real_time(
 def _scheduled(priority: int | None, processor: int | None) -> Iterator[None]:
     """Give what this thread begins meanwhile a priority and a processor."""
     if (priority is not None or processor is not None) and not hasattr(os, "sched_setscheduler"):
-        raise RunError("--priority and --processor: this operating system has other ways; set them outside")
+        raise RunError("--priority and --processor: not supported on this operating system; set them outside")
     with ExitStack() as before:
         if processor is not None:
             before.callback(os.sched_setaffinity, 0, os.sched_getaffinity(0))

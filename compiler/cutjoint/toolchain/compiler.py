@@ -77,7 +77,7 @@ def find_compiler() -> Compiler:
         ToolchainError: $CXX names no program, or the program does not say a version.
     """
     if IS_WINDOWS:
-        raise MissingToolsError(f"this takes generated code, which is not compiled on Windows; {ADVICE}")
+        raise MissingToolsError(f"this needs generated code, which is not compiled on Windows; {ADVICE}")
     command = _for_all_processors(_command_of_environment() or _usual_command())
     require_tools(*([] if command else ["a C++ compiler"]))
     return Compiler(command=command, version=ask_version(command))
@@ -108,7 +108,7 @@ def require_tools(*missing: str) -> None:
     if absent:
         fault = f"missing: {', '.join(absent)};"
         if binaries_folder().is_dir():
-            raise MissingToolsError(f"this takes generated code; {fault} {ADVICE}")
+            raise MissingToolsError(f"this needs generated code; {fault} {ADVICE}")
         raise MissingToolsError(f"{fault} apt-get install {PACKAGES}")
 
 

@@ -140,7 +140,7 @@ def make_drive(
     model = freeze_start_parameters(model, scene)
     for name in parameters:
         if name in model.frozen:
-            raise RunError(f"{model.span.file}: '{name}' changes the start alone, which a page has as numbers; change it in the file")
+            raise RunError(f"{model.span.file}: '{name}' changes the start only, which is fixed in a page; change it in the file")
     rests = {p.name: p.value for p in input_parameters(model)}
     values = {**parameter_values(model, parameters), **rests, **constant_inputs(model, parameters)}
     numbers = Numbers.of(model, scene, parameters)

@@ -153,7 +153,7 @@ def choose_target(flags: Sequence[str], target: str | None = None) -> str:
     """
     named = [flag for flag in flags if flag.startswith("-m")]
     if named and target is not None:
-        raise RunError(f"target: the flags name a processor, {' '.join(named)}; leave out --target, or take them from $CUTJOINT_FLAGS")
+        raise RunError(f"target: the flags name a processor, {' '.join(named)}; leave out --target, or remove them from $CUTJOINT_FLAGS")
     return target or ("baseline" if named else "both")
 
 
@@ -162,7 +162,7 @@ def _require_method(method: str, kind: str) -> None:
     if method not in METHODS:
         raise RunError(f"method: '{method}' has no FMUs; use {join_or(tuple(METHODS))}")
     if method != DEFAULT_METHOD and KINDS[kind][1]:
-        raise RunError(f"method: '{method}' has FMUs for co-simulation alone; leave out --kind {kind}, or take the method {DEFAULT_METHOD}")
+        raise RunError(f"method: '{method}' has FMUs for co-simulation only; leave out --kind {kind}, or use the method {DEFAULT_METHOD}")
 
 
 def _view(standalone: Standalone, interface: Interface, version: int, kind: str, stops: bool) -> dict[str, object]:

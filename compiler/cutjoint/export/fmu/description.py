@@ -150,7 +150,7 @@ def _add_general(root: Element, subject: Subject, variables: Sequence[Variable])
     _add_units(root, variables)
     categories = SubElement(root, "LogCategories")
     SubElement(categories, "Category", name="logStatusError", description="Wrong calls")
-    SubElement(categories, "Category", name="logStatusDiscard", description="Motions that cannot go on")
+    SubElement(categories, "Category", name="logStatusDiscard", description="Motions that cannot continue")
     SubElement(
         root, "DefaultExperiment", startTime="0.0", stopTime=repr(float(subject.end)), stepSize=repr(float(subject.output_step))
     )

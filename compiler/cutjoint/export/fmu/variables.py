@@ -160,7 +160,7 @@ def _rates(given: Variable) -> tuple[Variable, Variable]:
     )
 
 
-_STATES = ("An independent coordinate, chosen anew as the motion goes", "The rate of an independent coordinate", "A first-order state")
+_STATES = ("An independent coordinate, chosen again during the motion", "The rate of an independent coordinate", "A first-order state")
 
 
 def _local(name: str, description: str, dependencies: tuple[int, ...] = ()) -> Variable:

@@ -166,7 +166,8 @@ class Linkage:
             if max(np.abs(self._by_speeds(values, velocity) @ free).max(initial=0.0), np.abs(tilt).max(initial=0.0)) > _NOTHING:
                 joints = [c.joint for c in self.charts if np.abs(free[c.v : c.v + len(c.speed_names)]).max() > 0.1]
                 raise RunError(
-                    f"{self.axle.part.span}: axle '{self.axle.name}': its wheels move though their heights are held, with the joints "
+                    f"{self.axle.part.span}: axle '{self.axle.name}': its wheels move although their heights are prescribed, "
+                    "with the joints "
                     f"{', '.join(joints)}; --steer names the joint that steers"
                 )
 

@@ -162,7 +162,7 @@ def find_compliance(
         for load in LOADS:
             moved = _static_response(free, at.K, _load(wheel, state, load))
             if moved is None:
-                raise RunError(f"{model.span}: axle '{found.name}': nothing holds the {side} wheel against {load}")
+                raise RunError(f"{model.span}: axle '{found.name}': no stiffness supports the {side} wheel against {load}")
             figures |= {f"{side}.{load}.{name}": change for name, change in _changes(wheel, state, moved).items()}
     units = {f"{load}.{name}": f"{unit}/{_BY[of]}" for load, of in LOADS.items() for name, unit in CHANGES.items()}
     return AxleCompliance(axle=found, figures=Columns(figures), units=Columns({name: units[name.partition(".")[2]] for name in figures}))
