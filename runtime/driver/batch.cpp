@@ -45,11 +45,11 @@ constexpr auto keys_of_cases = std::to_array<std::string_view>({"parameters", "i
 using Instances = AnyMechanism<Real>;
 
 /// A mechanism that somebody else holds.
-class LentProbe {
+class BorrowedMechanism {
  public:
   using real_type = double;
 
-  explicit LentProbe(AnyMechanism<double>& alone) : alone_(alone) {}
+  explicit BorrowedMechanism(AnyMechanism<double>& alone) : alone_(alone) {}
 
   const Description& description() const { return alone_.description(); }
   void load(const double* parameters, const Stabilisation<double>& s, const Road<double>* roads) { alone_.load(parameters, s, roads); }
@@ -72,7 +72,7 @@ class LentProbe {
   AnyMechanism<double>& alone_;
 };
 
-using SideBySide = cutjoint::SideBySide<LentProbe, Instances>;
+using SideBySide = cutjoint::SideBySide<BorrowedMechanism, Instances>;
 
 /// Runs cases of a scene: what a case says stands for what the run file says otherwise.
 ///
@@ -90,7 +90,7 @@ class Group {
     results_.assign(cases.size(), Json::object());
     lanes_.clear();
     start(cases);
-    if (lanes_.any_goes()) go();
+    if (lanes_.any_running()) go();
     return results_;
   }
 
@@ -128,19 +128,19 @@ class Group {
     lanes_.begin(simulation_settings(settings_));
     const auto [steps, stride] = count_steps<double>(settings_);
     end_ = smallest_ = largest_ = lanes_.report();
-    const Mask begun = lanes_.going();
+    const Mask begun = lanes_.running();
     lanes_.watch(Real(0));
-    handle(begun & ~lanes_.going(), true);
+    handle(begun & ~lanes_.running(), true);
     const auto begin = std::chrono::steady_clock::now();
-    for (long n = 1; n <= steps && lanes_.any_goes() && !stop_requested(); ++n) {
-      const Mask going = lanes_.going();
+    for (long n = 1; n <= steps && lanes_.any_running() && !stop_requested(); ++n) {
+      const Mask running = lanes_.running();
       lanes_.step();
-      handle(going & ~lanes_.going(), (n - 1) % stride == 0);
-      if (n % stride == 0 || n == steps) record(lanes_.going());
+      handle(running & ~lanes_.running(), (n - 1) % stride == 0);
+      if (n % stride == 0 || n == steps) record(lanes_.running());
     }
     seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     for (std::size_t k = 0; k < results_.size(); ++k) {
-      if (!lanes_.goes(static_cast<int>(k))) continue;
+      if (!lanes_.is_running(static_cast<int>(k))) continue;
       results_[k]["status"] = "done";
       add_columns(k);
     }
@@ -164,12 +164,12 @@ class Group {
     const Fault& fault = lanes_.fault(k);
     if (fault.cause == Cause::guard_violated) {
       std::vector<double> margins(d_.guards.size());
-      take_lane(k, lanes_.margins(), margins);
+      read_lane(k, lanes_.margins(), margins);
       return failure_of_guards(d_.guards, margins, fault.t, fault.step);
     }
     Start& start = *starts_[static_cast<std::size_t>(k)];
     State<double> state(d_);
-    take_lane(k, lanes_.states(), state);
+    read_lane(k, lanes_.states(), state);
     start.data().load_mechanism(alone_, settings_.stabilisation, start.penalties());
     return explain_by_domains(alone_, state, settings_.dt, failure_of(fault, d_));
   }

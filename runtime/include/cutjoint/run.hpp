@@ -140,7 +140,7 @@ class Run {
         advance(first, last);
       } catch (Failure& failure) {
         number(failure);
-        if (const auto since = doubtful_since()) take_back(*since);
+        if (const auto since = doubtful_since()) remove_rows_after(*since);
         else if (failure.guards.empty()) write_last(dt);
         throw;
       }
@@ -207,11 +207,11 @@ class Run {
     values_.resize(method_.columns().size());
     if constexpr (requires { method_.report_moved(Real(0), values_.data()); })
       if (settings_.jumps_within) near_jumps_.emplace(*settings_.jumps_within, values_.size());
-    if (Table::is_asked(file_, "steps_out")) {
+    if (Table::is_requested(file_, "steps_out")) {
       steps_table_.emplace(file_, "steps_out");
       if (!goes_on()) steps_table_->header(std::span<const std::string_view>(Method::step_columns));
     }
-    if (Table::is_asked(file_, "coordinates_out")) {
+    if (Table::is_requested(file_, "coordinates_out")) {
       coordinates_.emplace(file_, "coordinates_out");
       if (!goes_on()) coordinates_->header(std::span<const std::string_view>(method_.coordinates()));
     }
@@ -266,7 +266,7 @@ class Run {
   }
 
   /// Remove the rows after a time, except the first.
-  void take_back(double since) {
+  void remove_rows_after(double since) {
     while (ends_.size() > 1 && ends_.back().time > since) ends_.pop_back();
     table_->cut(ends_.back().table);
     if (coordinates_) coordinates_->cut(ends_.back().coordinates);

@@ -83,7 +83,7 @@ class Simulated {
   void prepare() {
     if (settings_.energy) balance_energy();
     if constexpr (finds_events) steps().stepper().watch({.call = [](void* who, auto& scheme) { static_cast<Simulated*>(who)->end_step(scheme); }, .who = this});
-    if (settings_.energy) simulation_.watch_samples({.call = [](void* who) { static_cast<Simulated*>(who)->begin_anew(); }, .who = this});
+    if (settings_.energy) simulation_.watch_samples({.call = [](void* who) { static_cast<Simulated*>(who)->restart(); }, .who = this});
     if (may_jump(subject_)) steps().watch_impacts({.reached = &reach, .left = &leave, .who = this});
     if constexpr (finds_events) steps().run_to(Real(count_steps<Real>(settings_).number) * Real(settings_.dt));
   }
@@ -286,7 +286,7 @@ class Simulated {
   }
 
   /// A controller has taken its sample: the next step has other accelerations at its beginning.
-  void begin_anew() {
+  void restart() {
     const auto time = energy_->time();
     energy_->add(simulation_.complete_state());
   }

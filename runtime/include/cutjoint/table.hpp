@@ -24,7 +24,7 @@ class Table {
     if (!doubles_ || (text != file.end() && *text != "")) text_.emplace(file.at(key));
   }
 
-  static bool is_asked(const Json& file, const std::string& key) { return file.contains(key) || file.contains(key + "_rows"); }
+  static bool is_requested(const Json& file, const std::string& key) { return file.contains(key) || file.contains(key + "_rows"); }
 
   void header(std::span<const Named> columns) {
     line_ = "t";

@@ -58,10 +58,10 @@ class Projection {
     return Instances::any(close(state, Instances::all_if(true))) ? fault(0, 0) : Fault{};
   }
 
-  /// Positions, then speeds, of the instances in `going`; returns those that stay open.
-  Mask close(StateOf<M>& state, Mask going) {
-    const Mask open = close_positions(state, going);
-    return Instances::either(open, close_speeds(state, Instances::without(going, open)));
+  /// Positions, then speeds, of the instances in `running`; returns those that stay open.
+  Mask close(StateOf<M>& state, Mask running) {
+    const Mask open = close_positions(state, running);
+    return Instances::either(open, close_speeds(state, Instances::without(running, open)));
   }
 
   /// The fault of an instance.
@@ -99,24 +99,24 @@ class Projection {
  private:
   static constexpr int most = 50;
 
-  Mask close_positions(StateOf<M>& state, Mask going) {
+  Mask close_positions(StateOf<M>& state, Mask running) {
     is_measured_ = false;
-    return close(state, going, state.q, violation_, Cause::loops_not_closed);
+    return close(state, running, state.q, violation_, Cause::loops_not_closed);
   }
 
-  Mask close_speeds(StateOf<M>& state, Mask going) { return close(state, going, state.v, other_, Cause::speeds_not_found); }
+  Mask close_speeds(StateOf<M>& state, Mask running) { return close(state, running, state.v, other_, Cause::speeds_not_found); }
 
   /// Project coordinates or velocities: the residual is in violation_, its rate in other_.  Returns the instances that stay open.
   /// No template, which might be compiled with another file's flags.
-  Mask close(StateOf<M>& state, Mask going, std::span<Real> moved, const Equations<M>& open, Cause cause) {
+  Mask close(StateOf<M>& state, Mask running, std::span<Real> moved, const Equations<M>& open, Cause cause) {
     iterations_ = 0;
-    if (violation_.empty() || !Instances::any(going)) return Instances::all_if(false);
+    if (violation_.empty() || !Instances::any(running)) return Instances::all_if(false);
     if (!is_measured_) measure(state, open);
     Real left = largest(open);  // for both cases: code compiled twice may round differently
     is_measured_ = true;
     const Real size = arm_ * (Real(1) + largest(moved)), least = rounding_ * size, most_left = Real(1e-9) * arm_;
     const Real little = share_ * where(left < most_left, left, most_left), enough = where(little < least, least, little);
-    Mask active = Instances::without(going, left <= least), lost = Instances::all_if(false), weak = lost, singular = lost;
+    Mask active = Instances::without(running, left <= least), lost = Instances::all_if(false), weak = lost, singular = lost;
     for (; iterations_ < most && Instances::any(active); ++iterations_) {
       std::copy(moved.begin(), moved.end(), before_.begin());
       find_step(state, open, active, weak, singular);
@@ -143,7 +143,7 @@ class Projection {
       active = Instances::without(active, left <= enough);
     }
     const Mask close = Instances::either(left <= allowed(size), Instances::both(singular, left <= Real(1e-6) * size));
-    const Mask failed = Instances::without(Instances::without(going, lost), close);
+    const Mask failed = Instances::without(Instances::without(running, lost), close);
     if (Instances::any(failed)) fail(state, failed, cause, open);
     return Instances::either(lost, failed);
   }
@@ -161,9 +161,9 @@ class Projection {
   }
 
   /// A step `project` w with T w = open; returns the instances whose w is complete.
-  Mask solve(const StateOf<M>& state, const Equations<M>& open, Mask going) {
+  Mask solve(const StateOf<M>& state, const Equations<M>& open, Mask running) {
     mechanism_.constraint_residual(state.q.data(), still_.data(), scratch_.data(), rest_.data());
-    return solver_.solve(open, Real(1e-6), Real(1e-6), going, [&](const Equations<M>& violation, Speeds<M>& step, Equations<M>& closed) {
+    return solver_.solve(open, Real(1e-6), Real(1e-6), running, [&](const Equations<M>& violation, Speeds<M>& step, Equations<M>& closed) {
       mechanism_.project(state.q.data(), violation.data(), step.data());
       mechanism_.constraint_residual(state.q.data(), step.data(), scratch_.data(), closed.data());
       for (std::size_t i = 0; i < rest_.size(); ++i) closed[i] = rest_[i] - closed[i];

@@ -245,7 +245,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   /// Return to a time, with the values that controllers held then.
   void begin_step(double t, [[maybe_unused]] const Fixed<double, held>& values) {
     M& mechanism = simulation_->mechanism();
-    if constexpr (held > 0) simulation_->hold(values);
+    if constexpr (held > 0) simulation_->set_held_values(values);
     mechanism.begin_step(t, 1.0);
     if constexpr (given > 0) std::copy_n(mechanism.last_inputs(), given, this->u_.begin());
     transposed_.begin_step(t, 1.0);
@@ -487,7 +487,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
         std::copy(record_.end.q.begin(), record_.end.q.end(), this->first_derivative_.begin());
         std::copy(record_.end.vdot.begin(), record_.end.vdot.end(), this->first_derivative_.begin() + coordinates);
       }
-      if constexpr (held > 0) simulation_->hold(record_.values);
+      if constexpr (held > 0) simulation_->set_held_values(record_.values);
       if constexpr (has_stages) {
         put_stages(from.t, h);
         this->known_.fill(std::numeric_limits<double>::quiet_NaN());

@@ -34,15 +34,15 @@ struct HostInputs {
   bool is_given(std::size_t i) const { return values[i] == values[i]; }
 
   /// Whether an input has a value without derivatives.
-  bool is_held(std::size_t i) const { return is_given(i) && !(is_put(i) && (rates_[i] != Real(0) || accelerations_[i] != Real(0))); }
+  bool is_constant(std::size_t i) const { return is_given(i) && !(is_put(i) && (rates_[i] != Real(0) || accelerations_[i] != Real(0))); }
 
   /// Whether it has a value with derivatives.
-  bool is_going(std::size_t i) const { return is_given(i) && !is_held(i); }
+  bool has_derivatives(std::size_t i) const { return is_given(i) && !is_constant(i); }
 
   /// Value, rate and acceleration of a given input at a time.
   void at(std::size_t i, Real t, Real* numbers) const {
-    const bool goes_on = is_put(i);
-    const Real since = t - times_[i], rate = goes_on ? rates_[i] : Real(0), acceleration = goes_on ? accelerations_[i] : Real(0);
+    const bool is_extrapolated = is_put(i);
+    const Real since = t - times_[i], rate = is_extrapolated ? rates_[i] : Real(0), acceleration = is_extrapolated ? accelerations_[i] : Real(0);
     numbers[0] = values[i] + since * (rate + since / 2 * acceleration);
     numbers[1] = rate + since * acceleration;
     numbers[2] = acceleration;
@@ -57,8 +57,8 @@ struct HostInputs {
   /// Begin at time 0: derivatives given before the present time are discarded, those given now hold from time 0.
   void begin(Real now) {
     for (std::size_t i = 0; i < n; ++i) {
-      const bool goes_on = is_put(i) && times_[i] == now;
-      put(i, Real(0), values[i], goes_on ? rates_[i] : Real(0), goes_on ? accelerations_[i] : Real(0));
+      const bool is_extrapolated = is_put(i) && times_[i] == now;
+      put(i, Real(0), values[i], is_extrapolated ? rates_[i] : Real(0), is_extrapolated ? accelerations_[i] : Real(0));
     }
   }
 
@@ -156,7 +156,7 @@ class SmoothedInputs {
       if (!given_.is_given(i)) return;
       Real there[numbers_per_input];
       given_.at(i, t + time, there);
-      used_.put(i, t, there[0] + (given_.is_held(i) ? time * trajectory.derivative : Real(0)), Real(0), Real(0));
+      used_.put(i, t, there[0] + (given_.is_constant(i) ? time * trajectory.derivative : Real(0)), Real(0), Real(0));
     });
   }
 
@@ -176,15 +176,15 @@ class SmoothedInputs {
 
   /// Enter the segments that begin at this time; return whether there are any.
   bool advance_piece(Real t, Real rounding) {
-    bool goes = false;
+    bool entered = false;
     each([&](Trajectory& trajectory, std::size_t i) {
       if (trajectory.part == 0 || t < trajectory.end - rounding) return;
-      goes = true;
+      entered = true;
       if (trajectory.part == 1 && trajectory.again != Real(0)) {
         Real now[numbers_per_input], wanted[numbers_per_input];
         used_.at(i, trajectory.end, now);
         given_.at(i, trajectory.end + 2 * trajectory.again, wanted);
-        go(trajectory, i, trajectory.end, now, trajectory.again, trajectory.again, wanted);
+        set_segments(trajectory, i, trajectory.end, now, trajectory.again, trajectory.again, wanted);
         trajectory.again = Real(0);
       } else if (trajectory.part == 1) {
         used_.put(i, trajectory.end, trajectory.value, trajectory.rate, trajectory.acceleration);
@@ -195,13 +195,13 @@ class SmoothedInputs {
         trajectory.part = 0;
       }
     });
-    return goes;
+    return entered;
   }
 
   /// Begin a call from t to `until` with steps of length dt: plan trajectories to the host's inputs. Return whether an acceleration jumps.
   /// `scene(i, t, numbers)` evaluates the scene's law of an input.
   template <class Scene>
-  bool go_on(const Inputs& given, Real t, Real until, Real dt, Scene scene) {
+  bool begin_call(const Inputs& given, Real t, Real until, Real dt, Scene scene) {
     bool jumps = advance_piece(t, Real(1e-9) * dt);
     if (t == planned_ && is_unchanged(given)) return jumps;
     each([&](Trajectory& trajectory, std::size_t i) { jumps = plan(trajectory, i, given, t, until - t, dt, scene) || jumps; });
@@ -239,18 +239,18 @@ class SmoothedInputs {
   /// Plan the trajectory of one input; return whether its acceleration jumps.
   template <class Scene>
   bool plan(Trajectory& trajectory, std::size_t i, const Inputs& given, Real t, Real length, Real dt, Scene scene) {
-    const bool is_same = given.is_same(i, given_), is_held = given.is_held(i);
+    const bool is_same = given.is_same(i, given_), is_constant = given.is_constant(i);
     if (is_same && trajectory.derivative == Real(0)) {
       trajectory.last = Real(0);
       return false;
     }
-    const Real last = is_held && given_.is_held(i) ? (given.values[i] - given_.values[i]) / length : Real(0);
-    trajectory.derivative = smaller(last, trajectory.last);
+    const Real last = is_constant && given_.is_constant(i) ? (given.values[i] - given_.values[i]) / length : Real(0);
+    trajectory.derivative = smaller_rate(last, trajectory.last);
     trajectory.last = last;
     given_.take(i, given);
     Real now[numbers_per_input], wanted[numbers_per_input];
     read(used_, i, t, scene, now);
-    if (is_held) {
+    if (is_constant) {
       if (given.values[i] == now[0] && now[1] == Real(0) && trajectory.derivative == Real(0)) return stay(trajectory, i), now[2] != Real(0);
       wanted[0] = given.values[i] - trajectory.derivative * length;
       wanted[1] = trajectory.derivative;
@@ -262,12 +262,12 @@ class SmoothedInputs {
     const Real whole = Real(static_cast<long>(length / dt / 2 + Real(0.25))) * dt, one = length < dt ? length : dt;
     const Real longest = is_long ? whole : one, left = trajectory.arrival - t;
     const Real first = trajectory.part != 0 && left > Real(1e-9) * dt && left < longest * (1 - Real(1e-9)) ? left : longest;
-    const Real last_part = given.is_going(i) ? one / 2 : one, second = is_long && length - first > last_part ? length - first : last_part;
-    trajectory.again = given.is_going(i) ? one : Real(0);
+    const Real last_part = given.has_derivatives(i) ? one / 2 : one, second = is_long && length - first > last_part ? length - first : last_part;
+    trajectory.again = given.has_derivatives(i) ? one : Real(0);
     trajectory.jumps = is_jump(now, wanted[0], wanted[1], one);
-    if (is_held) wanted[0] += trajectory.derivative * (first + second);
+    if (is_constant) wanted[0] += trajectory.derivative * (first + second);
     else read(given, i, t + (first + second), scene, wanted);
-    go(trajectory, i, t, now, first, second, wanted);
+    set_segments(trajectory, i, t, now, first, second, wanted);
     return true;
   }
 
@@ -284,7 +284,7 @@ class SmoothedInputs {
   }
 
   /// Move along two parabolic segments to another value and rate.
-  void go(Trajectory& trajectory, std::size_t i, Real t, const Real* now, Real first, Real second, const Real* wanted) {
+  void set_segments(Trajectory& trajectory, std::size_t i, Real t, const Real* now, Real first, Real second, const Real* wanted) {
     const Real between = (2 * (wanted[0] - now[0]) - first * now[1] - second * wanted[1]) / (first + second);
     used_.put(i, t, now[0], now[1], (between - now[1]) / first);
     trajectory.end = t + first;
@@ -297,7 +297,7 @@ class SmoothedInputs {
   }
 
   /// The smaller of two rates by magnitude; 0 if their signs differ.
-  static Real smaller(Real a, Real b) {
+  static Real smaller_rate(Real a, Real b) {
     if (!(a * b > Real(0))) return Real(0);
     return std::abs(a) < std::abs(b) ? a : b;
   }

@@ -75,7 +75,7 @@ class Sampling {
   bool is_due(std::size_t i, Real t, Real rounding) const { return time_of(i) <= t + rounding; }
 
   /// The time was set from outside: the next samples are those after it.
-  void go_to(Real t, Real rounding) {
+  void skip_to(Real t, Real rounding) {
     for (std::size_t i = 0; i < times_.size(); ++i) {
       const double passed = (static_cast<double>(t + rounding) - times_[i].offset) / times_[i].every;
       memory_.numbers[i] = passed < 0.0 ? 0 : static_cast<long>(std::floor(passed)) + 1;
@@ -83,13 +83,13 @@ class Sampling {
   }
 
   /// Set the values held after the samples up to a time.
-  void go_on(Real t, Real rounding, const Array<M, static_sizes<M>().held>& values) {
+  void resume(Real t, Real rounding, const Array<M, static_sizes<M>().held>& values) {
     memory_.values = values;
-    go_to(t, rounding);
+    skip_to(t, rounding);
   }
 
   /// Set the held values until they are restored.
-  void hold(const Array<M, static_sizes<M>().held>& values) { memory_.values = values; }
+  void set_values(const Array<M, static_sizes<M>().held>& values) { memory_.values = values; }
 
   /// The destination of the next values of all controllers.
   Real* next_values() { return next_.data(); }
@@ -172,7 +172,7 @@ struct NoSampling {
   void begin() {}
   Memory memory() const { return {}; }
   void restore(const Memory&) {}
-  void go_to(typename M::real_type, typename M::real_type) {}
+  void skip_to(typename M::real_type, typename M::real_type) {}
 };
 
 /// Memory for velocities if a mechanism or system may have controllers.

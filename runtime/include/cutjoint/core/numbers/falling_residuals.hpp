@@ -30,7 +30,7 @@ class FallingResiduals {
   /// `respond` computes for a w the step in the velocities and T w.  Directions with T w below the fraction `least` of w are
   /// ignored.  Residuals fall to the fraction `left`.  Returns the instances whose w is complete.
   template <class Respond>
-  Mask solve(const Equations<M>& right, Real least, Real left, Mask going, Respond respond) {
+  Mask solve(const Equations<M>& right, Real least, Real left, Mask running, Respond respond) {
     using std::sqrt;
     right_ = right;
     std::fill(found_.begin(), found_.end(), Real(0));
@@ -38,7 +38,7 @@ class FallingResiduals {
     const Real enough = dot(right_, right_) * left * left;
     Mask stopped = Instances::all_if(false);
     for (std::size_t n = 0; n < number_of_tries_; ++n) {
-      Mask trying = Instances::both(Instances::without(going, stopped), enough < dot(right_, right_));
+      Mask trying = Instances::both(Instances::without(running, stopped), enough < dot(right_, right_));
       if (!Instances::any(trying)) break;
       Try& now = tries_[n];
       now.violation = right_;
@@ -55,7 +55,7 @@ class FallingResiduals {
       add(step_, share, now.step, trying);
       add(right_, -share, now.closed, trying);
     }
-    return Instances::both(Instances::without(going, stopped), dot(right_, right_) <= enough);
+    return Instances::both(Instances::without(running, stopped), dot(right_, right_) <= enough);
   }
 
   /// w, and its step.

@@ -31,8 +31,8 @@ class Mixing {
   /// Begin an iteration.
   void begin() { tries_ = 0; }
 
-  /// Replace g(x) of the instances in `going` by the next iterate.  `change` is g - x, of norm `size`; its last components are relative to `nominals`.
-  void mix(const Speeds<M>& change, Real size, std::span<const double> nominals, Mask going, Speeds<M>& g) {
+  /// Replace g(x) of the instances in `running` by the next iterate.  `change` is g - x, of norm `size`; its last components are relative to `nominals`.
+  void mix(const Speeds<M>& change, Real size, std::span<const double> nominals, Mask running, Speeds<M>& g) {
     now_ = change;
     for (std::size_t k = 0, first = now_.size() - nominals.size(); k < nominals.size(); ++k) now_[first + k] = now_[first + k] / Real(nominals[k]);
     if (tries_++ == 0) {
@@ -54,7 +54,7 @@ class Mixing {
     const Real first = where(Real(0) < newest.size, (of_newest - common * second) / newest.size, Real(0));
     for (std::size_t i = 0; i < g.size(); ++i) {
       const Real part = g[i] - first * newest.g[i];
-      Instances::take(going, part - second * older.g[i], g[i]);
+      Instances::take(running, part - second * older.g[i], g[i]);
     }
   }
 

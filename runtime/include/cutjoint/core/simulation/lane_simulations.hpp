@@ -35,17 +35,17 @@ class SmoothedLaneInputs {
   /// A source that gives these.
   InputSource<double> source() {
     InputSource<double> source = smoothed_.used().source();
-    if (Smoothed::any && source.fill) source = {&fill, this, &go_on};
+    if (Smoothed::any && source.fill) source = {&fill, this, &begin_step};
     return source;
   }
 
  private:
   static void fill(void* host, double t, double* input) { Smoothed::Inputs::fill(&static_cast<SmoothedLaneInputs*>(host)->smoothed_.used(), t, input); }
 
-  static StepBegin go_on(void* host, double t, double until) {
+  static StepBegin begin_step(void* host, double t, double until) {
     SmoothedLaneInputs& own = *static_cast<SmoothedLaneInputs*>(host);
     const auto no_scene = [](std::size_t, double, double*) {};  // who follows the host already needs none
-    const bool jumps = own.smoothed_.go_on(own.given_, t, until, own.dt_, no_scene);
+    const bool jumps = own.smoothed_.begin_call(own.given_, t, until, own.dt_, no_scene);
     return {jumps, own.smoothed_.is_catching_up(), own.smoothed_.next_end() < until - 1e-9 * own.dt_};
   }
 
@@ -108,21 +108,21 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
 
   LaneStart<decltype(Memory::state)> start_from(std::size_t k, const Memory& memory) {
     return {.state = memory.state, .parameters = memory.parameters.data(), .penalties = memory.penalties.data(), .roads = sims_[k]->roads(),
-            .inputs = inputs_[k].source(), .origin = memory.origin, .number = memory.number, .unmeasured = memory.unmeasured};
+            .inputs = inputs_[k].source(), .origin = memory.origin, .number = memory.number, .steps_to_measurement = memory.steps_to_measurement};
   }
 
   /// A call of all together; those that stop go on alone.
   template <class Together, class Alone>
   void call(Together together, Alone alone) {
-    const auto going = this->going();
+    const auto running = this->running();
     together();
     if constexpr (Sim::Smoothed::any)
       for (int k = 0; k < width; ++k)
-        if (going[k] && !this->goes(k) && !has_made_step(this->fault(k))) go_alone(k, alone);
+        if (running[k] && !this->is_running(k) && !has_made_step(this->fault(k))) step_alone(k, alone);
   }
 
   template <class Alone>
-  void go_alone(int k, Alone go_on) {
+  void step_alone(int k, Alone go_on) {
     const auto place = static_cast<std::size_t>(k);
     Sim& alone = *sims_[place];
     Memory memory = alone.memory();
@@ -132,7 +132,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
     const Fault fault = go_on(alone);
     memory = alone.memory();
     inputs_[place].begin(memory.inputs, memory.smoothed, memory.settings.dt);
-    this->go_on_from(k, start_from(place, memory), fault);
+    this->resume(k, start_from(place, memory), fault);
     this->expect(k, memory.integrator.expected);
   }
 

@@ -164,7 +164,7 @@ class Simulation {
   /// Find a consistent state.
   Fault start() {
     is_started_ = false;
-    unmeasured_ = 1;
+    steps_to_measurement_ = 1;
     inputs_.begin(state_.t);
     smoothed_.begin(inputs_);
     sampling_.begin();
@@ -205,7 +205,7 @@ class Simulation {
     is_reported_ = false;
     is_started_ = true;
     sampling_.begin();
-    if (held) sampling_.go_on(state_.t, rounding(), *held);
+    if (held) sampling_.resume(state_.t, rounding(), *held);
     if (const Fault fault = steps_->start(state_, motion)) return fault;
     return motion > Real(0) ? sample() : Fault{};
   }
@@ -305,10 +305,10 @@ class Simulation {
 
   /// Set the values that controllers hold, until a memory is restored.
   template <class Values>
-  void hold(const Values& values)
+  void set_held_values(const Values& values)
     requires may_sample<Subject>
   {
-    sampling_.hold(values);
+    sampling_.set_values(values);
   }
 
   /// Time of the next controller sample (s); infinity if there is none.
@@ -325,12 +325,12 @@ class Simulation {
   }
 
   /// The host moves to another time: the next samples are those after it.
-  void skip_samples(Real t) { sampling_.go_to(t, rounding()); }
+  void skip_samples(Real t) { sampling_.skip_to(t, rounding()); }
 
   /// Continue from a time, coordinates and velocities as given, with their accelerations; guides are where the host has them.
   Fault go_to(Real t, const Real* q, const Real* v) {
     jump_to(t);
-    unmeasured_ = 1;
+    steps_to_measurement_ = 1;
     for (std::size_t i = 0; i < sizes.coordinates; ++i) state_.q[i] = q[i];
     for (std::size_t i = 0; i < sizes.speeds; ++i) state_.v[i] = v[i];
     state_.t = t;
@@ -447,12 +447,12 @@ class Simulation {
     Real origin;
     long number;
     double counted;
-    long unmeasured;
+    long steps_to_measurement;
   };
 
   Memory memory() const {
     return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .smoothed = smoothed_, .state = state_, .penalties = penalties_,
-            .sampling = sampling_.memory(), .integrator = steps_->memory(), .origin = origin_, .number = number_, .counted = counted_, .unmeasured = unmeasured_};
+            .sampling = sampling_.memory(), .integrator = steps_->memory(), .origin = origin_, .number = number_, .counted = counted_, .steps_to_measurement = steps_to_measurement_};
   }
 
   /// Restore a memory of this or another simulation.
@@ -467,7 +467,7 @@ class Simulation {
     origin_ = memory.origin;
     number_ = memory.number;
     counted_ = memory.counted;
-    unmeasured_ = memory.unmeasured;
+    steps_to_measurement_ = memory.steps_to_measurement;
     initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
     load();
     steps_->restore(state_, memory.integrator);
@@ -599,7 +599,7 @@ class Simulation {
   void follow(Real until) {
     const bool others_jump = take_changes();
     const auto scene = [this](std::size_t i, Real t, Real* numbers) { read_scene(i, t, numbers); };
-    if (smoothed_.go_on(inputs_, state_.t, until, Real(settings_.dt), scene) || others_jump) steps_->restart_after_input_jump(state_);
+    if (smoothed_.begin_call(inputs_, state_.t, until, Real(settings_.dt), scene) || others_jump) steps_->restart_after_input_jump(state_);
   }
 
   /// The host sets the time itself: guides are where it has them.
@@ -644,18 +644,18 @@ class Simulation {
 
   /// A call that integrates to a time. If it fails at once, the inputs of guides are unchanged.
   template <class Go>
-  Fault call(Real until, Go go_on) {
+  Fault call(Real until, Go continue_call) {
     if constexpr (!Smoothed::any) {
       apply_changes();
-      return go_on();
+      return continue_call();
     } else {
       const auto before = smoothed_;
       const StateOf<Subject> from = state_;
       if (until - state_.t > rounding() && smoothed_.is_due(inputs_, state_.t, rounding())) follow(until);
       else apply_changes();
-      Fault fault = go_on();
-      if (fault && !has_made_step(fault)) fault = smoothed_.is_catching_up() ? jump(go_on) : fault;
-      if (fault && !has_made_step(fault)) fault = blame_torn_loop(fault);
+      Fault fault = continue_call();
+      if (fault && !has_made_step(fault)) fault = smoothed_.is_catching_up() ? jump(continue_call) : fault;
+      if (fault && !has_made_step(fault)) fault = find_torn_loop(fault);
       if (fault && state_.t == from.t) restore_state(from, before);
       return fault;
     }
@@ -663,35 +663,35 @@ class Simulation {
 
   /// Jump by more than steps can follow: project the loops at the host's guide positions.
   template <class Go>
-  Fault jump(Go go_on) {
+  Fault jump(Go continue_call) {
     const auto before = smoothed_;
     const StateOf<Subject> from = state_;
     smoothed_.begin(inputs_);
     Fault fault = steps_->close(state_);
     if (!fault) {
       steps_->restart_after_input_jump(state_);
-      fault = go_on();
+      fault = continue_call();
     }
     if (fault && state_.t == from.t) restore_state(from, before);
     return fault;
   }
 
   /// The fault of a step, or that of a loop which cannot close at positions that guides reach within a few steps.
-  Fault blame_torn_loop(const Fault& fault) {
+  Fault find_torn_loop(const Fault& fault) {
     constexpr int ahead[] = {0, 1, 4};
     const auto before = smoothed_;
     const StateOf<Subject> from = state_;
-    Fault blamed = fault;
+    Fault found = fault;
     for (const int steps : ahead) {
       smoothed_.look_ahead(state_.t, Real(steps * settings_.dt));
       const Fault open = steps_->close(state_);
       restore_state(from, before);
       if (open.cause != Cause::loops_not_closed) continue;
-      blamed = {.cause = Cause::loops_violated, .list = open.list, .index = open.index, .t = fault.t, .step = fault.step, .value = open.value,
+      found = {.cause = Cause::loops_violated, .list = open.list, .index = open.index, .t = fault.t, .step = fault.step, .value = open.value,
                 .size = violation_limits_[open.index]};
       break;
     }
-    return blamed;
+    return found;
   }
 
   /// Return to a state and trajectories as before a failed step.
@@ -776,12 +776,12 @@ class Simulation {
       for (std::size_t i = 0; i < sampling_.size() && !fault; ++i) {
         if (!sampling_.is_due(i, state_.t, rounding())) continue;
         if (felt && sampling_.is_accelerated(i)) {
-          go_on_from_sample();
+          restart_from_sample();
           changes = felt = false;
         }
         fault = sample(i, changes, felt);
       }
-      if (felt) go_on_from_sample();
+      if (felt) restart_from_sample();
       else if (changes) subject().begin_step(state_.t, Real(1));
       return fault;
     }
@@ -789,7 +789,7 @@ class Simulation {
   }
 
   /// Apply the new values of controllers.
-  void go_on_from_sample() {
+  void restart_from_sample() {
     restart_at_sample();
     if (sample_watch_.call) sample_watch_.call(sample_watch_.who);
   }
@@ -913,7 +913,7 @@ class Simulation {
       if (watches_violations() && smoothed_.is_catching_up()) {
         const StateOf<Subject> from = state_;
         Fault fault = steps_->step(state_, settings_, h, until, number_ + 1);
-        if (!fault) fault = close_behind_jump(until);
+        if (!fault) fault = project_after_jump(until);
         if (fault) state_ = from;
         return fault;
       }
@@ -921,7 +921,7 @@ class Simulation {
   }
 
   /// Project loops that a step has left open after a guide's jump; the next step begins with new accelerations.
-  Fault close_behind_jump(Real t) {
+  Fault project_after_jump(Real t) {
     state_.t = t;
     Equations<Subject> residual, rate;
     if constexpr (!is_system) mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual.data(), rate.data());
@@ -932,9 +932,9 @@ class Simulation {
 
   /// Whether a loop is torn at the end of a step.
   Fault watch_violations() {
-    if (!watches_violations() || --unmeasured_ > 0) return {};
+    if (!watches_violations() || --steps_to_measurement_ > 0) return {};
     const ConstraintViolation violation = find_violation();
-    unmeasured_ = violation.next_measurement();
+    steps_to_measurement_ = violation.next_measurement();
     return violation.is_torn() ? violation.fault(static_cast<double>(state_.t), number_ + 1) : Fault{};
   }
 
@@ -964,7 +964,7 @@ class Simulation {
   Real origin_{0};
   long number_ = 0;       ///< of steps since then
   double counted_ = 0.0;  ///< their total length
-  long unmeasured_ = 1;   ///< steps until violations are measured
+  long steps_to_measurement_ = 1;   ///< steps until violations are measured
   bool is_started_ = false, is_reported_ = false;
 };
 

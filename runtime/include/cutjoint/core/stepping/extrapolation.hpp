@@ -36,7 +36,7 @@ class Extrapolation {
 
   /// The accelerations at the start of a step of length h become those that are expected at its end.
   void expect(Speeds<M>& vdot, Real h, std::span<const double> nominals) {
-    go_on_from(vdot, h);
+    extrapolate_from(vdot, h);
     Real size = largest(differences_[0], nominals);
     Mask falling = Instances::all_if(true);
     for (std::size_t k = 0; k + 1 < differences_.size(); ++k) {
@@ -66,7 +66,7 @@ class Extrapolation {
     copy(one, [k](const auto& from, Real& to) { to.v[k] = from; });
   }
   template <class One>
-  void take_lane(int k, One& one) const {
+  void read_lane(int k, One& one) const {
     one.copy(*this, [k](Real from, auto& to) { to = from[k]; });
   }
 
@@ -82,7 +82,7 @@ class Extrapolation {
   }
 
   /// A jump of the accelerations between steps shifts the polynomial; another length of steps scales its differences.
-  void go_on_from(const Speeds<M>& vdot, Real h) {
+  void extrapolate_from(const Speeds<M>& vdot, Real h) {
     last_ = vdot;
     const Mask all = Instances::all_if(true), other = Instances::without(all, Instances::both(h <= h_, h_ <= h));
     if (!Instances::any(other)) return;

@@ -36,16 +36,16 @@ void put_lane(int k, const State<Single, Several>& state, State<Lanes<Single, N>
 
 /// The numbers of lane k.
 template <class Numbers, class Values>
-void take_lane(int k, const Numbers& numbers, Values& values) {
+void read_lane(int k, const Numbers& numbers, Values& values) {
   for (std::size_t i = 0; i < numbers.size(); ++i) values[i] = numbers[i][k];
 }
 
 /// The state of lane k.
 template <class Single, class Several, int N, class Arrays>
-void take_lane(int k, const State<Lanes<Single, N>, Arrays>& states, State<Single, Several>& state) {
+void read_lane(int k, const State<Lanes<Single, N>, Arrays>& states, State<Single, Several>& state) {
   state.t = states.t[k];
-  take_lane(k, states.q, state.q), take_lane(k, states.v, state.v);
-  take_lane(k, states.vdot, state.vdot), take_lane(k, states.lambda, state.lambda);
+  read_lane(k, states.q, state.q), read_lane(k, states.v, state.v);
+  read_lane(k, states.vdot, state.vdot), read_lane(k, states.lambda, state.lambda);
 }
 
 /// The start of an instance: a consistent state, parameters, roads and inputs.  `number` steps have been taken since
@@ -59,7 +59,7 @@ struct LaneStart {
   InputSource<double> inputs{};
   double origin = 0.0;
   long number = 0;
-  long unmeasured = 1;  ///< steps until violations are measured
+  long steps_to_measurement = 1;  ///< steps until violations are measured
 };
 
 /// Steps of instances in lanes by the trapezoidal rule.
@@ -95,18 +95,18 @@ class LaneSteps {
                                          .penalties = s.penalties ? penalties_.data() : nullptr}, roads_.data());
     drive();
     cutjoint::accelerate(mechanism_, state_, Real(motion), vdot_, correction_);
-    for (int k = 0; k < width; ++k) take_lane(k, state_, at(states, k));
+    for (int k = 0; k < width; ++k) read_lane(k, state_, at(states, k));
   }
 
   /// Stop all lanes.
-  void clear() { going_ = Instances::all_if(false); }
+  void clear() { running_ = Instances::all_if(false); }
 
   /// Put an instance into a lane; the first one fills lanes without one.
   template <class StateOfOne>
   void put(int k, const LaneStart<StateOfOne>& start) {
-    const bool is_first = !any_goes();
+    const bool is_first = !any_running();
     for (int lane = is_first ? 0 : k; lane < (is_first ? width : k + 1); ++lane) fill(lane, start);
-    going_[k] = -1;
+    running_[k] = -1;
   }
 
   /// Prepare for steps of the instances, which have the same settings; with `violation_limits` they stop if a loop is torn.
@@ -117,12 +117,12 @@ class LaneSteps {
     drive();
     mechanism_.begin_step(state_.t, Real(1));
     steps_.set_fixed_point(settings_.fixed_point);
-    steps_.count_anew();
+    steps_.reset_count();
   }
 
-  bool any_goes() const { return Instances::any(going_); }
-  bool goes(int k) const { return Instances::has(going_, k); }
-  Mask going() const { return going_; }
+  bool any_running() const { return Instances::any(running_); }
+  bool is_running(int k) const { return Instances::has(running_, k); }
+  Mask running() const { return running_; }
 
   /// The fault of a lane.
   const Fault& fault(int k) const { return at(faults_, k); }
@@ -137,13 +137,13 @@ class LaneSteps {
   /// A step of the settings' length.
   void step() {
     integrate(Real(settings_.dt), origin_ + (number_ + Real(1)) * Real(settings_.dt));
-    number_ = where(going_, number_ + Real(1), number_);
+    number_ = where(running_, number_ + Real(1), number_);
   }
 
   /// Step all from their common time to another; the last step is shorter if needed.
   void advance(double until) {
     const double rounding = 1e-9 * settings_.dt;
-    while (any_goes()) {
+    while (any_running()) {
       const double left = until - present();
       if (!(left > rounding)) return;
       if (left + rounding >= settings_.dt) {
@@ -151,8 +151,8 @@ class LaneSteps {
         continue;
       }
       integrate(Real(left), Real(until));
-      origin_ = where(going_, state_.t, origin_);
-      number_ = where(going_, Real(0), number_);
+      origin_ = where(running_, state_.t, origin_);
+      number_ = where(running_, Real(0), number_);
     }
   }
 
@@ -163,7 +163,7 @@ class LaneSteps {
       mechanism_.guard(state_.q.data(), state_.v.data(), margins_.data());
       for (std::size_t i = 0; i < margins_.size(); ++i)
         for (int k = 0; k < width; ++k)
-          if (goes(k) && !(margins_[i][k] >= 0.0))
+          if (is_running(k) && !(margins_[i][k] >= 0.0))
             stop(k, {.cause = Cause::guard_violated, .list = FaultList::guards, .index = static_cast<int>(i), .t = state_.t[k],
                      .step = static_cast<long>(number[k]), .value = -margins_[i][k]});
     }
@@ -179,17 +179,17 @@ class LaneSteps {
   }
 
   /// Those of one.
-  void columns(int k, double* columns) const { take_lane(k, columns_, columns); }
+  void columns(int k, double* columns) const { read_lane(k, columns_, columns); }
 
  protected:
   /// What the instance in a lane that stopped would go on from, but for the memory of its sources.
   template <class Memory>
   void leave(int k, Memory& memory) const {
-    take_lane(k, state_, memory.state);
-    steps_.expected().take_lane(k, memory.integrator.expected);
+    read_lane(k, state_, memory.state);
+    steps_.expected().read_lane(k, memory.integrator.expected);
     memory.origin = origin_[k];
     memory.number = static_cast<long>(number_[k]);
-    memory.unmeasured = at(unmeasured_, k);
+    memory.steps_to_measurement = at(steps_to_measurement_, k);
   }
 
   /// The instance in a lane goes on from accelerations that have been.
@@ -200,9 +200,9 @@ class LaneSteps {
 
   /// The instance in a lane goes on from elsewhere; with a fault it stops there.
   template <class StateOfOne>
-  void go_on_from(int k, const LaneStart<StateOfOne>& start, const Fault& fault) {
+  void resume(int k, const LaneStart<StateOfOne>& start, const Fault& fault) {
     fill(k, start);
-    going_[k] = -1;
+    running_[k] = -1;
     if (fault) stop(k, fault);
     evaluated_.v[k] = start.state.t;
     mechanism_.begin_step(evaluated_, Real(1));
@@ -225,7 +225,7 @@ class LaneSteps {
     put_data(k, start.parameters, start.penalties, start.roads, start.inputs);
     origin_.v[k] = start.origin;
     number_.v[k] = static_cast<double>(start.number);
-    at(unmeasured_, k) = start.unmeasured;
+    at(steps_to_measurement_, k) = start.steps_to_measurement;
   }
 
   void put_data(int k, const double* parameters, const double* penalties, const Road<double>* roads, const InputSource<double>& source) {
@@ -243,7 +243,7 @@ class LaneSteps {
   /// The time of those that go.
   double present() const {
     for (int k = 0; k < width; ++k)
-      if (goes(k)) return state_.t[k];
+      if (is_running(k)) return state_.t[k];
     return 0.0;
   }
 
@@ -253,7 +253,7 @@ class LaneSteps {
     Mask jump = Instances::all_if(false), opens = jump;
     for (int k = 0; k < width; ++k) {
       const InputSource<double>& source = at(inputs_, k);
-      if (!goes(k) || !source.begin) continue;
+      if (!is_running(k) || !source.begin) continue;
       const StepBegin begin = source.begin(source.host, state_.t[k], until[k]);
       if (begin.jumps) jump[k] = -1;
       if (begin.opens) opens[k] = -1;
@@ -267,7 +267,7 @@ class LaneSteps {
   }
 
   /// Close loops that a step has left open behind guides that jump, as a simulation alone does; returns those that stay open.
-  Mask close_behind_jumps(Mask opens) {
+  Mask project_after_jumps(Mask opens) {
     mechanism_.constraint_residual(state_.q.data(), state_.v.data(), correction_.data(), rate_.data());
     for (int k = 0; k < width; ++k) {
       if (!Instances::has(opens, k)) continue;
@@ -282,31 +282,31 @@ class LaneSteps {
   void integrate(Real h, Real until) {
     Mask opens = Instances::all_if(false);
     if constexpr (!Sized<M> || sizes.inputs > 0) opens = begin_inputs(until);
-    opens = Instances::both(opens, going_);
-    if (!any_goes()) return;
+    opens = Instances::both(opens, running_);
+    if (!any_running()) return;
     const Real begun = state_.t;
     if (violation_limits_ && Instances::any(opens)) from_ = state_;
     steps_.set_step(h);
-    Mask failed = steps_.step_of(state_, going_);
+    Mask failed = steps_.step_of(state_, running_);
     for (int k = 0; k < width; ++k)
       if (Instances::has(failed, k)) stop(k, steps_.fault(k, static_cast<long>(number_[k]) + 1));
     opens = Instances::without(opens, failed);
     if (violation_limits_ && Instances::any(opens)) {
-      opens = close_behind_jumps(opens);
+      opens = project_after_jumps(opens);
       for (int k = 0; k < width; ++k)
         if (Instances::has(opens, k)) stop(k, steps_.projection().fault(k, static_cast<long>(number_[k]) + 1));
-      keep_before(opens);
+      save_before(opens);
       failed = Instances::either(failed, opens);
     }
     evaluated_ = where(failed, begun, begun + h);
     if (Instances::any(failed)) mechanism_.begin_step(evaluated_, Real(1));
-    state_.t = where(going_, until, state_.t);
+    state_.t = where(running_, until, state_.t);
     if (violation_limits_) watch_violations();
     watch(number_ + Real(1));
   }
 
   /// Some are as they were before the step.
-  void keep_before(Mask which) {
+  void save_before(Mask which) {
     Instances::take_all(which, from_.q, state_.q), Instances::take_all(which, from_.v, state_.v);
     Instances::take_all(which, from_.vdot, state_.vdot), Instances::take_all(which, from_.lambda, state_.lambda);
   }
@@ -314,19 +314,19 @@ class LaneSteps {
   /// Stop those of which a loop is torn, as a simulation alone does.
   void watch_violations() {
     bool due = false;
-    for (int k = 0; k < width; ++k) due |= goes(k) && --at(unmeasured_, k) <= 0;
+    for (int k = 0; k < width; ++k) due |= is_running(k) && --at(steps_to_measurement_, k) <= 0;
     if (!due) return;
     mechanism_.constraint_residual(state_.q.data(), state_.v.data(), correction_.data(), rate_.data());
     for (int k = 0; k < width; ++k) {
-      if (!goes(k) || at(unmeasured_, k) > 0) continue;
+      if (!is_running(k) || at(steps_to_measurement_, k) > 0) continue;
       const ConstraintViolation violation = largest_violation(sizes_of(mechanism_).equations, violation_limits_, [&](std::size_t i) { return correction_[i][k]; });
-      at(unmeasured_, k) = violation.next_measurement();
+      at(steps_to_measurement_, k) = violation.next_measurement();
       if (violation.is_torn()) stop(k, violation.fault(state_.t[k], static_cast<long>(number_[k]) + 1));
     }
   }
 
   void stop(int k, const Fault& fault) {
-    going_[k] = 0;
+    running_[k] = 0;
     at(faults_, k) = fault;
   }
 
@@ -346,8 +346,8 @@ class LaneSteps {
   Speeds<M> vdot_;
   Equations<M> correction_, rate_;
   const double* violation_limits_ = nullptr;
-  std::array<long, width> unmeasured_{};
-  Mask going_{};
+  std::array<long, width> steps_to_measurement_{};
+  Mask running_{};
   std::array<Fault, width> faults_{};
 };
 

@@ -66,11 +66,11 @@ class Trapezoidal {
     return fault(0, number);
   }
 
-  /// One step of the instances in `going`; states of others are unchanged.  Returns those that fail; the mechanism is at the
+  /// One step of the instances in `running`; states of others are unchanged.  Returns those that fail; the mechanism is at the
   /// end of the step.
-  Mask step_of(StateOf<M>& state, Mask going) {
-    const Mask failed = advance(state, going);
-    return fixed_point_.proximal ? Instances::either(failed, project(state, Instances::without(going, failed))) : failed;
+  Mask step_of(StateOf<M>& state, Mask running) {
+    const Mask failed = advance(state, running);
+    return fixed_point_.proximal ? Instances::either(failed, project(state, Instances::without(running, failed))) : failed;
   }
 
   /// The fault of an instance's last step.
@@ -99,14 +99,14 @@ class Trapezoidal {
   double change() const { return static_cast<double>(change_ / size_); }
 
   /// Count evaluations from 0.
-  void count_anew() { evaluations_ = typename Instances::Count{}; }
+  void reset_count() { evaluations_ = typename Instances::Count{}; }
 
  private:
   /// Advance without the projection of the proximal closure.
   ///
   ///     v = dt/2 vdot + v_hat           v_hat = v_n + dt/2 vdot_n
   ///     z = dt^2/4 vdot + z_hat         z_hat = dt v_n + dt^2/4 vdot_n,  z counted from q_n
-  Mask advance(StateOf<M>& state, Mask going) {
+  Mask advance(StateOf<M>& state, Mask running) {
     before_ = state;
     const Real dt = dt_, half = dt_ / 2, quarter = dt_ * dt_ / 4;
     for (std::size_t i = 0; i < v_hat_.size(); ++i) {
@@ -120,7 +120,7 @@ class Trapezoidal {
     mixing_.begin();
     // the first accelerations belong to the last step's multipliers: they are used neither for mixing nor as convergence
     const int first_sure = correction_.empty() ? 1 : 2;
-    Mask open = going, failed{};
+    Mask open = running, failed{};
     for (int iteration = 1; Instances::any(open); ++iteration) {
       follow(state);
       mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), vdot_.data(), correction_.data());
@@ -138,10 +138,10 @@ class Trapezoidal {
       Instances::take_all(open, vdot_, state.vdot);
       open = next;
     }
-    expected_.keep(state.vdot, Instances::without(going, failed));
+    expected_.keep(state.vdot, Instances::without(running, failed));
     follow(state);
     state.t = t;
-    restore(state, Instances::without(Instances::all_if(true), Instances::without(going, failed)));
+    restore(state, Instances::without(Instances::all_if(true), Instances::without(running, failed)));
     return failed;
   }
 
@@ -156,13 +156,13 @@ class Trapezoidal {
   }
 
   /// Project positions and velocities; returns the instances that fail, which are reset to the state before the step.
-  Mask project(StateOf<M>& state, Mask going) {
+  Mask project(StateOf<M>& state, Mask running) {
     Mask failed = Instances::all_if(false);
     if (fixed_point_.fixed_cost) projection_.approach(state);
-    else failed = projection_.close(state, going);
+    else failed = projection_.close(state, running);
     for (int k = 0; k < Instances::number; ++k)
       if (Instances::has(failed, k)) faults_[static_cast<std::size_t>(k)] = projection_.fault(k, 0);
-    restore(state, Instances::without(Instances::all_if(true), Instances::without(going, failed)));
+    restore(state, Instances::without(Instances::all_if(true), Instances::without(running, failed)));
     return failed;
   }
 
