@@ -33,7 +33,7 @@ std::vector<Piece<Real>> read_pieces(const Json& list) {
   return pieces;
 }
 
-/// The surface of a run file's road, with the memory of its heights and patches.
+/// The surface of a run file's road, with its heights and patches.
 template <class Real>
 class SurfaceData {
  public:
@@ -127,7 +127,7 @@ class SurfaceData {
   Surface<Real> surface_;
 };
 
-/// The road of each tyre, with the memory of its pieces and of the surface that all have.
+/// The road of each tyre, with its pieces and the common surface.
 template <class Real>
 class Roads {
  public:
@@ -161,7 +161,7 @@ class Roads {
   }
 
   std::unique_ptr<SurfaceData<Real>> surface_;
-  std::vector<std::vector<Piece<Real>>> pieces_;  ///< their elements stay where they are when this grows or moves
+  std::vector<std::vector<Piece<Real>>> pieces_;  ///< their elements keep their addresses when this grows or moves
   std::vector<std::vector<Real>> breaks_;
   std::vector<Road<Real>> roads_;
 };
@@ -178,7 +178,7 @@ std::vector<Real> read_parameters(const std::vector<Named>& parameters, const Js
   return values;
 }
 
-/// The data of a run file for a mechanism or system before it runs.  Both keep a pointer to the roads and to the inputs.
+/// The data of a run file for a mechanism or system, which keeps pointers to the roads and inputs.
 template <class Real>
 class ModelData {
  public:
@@ -218,7 +218,7 @@ class ModelData {
   RunInputs<Real> inputs_;
 };
 
-/// Values by name into an array; true where one was given.
+/// Read values by name into an array; returns which were given.
 template <class Real>
 std::vector<bool> read_given(const Json& by_name, const std::vector<std::string_view>& names, std::vector<Real>& values) {
   require_keys(by_name, names);

@@ -1,4 +1,4 @@
-// The inputs that a run file gives: constants and tables over time.
+// Inputs of a run file: constants and tables over time.
 #pragma once
 
 #include <algorithm>
@@ -16,12 +16,12 @@
 
 namespace cutjoint {
 
-/// An input over time: a constant, or samples between which it is straight or a cubic.
+/// An input over time: a constant, or samples with linear or cubic interpolation.
 template <class Real>
 struct Trajectory {
   int input;
   std::vector<Real> t, value;
-  std::vector<Real> rate;  ///< empty where the trajectory is straight between samples
+  std::vector<Real> rate;  ///< empty for linear interpolation
 
   void write(Real now, Real* numbers) const {
     if (t.empty()) {
@@ -36,7 +36,7 @@ struct Trajectory {
   }
 };
 
-/// Rates at samples: at each that of the parabola through it and its neighbours, at an end that of the parabola there.
+/// Rates at samples: of the parabola through each and its neighbours, at the ends of the adjacent parabola.
 template <class Real>
 std::vector<Real> rates_at(const std::vector<Real>& t, const std::vector<Real>& value) {
   const std::size_t last = t.size() - 1;
@@ -53,7 +53,7 @@ std::vector<Real> rates_at(const std::vector<Real>& t, const std::vector<Real>& 
 }
 
 /// The inputs of a run file, a source of a mechanism or system: under "inputs" by name a number, or samples "t" and "value" with
-/// "interpolation" "cubic" (the default) or "linear", a cubic one with "rate" if its rates are known.  An input that the file does not give follows the scene.
+/// "interpolation" "cubic" (the default) or "linear", a cubic one with "rate" if its rates are known.  Other inputs follow the scene.
 template <class Real>
 class RunInputs {
  public:

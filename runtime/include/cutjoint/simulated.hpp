@@ -1,4 +1,4 @@
-// A simulation as the driver runs it, and what looks on: guards, the balance of work and energy, impacts, residuals.
+// A simulation for the driver, with its observers: guards, the balance of work and energy, impacts, residuals.
 #pragma once
 
 #include <array>
@@ -28,7 +28,7 @@
 
 namespace cutjoint {
 
-/// An integrator of steps of a given length at whose ends somebody looks on.
+/// An integrator of equal steps with an observer after each.
 template <class Integrator>
 class Attended : public Integrator {
  public:
@@ -52,7 +52,7 @@ class Attended : public Integrator {
   Watch watch_;
 };
 
-/// The method of a run (run.hpp) by an integrator of the core.  A row stands each `dt` of the settings.
+/// The method of a run (run.hpp) by an integrator of the core, with a row each `dt` of the settings.
 template <class Integrator>
 class Simulated {
   static constexpr bool finds_events = Integrator::finds_events;
@@ -71,7 +71,7 @@ class Simulated {
   const std::vector<Named>& columns() const { return subject_.description().columns; }
   const std::vector<std::string_view>& coordinates() const { return subject_.description().coordinates; }
 
-  /// Take over a start in relative coordinates with the penalties of its cut joints; `motion` is 0 of a mechanism at rest.  Throws Failure.
+  /// Take over a start in relative coordinates with the penalties of its cut joints; `motion` is 0 for a mechanism at rest.  Throws Failure.
   void begin(const State<double>& start, const std::vector<double>& penalties, double motion) {
     require(simulation_.begin(State<Real>(start), converted<Real>(penalties), Real(motion), held()), method());
     if (finds_events && settings_.energy) state_.emplace(start);
@@ -79,7 +79,7 @@ class Simulated {
     check(0);
   }
 
-  /// Get ready for steps.
+  /// Prepare for steps.
   void prepare() {
     if (settings_.energy) balance_energy();
     if constexpr (finds_events) steps().stepper().watch({.call = [](void* who, auto& scheme) { static_cast<Simulated*>(who)->end_step(scheme); }, .who = this});
@@ -88,7 +88,7 @@ class Simulated {
     if constexpr (finds_events) steps().run_to(Real(count_steps<Real>(settings_).number) * Real(settings_.dt));
   }
 
-  /// Throws Failure, or Stopped where a stop is requested before the row: the last row is then that before.
+  /// Throws Failure, or Stopped if a stop is requested before the row: the last row is then the previous one.
   void step(long number) {
     if constexpr (!finds_events) before_ = steps().iterations();
     require(simulation_.step(), finds_events && !is_newton ? "" : method());
@@ -100,10 +100,10 @@ class Simulated {
     }
   }
 
-  /// The row before is where the motion to the failure begins.
+  /// The motion to the failure begins at the previous row.
   Failure explain(const Failure& failure) { return explain_by_domains(subject_, simulation_.complete_state(), Real(settings_.dt), failure); }
 
-  /// The mechanism of the start may know a cause too, such as a load of friction that has no value, where the system has its coordinates.
+  /// If the system has its coordinates, the starting mechanism may know a cause too, such as a friction load without a value.
   template <class M>
     requires(!std::is_same_v<M, Subject> && std::is_same_v<typename M::real_type, Real>)
   Failure explain(const Failure& failure, M& mechanism) {
@@ -123,7 +123,7 @@ class Simulated {
     subject_.report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), column);
   }
 
-  /// Report what the row would have a time after it, or before it.
+  /// Report the values at a time after the row, or before it.
   void report_moved(Real time, Real* column) { cutjoint::report_moved(subject_, simulation_.complete_state(), time, column); }
 
   static constexpr auto step_columns = [] {
@@ -132,7 +132,7 @@ class Simulated {
     else return std::array<std::string_view, 3>{"iterations", "position", "velocity"};
   }();
 
-  /// The steps that a row took, or the iterations of its step, and its largest residuals.
+  /// The steps of a row, or the iterations of its step, and its largest residuals.
   const std::vector<double>& measure_step() {
     const Residuals row = find_residuals();
     long taken = 0;
@@ -164,19 +164,19 @@ class Simulated {
     }
   }
 
-  /// The last state, as `evaluate` reads it.
+  /// The last state, in the form that `evaluate` reads.
   Json state() const
     requires(!Integrator::finds_events)
   {
     return write(simulation_.state(), simulation_.held_values());
   }
 
-  /// Keep the state, if a guard may end the run behind it.
+  /// Save the state, if a guard may end the run after it.
   void keep() {
     if (!guards_.empty()) kept_.emplace(simulation_.state(), simulation_.held_values());
   }
 
-  /// The state that was kept last, null of none.
+  /// The state saved last, or null.
   Json kept() const { return kept_ ? write(kept_->first, kept_->second) : Json(); }
 
   /// The functions of the mechanism or system at the run file's states.
@@ -203,7 +203,7 @@ class Simulated {
     return cutjoint::differentiate(subject_, simulation_.state());
   }
 
-  /// Seconds that the parts of an iteration take, at the start or at the run file's `state`, with the weights of a step.
+  /// Seconds of the parts of an iteration, at the start or at the run file's `state`, with the weights of a step.
   Json time_solver()
     requires(!Integrator::finds_events && requires(Integrator& steps) { steps.newton(); })
   {
@@ -229,13 +229,13 @@ class Simulated {
     return own;
   }
 
-  /// The name of the method, which failures of systems have.
+  /// The name of the method for failures of systems.
   std::string_view method() const {
     if constexpr (requires { name_of(subject_.description().method); }) return name_of(subject_.description().method);
     return "";
   }
 
-  /// Throws Failure where there is a fault.
+  /// Throws Failure if there is a fault.
   void require(const Fault& fault, std::string_view method) const {
     if (!fault) return;
     const Failure failure = failure_of(fault, subject_.description(), fault.list == FaultList::indicators ? "" : method);
@@ -250,7 +250,7 @@ class Simulated {
     return state;
   }
 
-  /// The values that controllers hold in a run that goes on; no number is what they hold before their first samples.
+  /// The values of controllers in a continued run; NaN before their first samples.
   std::optional<std::vector<Real>> held() const {
     if (!file_.contains("begin")) return std::nullopt;
     std::vector<Real> values;
@@ -285,7 +285,7 @@ class Simulated {
     energy_->add(end, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
   }
 
-  /// A controller has taken its sample: the next step has other accelerations at its beginning.
+  /// After a controller's sample the next step begins with new accelerations.
   void restart() {
     const auto time = energy_->time();
     energy_->add(simulation_.complete_state());
@@ -357,7 +357,7 @@ class Simulated {
   std::optional<EnergyBalance<Subject>> energy_;
   ImpactList<Subject> list_;
   Stepped simulation_;
-  std::optional<State<Real>> state_;  ///< at the end of a step, of a run whose energy is balanced
+  std::optional<State<Real>> state_;  ///< at the end of a step, if energy is balanced
   std::vector<Real> residual_, rate_;
   std::vector<double> measured_;
   std::optional<std::pair<State<Real>, std::vector<Real>>> kept_;

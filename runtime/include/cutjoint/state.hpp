@@ -12,7 +12,7 @@
 
 namespace cutjoint {
 
-/// A numerical failure with all that a user needs to look further.
+/// A numerical failure with all that a user needs to find its cause.
 struct Failure : std::runtime_error {
   double time;
   long step;
@@ -25,7 +25,7 @@ struct Failure : std::runtime_error {
       : std::runtime_error(what), time(time_), step(step_), element(std::move(element_)), residual(residual_), advice(std::move(advice_)) {}
 };
 
-/// The names of the speeds of a mechanism, or of whatever a system solves for.
+/// The names of the velocities of a mechanism, or of a system's unknowns.
 template <class Described>
 const std::vector<std::string_view>& speeds_of(const Described& d) {
   if constexpr (requires { d.unknowns(); })
@@ -34,7 +34,7 @@ const std::vector<std::string_view>& speeds_of(const Described& d) {
     return d.speeds;
 }
 
-/// A fault of a core with the name of the failed part, and of the method if that shall be told.
+/// A fault of a core with the name of the failed element, and optionally of the method.
 template <class Described>
 Failure failure_of(const Fault& fault, const Described& d, std::string_view method = "") {
   std::string what = method.empty() ? "" : std::string(method) + ": ";
@@ -54,7 +54,7 @@ Failure failure_of(const Fault& fault, const Described& d, std::string_view meth
   return Failure(what, fault.t, fault.step, name, fault.value, advice_of(fault));
 }
 
-/// Throws Failure where there is a fault.
+/// Throws Failure if there is a fault.
 template <class Described>
 void require_none(const Fault& fault, const Described& d, std::string_view method = "") {
   if (fault) throw failure_of(fault, d, method);

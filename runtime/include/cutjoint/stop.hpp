@@ -19,7 +19,7 @@ inline std::atomic<bool> requested{false}, handled{false};
 
 inline void request(int = 0) { requested.store(true, std::memory_order_relaxed); }
 
-/// Let a signal request a stop, the first time, unless whoever began this program has it ignored.
+/// Let the first signal request a stop, unless the parent process has it ignored.
 inline void handle(int number) {
 #ifdef SA_RESETHAND
   struct sigaction action {};
@@ -35,19 +35,19 @@ inline void handle(int number) {
 
 }  // namespace stopping
 
-/// True if the run shall end after the present step.
+/// Whether the run shall end after the present step.
 inline bool stop_requested() { return stopping::requested.load(std::memory_order_relaxed); }
 
-/// A run ends between two of its steps, since a stop is requested.
+/// Thrown between two steps if a stop is requested.
 struct Stopped {};
 
-/// From here on SIGINT and SIGTERM request a stop, and somebody looks at that.  The second signal ends the program at once.
+/// From now on SIGINT and SIGTERM request a stop, which is checked.  The second signal ends the program immediately.
 inline void handle_stop_requests() {
   stopping::handled = true;
   for (const int number : {SIGINT, SIGTERM}) stopping::handle(number);
 }
 
-/// Errors of writing are reported by the call that writes, not by a signal that ends the program.
+/// Report write errors by the writing call, not by a signal that ends the program.
 inline void report_write_errors() {
 #ifdef SIGXFSZ  // Windows has no such signals
   signal(SIGPIPE, SIG_IGN);
@@ -55,9 +55,9 @@ inline void report_write_errors() {
 #endif
 }
 
-/// The end of standard input requests a stop: it comes when whoever holds the other end of the pipe closes it or is killed.
+/// The end of standard input requests a stop: it comes when the process at the other end of the pipe closes it or is killed.
 ///
-/// A program that does not stop within ten seconds, or does not look at requests yet, is ended.
+/// A program that does not stop within ten seconds, or does not check requests yet, is ended.
 inline void stop_with_standard_input() {
   std::thread([] {
     char byte;

@@ -14,10 +14,10 @@
 
 namespace cutjoint {
 
-/// Writes rows of numbers: as text, shortest round trip, as doubles, or both.  Throws where a file cannot be written.
+/// Writes rows of numbers: as shortest round-trip text, as doubles, or both.  Throws if a file cannot be written.
 class Table {
  public:
-  /// The table whose text goes to the place that a run file has under a key, and whose doubles, row by row, to that under `key`_rows; one of them may be missing, or "".
+  /// The table written as text to the run file's entry `key`, and as doubles, row by row, to `key`_rows; one of them may be missing, or "".
   Table(const Json& file, const std::string& key) {
     const auto rows = file.find(key + "_rows"), text = file.find(key);
     if (rows != file.end()) doubles_.emplace(*rows);
@@ -63,7 +63,7 @@ class Table {
 
   End end() const { return {rows_, bytes_}; }
 
-  /// Take back the rows after an end that the table has had.
+  /// Remove the rows after an earlier end of the table.
   void cut(const End& end) {
     if (text_) text_->cut(end.bytes);
     if (doubles_) doubles_->cut(end.rows * static_cast<long>(numbers_.size() * sizeof(double)));

@@ -1,4 +1,4 @@
-// A static factorisation whose index data are read.
+// A static factorisation by index data.
 #pragma once
 
 #include <array>
@@ -11,10 +11,10 @@
 
 namespace cutjoint::interpreter {
 
-/// The data of a factorisation (core/newton/static_factor.hpp), checked: every place that it leads to lies in its array.
+/// The data of a factorisation (core/newton/static_factor.hpp), with all indices checked.
 class Factorisation {
  public:
-  /// Of a matrix with `size` rows and so many `entries`, into an array of `factors` numbers.
+  /// For a matrix with `size` rows and `entries` entries, and an array of `factors` numbers.
   Factorisation(const Json& tables, bool symmetric, int size, int entries, int factors) : symmetric_(symmetric), factors_(factors) {
     for (const auto& [pivots, diagonal, reciprocals, uppers, lowers, sweeps] : read<6>(tables.at("steps")))
       steps_.push_back({pivots, diagonal, reciprocals, uppers, lowers, sweeps});
@@ -37,7 +37,7 @@ class Factorisation {
     return list.get<std::vector<std::array<int, n>>>();
   }
 
-  /// Refuses a place from which not so many numbers are in an array.
+  /// Rejects an index from which an array has too few numbers.
   static void require(int first, int count, std::size_t end) {
     if (first < 0 || count < 0 || static_cast<std::size_t>(first) + static_cast<std::size_t>(count) > end)
       refuse("its factorisation has no place " + std::to_string(first));

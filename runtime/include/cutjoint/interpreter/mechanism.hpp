@@ -82,7 +82,7 @@ inline Description read_description(const Json& d) {
   return found;
 }
 
-/// What runs what the compiler has described (emit/interpreted.py) as generated code of the same program would; sums of products are rounded twice.  The document must
+/// Runs a description by the compiler (emit/interpreted.py) like generated code of the same program, but without contraction of products and sums.  The document must
 /// outlive it.
 template <class Any, class D>
 class Interpreted : public Any {
@@ -110,7 +110,7 @@ class Interpreted : public Any {
   }
 
  protected:
-  /// Of a description with so many speeds.
+  /// For a description with this number of velocities.
   Interpreted(const Json& document, D description, std::size_t n)
       : description_(std::move(description)), q_{"q", description_.coordinates.size()}, v_{"v", n}, vdot_{"vdot", n}, lambda_{"lambda", description_.equations.size()},
         program_(document, description_.roads.size()), inputs_(program_, document, description_.inputs.size(), description_.held()),

@@ -10,11 +10,11 @@ namespace cutjoint::interpreter {
 
 struct Instruction;
 
-/// Does an instruction in a memory, with the roads of the tyres.
+/// Performs an instruction in a memory, with the roads of the tyres.
 using Perform = void (*)(const Instruction& instruction, double* memory, const Road<double>* roads);
 
 /// An operation: the register of its result, and those of its arguments or, of a lookup, x, y and the number of the road.  With lanes each
-/// stands for as many registers side by side.
+/// is the first of as many adjacent registers.
 struct Instruction {
   Perform perform;
   std::uint32_t to;

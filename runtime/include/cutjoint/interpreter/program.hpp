@@ -1,4 +1,4 @@
-// Programs that are data: what the compiler (emit/interpreted.py) has scheduled, read and run instruction by instruction.
+// Programs as data: scheduled by the compiler (emit/interpreted.py), read and run instruction by instruction.
 #pragma once
 
 #include <algorithm>
@@ -25,7 +25,7 @@ struct Argument {
   std::size_t length;
 };
 
-/// Registers that arrays are copied to, instructions, and the registers of the elements of the arrays that receive the results.
+/// Registers of argument arrays, instructions, and registers of the result arrays' elements.
 struct Function {
   struct Copied {
     std::size_t to, length;
@@ -35,10 +35,10 @@ struct Function {
   std::vector<std::vector<std::uint32_t>> results;
 };
 
-/// A program with its memory.  Reading it throws where anything does not fit; running it neither throws nor allocates.
+/// A program with its memory.  Reading throws on any inconsistency; running neither throws nor allocates.
 class Program {
  public:
-  /// `roads` is how many there will be.
+  /// `roads` is their number.
   Program(const Json& document, std::size_t roads)
       : document_(document), number_of_roads_(roads), memory_(document.at("image").get<std::vector<double>>()) {
     const auto size = document.at("registers").get<std::size_t>();
@@ -72,7 +72,7 @@ class Program {
     return function;
   }
 
-  /// A function that a program has only if it has results; without them its arguments are ignored.
+  /// A function that exists only if it has results; otherwise its arguments are ignored.
   Function read_if_any(const char* name, std::initializer_list<Argument> arguments, const Argument& result) const {
     if (result.length > 0) return read(name, arguments, {result});
     Function nothing;
@@ -83,7 +83,7 @@ class Program {
 
   void use_roads(const Road<double>* roads) { roads_ = roads; }
 
-  /// Call a function with as many arrays as it was read with; those of arguments may be null, which leaves what stands in their place.
+  /// Call a function with the arrays that it was read with; null arguments leave their registers unchanged.
   void call(const Function& function, std::initializer_list<const double*> arguments, std::initializer_list<double*> results) {
     double* const memory = memory_.data();
     auto place = function.arguments.begin();
@@ -120,7 +120,7 @@ class Program {
     return code;
   }
 
-  /// A register with those beside it.
+  /// A register with its `width` - 1 successors.
   std::uint32_t checked(std::int64_t first, int width) const {
     if (first < 0 || first > static_cast<std::int64_t>(memory_.size()) - width) refuse("there is no register " + std::to_string(first));
     return static_cast<std::uint32_t>(first);
@@ -138,10 +138,10 @@ class Program {
   const Road<double>* roads_ = nullptr;
 };
 
-/// The fits of loops' functions, which `load` begins with.
+/// The fits of loop embeddings, which `load` begins with.
 class LoopFitsOfProgram {
  public:
-  /// Of a program with so many parameters.
+  /// For a program with this number of parameters.
   LoopFitsOfProgram(const Program& program, const Json& document, std::size_t parameters) {
     if (!document.contains("fits")) return;
     std::size_t work = 0, count = 0;
@@ -169,7 +169,7 @@ class LoopFitsOfProgram {
 
   std::size_t size() const { return found_.size(); }
 
-  /// Find all coefficients, which stay until the next search.
+  /// Find all coefficients, which are valid until the next call.
   const double* find(Program& program, const double* parameters) {
     double* found = found_.data();
     for (const Block& block : blocks_) {
@@ -193,10 +193,10 @@ class LoopFitsOfProgram {
   std::vector<double> work_, found_;
 };
 
-/// The functions of a step's beginning, by time and inputs, and the source of the inputs.
+/// The functions that depend on time and inputs, evaluated when a step begins, and the source of inputs.
 class StepBeginning {
  public:
-  /// Of so many inputs and values that controllers hold.
+  /// For these numbers of inputs and held values of controllers.
   StepBeginning(const Program& program, const Json& document, std::size_t inputs, std::size_t held)
       : values_(document.at("inputs").get<std::size_t>()) {
     if (values_.size() < numbers_per_input * inputs + held) refuse("an input has no numbers");

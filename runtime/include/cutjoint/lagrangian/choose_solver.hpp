@@ -1,4 +1,4 @@
-// The solver that a run asks for by name.
+// Selection of the linear solver by name.
 #pragma once
 
 #include <concepts>
@@ -14,14 +14,14 @@
 
 namespace cutjoint {
 
-/// A system that brings its own factorisation.
+/// A system with an emitted factorisation.
 template <class S>
 concept Factored = requires(const S& system, const typename S::real_type* in, typename S::real_type* out) {
   { system.factor(in, out) } -> std::convertible_to<int>;
   system.solve(in, out);
 };
 
-/// Pivoting of sparse matrices, for those of the classical method, which are large and need it often.
+/// Sparse pivoting for the classical method, whose matrices are large and often need it.
 template <class S>
 class SparsePivoting {
  public:
@@ -38,7 +38,7 @@ class SparsePivoting {
   EigenLu<Real> solver_;
 };
 
-/// The emitted factorisation; watched where it must do without symmetry, since only a positive definite matrix makes any pivot order safe.
+/// The emitted factorisation; checked if the matrix is not symmetric, since any pivot order is safe only for a positive definite one.
 template <class S>
 std::unique_ptr<LinearSolver<typename S::real_type>> emitted_solver(const S& system) {
   if (system.description().pattern.symmetric) return std::make_unique<CoreSolver<StaticSolver<S>>>(system);
@@ -46,7 +46,7 @@ std::unique_ptr<LinearSolver<typename S::real_type>> emitted_solver(const S& sys
   return std::make_unique<CoreSolver<GuardedSolver<S, DenseSolver<S>>>>(system);
 }
 
-/// The names of the solvers that fit a matrix, as a sentence has them.
+/// The names of the solvers suitable for a matrix, joined for a message.
 template <class Real>
 std::string solver_names(bool emitted, bool symmetric) {
   std::string names = emitted ? "emitted" : "";
@@ -55,7 +55,7 @@ std::string solver_names(bool emitted, bool symmetric) {
   return names;
 }
 
-/// The solver of that name, with the system's pattern analysed.  Throws runtime_error for a name that is not built in or does not fit.
+/// The solver of that name, with the system's pattern analysed.  Throws runtime_error for a name that is not built in or not suitable.
 template <class S>
 std::unique_ptr<LinearSolver<typename S::real_type>> choose_solver(const S& system, std::string_view name) {
   using Real = typename S::real_type;

@@ -1,4 +1,4 @@
-// Causes of a singular tangent of a Lagrangian method: equations that depend on others, or a motion that nothing resists.  Dense, and only for the
+// Causes of a singular tangent of a Lagrangian method: dependent equations, or an unconstrained motion without mass and stiffness.  Dense, only for the
 // message of a failure.
 #pragma once
 
@@ -14,7 +14,7 @@
 
 namespace cutjoint {
 
-/// Equations whose rows of the Jacobian the others already span, and the others that take part.
+/// Equations whose Jacobian rows depend on others, and those others.
 struct Dependence {
   std::vector<int> dependent;
   std::vector<int> on;
@@ -36,7 +36,7 @@ DenseMatrix<Real> transposed_jacobian(const SystemDescription& d, const Real* ta
   return J;
 }
 
-/// Householder's factorisation with column pivoting sorts the equations: the first `rank` span all of them, and the triangle says how.
+/// A Householder factorisation with column pivoting sorts the equations: the first `rank` span all, with coefficients by the triangle.
 template <class Real>
 Dependence find_dependence(const DenseMatrix<Real>& transposed) {
   Dependence found;
@@ -56,7 +56,7 @@ Dependence find_dependence(const DenseMatrix<Real>& transposed) {
   return found;
 }
 
-/// The coordinate that moves most in a motion which the equations leave free and which nothing resists; -1 when there is none.
+/// The coordinate that moves most in a null motion of the tangent allowed by the equations; -1 if there is none.
 template <class Real>
 int unresisted_coordinate(const SystemDescription& d, const Real* tangent) {
   const auto n = static_cast<Eigen::Index>(d.coordinates.size());
@@ -77,7 +77,7 @@ int unresisted_coordinate(const SystemDescription& d, const Real* tangent) {
   return moved > Real(0) ? static_cast<int>(coordinate) : -1;
 }
 
-/// Some names, the rest counted.
+/// A few names, and the number of the others.
 inline std::string listed(const std::vector<int>& indices, const std::vector<std::string_view>& names) {
   constexpr std::size_t most = 6;
   std::string text;
@@ -86,7 +86,7 @@ inline std::string listed(const std::vector<int>& indices, const std::vector<std
   return indices.size() > most ? text + " and " + std::to_string(indices.size() - most) + " more" : text;
 }
 
-/// The failure of a singular tangent names the equations that depend on others, or a coordinate that nothing resists.
+/// The failure of a singular tangent, with the dependent equations or the unresisted coordinate.
 template <class Real>
 Failure explain_singular(const SystemDescription& d, const Real* tangent, Failure failure) {
   const Dependence found = find_dependence(transposed_jacobian(d, tangent));
@@ -106,7 +106,7 @@ Failure explain_singular(const SystemDescription& d, const Real* tangent, Failur
   return failure;
 }
 
-/// The failure of a pivot that is not positive tells a motion that nothing resists, where the pivot is rounding, from one that is driven.
+/// The failure of a pivot that is not positive distinguishes an unresisted motion, whose pivot is rounding, from negative stiffness.
 template <class Real>
 Failure explain_not_positive(const SystemDescription& d, const Real* tangent, Failure failure) {
   const int coordinate = unresisted_coordinate(d, tangent);
@@ -118,7 +118,7 @@ Failure explain_not_positive(const SystemDescription& d, const Real* tangent, Fa
   return failure;
 }
 
-/// A failure of Newton's iteration, told by the last tangent where that has no factors.
+/// A failure of Newton's iteration, explained by the last tangent if that has no factors.
 template <class Real>
 Failure explain_tangent(const SystemDescription& d, const Fault& fault, const Real* tangent, const Failure& failure) {
   if (fault.cause == Cause::tangent_not_positive && d.method != Lagrangian::classical) return explain_not_positive(d, tangent, failure);

@@ -1,4 +1,4 @@
-// A system looked at from outside: its functions at given states, and the time that the parts of an iteration take.
+// Evaluation of a system for tests: its functions at given states, and the times of the parts of an iteration.
 #pragma once
 
 #include <algorithm>
@@ -14,9 +14,9 @@
 
 namespace cutjoint {
 
-/// The functions of a system at a state with `penalty`, `weights` and `w`, what the equations are pulled with.  Where it has them: natural
-/// coordinates of `relative` q and v, and the solution for a right-hand side `right` with the row that broke the factors, else -1.
-/// Without `motion` 0 the mechanism is in motion.
+/// The functions of a system at a state with `penalty`, `weights` and weights `w` of the equations.  Optionally: natural
+/// coordinates of `relative` q and v, and the solution for a right-hand side `right` with the row of a failed pivot, else -1.
+/// The mechanism is in motion unless `motion` is 0.
 template <class S>
 Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, const Json& at) {
   using Real = typename S::real_type;
@@ -67,7 +67,7 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
   return result;
 }
 
-/// The median over batches of the seconds that a call takes.
+/// The median over batches of the seconds of a call.
 template <class Call>
 double seconds_of(int batches, int repetitions, Call call) {
   std::vector<double> seconds;
@@ -81,7 +81,7 @@ double seconds_of(int batches, int repetitions, Call call) {
   return *middle;
 }
 
-/// Seconds a call of each part of an iteration, the others left out: analysis (with its memory), assembly of residual and tangent, numerical
+/// Seconds of each part of an iteration alone: analysis (with its allocation), assembly of residual and tangent, numerical
 /// factorisation, and solution of one right-hand side.  The run file may have `repetitions` and `batches`.
 template <class S>
 Json time_parts(S& system, std::string_view name, const State<typename S::real_type>& x, const Weights<typename S::real_type>& weights,

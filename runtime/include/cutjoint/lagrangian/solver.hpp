@@ -28,11 +28,11 @@ class LinearSolver {
   /// Replace the right-hand side x by the solution.
   virtual Breakdown solve(Real* x) = 0;
 
-  /// The number of times that a fixed pivot order had to be given up for pivoting.
+  /// The number of factorisations with pivoting instead of a fixed order.
   virtual long fallbacks() const { return 0; }
 };
 
-/// A solver that a program was built with: its name, whether it needs a symmetric matrix, and how to make one.
+/// A solver built into a program: its name, whether it needs a symmetric matrix, and its factory.
 template <class Real>
 struct SolverKind {
   std::string_view name;
@@ -57,7 +57,7 @@ struct ChosenSettings : SimulationSettings {
   std::string solver;
 };
 
-/// The solver that a run asks for.
+/// The solver selected by a run.
 template <class S>
 class ChosenSolver {
  public:

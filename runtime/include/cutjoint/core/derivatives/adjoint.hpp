@@ -242,7 +242,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     std::copy(x.u_.begin(), x.u_.end(), input);
   }
 
-  /// Return to a time, with the values that controllers held then.
+  /// Return to a time, with the values of controllers there.
   void begin_step(double t, [[maybe_unused]] const Fixed<double, held>& values) {
     M& mechanism = simulation_->mechanism();
     if constexpr (held > 0) simulation_->set_held_values(values);
@@ -287,7 +287,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   Fault not_finite_step() const { return {.cause = Cause::accelerations_not_finite, .t = record_.t}; }
 
-  /// Accelerations and multipliers have been computed anew from a state: derivatives with respect to them become derivatives with respect to the state.
+  /// From derivatives with respect to accelerations and multipliers that were computed from a state to those with respect to the state.
   bool reverse_accelerations(const Record& at) {
     select_pieces(at);
     begin_step(at.t, at.values);
@@ -298,7 +298,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     return accelerations_vjp(of.vdot, of.lambda, by_);
   }
 
-  /// Set input trajectories to the piece of a record, or to where one ends or the run begins.
+  /// Select the pieces of input trajectories for a record: those of a substep, or those at a time.
   void select_pieces(const Record& at) {
     if (!this->trajectories_) return;
     if (at.kind == Kind::substep) this->trajectories_->select_pieces_within(at.t, at.t + at.h);
@@ -385,8 +385,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   /// Whether a substep is cut, or begins at an event.
   bool is_at_event(std::size_t place) const { return indicators > 0 && (record_.kind == Kind::cut || (place > 0 && ends_at_event(place - 1))); }
 
-  /// From derivatives at the end of substeps with events between, or where the last one is cut, to those at the beginning of the first, whose index is returned:
-  /// by forward derivatives of the end along everything at the beginning.
+  /// From derivatives at the end of substeps with events in between, or at the cut of the last one, to those at the beginning of the first, whose index is returned;
+  /// by forward mode with respect to everything at the beginning.
   Fault reverse_events(std::size_t& place) {
     const std::size_t last = place;
     place -= kind_at(place) == Kind::cut ? 1 : 0;
@@ -792,7 +792,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   // The beginning
 
-  /// Derivatives of an objective with respect to where the run begins: everything that follows from states, inputs and parameters there.
+  /// Derivatives of an objective with respect to initial states, inputs and parameters.
   Fault initial_derivatives(const Objectives& objectives, std::size_t objective) {
     double* const by_state = objectives.by_state + objective * states;
     double* const by_input = objectives.by_input + objective * inputs;

@@ -321,7 +321,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
     return {};
   }
 
-  /// Accelerations are computed anew.
+  /// Discard carried derivatives of accelerations, which are computed from the state.
   void forget_carried() { known_.fill(std::numeric_limits<double>::quiet_NaN()), last_derivative_.fill(std::numeric_limits<double>::quiet_NaN()); }
 
   /// Whether the substep from a state begins with accelerations that an input trajectory has changed.
@@ -488,7 +488,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
     return carries_derivative ? is_derivative_known_ : reuses_accelerations && std::equal(known_.begin(), known_.end(), state.vdot.begin());
   }
 
-  /// The same for what is carried; accelerations that have been computed anew are functions of the rest.
+  /// The same from carried derivatives; accelerations that are not carried are computed from the state.
   bool load_carried(M& mechanism, const StateOf<M>& state, std::size_t first, std::size_t number) {
     this->state_ = &state;
     this->take_inputs(mechanism);

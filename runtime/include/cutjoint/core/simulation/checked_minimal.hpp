@@ -1,4 +1,4 @@
-// Calls for independent coordinates of a simulation behind a C interface, and for derivatives by them.
+// Minimal coordinates of a simulation for the C interface, and derivatives.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,7 @@
 
 namespace cutjoint {
 
-/// A checked simulation of a `Model` with `Derivatives`, its `dofs`, and `state_names` of coordinates and then of their rates, with first-order states behind both.
+/// A checked simulation of a `Model` with `Derivatives`, its `dofs`, and `state_names`: coordinates, their rates, first-order states.
 template <class Model>
 class CheckedMinimal : public CheckedSimulation<Model> {
   struct Memory;
@@ -207,15 +207,14 @@ class CheckedMinimal : public CheckedSimulation<Model> {
   static constexpr int dofs = Model::dofs, joint_speeds = Model::joint_speeds, all_speeds = Model::speeds,
                        states = 2 * dofs + all_speeds - joint_speeds;
 
-  /// A status of calls that need independent coordinates, which then have been chosen.
+  /// The status of calls that need independent coordinates; chooses them if needed.
   static int ask(CheckedMinimal* s) {
     if (const int status = Base::ask_started(s)) return status;
     return s->minimal.choice().is_made ? static_cast<int>(call_ok) : choose_independent(s);
   }
 
  private:
-  /// A run along the trajectories that were given for it, from where they have guides, independent coordinates and rates as they are; inputs then are as they were
-  /// before.
+  /// A run with the given input trajectories: guides start at their values, with independent coordinates and rates unchanged; afterwards inputs are restored.
   template <class Run>
   static int along_trajectories(CheckedMinimal* s, Run run) {
     if (s->trajectories.number() == 0) return Base::status_of(s, run());

@@ -1,4 +1,4 @@
-// One simulation behind a C interface: the caller's memory, checked calls, statuses, names.
+// A simulation for the C interface: the caller's memory, checked calls, statuses, names.
 #pragma once
 
 #include <cstddef>
@@ -17,16 +17,16 @@
 
 namespace cutjoint {
 
-/// Statuses of calls: 0, or the reason why a call did nothing.  Those of a motion are causes of faults, above 0.
+/// Statuses of calls: 0, negative for a rejected call, positive for causes of faults of the motion.
 enum CallStatus : int { call_ok = 0, no_simulation = -1, no_such_index = -2, not_started = -3, not_finite = -4, no_array = -5, time_passed = -6 };
 
-/// A number of a start: the place of a coordinate or speed; the last of a list has the place -1.
+/// A start value: the index of a coordinate or velocity, -1 at the end of a list, and its value.
 struct Given {
   int index;
   double value;
 };
 
-/// The element of a table; none for an index that is not in it.
+/// The element of a table; null for an index out of range.
 template <class Table>
 const char* element_of(const Table& table, int index) {
   return index < 0 || static_cast<std::size_t>(index) >= std::size(table) ? nullptr : table[index];
@@ -40,7 +40,7 @@ int find_in(const Table& table, const char* name) {
   return -1;
 }
 
-/// A number that follows from bytes, of which there are whole words: a change of one word always changes it.
+/// A checksum of whole words: a change of one word always changes it.
 inline std::uint64_t checksum_of(const void* bytes, std::size_t length) {
   std::uint64_t sum = 0xcbf29ce484222325ULL;
   for (std::size_t i = 0; i < length; i += sizeof sum) {
@@ -60,7 +60,7 @@ inline bool all_finite(const double* numbers, std::size_t length) {
   return finite;
 }
 
-/// Text in a caller's memory, cut where that ends.
+/// Text in a caller's memory, truncated to its size.
 struct Text {
   char* next;
   std::size_t left;
@@ -71,7 +71,7 @@ struct Text {
     return *this;
   }
 
-  /// A number from 0 on with three digits, a whole one below a million with all of them.
+  /// A nonnegative number with three digits; integers below a million with all digits.
   Text& operator<<(double number) {
     int exponent = 0;
     if (!(number <= std::numeric_limits<double>::max())) return *this << "infinity";
@@ -106,13 +106,13 @@ inline const char* text_of_status(int status) {
 }
 
 /// A simulation of a `Model`, which has
-/// - `Sim`, the type of the simulation, and `mark`, a number that tells its memory from other memory,
-/// - numbers of its lists: `parameters`, `inputs`, `coordinates`, `speeds`, `start_coordinates`, `start_speeds`, `outputs`,
+/// - `Sim`, the type of the simulation, and `mark`, a number that identifies its memory,
+/// - sizes of its lists: `parameters`, `inputs`, `coordinates`, `speeds`, `start_coordinates`, `start_speeds`, `outputs`,
 /// - `settings`, `values` of the parameters, `roads`, `violation_limits`, and the start, `coordinates_given`, `coordinates_near` if there are some, and `speeds_given`,
 /// - tables of names and places,
 /// - `set_step`, which sets the length of steps and the settings that follow from it.
 ///
-/// Calls are static, since a simulation may be a null pointer.  They return a status, and change nothing where it is below 0.
+/// Calls are static, since a simulation may be a null pointer.  They return a status, and change nothing if it is negative.
 template <class Model>
 class CheckedSimulation {
  public:
@@ -122,7 +122,7 @@ class CheckedSimulation {
   Sim sim{Model::settings, Model::values, Model::roads, Model::violation_limits};
   Fault fault{};
 
-  /// A simulation in memory of so many bytes, with the scene's start; a null pointer where the memory is too small.
+  /// Create a simulation in memory, with the scene's start; a null pointer if the memory is too small.
   template <class Own>
   static Own* create(void* memory, std::size_t bytes) {
     constexpr std::size_t aligned = alignof(Own);
@@ -344,7 +344,7 @@ class CheckedSimulation {
     return read<typename Sim::Memory>(snapshot, [s](const auto& memory) { s->sim.restore(memory); });
   }
 
-  /// The meaning of the last status, the name and place of the failed element, and advice, in at most so many bytes.
+  /// The meaning of the last status, name and line of the failed element, and advice, in at most `bytes` bytes.
   static int failure_text(const CheckedSimulation* s, char* text, std::size_t bytes) {
     if (!text || bytes == 0) return holds_one(s) ? no_array : no_simulation;
     if (!holds_one(s)) {
@@ -395,7 +395,7 @@ class CheckedSimulation {
     return sizeof Model::mark + sizeof(Memory) + sizeof(std::uint64_t);
   }
 
-  /// Bytes between members are 0, so that equal states have equal snapshots: the memory is made in place, not copied.
+  /// Padding is 0, so that equal states have equal snapshots: the memory is constructed in place, not copied.
   template <class Memory, class Make>
   static int write(Make make, void* snapshot) {
     static_assert(std::is_trivially_copyable_v<Memory>);
@@ -421,7 +421,7 @@ class CheckedSimulation {
   }
 
  private:
-  /// Steps that one call takes at most.
+  /// The largest number of steps of one call.
   static constexpr double most_steps = 1e9;
 
   static int ask_time(CheckedSimulation* s, double time) {

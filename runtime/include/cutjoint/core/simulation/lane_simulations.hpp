@@ -1,4 +1,4 @@
-// Simulations of one model that take their steps together, each in a lane of its own.
+// Simulations of one model stepped together in SIMD lanes.
 #pragma once
 
 #include <array>
@@ -13,13 +13,13 @@
 
 namespace cutjoint {
 
-/// A mechanism inside an object, there before what steps it.
+/// A base with a mechanism, constructed before the integrator.
 template <Sized M>
 struct LaneMechanism {
   M mechanism;
 };
 
-/// The inputs of a simulation in a lane, whose host gives no others from now on.
+/// The inputs of a simulation in a lane; the host does not change them during a call.
 template <class Smoothed>
 class SmoothedLaneInputs {
  public:
@@ -29,10 +29,10 @@ class SmoothedLaneInputs {
     dt_ = dt;
   }
 
-  /// Where it is when a step begins, and once more if that step is tried again.
+  /// The state at the beginning of a step, also for a repeated step.
   const Smoothed& smoothed() const { return smoothed_; }
 
-  /// A source that gives these.
+  /// The source of these.
   InputSource<double> source() {
     InputSource<double> source = smoothed_.used().source();
     if (Smoothed::any && source.fill) source = {&fill, this, &begin_step};
@@ -44,7 +44,7 @@ class SmoothedLaneInputs {
 
   static StepBegin begin_step(void* host, double t, double until) {
     SmoothedLaneInputs& own = *static_cast<SmoothedLaneInputs*>(host);
-    const auto no_scene = [](std::size_t, double, double*) {};  // who follows the host already needs none
+    const auto no_scene = [](std::size_t, double, double*) {};  // not needed by guides that follow the host
     const bool jumps = own.smoothed_.begin_call(own.given_, t, until, own.dt_, no_scene);
     return {jumps, own.smoothed_.is_catching_up(), own.smoothed_.next_end() < until - 1e-9 * own.dt_};
   }
@@ -54,10 +54,10 @@ class SmoothedLaneInputs {
   double dt_ = 0.0;
 };
 
-/// Simulations by the trapezoidal rule, side by side in M, their mechanism with reals that are numbers of several.  They start one by one,
-/// as `Sim`, and are taken over.  Where a host may move guides, a simulation leaves its lane to the end of the call if its step fails or
-/// the trajectory of a guide has parts within it.  It goes on alone, as it does where a jump is too large for steps.  Then it is in its lane
-/// again, or has the fault of a simulation alone.
+/// Simulations by the trapezoidal rule in the lanes of M, their mechanism with lanes of reals.  They start one by one
+/// as `Sim` and are taken over.  If a host may move guides, a simulation whose step fails, or is divided by a guide's trajectory, leaves its
+/// lane until the end of the call and continues alone, as after a jump too large for steps.  Then it returns to its lane,
+/// or has the fault of a single simulation.
 template <class Sim, Sized M>
 class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
  public:
@@ -65,10 +65,10 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
 
   LaneSimulations() : LaneSteps<M>(this->mechanism) {}
 
-  /// How many bytes some take in memory that begins anywhere, with so many for each simulation alone.
+  /// The bytes of memory, of any alignment, for these and single simulations of the given size.
   static constexpr std::size_t bytes(std::size_t each) { return alignof(LaneSimulations) + sizeof(LaneSimulations) + width * each; }
 
-  /// Some in such memory; `alone` is where that of the single ones begins.
+  /// Create them in such memory; `alone` is the beginning of that for single simulations.
   static LaneSimulations* make(void* memory, char*& alone) {
     const std::size_t past = reinterpret_cast<std::uintptr_t>(memory) % alignof(LaneSimulations);
     char* place = static_cast<char*>(memory) + alignof(LaneSimulations) - past;
@@ -76,7 +76,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
     return ::new (place) LaneSimulations();
   }
 
-  /// Have a simulation search its start in the instances, before their steps.
+  /// Let a simulation use the instances to find its start, before their steps.
   void lend_to(Sim& sim) { sim.mechanism().lend(*this); }
 
   void step() {
@@ -87,7 +87,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
     call([this, until] { LaneSteps<M>::advance(until); }, [until](Sim& alone) { return alone.advance(until); });
   }
 
-  /// Go on from `settled` simulations with the same settings; where there is none its lane stands still.
+  /// Continue from `settled` simulations with the same settings; lanes without one are idle.
   void take_over(const std::array<Sim*, width>& sims) {
     this->clear();
     sims_ = sims;
@@ -111,7 +111,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
             .inputs = inputs_[k].source(), .origin = memory.origin, .number = memory.number, .steps_to_measurement = memory.steps_to_measurement};
   }
 
-  /// A call of all together; those that stop go on alone.
+  /// A call for all lanes; those that stop continue alone.
   template <class Together, class Alone>
   void call(Together together, Alone alone) {
     const auto running = this->running();
