@@ -106,6 +106,13 @@ def test_a_choice_is_kept(calibrations: list[str]) -> None:
     assert calibrations == ["pendulum"]
 
 
+def test_other_code_of_a_function_is_another_choice(calibrations: list[str]) -> None:
+    model = read_model_text(PENDULUM, "pendulum.yaml")
+    for code in ("double f;", "double g;"):
+        choose(replace(model, code=code), model.scenes["swing"])
+    assert len(calibrations) == 2
+
+
 def test_a_choice_that_came_to_harm_is_made_again(calibrations: list[str], tmp_path: Path) -> None:
     choose_again()
     (file,) = (tmp_path / "cache" / "choices").iterdir()

@@ -165,8 +165,8 @@ def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
 
 
 def _cache_path(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
-    """The file of a choice in the cache: by the model, the scene, the compiler and its flags, and the machine that times it."""
-    about = (model.content, asdict(scene), sorted(parameters.items()), build_provenance(), machine())
+    """The file of a choice in the cache: by model, code of functions, scene, compiler, flags, and the machine that times it."""
+    about = (model.content, model.code, asdict(scene), sorted(parameters.items()), build_provenance(), machine())
     return cache_folder() / "choices" / f"{sha256(repr(about).encode()).hexdigest()[:32]}.json"
 
 
