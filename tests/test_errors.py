@@ -34,7 +34,7 @@ STAGES = {
 
 #: Errors that become another error, with its place in the user's file, before anybody is told.
 CONVERTED = {
-    "AsymmetryError", "ExpressionError", "GlbError", "NoAssemblyError", "NoMassError", "NoPivotError", "NotReachedError",
+    "AsymmetryError", "ExpressionError", "GlbError", "NoEmbeddingError", "NoMassError", "NoPivotError", "NotReachedError",
     "OverflowedConstantError", "QuantityError", "SingularError", "StepsError", "UnitError",
 }  # fmt: skip
 

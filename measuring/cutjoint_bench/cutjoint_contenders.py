@@ -168,7 +168,7 @@ def _prepare(
     additions = (solver,) if solver in ADDED_SOLVERS else ()
     options = CompileOptions(method=method, outputs=case.outputs, lanes=lanes, precision=precision, additions=additions)
     artifact = compile_scene(case.model, with_default_closure(with_loops(case.scene, loops), method, integrator), options)
-    if loops == Loops.EMBEDDED and not artifact.topology.model.assemblies:
+    if loops == Loops.EMBEDDED and not artifact.topology.model.embedded_loops:
         raise RunError("no loops can be closed by functions")
     return _runner(integrator)(
         artifact=artifact, solver=solver, integrator=integrator, located=located, tolerance=tolerance, parameters=case.parameters

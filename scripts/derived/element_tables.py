@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cutjoint.elements.force import REQUIRED, ForceElement, ForceField, Law
 from cutjoint.elements.forces import FORCES
-from cutjoint.elements.joint import Ball, JointElement, JointField, Motion, Offset, Slide, Turn
+from cutjoint.elements.joint import Ball, JointElement, JointField, Motion, Offset, Rotation, Translation
 from cutjoint.elements.joints import JOINTS
 
 #: The kind of forces whose fields have a table of their own.
@@ -109,14 +109,14 @@ def plain(unit: str) -> str:
 def motion_text(motion: Motion) -> str:
     """An elementary motion in words."""
     match motion:
-        case Slide():
+        case Translation():
             return "slide"
         case Ball():
             return "ball"
         case Offset():
             return "offset (the rod)"
-        case Turn(share=share) if share != 1:
+        case Rotation(share=share) if share != 1:
             return f"{share} {motion.coordinate}"
-        case Turn(advances=True):
+        case Rotation(advances=True):
             return "turn with a pitch"
     return "turn"

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
 from cutjoint.analysis.closing import design_coordinates, retract
-from cutjoint.analysis.embedding.embed import assemble_loops
+from cutjoint.analysis.embedding.embed import embed_loops
 from cutjoint.analysis.natural import call, evaluate_results
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
@@ -41,8 +41,8 @@ def run(model: Model, scene: Scene, tolerance: float = 1e-11) -> Trajectory:
 
 def apart(model: Model, scene: Scene, *, joints: int = 1) -> dict[str, float]:
     """The largest differences of the columns beside their sizes, between both ways to close the loops."""
-    outcome = assemble_loops(model, scene)
-    assert len(outcome.model.assemblies) == joints, [note.words for note in outcome.left]
+    outcome = embed_loops(model, scene)
+    assert len(outcome.model.embedded_loops) == joints, [note.words for note in outcome.left]
     exact, compiled = run(model, scene), run(outcome.model, scene)
     assert exact.failure is None
     assert compiled.failure is None, compiled.failure.message
@@ -65,11 +65,11 @@ def test_a_slider_crank_is_one_equation() -> None:
     """The press turns as the equation of its crank's angle by SciPy, with the rod's motion in closed form."""
     model = read_model(ROOT / "models" / "press.yaml")
     scene = model.scenes["turn"]
-    outcome = assemble_loops(model, scene)
-    assembly = outcome.model.assemblies[0]
-    assert assembly.functions.turns
-    assert assembly.functions.violation < 1e-10
-    assert assembly.functions.violation_rate < 1e-9
+    outcome = embed_loops(model, scene)
+    embedded_loop = outcome.model.embedded_loops[0]
+    assert embedded_loop.functions.is_periodic
+    assert embedded_loop.functions.violation < 1e-10
+    assert embedded_loop.functions.violation_rate < 1e-9
     made = run(outcome.model, replace(scene, end=1.0, numerics=scene.numerics))
     r, length = 0.1, np.hypot(0.3, 0.1)
 
@@ -147,7 +147,7 @@ scenes:
 
 def test_a_guided_coordinate_moves_an_assembly(monkeypatch: pytest.MonkeyPatch) -> None:
     model = read_model_text(STEERED, "corner.yaml")
-    left = assemble_loops(model, model.scenes["steer"]).left
+    left = embed_loops(model, model.scenes["steer"]).left
     assert left[0].words.startswith("stays in a loop: its guide moves, and functions of two numbers with 9")
     monkeypatch.setattr("cutjoint.analysis.embedding.embed.DEAREST", 10_000)
     monkeypatch.setattr("cutjoint.analysis.embedding.embed._KEPT", {})
@@ -160,7 +160,7 @@ def test_a_guide_that_stands_still_is_watched() -> None:
     """Functions for one place of the guide do not serve another: the run says so."""
     model = read_model_text(STEERED, "corner.yaml")
     scene = model.scenes["straight"]
-    outcome = assemble_loops(model, scene)
+    outcome = embed_loops(model, scene)
     moved = replace(scene, inputs=model.scenes["steer"].inputs, on_violation="stop")
     made = run(outcome.model, moved)
     assert made.failure is not None
@@ -211,9 +211,9 @@ def test_a_run_that_leaves_the_range_stops_or_starts_again(tmp_path: Path) -> No
 
 def test_tables_that_slide_along_parallel_rails_have_functions() -> None:
     """Two parallel rails leave one coordinate and no joint that follows: the table falls as a mass on a slope."""
-    outcome = assemble_loops(model := read_model_text(RAILS, "rails.yaml"), model.scenes["fall"])
-    (assembly,) = outcome.model.assemblies
-    assert not assembly.functions.series
+    outcome = embed_loops(model := read_model_text(RAILS, "rails.yaml"), model.scenes["fall"])
+    (embedded_loop,) = outcome.model.embedded_loops
+    assert not embedded_loop.functions.series
     made = run(outcome.model, outcome.scene)
     assert np.abs(made["table.x"] - 0.3 - 0.5 * 9.81 * 0.6 * 0.8 * made.t**2).max() < 1e-9
 
@@ -240,8 +240,8 @@ joints:
   e: {kind: cylindrical, bodies: [ground, slide], at: [1, 0, 0], axis: [0, 1, 0], guide: [0.01*t, 0.1*t]}
 """)  # fmt: skip
     model = read_model_text(text % "", "swing.yaml")
-    outcome = assemble_loops(model, model.scenes["fall"])
-    assert not outcome.model.assemblies
+    outcome = embed_loops(model, model.scenes["fall"])
+    assert not outcome.model.embedded_loops
     assert any("'e' moves it by several guided coordinates" in str(note) for note in outcome.left)
 
 
@@ -263,10 +263,10 @@ joints:
 
 def test_a_block_in_a_branch_of_other_loops_stays() -> None:
     model = read_model_text((CARRIED % "").replace("rates: {a.angle_rate: 4.0}", "switches: {}"), "carried.yaml")
-    outcome = assemble_loops(model, model.scenes["fall"])
-    assert not outcome.model.assemblies
+    outcome = embed_loops(model, model.scenes["fall"])
+    assert not outcome.model.embedded_loops
     assert [note.words.partition(": ")[2] for note in outcome.left] == [
-        "it has 2 degrees of freedom beside 'ground', and one is wanted", "it hangs on other loops that are eliminated at once",
+        "it has 2 degrees of freedom relative to 'ground' instead of one", "it hangs on other loops that are eliminated at once",
     ]  # fmt: skip
     assert [joint.cut for joint in outcome.model.joints] == [joint.cut for joint in model.joints]
 
@@ -278,16 +278,16 @@ OPENED_GUIDE = STEERED.replace("at: [-0.15, 0.1, 0.45]", "at: [behind, 0.1, 0.45
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        (FIVE_BAR % "", "it has 2 degrees of freedom beside 'ground', and one is wanted"),
+        (FIVE_BAR % "", "it has 2 degrees of freedom relative to 'ground' instead of one"),
         (OPENED_GUIDE, "its geometry has tunable parameters, and its guide moves"),
         (SWING.replace("joints:", "gears: {g: {joints: [a.angle, d.angle], ratio: 1}}\njoints:") % "", "a gear couples its joints"),
-        (SWING % ", positions: {d.angle: 0.1}", "the scene gives a and d, and one of them may be independent"),
+        (SWING % ", positions: {d.angle: 0.1}", "the scene gives a and d, of which only one can be independent"),
     ],
 )  # fmt: skip
 def test_blocks_that_stay_say_why(text: str, reason: str) -> None:
     model = read_model_text(text, "swing.yaml")
-    outcome = assemble_loops(model, next(iter(model.scenes.values())))
-    assert not outcome.model.assemblies
+    outcome = embed_loops(model, next(iter(model.scenes.values())))
+    assert not outcome.model.embedded_loops
     assert [note.words for note in outcome.left] == [f"stays in a loop: {reason}"]
 
 
@@ -298,8 +298,8 @@ def test_the_tangent_is_that_of_the_residual(text: str, monkeypatch: pytest.Monk
     monkeypatch.setattr("cutjoint.analysis.embedding.embed._KEPT", {})
     model = read_model_text(text, "model.yaml")
     scene = next(iter(model.scenes.values()))
-    found = assemble_loops(model, scene).model
-    assert found.assemblies
+    found = embed_loops(model, scene).model
+    assert found.embedded_loops
     equations = implicit(found, scene)
     n, random = equations.unknowns, np.random.default_rng(1)
     q = retract(equations.start, design_coordinates(equations.start), 0.02 * random.standard_normal(n))

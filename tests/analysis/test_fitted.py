@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 import cutjoint
-from cutjoint.analysis.embedding.embed import assemble_loops
+from cutjoint.analysis.embedding.embed import embed_loops
 from cutjoint.analysis.embedding.fits import evaluate, refit
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
@@ -49,8 +49,8 @@ def run(model: Model, scene: Scene, parameters: dict[str, float]) -> Trajectory:
 @pytest.mark.parametrize("seed", with_heavy(range(50), *range(2, 50)))
 def test_random_mechanisms_with_other_points_move_as_by_their_loops_equations(make, seed: int) -> None:  # type: ignore[no-untyped-def]
     model, scene, changed = tunable(make(seed), "random.yaml")
-    outcome = assemble_loops(model, scene)
-    assert [one.functions.open for one in outcome.model.assemblies] == [True], [note.words for note in outcome.left]
+    outcome = embed_loops(model, scene)
+    assert [one.functions.open for one in outcome.model.embedded_loops] == [True], [note.words for note in outcome.left]
     exact, fitted = run(model, scene, changed), run(outcome.model, scene, changed)
     assert exact.failure is None
     if fitted.failure is not None:  # told, never wrong: some ranges are too long for other points
@@ -66,11 +66,11 @@ def test_functions_by_numpy_are_those_of_a_model_with_these_numbers() -> None:
     """Values and slopes on the range; the series has other ends, since a fresh one is as long as it needs."""
     text = four_bar(1)
     model, scene, changed = tunable(text, "random.yaml")
-    outcome = assemble_loops(model, scene)
-    own = outcome.model.assemblies[0]
+    outcome = embed_loops(model, scene)
+    own = outcome.model.embedded_loops[0]
     found = refit(build_topology(outcome.model), own, changed)
     other = replace(model, parameters=tuple(replace(p, value=changed.get(p.name, p.value)) for p in model.parameters))
-    fresh = assemble_loops(other, scene).model.assemblies[0].functions
+    fresh = embed_loops(other, scene).model.embedded_loops[0].functions
     q = np.linspace(max(found.range.lower, fresh.range.lower), min(found.range.upper, fresh.range.upper), 50)
     for joint, series in found.series.items():
         for one, two in zip(series, fresh.series[joint], strict=True):
@@ -84,8 +84,8 @@ def test_full_turns_by_generated_code(file: str, pattern: str, point: str) -> No
     """A longer crank: interpreted and generated programs beside the loops' equations."""
     model, scene = load_model(ROOT / "models" / f"{file}.yaml", None, [pattern])
     scene = replace(scene, end=0.5, output_step=0.01)
-    fitted = assemble_loops(model, scene).model
-    assert fitted.assemblies[0].functions.turns
+    fitted = embed_loops(model, scene).model
+    assert fitted.embedded_loops[0].functions.is_periodic
     value = {point: next(p.value for p in model.parameters if p.name == point) + 0.01}
     exact, interpreted = run(model, scene, value), run(fitted, scene, value)
     artifact = compile_model(replace(fitted, scenes={scene.name: scene}))

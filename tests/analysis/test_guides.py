@@ -52,8 +52,8 @@ def test_contradictory_locks_are_refused(scene: str, method: str) -> None:
     with pytest.raises(GuideError) as error:
         derive(scene, method=method)
     assert str(error.value) == (
-        f"locked.yaml:{line}:3: scene '{scene}': the guides of 'crank_pin', 'rocker_pin' tear open the loop that 'closure' closes: "
-        "no motion of its other joints goes with them; leave out a guide, or free another joint of the loop"
+        f"locked.yaml:{line}:3: scene '{scene}': the guides of 'crank_pin', 'rocker_pin' are incompatible with the loop "
+        "that 'closure' closes: no motion of its other joints satisfies them; leave out a guide, or free another joint of the loop"
     )
 
 
@@ -79,13 +79,13 @@ def test_the_slalom_is_not_refused() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["simulate", "--scene", "against", "--out", "out.csv"], "tear open the loop that 'closure' closes"),
-        (["reduce", "--scene", "against"], "tear open the loop that 'closure' closes"),
+        (["simulate", "--scene", "against", "--out", "out.csv"], "are incompatible with the loop that 'closure' closes"),
+        (["reduce", "--scene", "against"], "are incompatible with the loop that 'closure' closes"),
         (["simulate", "--scene", "apart", "--out", "out.csv"], "locked.yaml:10:3: scene 'apart': the loop cannot close from the given"),
         (["reduce", "--scene", "apart"], "locked.yaml:13:3: scene 'apart': the full model has no run to measure by: the loop cannot close"),
         (
             ["simulate", "--scene", "apart", "--method", "auto", "--accuracy", "1e-3", "--out", "out.csv"],
-            "scene 'apart': no truth to measure by: augmented: the loop cannot close from the given coordinates",
+            "scene 'apart': no converged reference run: augmented: the loop cannot close from the given coordinates",
         ),
     ],
 )  # fmt: skip

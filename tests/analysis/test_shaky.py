@@ -122,7 +122,7 @@ def test_methods_refuse_it_with_the_reason(method: str, tmp_path: Path) -> None:
     done = CliRunner().invoke(main, ["simulate", str(file), "--method", method, "--out", str(tmp_path / "run.csv")])
     assert done.exit_code == 1
     said = done.output.replace("\n", " ")
-    assert "six.yaml:14:3: 'j3': the loops hold this structure to second order only: in its one pose 'j4.angle_rate' is free" in said
+    assert "six.yaml:14:3: 'j3': the loops lock this structure to second order only: in its only pose 'j4.angle_rate' has" in said
     assert "move an axis or a point, or use --method augmented" in said
     assert not (tmp_path / "run.csv").exists()
 
@@ -132,7 +132,7 @@ def test_check_says_it(tmp_path: Path) -> None:
     file.write_text(six_text(), encoding="utf-8")
     done = CliRunner().invoke(main, ["check", str(file)])
     assert done.exit_code == 0
-    assert "'j3': the loops hold this structure to second order only" in done.output.replace("\n", " ")
+    assert "'j3': the loops lock this structure to second order only" in done.output.replace("\n", " ")
 
 
 @needs_cpp

@@ -27,7 +27,7 @@ def said(text: str) -> tuple[int, str]:
 
 
 def words(what: str, axis: str) -> str:
-    return f"axes are slightly off: {what} to 'pin'; exact axes give the mechanism freedom 1 instead of 0: write axis: {axis}"
+    return f"axes are slightly off: {what} to 'pin'; exact axes give mobility 1 instead of 0: write axis: {axis}"
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_of_many_axes_three_are_named() -> None:
         text = text.replace(f"at: [{i}, 0, 0], axis: [0, 0, 1]", f"at: [{i}, 0, 0], axis: [0, 0.00{i + 1}, 1]")
     what = said(text)[1]
     assert what.count("from parallel to") == 3
-    assert ", and 1 more; exact axes give the mechanism freedom 1 instead of 0" in what
+    assert ", and 1 more; exact axes give mobility 1 instead of 0" in what
 
 
 def test_check_says_so(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 import cutjoint
-from cutjoint.analysis.embedding.embed import assemble_loops
+from cutjoint.analysis.embedding.embed import embed_loops
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.pipeline import CompileOptions, compile_scene
@@ -120,10 +120,10 @@ def test_images_of_submodels_have_the_image_of_the_motion() -> None:
 
 def test_loops_with_friction_stay_exact_and_say_so() -> None:
     model = read_model_text(FOUR_BAR.format(cut="true", more=""), "four_bar.yaml")
-    outcome = assemble_loops(model, model.scenes["swing"])
-    assert outcome.model.assemblies == ()
+    outcome = embed_loops(model, model.scenes["swing"])
+    assert outcome.model.embedded_loops == ()
     assert [note.words for note in outcome.left] != []
-    assert all("friction needs what its joints carry" in note.words for note in outcome.left)
+    assert all("its joint friction needs their loads" in note.words for note in outcome.left)
 
 
 @pytest.mark.parametrize("target", ["pinocchio", "mujoco", "exudyn"])

@@ -14,7 +14,7 @@ from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.records import SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.expressions.parse import quantity_symbol, sample_symbol
-from cutjoint.model.records import Controller, HeldValue, Model, Output, Reaction, Signal
+from cutjoint.model.records import Controller, DiscreteState, Model, Output, Reaction, Signal
 from cutjoint.topology.build import build_topology
 from tests.formulate.test_natural import without_rod_forces
 from tests.mechanisms import random_models
@@ -27,13 +27,13 @@ def sampling(model: Model, *reactions: str) -> tuple[Model, tuple[Output, ...]]:
     body = model.bodies[-1].name
     asked = [("felt", q) for q in reactions] + [(body, q) for q in ("x", "vy", "wz", "az", "ay", "roll")]
     asked += [(force.name, next(iter(force.quantities))) for force in model.forces]
-    signals, held = [], []
+    signals, states = [], []
     for i, (element, quantity) in enumerate(asked):
         below = signals[-1].symbol if signals else sympy.Integer(0)
         symbol = sample_symbol("all", f"s{i}")
         signals.append(Signal(name=f"all.s{i}", symbol=symbol, value=2 * quantity_symbol(element, quantity) - below, unit="", span=span))
-        held.append(HeldValue(name=f"s{i}", symbol=quantity_symbol("all", f"s{i}"), start=sympy.Integer(0), next=symbol, unit=""))
-    controller = Controller(name="all", every=0.1, offset=0.0, signals=tuple(signals), held=tuple(held), span=span)
+        states.append(DiscreteState(name=f"s{i}", symbol=quantity_symbol("all", f"s{i}"), start=sympy.Integer(0), next=symbol, unit=""))
+    controller = Controller(name="all", every=0.1, offset=0.0, signals=tuple(signals), discrete_states=tuple(states), span=span)
     outputs = tuple(Output(element=element, quantity=quantity, span=span) for element, quantity in asked)
     return replace(model, reactions=(*model.reactions, reaction), controllers=(controller,)), outputs
 

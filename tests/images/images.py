@@ -47,7 +47,7 @@ class Image:
 
 def original(model: Model, scene: Scene) -> Image | None:
     """The model itself with default numerics; None for one that has what no transformation knows."""
-    odd = model.states or model.signals or model.controllers or model.functions or model.guards or model.assemblies or model.gears
+    odd = model.states or model.signals or model.controllers or model.functions or model.guards or model.embedded_loops or model.gears
     odd = odd or scene.pose != "design" or scene.guides or scene.assemble or scene.near or scene.starts or not model.bodies
     if odd or not all(isinstance(force, KNOWN) for force in model.forces):
         return None

@@ -18,7 +18,7 @@ def measured(topology: Topology) -> Iterator[tuple[Joint, str, bool]]:
     """Cut joint, coordinate, and whether its value is known beside its rate."""
     for cut in topology.cuts:
         for coordinate in cut.element.measurable:
-            counted = cut.element.advances or angles_around(cut, joints_around(topology.tree, cut)) is not None
+            counted = cut.element.is_screw or angles_around(cut, joints_around(topology.tree, cut)) is not None
             yield cut, coordinate, coordinate not in cut.element.angles or counted
 
 

@@ -173,7 +173,7 @@ class Workshop:
         if any(field.name == "to" for field in JOINTS[kind].fields):
             at = self.numbers()
             to = tuple(a + s for a, s in zip(at, self.numbers(0.8), strict=True))
-        pitch = sympy.Float(self.rng.uniform(0.1, 0.3)) if JOINTS[kind].advances else None
+        pitch = sympy.Float(self.rng.uniform(0.1, 0.3)) if JOINTS[kind].is_screw else None
         self.joints.append(
             Joint(
                 name=name, kind=kind, base=base, follower=follower, at=at, axes=self.axes(kind), to=to, pitch=pitch, cut=cut,

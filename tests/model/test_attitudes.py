@@ -107,7 +107,7 @@ def test_what_a_start_cannot_be_sought_near() -> None:
     """Coordinates without a position, and places that are assembled."""
     scene, given = "ball.attitude: ATTITUDE}", "ball.attitude: {rotation_vector: [0, 0, 0]}}"
     check(scene, f"{given}, near: [ball.attitude, §ball.angle]",
-          "@: scene 'spin': near: 'ball.angle' is none of the positions; did you mean 'ball.attitude'?", TOP)  # fmt: skip
+          "@: scene 'spin': near: 'ball.angle' is not among the positions; did you mean 'ball.attitude'?", TOP)  # fmt: skip
     told = "near: where 'assemble' is, all that has no position may move; remove 'near' and its positions"
     check(scene, f"{given}, assemble: {{body.x: 1}}, near: §[ball.attitude]", f"@: scene 'spin': {told}", TOP)
 

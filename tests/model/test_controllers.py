@@ -53,7 +53,7 @@ def test_what_is_computed_and_what_is_held() -> None:
     """A name alone is what is computed now, or the memory from before; one with the controller's is what is held."""
     pd, _ = read().controllers
     computed = {signal.symbol: signal.value for signal in pd.signals}
-    held = {value.name: value for value in pd.held}
+    held = {value.name: value for value in pd.discrete_states}
     gain, angle = sympy.Symbol("p_gain", real=True), quantity_symbol("pivot", "angle")
     torque, error, height = (sample_symbol("pd", name) for name in ("torque", "error", "height"))
     assert computed == {torque: gain * error - quantity_symbol("pd", "rest"), error: 1 - angle, height: quantity_symbol("arm", "z")}
@@ -69,7 +69,7 @@ def test_what_is_computed_and_what_is_held() -> None:
 
 def test_a_delay_is_a_row_of_values_that_move_on() -> None:
     drift = read().controllers[1]
-    load, total, *waiting = drift.held
+    load, total, *waiting = drift.discrete_states
     assert [load.name, total.name, *(value.name for value in waiting)] == ["load", "sum", "", "", ""]
     assert load.next == waiting[2].symbol
     assert [value.next for value in waiting] == [sample_symbol("drift", "load"), waiting[0].symbol, waiting[1].symbol]
@@ -118,7 +118,7 @@ WRONG = [
         ["m.yaml:19:12: controller 'pd': every must be greater than zero; write the time between two samples, such as every: 1 ms"],
     ),
     ([("every: 10 ms", "every: 10 mm")], ["m.yaml:19:12: controller 'pd': every needs s, got m"]),
-    ([("every: 10 ms", "every: gain")], ["m.yaml:19:12: controller 'pd': every: the parameter 'gain' cannot stand here; write a number"]),
+    ([("every: 10 ms", "every: gain")], ["m.yaml:19:12: controller 'pd': every: the parameter 'gain' cannot be used here; write a number"]),
     ([("offset: 5 ms", "offset: -5 ms")], ["m.yaml:20:13: controller 'pd': offset must not be negative"]),
     ([("    every: 10 ms\n", "")], ["m.yaml:18:3: controller 'pd': the field 'every' is missing; "
                                     "write the time between two samples, such as every: 1 ms"]),
@@ -135,7 +135,7 @@ WRONG = [
     ),
     (
         [("error: 1 - pivot.angle", "error: 1 - torque")],
-        ["m.yaml:22:7: controller 'pd': signal 'torque' follows from itself at one sample: it reads 'error' (line 23), which reads "
+        ["m.yaml:22:7: controller 'pd': signal 'torque' depends on itself at one sample: it reads 'error' (line 23), which reads "
          "'torque' (line 22); read 'pd.torque', which is its value of the sample before, or a memory"],
     ),
     (
@@ -182,7 +182,7 @@ WRONG = [
     (
         [("kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: [0, 1, 0]", "kind: revolute, bodies: [ground, arm], at: [0, 0, 0], "
           "axis: [0, 1, 0], guide: pd.height")],
-        ["m.yaml:10:89: joint 'pivot': guide: the quantity 'pd.height' cannot stand here; laws of forces, signals, rates of states and "
+        ["m.yaml:10:89: joint 'pivot': guide: the quantity 'pd.height' cannot be used here; laws of forces, signals, rates of states and "
          "controllers may have it"],
     ),
 ]

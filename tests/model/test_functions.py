@@ -110,13 +110,13 @@ def test_a_memory_is_words_that_a_controller_holds() -> None:
     """Each has four bytes; slopes pass it by, and readers see one."""
     model = read(WORN)
     (controller,) = model.controllers
-    assert len(controller.held) == 16
+    assert len(controller.discrete_states) == 16
     assert controller.quantities == {}
     (lost,) = (signal.value for signal in model.signals if signal.name == "lost")
     assert isinstance(lost, SuppliedCall)
     assert lost.function == "opaque.wear:1:2:16"
     assert len(lost.arguments) == 18
-    assert lost.diff(controller.held[3].symbol) == 0
+    assert lost.diff(controller.discrete_states[3].symbol) == 0
     assert str(lost) == "wear_2(@slide.displacement, @slide.displacement_rate, @keep.kept:0)"
 
 

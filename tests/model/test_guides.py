@@ -53,7 +53,7 @@ joints:
   second: {kind: revolute, bodies: [one, two], at: [1, 0, 0], axis: [0, 1, 0]}
   third: {kind: revolute, bodies: [two, ground], at: [2, 0, 1], axis: [0, 1, 0]}
 """
-NO_FREEDOM = "it closes a loop without any freedom: the motion of its bodies is given by the guide of"
+NO_FREEDOM = "it closes a loop without a degree of freedom: the motion of its bodies is prescribed by the guide of"
 
 
 def guided(*names: str) -> str:

@@ -211,7 +211,7 @@ PROBLEMS = [
     (LEFT, LEFT.replace("span/2", "§0.1*sin(t)"),
      "@: instance 'left': with.length_1: unknown symbol 't'; give the name of an input (binding: input), whose law over t a scene has"),
     (LEFT, LEFT.replace("span/2", "§gust"),
-     "17:18: point 'left.tip': the input 'length_1' cannot stand here, it may change with time; "
+     "17:18: point 'left.tip': the input 'length_1' cannot be used here, it may change with time; "
      "use binding: param, or give the submodel a value that does not change with time"),
     (LEFT, "§trunk" + LEFT.removeprefix("left"),
      "@: instance 'trunk': duplicate name 'trunk', first defined at line 8; rename one of them"),

@@ -124,8 +124,8 @@ PROBLEMS = [
      "@: force 'drag': law.stop: the field 'side' is missing; write on which side of it the stop acts: side: above, as of a rope, or "
      "side: below, as of a bumper"),
     ("law: \"-0.1*rate\"", "law: {stop: {at: §swing, side: above, stiffness: 1}}",
-     "@: force 'drag': law.stop.at: the input 'swing' cannot stand here, it may change with time; use binding: param, or write the law as "
-     "an expression over its variables, in which inputs may stand"),
+     "@: force 'drag': law.stop.at: the input 'swing' cannot be used here, it may change with time; use binding: param, or write the law "
+     "as an expression over its variables, in which inputs may stand"),
     ("{end: 2}", "{end: 2, inputs: {swing: {stop: §{at: 0, side: below, stiffness: 1}}}}",
      "@: scene 'fall': a stop belongs to a force over length, travel or position; write an expression"),
 ]  # fmt: skip

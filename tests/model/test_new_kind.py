@@ -17,14 +17,14 @@ pytestmark = needs_cpp
 #: A hinge whose angle is called ``turn``, and whose second axis has to lie across the first; registered before models are read.
 KIND = """
 from cutjoint.elements.joint import (
-    ABOUT_AXIS, ON_LINE, Check, Direction, Fault, JointElement, JointField, Operations, SameDirection, Slide, Turn,
+    ABOUT_AXIS, ON_LINE, Check, Direction, Fault, JointElement, JointField, Operations, Rotation, SameDirection, Translation,
 )
 from cutjoint.elements.joints import JOINTS
 
 JOINTS["twister"] = JointElement(
     kind="twister", text="a turn about an axis, and a slide that is no displacement by its name",
     fields=(JointField("axis"), JointField("axis_2", check=Check("axis", Fault.NOT_PERPENDICULAR, "turn it"))),
-    chain=(Slide("angle_of_nothing", Direction.AXIS), Turn("turn", Direction.AXIS)),
+    chain=(Translation("angle_of_nothing", Direction.AXIS), Rotation("turn", Direction.AXIS)),
     conditions=(ON_LINE, SameDirection(Direction.AXIS)),
     measures={"turn": ABOUT_AXIS},
     operations=Operations(placing=(70, 200), closing=(400, 700, 900)),

@@ -83,7 +83,7 @@ def test_they_are_not_set_themselves() -> None:
                                                                    "it follows from; remove binding"),
         ("reach: 2*half", "reach: §half + density", "@: parameter 'reach': value: m and kg/m^3 cannot be added or compared"),
         ("reach: 2*half", "reach: §density*half/(half - 0.5)", "@: parameter 'reach': value has no finite value"),
-        ("mass: mass", "mass: §far", "@: body 'bar': mass: the input 'far' cannot stand here, it may change with time; "
+        ("mass: mass", "mass: §far", "@: body 'bar': mass: the input 'far' cannot be used here, it may change with time; "
                                      "use binding: param"),
     ],
 )  # fmt: skip

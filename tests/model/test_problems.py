@@ -28,7 +28,7 @@ REFERENCES = [
     (
         "mass: arm_mass",
         "mass: §swing",
-        "@: body 'arm': mass: the input 'swing' cannot stand here, it may change with time; use binding: param",
+        "@: body 'arm': mass: the input 'swing' cannot be used here, it may change with time; use binding: param",
     ),
     (
         '"-0.1*rate"',
@@ -206,11 +206,11 @@ LAWS = [
     ("{polynomial: [0, §3 kg], of: rate}", "@: force 'drag': law.polynomial needs N*m*s, got kg"),
     (
         "{piecewise: [{below: 1, expression: 1}, §{below: 2, expression: 2}], of: rate}",
-        "@: force 'drag': the last piece has no 'below'; it holds beyond the last limit",
+        "@: force 'drag': the last piece has no 'below'; it applies beyond the last limit",
     ),
     (
         "{piecewise: [§{expression: 1}, {expression: 2}], of: rate}",
-        "@: force 'drag': only the last piece has no 'below'; it holds beyond the last limit",
+        "@: force 'drag': only the last piece has no 'below'; it applies beyond the last limit",
     ),
     (
         "{piecewise: [{below: 1, expression: 1}, {below: §1, expression: 2}, {expression: 3}], of: rate}",
@@ -234,7 +234,7 @@ LAWS = [
     ),
     (
         "{table: {rate: [0, §arm_mass], value: [0, 1]}}",
-        "@: force 'drag': law.table.rate: the parameter 'arm_mass' cannot stand here; write a number",
+        "@: force 'drag': law.table.rate: the parameter 'arm_mass' cannot be used here; write a number",
     ),
     *((f"§{{stiffness: 3{more}}}", "@: force 'drag': a spring of this kind needs free_position; write free_position: drawn for what is "
        "drawn, or a preload") for more in ("", ", free_length: 1")),
@@ -255,7 +255,7 @@ SCENES = [
     ("end: §2 m", "@: scene 'fall': end needs s, got m"),
     (
         "end: §arm_length",
-        "@: scene 'fall': end: the parameter 'arm_length' cannot stand here; write a number",
+        "@: scene 'fall': end: the parameter 'arm_length' cannot be used here; write a number",
     ),
     ("end: 1, output_step: §-1", "@: scene 'fall': output_step must be greater than zero"),
     ("end: 1, numerics: {dt: §0}", "@: scene 'fall': dt must be greater than zero"),
@@ -286,7 +286,7 @@ SCENES = [
     ),
     (
         "end: 1, positions: {hinge.angle: §swing}",
-        "@: scene 'fall': positions.hinge.angle: the input 'swing' cannot stand here, it may change with time; use binding: param",
+        "@: scene 'fall': positions.hinge.angle: the input 'swing' cannot be used here, it may change with time; use binding: param",
     ),
     ("end: 1, inputs: {§swin: 1}", "@: scene 'fall': unknown input 'swin'; did you mean 'swing'?"),
     (

@@ -215,7 +215,7 @@ def test_heights_that_are_missing_at_the_sides_are_those_beside_them(tmp_path: P
 @pytest.mark.parametrize(("given", "message"), [
     ({"blocks": "$ROAD_CRG_OPTS\nborder_mode_u = 0\n$\n"}, "road.crg:12:1: scene 's': border_mode_u = 0 is not heeded; write 1, 2, 3 or 4"),
     ({"blocks": "$ROAD_CRG_OPTS\nborder_mode_w = 2\n$\n"}, "border_mode_w = 2 is not heeded; leave it out"),
-    ({"blocks": "$ROAD_CRG_OPTS\nrefline_continuation = 1\n$\n"}, "leave it out: the line's ends do not lead to each other"),
+    ({"blocks": "$ROAD_CRG_OPTS\nrefline_continuation = 1\n$\n"}, "leave it out: the line's ends do not meet"),
     ({"blocks": "$ROAD_CRG_OPTS\nborder_mode_u = 1\n$\n$ROAD_CRG_MODS\nrefpoint_v = 2\n$\n"},
      "the reference point is beyond the road's edges, at u = 10, v = 2"),
     ({"blocks": "$ROAD_CRG_OPTS\nborder_offset_v = 1\n$\n", "interpolation": "cubic"},

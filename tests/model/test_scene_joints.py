@@ -126,7 +126,7 @@ def test_a_study_has_the_joints_of_its_scenes(tmp_path: Path) -> None:
     [
         ("lock: [slide], pos", "lock: [slid], pos", "boom.yaml:17:48: scene 'turned': lock: unknown joint 'slid'; did you mean 'slide'?"),
         ("drive: {hinge: ", "drive: {hinge.anglee: ", "drive: 'hinge.anglee' names no coordinate; did you mean 'angle'?"),
-        ("drive: {hinge: \"speed*t\"", "drive: {hinge: \"rod.z\"", "drive.hinge: the quantity 'rod.z' cannot stand here"),
+        ("drive: {hinge: \"speed*t\"", "drive: {hinge: \"rod.z\"", "drive.hinge: the quantity 'rod.z' cannot be used here"),
         ("release: [slide], positions: {slide.displacement: 0.1}", "release: [hinge]",
          "release: the joint 'hinge' has no guide; remove it here"),
         ("lock: [slide], positions: {slide.displacement: 0.5}, drive: {hinge: ", "lock: [hinge], drive: {hinge: ",

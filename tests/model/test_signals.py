@@ -104,27 +104,27 @@ WRONG = [
     # What a law cannot read, and what reads no quantities
     (
         [("tip.z", "tip.az")],
-        ["m.yaml:26:3: signal 'height': the quantity 'tip.az' cannot stand here: accelerations and reactions follow from all forces, "
+        ["m.yaml:26:3: signal 'height': the quantity 'tip.az' cannot be used here: accelerations and reactions follow from all forces, "
          "and so from what reads them; use positions and speeds, or let a controller sample it"],
     ),
     (
         [("law: -3*position", "law: -3*push.Fx")],
-        ["m.yaml:16:50: force 'spring': law: the quantity 'push.Fx' cannot stand here: accelerations and reactions follow from all "
+        ["m.yaml:16:50: force 'spring': law: the quantity 'push.Fx' cannot be used here: accelerations and reactions follow from all "
          "forces, and so from what reads them; use positions and speeds, or let a controller sample it"],
     ),
     (
         [("mass: 0.5", "mass: 0.5*filter")],
-        ["m.yaml:10:15: body 'tip': mass: the quantity 'filter' cannot stand here; laws of forces, signals, rates of states and "
+        ["m.yaml:10:15: body 'tip': mass: the quantity 'filter' cannot be used here; laws of forces, signals, rates of states and "
          "controllers may have it"],
     ),
     (
         [("axis: [0, 1, 0]}\nforces", "axis: [0, 1, 0], guide: tip.vz*t}\nforces")],
-        ["m.yaml:13:88: joint 'elbow': guide: the quantity 'tip.vz' cannot stand here; laws of forces, signals, rates of states and "
+        ["m.yaml:13:88: joint 'elbow': guide: the quantity 'tip.vz' cannot be used here; laws of forces, signals, rates of states and "
          "controllers may have it"],
     ),
     (
         [("start: 0 rad", "start: error")],
-        ["m.yaml:21:21: state 'integral': start: the quantity 'error' cannot stand here; laws of forces, signals, rates of states and "
+        ["m.yaml:21:21: state 'integral': start: the quantity 'error' cannot be used here; laws of forces, signals, rates of states and "
          "controllers may have it"],
     ),
     # Form

@@ -144,7 +144,7 @@ def test_friction_that_nothing_loads_is_that_of_a_constant_force(tmp_path: Path)
 
 def test_friction_that_nothing_loads_needs_no_measure_of_a_load(tmp_path: Path) -> None:
     text = BLOCK.replace("coefficient: {coefficient}", "coefficient: 1, preload: 3, arm: 0.1, carried: false").format(shake=0, end=1)
-    with pytest.raises(ModelError, match="arm belongs to friction by what a joint carries"):
+    with pytest.raises(ModelError, match="arm belongs to load-dependent friction"):
         read_model_text(text, "block.yaml")
 
 

@@ -15,7 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from cutjoint.analysis.embedding.embed import assemble_loops
+from cutjoint.analysis.embedding.embed import embed_loops
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene as compile_code
 from cutjoint.export.fmu.archive import make_fmu
@@ -360,8 +360,8 @@ def test_loops_with_controllers_move_alike_by_all_methods(method: str) -> None:
 def test_functions_that_close_loops_move_what_laws_read() -> None:
     scene = replace(controlled_crank().scenes["turn"], end=0.5)
     model = controlled_crank()
-    closed = assemble_loops(model, scene).model
-    assert closed.assemblies
+    closed = embed_loops(model, scene).model
+    assert closed.embedded_loops
     artifacts = [compile_scene(each, scene) for each in (model, closed)]
     exact, by_functions = (simulate(artifact, integrator="rk4", dt=2.5e-4, error=False) for artifact in artifacts)
     for name, column in exact.columns.items():

@@ -291,12 +291,12 @@ scenes:
          "conditions; the nearest has "),
         (FIVE_BAR, "[preload, moment]", "[moment, gain]", "'gain' is none that a start can have; write one of: a.angle, "),
         (MOTOR, "[voltage, current]", "[voltage, length]", "too many unknowns: 'length', 'voltage' and 'current' can change together"),
-        (SLED, "[throttle]", "[throttle, way.displacement]", "m.yaml:20:29: scene 'steady': trim: nothing that holds depends on "
-         "'way.displacement'; leave it out of 'find', or hold what it changes"),
+        (SLED, "[throttle]", "[throttle, way.displacement]", "m.yaml:20:29: scene 'steady': trim: no condition depends on "
+         "'way.displacement'; remove it from 'find', or add a condition on what it changes"),
         (MOTOR, "positions: {hinge.angle: 30 deg}, trim: {", "trim: {hold: {bob.z: 0.8 m}, ", "m.yaml:17:18: scene 'held': trim: no start "
          "meets all conditions; the nearest has 'bob.z' = 0.5 in place of 0.8 m; write other values, or begin nearer"),
         (FIVE_BAR, "a.angle: 5 deg", "a.angle: 5 deg, 2*a.angle: 11 deg", "the nearest has 'a.angle' = 5.2"),
-        (MOTOR, "[voltage, current]}", "[voltage], hold: {hinge.angle: 20 deg}}", "nothing that is found changes "
+        (MOTOR, "[voltage, current]}", "[voltage], hold: {hinge.angle: 20 deg}}", "none of them changes "
          "'hinge.angle' = 30 in place of 20 deg"),
         (SLED, "[0, 1]", "[0, 0.1]", "with 'throttle' = 0.1 at the bound"),
         (SLED, "unsteady: [far], ", "", "'far' changing by "),
@@ -359,11 +359,11 @@ def test_derivatives_are_exact(text: str, scene: str) -> None:
     equations = TrimEquations(of, make_trim_problem(model, model.scenes[scene], {}))
     free, sizes = np.flatnonzero(equations._free), equations._sizes
     y = equations.begin + np.where(equations._free, 1e-2 * np.random.default_rng(1).standard_normal(len(sizes)) * sizes, 0)
-    tried = equations.tried(y)
-    exact = tried.A * tried.rows[:, np.newaxis] / tried.columns
+    evaluated = equations.evaluated(y)
+    exact = evaluated.A * evaluated.rows[:, np.newaxis] / evaluated.columns
     steps = 1e-6 * sizes[free, np.newaxis] * np.eye(len(y))[free]
     differences = np.array([(equations.residuals(y + h) - equations.residuals(y - h)) / (2 * h.sum()) for h in steps]).T
-    error = np.abs(differences - exact) * sizes[free] / np.maximum(tried.rows, 1e-3)[:, np.newaxis]
+    error = np.abs(differences - exact) * sizes[free] / np.maximum(evaluated.rows, 1e-3)[:, np.newaxis]
     assert error.max() < 1e-6
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from cutjoint.program.borders import part, stand_side_by_side
+from cutjoint.program.borders import align_parts, part
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -43,7 +43,7 @@ def test_parts_of_the_same_entries_stand_side_by_side() -> None:
     of_part = [(0, 0), (0, 1), (1, 1), (14, 0), (1, 14)]
     entries = [(i if i == 14 else 2 * p + i, j if j == 14 else 2 * p + j) for p in range(7) for i, j in of_part]
     unknown = {j: j for j in range(15)}
-    found = stand_side_by_side(parts, [*entries, (7, 6), (2, 99), *((2 * p + 1, 98) for p in range(7))], unknown)
+    found = align_parts(parts, [*entries, (7, 6), (2, 99), *((2 * p + 1, 98) for p in range(7))], unknown)
     assert found.numbers == [4, 2, 1, 1]
     assert [found.parts[2 * p] for p in range(7)] == [0, 1, 2, 6, 3, 4, 5]
     assert found.parts[14] == 7

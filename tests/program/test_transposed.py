@@ -211,7 +211,7 @@ def test_the_balance_of_forces(model: str, scene: str | None, loops: Loops) -> N
         return _slopes(derived, moved, roads, function)
 
     loaded = _fourth_order([of("loaded_values", way) for way in (-2, -1, 1, 2)])
-    given = 3 * len(balance.inputs) + balance.held
+    given = 3 * len(balance.inputs) + balance.discrete_states
     sizes = {"q": balance.coordinates, "v": forces, "input": given, "loaded": derived.loaded, "vdot": forces}
     columns = {name: np.zeros(size) for name, size in {**sizes, "lambda": len(balance.equation_names)}.items()}
     columns["loaded"][:] = [loaded["loaded", i] for i in range(derived.loaded)]

@@ -103,8 +103,8 @@ def test_the_error_falls_as_the_hinge_gets_stiff() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "note"),
     [
-        ("[pin.angle,", "[hinge.angle, pin.angle,", ("hinge", "is not frozen: the output 'hinge.angle' asks for it")),
-        ("lamp.x, lamp.y", "lamp.yaw, lamp.y", ("lamp", "is not frozen: the output 'lamp.yaw' asks for its attitude")),
+        ("[pin.angle,", "[hinge.angle, pin.angle,", ("hinge", "is not frozen: the output 'hinge.angle' needs it")),
+        ("lamp.x, lamp.y", "lamp.yaw, lamp.y", ("lamp", "is not frozen: the output 'lamp.yaw' needs its attitude")),
     ],
 )
 def test_what_is_asked_for_is_not_frozen(old: str, new: str, note: tuple[str, str]) -> None:

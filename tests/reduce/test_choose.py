@@ -179,7 +179,7 @@ def test_without_versions_nothing_is_kept(calibrations: list[str], tmp_path: Pat
 
 def test_an_impossible_accuracy_says_what_came_nearest() -> None:
     model = read_model_text(PENDULUM, "pendulum.yaml")
-    with pytest.raises(RunError, match=r"scene .swing.: no truth to measure by: .*still changes by .* at the smallest step"):
+    with pytest.raises(RunError, match=r"scene .swing.: no converged reference run: .*still changes by .* at the smallest step"):
         choose(model, replace(model.scenes["swing"], accuracy=1e-15))
 
 
@@ -191,7 +191,7 @@ def test_an_impossible_budget_says_what_is_possible() -> None:
 
 def test_outputs_without_places_cannot_be_compared() -> None:
     model = read_model_text(PENDULUM.replace("[bob.x, bob.z]", "[bob.vx]"), "pendulum.yaml")
-    with pytest.raises(RunError, match="no output is a place or an angle to compare runs by"):
+    with pytest.raises(RunError, match="no output is a position or an angle, by which runs are compared"):
         choose(model, model.scenes["swing"])
 
 

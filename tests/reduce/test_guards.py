@@ -102,7 +102,7 @@ def test_an_outcome_says_what_was_done_and_why_not_more() -> None:
     assert [(n.element, n.words, n.span.line) for n in outcome.done] == [("wall", "is taken out, guarded by 3.3 - position >= 0", line)]
     assert {n.element: n.words for n in outcome.left} == {
         "spring": "stays: its law has no case in which it is zero",
-        "pad": "stays: it is switched off anyway",
+        "pad": "stays: it is switched off",
         "sleeve": "stays: it has no law over one position",
     }
 

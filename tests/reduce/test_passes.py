@@ -133,12 +133,12 @@ def test_distances_move_as_links_do_in_the_recursion() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
-        ("[carrier.x,", "[link.x, carrier.x,", "stays: the output 'link.x' asks for it"),
+        ("[carrier.x,", "[link.x, carrier.x,", "stays: the output 'link.x' needs it"),
         ("point: D, axis", "point: [1.03, 0.2, 0.3], axis", "stays: 'spring' is at a point between its joints"),
         ("{joint: link_pin, axes_of: link,", "{joint: link_pin, axes_of: carrier,", "stays: the direction of 'hold' is fixed in 'carrier'"),
         ("{joint: link_pin, axes_of: link,", "{joint: link_ball, axes_of: link,", "stays: 'hold' is the reaction of its joint 'link_ball'"),
         ("reactions:", "reactions:\n  all: {joint: link_pin, axes_of: link}", WITHOUT_DIRECTION),
-        ("hold.force", "hold.moment", "stays: the output 'hold.moment' asks for a moment in its joint 'link_pin'"),
+        ("hold.force", "hold.moment", "stays: the output 'hold.moment' needs a moment in its joint 'link_pin'"),
         (
             "link_ball: {kind: spherical", "link_ball: {kind: universal, axis: [1, 0, 0], axis_2: [0, 1, 0]",
             "stays: it has a revolute and a universal joint",
@@ -185,7 +185,7 @@ def test_joints_beside_a_weld_go_with_it(kind: str) -> None:
 def test_a_joint_beside_a_weld_that_somebody_asks_for_stays() -> None:
     beside = "  beside: {kind: prismatic, bodies: [rod, bob], at: [1, 0, 0], axis: [1, 0, 0], cut: true"
     asked = WELDED.replace("  weld:", f"{beside}}}\n  weld:").replace("outputs: [", "outputs: [beside.displacement, ")
-    reason = "the output 'beside.displacement' asks for it"
+    reason = "the output 'beside.displacement' needs it"
     assert words(weld_bodies(*read(asked)))["weld"] == f"stays: 'beside' joins the same bodies, and {reason}"
 
 
@@ -193,7 +193,7 @@ def test_what_is_asked_for_is_not_welded_to_the_ground() -> None:
     hinge = "revolute, bodies: [ground, rod], at: [0, 0, 0], axis: [0, 1, 0]"
     assert hinge in WELDED
     fixed = WELDED.replace(hinge, "fixed, bodies: [ground, rod], at: [0, 0, 0]")
-    assert words(weld_bodies(*read(fixed)))["pin"] == "stays: the output 'rod.x' asks for 'rod', which would be the ground"
+    assert words(weld_bodies(*read(fixed)))["pin"] == "stays: the output 'rod.x' needs 'rod', which would be the ground"
 
 
 def test_a_guide_that_moves_is_not_welded() -> None:
@@ -203,7 +203,7 @@ def test_a_guide_that_moves_is_not_welded() -> None:
 def test_what_no_output_can_feel_is_dropped() -> None:
     model, scene = read(WELDED)
     outcome = drop_unreached(model, scene)
-    assert words(outcome) == {"other": "is dropped: no output can feel it"}
+    assert words(outcome) == {"other": "is dropped: no output depends on it"}
     assert {j.name for j in outcome.model.joints} == {"pin", "weld", "rail"}
 
 
@@ -293,7 +293,7 @@ def test_what_a_method_refuses_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     laid = Outcome(model=in_line, scene=in_line.scenes["run"], done=done, left=())
     monkeypatch.setattr("cutjoint.reduce.sequence.STEPS", (Step(name="laid", reduce=lambda model, scene: laid),))
     (variant,) = reduction_sequence(upright, upright.scenes["run"], "classical")
-    assert (variant.model, variant.left[-1].words) == (upright, "stays: the method classical does not take what the pass 'laid' leaves")
+    assert (variant.model, variant.left[-1].words) == (upright, "stays: the method classical cannot solve the model after the pass 'laid'")
     full = reduction_sequence(upright, upright.scenes["run"], "augmented")[0]
     (cheapest,) = cheapest_by("classical", [full, replace(full, name="laid", model=in_line, scene=in_line.scenes["run"])])
     assert (cheapest.model, cheapest.method) == (upright, "classical")

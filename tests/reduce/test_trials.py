@@ -13,7 +13,7 @@ from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Numerics, Scene
 from cutjoint.reduce.choose import Candidate, Choice, chosen_model, find_step, find_tolerated, searches, trials_by
-from cutjoint.reduce.measure import Truth, distance, find_truth
+from cutjoint.reduce.measure import Reference, distance, find_reference
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import Steps, Trials, run_at
 from cutjoint.run.settings import find_closure
@@ -59,7 +59,7 @@ def test_long_runs_are_compiled() -> None:
 
 def test_a_model_of_many_instructions_is_given_up_before_it_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     model, scene = turn()
-    truth: Truth = find_truth(model, scene, {})
+    truth: Reference = find_reference(model, scene, {})
     (full, *_) = reduction_sequence(model, scene, "recursive")
 
     def compiles(*args: object, **how: object) -> None:
@@ -81,7 +81,7 @@ def test_a_compiled_model_is_given_up_too(seconds: float, instructions: float, f
     model, scene = turn()
     (full, *_) = reduction_sequence(model, scene, "recursive")
     fastest = Candidate(variant="full", method="augmented", dt=1e-3, error=0.0, seconds=seconds, instructions=instructions)
-    found = find_step(full, scene, {}, find_truth(model, scene, {}), trials_of(full), fastest=fastest)
+    found = find_step(full, scene, {}, find_reference(model, scene, {}), trials_of(full), fastest=fastest)
     assert found.failure == f"{failure} at longer steps already"
 
 
@@ -90,7 +90,7 @@ def test_a_tolerance_is_found_as_a_step_is() -> None:
     model, scene = turn()
     free = replace(scene, numerics=Numerics(), accuracy=1e-5)
     (full, *_) = reduction_sequence(model, free, "recursive")
-    found = find_tolerated("dormand-prince", full, free, {}, find_truth(model, free, {}), trials_of(full))
+    found = find_tolerated("dormand-prince", full, free, {}, find_reference(model, free, {}), trials_of(full))
     assert (found.integrator, found.failure) == ("dormand-prince", "")
     assert found.error <= 0.8e-5
     artifact, goal = compile_interpreted(model, free), 0.8e-5

@@ -10,7 +10,7 @@ from cutjoint.kernels.closures import derive_closure
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import SPEEDS, JointKind
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.cuts import reasons_to_stay
+from cutjoint.topology.cuts import reasons_not_to_cut
 from cutjoint.topology.search import rank_cuts
 from cutjoint.topology.spanning_tree import cost_of
 from tests.conftest import MODELS
@@ -45,7 +45,7 @@ def test_an_alternative_is_what_the_model_would_get_by_asking_for_it(seed: int) 
 @pytest.mark.parametrize("seed", range(4))
 def test_joints_that_must_not_be_cut_are_no_alternatives(seed: int) -> None:
     model = random_loops(seed)
-    assert all(o.joint.name not in reasons_to_stay(model) for choice in rank_cuts(build_topology(model)) for o in choice.alternatives)
+    assert all(o.joint.name not in reasons_not_to_cut(model) for choice in rank_cuts(build_topology(model)) for o in choice.alternatives)
 
 
 def test_joints_of_the_suspension_that_could_be_cut() -> None:

@@ -86,7 +86,7 @@ def test_no_cuts_by_hand_are_predicted_to_take_fewer_operations(make: object, co
 def spanning_trees(model: Model, count: int) -> Iterator[Spanning]:
     """Every choice of so many cut joints that leaves a tree, as the rules allow it."""
     rules = find_rules(model)
-    free = [j.name for j in model.joints if j.name not in rules.stay]
+    free = [j.name for j in model.joints if j.name not in rules.uncuttable]
     for names in combinations(free, count):
         reached = {GROUND}
         for _ in model.bodies:

@@ -51,7 +51,7 @@ def test_cuts_that_tear_a_body_off_are_refused() -> None:
     text = text.replace("at: start, axis: [0, 0, 1]", "at: start, axis: [0, 0, 1], cut: true")
     with pytest.raises(TopologyError) as error:
         build_topology(read_model_text(text, "four_bar.yaml"))
-    assert "body 'crank_0.bar': the cut joints tear it off the ground; leave one of its joints uncut" in str(error.value)
+    assert "body 'crank_0.bar': the cut joints disconnect it from the ground; leave one of its joints uncut" in str(error.value)
 
 
 def test_a_loop_without_a_joint_to_cut_is_refused() -> None:
@@ -135,7 +135,7 @@ def test_torn_bodies_come_with_the_problems_of_the_file() -> None:
     text = HELD.replace("at: A, cut: false", "at: A, cut: true").replace("boom: {mass: 10", "boom: {mass: -10")
     found = problems_of(text)
     assert found[0] == "m.yaml:6:3: body 'boom': the mass is negative: -10 kg"
-    assert found[1] == "m.yaml:6:3: body 'boom': the cut joints tear it off the ground; leave one of its joints uncut"
+    assert found[1] == "m.yaml:6:3: body 'boom': the cut joints disconnect it from the ground; leave one of its joints uncut"
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_a_run_says_so_before_it_begins(tmp_path: Path) -> None:
     ("{mesh: a.gltf}", "mesh 'a.gltf' is of no kind that is known; name a file that ends in .glb, .stl, .obj"),
     ("{mesh: a.stl, scale: 0}", "scale is not between 1e-9 and 1e9"),
     ("{mesh: a.stl, scale: -1}", "scale is not between 1e-9 and 1e9"),
-    ("{colour: red}", "colour 'red' is none; write red, green and blue as \"#d9480f\", in quotes"),
+    ("{colour: red}", "'red' is no colour; write red, green and blue as \"#d9480f\", in quotes"),
     ("{scale: 2}", "needs a mesh, or a colour alone"),
     ("{mesh: a.stl, at: Q}", "'Q'"),
     ("{mesh: 3}", "mesh"),

@@ -1,4 +1,4 @@
-"""The start of a scene that is to have given places: coordinates that close the loops around them."""
+"""The start of a scene with aims: coordinates at which the loops are closed and quantities have the wanted values."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ _DAMPING, _GAIN = 1e-9, 1e-9
 _SEEN = 1e-7
 #: Random steps from the design position, and how far these go, rad and m.
 _TRIALS, _STRAY = 12, 1.2
-#: Poses between the design position and given coordinates.
+#: Steps of the continuation from the design position to given coordinates.
 _STAGES = 17
 #: Trials that end as far away as the best, by this share: after so many there is nothing nearer.
 _ALIKE, _ENOUGH = 1e-3, 4
@@ -44,7 +44,7 @@ class _Reached:
 
     @property
     def distance(self) -> float:
-        """The length of what is left."""
+        """The norm of the residual."""
         return float(np.linalg.norm(self.left))
 
 
@@ -70,19 +70,19 @@ class AimedStart:
         Raises:
             RunError: no pose has them, or none that closes the loops was found near the design position.
         """
-        q, free = self._given(given)
+        q, free = self._coordinates_of(given)
         search = _Search(self._with(parameters), free, np.array(wanted))
-        start = search.lead(q)
+        start = search.by_continuation(q)
         if start is None:
             where = f"{self._scene.span}: scene '{self._scene.name}'"
             raise RunError(f"{where}: the loops cannot close from its positions; give others, or fewer")
         found = search.find(start)
         if found.distance > 0:
-            raise RunError(self._said(found, wanted, search.freedom(found.q)))
-        return dict(zip(self._equations.coordinate_names, self._turned(found.q).tolist(), strict=True))
+            raise RunError(self._failure(found, wanted, search.degrees_of_freedom(found.q)))
+        return dict(zip(self._equations.coordinate_names, self._with_reversed_attitudes(found.q).tolist(), strict=True))
 
     def follows(self, parameter: str, parameters: Mapping[str, float]) -> bool:
-        """Return whether loops or places follow from one of the open ``parameters``: without a number there they have none."""
+        """Return whether loops or aims depend on a tunable parameter: without its number they are undefined."""
         search = _Search(self._with({**parameters, parameter: np.nan}), np.ones(self._equations.speeds, dtype=bool), np.zeros(0))
         return bool(np.isnan(search.equations_at(design_coordinates(self._equations))).any())
 
@@ -94,7 +94,7 @@ class AimedStart:
     def _with(self, parameters: Mapping[str, float]) -> RecursiveEquations:
         return replace(self._equations, parameters=tuple(replace(p, value=parameters[p.name]) for p in self._equations.parameters))
 
-    def _given(self, given: Mapping[str, float]) -> tuple[Array, Array]:
+    def _coordinates_of(self, given: Mapping[str, float]) -> tuple[Array, Array]:
         """The design position with the given coordinates, and whether each speed is free."""
         q, free = design_coordinates(self._equations), np.ones(self._equations.speeds, dtype=bool)
         places = {name: i for i, name in enumerate(self._equations.coordinate_names)}
@@ -105,11 +105,11 @@ class AimedStart:
             free[chart.v : chart.v + chart.scalars] = [name not in given for name in names[: chart.scalars]]
             if chart.ball:
                 free[chart.v + chart.scalars : chart.v + chart.scalars + 3] = names[chart.scalars] not in given
-        return self._turned(q, given), free
+        return self._with_reversed_attitudes(q, given), free
 
-    def _turned(self, q: Array, of: Collection[str] | None = None) -> Array:
-        """Coordinates with attitudes, all or those of names ``of``, turned between followers beside bases and outer bodies beside inner
-        ones."""
+    def _with_reversed_attitudes(self, q: Array, of: Collection[str] | None = None) -> Array:
+        """Coordinates whose attitudes, all or those of names ``of``, are converted between follower relative to base and outer relative to
+        inner body."""
         turned = q.copy()
         for chart in self._equations.charts:
             first = chart.q + chart.scalars
@@ -117,11 +117,11 @@ class AimedStart:
                 turned[first + 1 : first + 4] *= -1
         return turned
 
-    def _said(self, found: _Reached, wanted: Sequence[float], freedom: int) -> str:
+    def _failure(self, found: _Reached, wanted: Sequence[float], free: int) -> str:
         every = zip(self._scene.assemble, wanted, found.left, strict=True)
         missed = [(aim, value, value + left) for aim, value, left in every if abs(left) > _SEEN * max(1.0, abs(value))]
         words = [f"{aim.name} = {got / aim.size:.6g} in place of {value / aim.size:.6g} {aim.unit}".rstrip() for aim, value, got in missed]
-        count = f"; {len(wanted)} values are wanted, and {freedom} can be chosen there" if len(wanted) > freedom else ""
+        count = f"; {len(wanted)} values are wanted, and {free} can be chosen there" if len(wanted) > free else ""
         where = f"{missed[0][0].span}: scene '{self._scene.name}': assemble"
         nearest = f"no pose that closes the loops was found with these values; the nearest has {join_and(words)}"
         return f"{where}: {nearest}{count}; write others, or fewer"
@@ -135,7 +135,7 @@ class _Search:
         self._places = list(equations.function("report").results.values())
 
     def find(self, start: _Reached) -> _Reached:
-        """The wanted pose nearest to the start, else that with the nearest places, from the start and from random steps beside it."""
+        """The wanted pose nearest to the start, else that with the nearest places, from the start and from random steps near it."""
         best, alike = self._approach(start), 0
         rng, moves = np.random.default_rng(0), self._moves(start.q)
         for _ in range(_TRIALS if moves.size else 0):
@@ -158,10 +158,11 @@ class _Search:
         left = self.values(found[0][np.newaxis])[0] - self._wanted
         return _Reached(q=found[0], left=np.where(np.abs(left) <= _REACHED * np.maximum(1.0, np.abs(self._wanted)), 0.0, left))
 
-    def lead(self, q: Array) -> _Reached | None:
-        """The pose near given coordinates, or that to which poses from the design position lead, where other coordinates move less so.
+    def by_continuation(self, q: Array) -> _Reached | None:
+        """The pose near given coordinates, by a direct search or by continuation from the design position, whichever moves other
+        coordinates less.
 
-        As runtime core/start/start.hpp: from far away the shortest way may lead to another assembly.
+        As runtime core/start/start.hpp: a direct search from far away may end in another assembly.
         """
         direct, design = self.reach(q), design_coordinates(self._equations)
         if self._free.all() or (direct is not None and np.array_equal(direct.q, q)):
@@ -176,15 +177,15 @@ class _Search:
             if found is None:
                 return direct
             at = found[0]
-        led = self.reach(at)
-        if led is None or direct is None:
-            return led or direct
-        one, other = np.abs(led.q - design), np.abs(direct.q - design)
+        continued = self.reach(at)
+        if continued is None or direct is None:
+            return continued or direct
+        one, other = np.abs(continued.q - design), np.abs(direct.q - design)
         seen = one + other > _SEEN
-        return led if np.sum((one - other)[seen] / (one + other)[seen]) < -1e-3 else direct
+        return continued if np.sum((one - other)[seen] / (one + other)[seen]) < -1e-3 else direct
 
-    def freedom(self, q: Array) -> int:
-        """The number of directions of motion beside what is given."""
+    def degrees_of_freedom(self, q: Array) -> int:
+        """The number of degrees of freedom that the given coordinates leave."""
         return int(self._moves(q).shape[1])
 
     def _approach(self, at: _Reached) -> _Reached:

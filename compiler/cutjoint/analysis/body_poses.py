@@ -50,7 +50,7 @@ def _inputs(equations: PoseEquations, t: Array, q: Array, parameters: Mapping[st
     values = np.array([parameters[p.name] for p in equations.parameters])
     laws = interpret_blocks(equations.laws, {LAW_TIME: t[:, np.newaxis], "parameters": values}, {})
     given = [np.broadcast_to(laws[law][..., 0], (t.size, 1)) for law in equations.laws]
-    tunable = [a for a in equations.topology.model.assemblies if a.functions.open]
+    tunable = [a for a in equations.topology.model.embedded_loops if a.functions.open]
     fitted = (replace(a, functions=refit(equations.topology, a, parameters)) for a in tunable)
     return {
         "t": t[:, np.newaxis],
@@ -97,7 +97,7 @@ def _spanned_pose(span: Span, values: Mapping[Block, Array]) -> BodyPose:
     if len(span.arms) > 1:
         rotation = _nearest(np.stack(now[1:], axis=-1) @ np.stack(design[1:], axis=-1).swapaxes(-1, -2))
     else:
-        rotation = _carried(design[1][0], now[1]) if span.arms else np.broadcast_to(np.eye(3), (len(now[0]), 3, 3))
+        rotation = _transformed(design[1][0], now[1]) if span.arms else np.broadcast_to(np.eye(3), (len(now[0]), 3, 3))
     return BodyPose(rotation=rotation, shift=now[0] - np.einsum("tij,tj->ti", rotation, design[0]))
 
 
@@ -108,8 +108,9 @@ def _nearest(products: Array) -> Array:
     return np.asarray(left @ right)
 
 
-def _carried(design: Array, now: Array) -> Array:
-    """Rotations (times, 3, 3) that take a direction (3,) to those of ``now`` (times, 3), each by the smallest turn from the one before."""
+def _transformed(design: Array, now: Array) -> Array:
+    """Rotations (times, 3, 3) that take a direction (3,) to those of ``now`` (times, 3), each by the smallest rotation from the one before.
+    """
     rotation, before, rotations = np.eye(3), design / np.linalg.norm(design), []
     for direction in now / np.linalg.norm(now, axis=1, keepdims=True):
         rotation = _smallest_rotation(before, direction) @ rotation
@@ -122,7 +123,7 @@ def _smallest_rotation(start: Array, end: Array) -> Array:
     """The rotation matrix (3, 3) from a unit vector to another, by Rodrigues' formula."""
     x, y, z = np.cross(start, end)
     skew, cosine = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), float(start @ end)
-    if cosine < -1 + 1e-12:  # half a turn about any direction across
+    if cosine < -1 + 1e-12:  # half a turn about any perpendicular direction
         across = np.cross(start, np.eye(3)[np.abs(start).argmin()])
         across /= np.linalg.norm(across)
         return np.asarray(2 * np.outer(across, across) - np.eye(3))

@@ -10,7 +10,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.formulate.inputs import HELD, INPUTS, LAW_TIME, LAW_VALUES
+from cutjoint.formulate.inputs import DISCRETE_STATES, INPUTS, LAW_TIME, LAW_VALUES
 from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.formulate.recursive.embedding.dependent import fitted_inputs
@@ -23,7 +23,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 #: A residual below this (m, rad; share of the arm where that is not a metre) is closed.
 CLOSED = 1e-9
-#: Damping of the steps by the largest square of a speed's effect: what depends on other equations to six digits moves nothing.
+#: Damping of the steps by the largest square of a speed's effect: equations that depend on others to six digits have no effect.
 _DAMPING = 1e-12
 _ITERATIONS = 30
 
@@ -69,7 +69,7 @@ def design_coordinates(equations: Charted) -> Array:
     return q
 
 
-def sizes_of_speeds(equations: RecursiveEquations) -> Array:
+def speed_scales(equations: RecursiveEquations) -> Array:
     """The usual sizes (speeds,) of displacements by speeds: 1 of angles, of lengths the mechanism's arm."""
     return np.where(equations.angular, 1.0, equations.topology.arm)
 
@@ -118,7 +118,7 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
     parameters = np.array([p.value for p in equations.parameters])
     inputs = {
         **evaluate_scene_inputs(equations, parameters, t),
-        **fitted_inputs(equations.topology.model.assemblies),
+        **fitted_inputs(equations.topology.model.embedded_loops),
         "t": np.full(1, t),
         "motion": np.zeros(1),
         "parameters": parameters,
@@ -156,8 +156,8 @@ def scene_input_changes(equations: Equations, parameters: Array, changes: Array,
 
 def _by_input(equations: Equations, numbers: Array) -> dict[str, Array]:
     given = len(equations.slots[INPUTS].names)
-    begun = given + equations.held
-    return {INPUTS: numbers[..., :given], HELD: numbers[..., given:begun], LAW_VALUES: numbers[..., begun:]}
+    begun = given + equations.discrete_states
+    return {INPUTS: numbers[..., :given], DISCRETE_STATES: numbers[..., given:begun], LAW_VALUES: numbers[..., begun:]}
 
 
 def close_loops(
@@ -170,7 +170,7 @@ def close_loops(
     change their coordinates, where that is given.
     """
     rows = np.zeros((0, equations.speeds)) if across is None else across[np.newaxis]
-    sizes, arm, best = sizes_of_speeds(equations), equations.topology.arm, np.inf
+    sizes, arm, best = speed_scales(equations), equations.topology.arm, np.inf
     for left in reversed(range(_ITERATIONS)):
         residual, jacobian = evaluate_closures(equations, q, t)
         error = float(np.abs(residual).max(initial=0.0)) / arm
@@ -194,13 +194,13 @@ def _step(matrix: Array, right: Array) -> Array:
 
 def retract(equations: Charted, q: Array, delta: Array) -> Array:
     """q (+) delta, (..., coordinates) and (..., speeds), as in runtime core/mechanism/retraction.hpp: scalars add, a quaternion is
-    turned by (1, theta/2)."""
+    multiplied by (1, theta/2)."""
     result = q.copy()
     for chart in equations.charts:
         ball = chart.q + chart.scalars
         result[..., chart.q : ball] += delta[..., chart.v : chart.v + chart.scalars]
         if chart.ball:
-            e = _turned_ball(q[..., ball : ball + 4], delta[..., chart.v + chart.scalars : chart.v + chart.scalars + 3])
+            e = _rotated_quaternion(q[..., ball : ball + 4], delta[..., chart.v + chart.scalars : chart.v + chart.scalars + 3])
             result[..., ball : ball + 4] = e / np.linalg.norm(e, axis=-1, keepdims=True)
     return result
 
@@ -212,14 +212,15 @@ def retract_changes(equations: Charted, q: Array, delta: Array, changes: Array) 
         ball, first = chart.q + chart.scalars, chart.v + chart.scalars
         result[:, chart.q : ball] = changes[:, chart.v : first]
         if chart.ball:
-            e, was = _turned_ball(q[ball : ball + 4], delta[first : first + 3]), q[ball : ball + 4]
-            length, moved = np.linalg.norm(e), _turned_ball(np.broadcast_to(was, (len(changes), 4)), changes[:, first : first + 3]) - was
+            e, was = _rotated_quaternion(q[ball : ball + 4], delta[first : first + 3]), q[ball : ball + 4]
+            moved = _rotated_quaternion(np.broadcast_to(was, (len(changes), 4)), changes[:, first : first + 3]) - was
+            length = np.linalg.norm(e)
             result[:, ball : ball + 4] = moved / length - np.outer(moved @ e, e) / length**3
     return result
 
 
-def _turned_ball(e: Array, theta: Array) -> Array:
-    """A quaternion (..., 4), turned by (1, theta/2), not of length one."""
+def _rotated_quaternion(e: Array, theta: Array) -> Array:
+    """A quaternion (..., 4) times (1, theta/2), not of length one."""
     x, y, z = np.moveaxis(theta / 2, -1, 0)
     one = np.ones_like(x)
     return np.asarray(np.einsum("ij...,...j->...i", np.array([[one, -x, -y, -z], [x, one, -z, y], [y, z, one, -x], [z, -y, x, one]]), e))
@@ -268,7 +269,7 @@ def explore(equations: RecursiveEquations) -> tuple[Pose, ...]:
     if start is None:
         return (_pose(design, evaluate_closures(equations, design)[1], closed=False),)
     poses = [_pose(*start)]
-    free, rng, step, sizes = poses[0].free, np.random.default_rng(0), _STEP, sizes_of_speeds(equations)
+    free, rng, step, sizes = poses[0].free, np.random.default_rng(0), _STEP, speed_scales(equations)
     sizes_of_q = np.ones(equations.coordinates)
     for chart in equations.charts:
         sizes_of_q[chart.q : chart.q + chart.scalars] = sizes[chart.v : chart.v + chart.scalars]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutjoint.analysis.closing import Array, Pose, design_coordinates, evaluate_closures, evaluate_rates, explore
-from cutjoint.elements.joint import Direction, Slide, Turn
+from cutjoint.elements.joint import Direction, Rotation, Translation
 from cutjoint.formulate.inputs import make_translator
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics, halves
@@ -27,7 +27,7 @@ _PART = 1e-6
 
 
 class NoInertiaError(EquationsError, ValueError):
-    """Joints move in a way that no mass resists."""
+    """Joints have a motion that no mass resists."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +101,7 @@ def find_idle_motions(equations: RecursiveEquations) -> tuple[IdleMotion, ...]:
 
 
 def _every_body_resists(equations: RecursiveEquations) -> bool:
-    """Return whether each body's own mass resists every motion in its joint: then so does the mechanism, and no pose need be looked at."""
+    """Return whether each body's own mass resists every motion in its joint: then all motions of the mechanism have mass in every pose."""
     topology = equations.topology
     bodies = {b.name: b for b in topology.model.bodies}
     return all(_resists(topology.model, bodies[t.child], t) for t in topology.tree)
@@ -114,9 +114,9 @@ def _resists(model: Model, body: Body, t: TreeJoint) -> bool:
     xx, yy, zz, xy, xz, yz = evaluate(model, body.inertia)
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     motions = t.joint.element.chain
-    if all(isinstance(m, Slide) for m in motions):
+    if all(isinstance(m, Translation) for m in motions):
         return bool(mass > 0)
-    if len(motions) == 1 and isinstance(turn := motions[0], Turn) and turn.direction is Direction.AXIS and not turn.advances:
+    if len(motions) == 1 and isinstance(turn := motions[0], Rotation) and turn.direction is Direction.AXIS and not turn.is_screw:
         axis, arm = evaluate(model, t.joint.axes[0]), evaluate(model, body.centre_of_mass) - evaluate(model, t.joint.at)
         return bool(axis @ inertia @ axis + mass * np.sum(np.cross(axis, arm) ** 2) > TOLERANCE * (np.trace(inertia) + mass * arm @ arm))
     principal = np.linalg.eigvalsh(inertia)

@@ -36,7 +36,7 @@ class Linearisation:
 class ReducedSystem:
     """The linearised equations in independent unknowns.
 
-    ``basis`` N (speeds, dofs), ``stiffness`` and ``damping`` (dofs, dofs) beside a unit mass, and ``first_order``, the matrix
+    ``basis`` N (speeds, dofs), ``stiffness`` and ``damping`` (dofs, dofs) for a unit mass matrix, and ``first_order``, the matrix
     of (z, w, x)' with the first-order states x.
     """
 
@@ -107,8 +107,8 @@ def _kept_rates(of: Linearisation, N: Array) -> Array:
 class Point:
     """A state at time ``t`` (s): coordinates ``q``, speeds ``v``, accelerations ``vdot``; zero of a mechanism at rest.
 
-    ``parameters`` have the order of the equations' own, ``held`` the values of inputs that do not follow the scene and what controllers
-    hold, ``roads`` the roads of tyres, flat where there are none.  Multipliers follow from the residual.
+    ``parameters`` have the order of the equations' own, ``held`` the values of discrete states and of inputs that do not follow the scene,
+    ``roads`` the roads of tyres, flat where there are none. Multipliers follow from the residual.
     """
 
     t: float
@@ -131,7 +131,7 @@ def linearise(equations: ImplicitEquations, at: Point, *, at_rest: bool) -> Line
         G = _tangents(equations, "constraint_residual", "rate", here, at)[:, : len(at.v)] @ free @ free.T
     K, C, M = np.split(forces, 3, axis=1)
     return Linearisation(
-        names=coordinate_names(equations), M=M, C=C, K=K, W=_turning(equations, at.v), J=J, G=G,
+        names=coordinate_names(equations), M=M, C=C, K=K, W=_is_angular(equations, at.v), J=J, G=G,
         q=at.q, at_rest=at_rest, states=len(equations.state.states),
     )  # fmt: skip
 
@@ -173,14 +173,15 @@ def _tangents(equations: ImplicitEquations, function: str, array: str, here: Map
 
 
 def coordinate_names(equations: ImplicitEquations) -> tuple[str, ...]:
-    """A name for the coordinate of each speed, and the states' own; of a quaternion, the names of the angular velocity stand for small
-    turns."""
+    """A name for the coordinate of each speed, and the states' own; of a quaternion, the names of the angular velocity denote small
+    rotations."""
     names = (f"{c.joint}.{name}" for c in equations.charts for name in (*c.coordinate_names[: c.scalars], *c.speed_names[c.scalars :]))
     return *names, *equations.speed_names[equations.state.speeds :]
 
 
-def _turning(equations: ImplicitEquations, v: Array) -> Array:
-    """W: a small turn of a ball, in the axes of its angular velocity omega, changes by omega x turn besides what omega changes by."""
+def _is_angular(equations: ImplicitEquations, v: Array) -> Array:
+    """W: a small rotation of a ball, in the axes of its angular velocity omega, changes by omega x rotation in addition to the change of
+    omega."""
     W = np.zeros((len(v), len(v)))
     for c in equations.start.charts:
         if c.ball:

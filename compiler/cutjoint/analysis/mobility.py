@@ -59,7 +59,7 @@ def find_mobility(equations: RecursiveEquations, poses: Sequence[Pose] | None = 
 
 
 def require_soundness(equations: RecursiveEquations) -> RecursiveEquations:
-    """The equations, unless a motion moves no mass or guides tear a loop open.
+    """The equations, unless a motion moves no mass or guides contradict a loop.
 
     Raises:
         NoInertiaError, GuideError: as of `require_inertia` and `require_guides`.
@@ -72,7 +72,7 @@ def require_soundness(equations: RecursiveEquations) -> RecursiveEquations:
 #: Shares of a scene at which it is looked at.
 _TIMES = (0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
 
-#: The share of the guides' rates that must remain when all speeds have done what they can.
+#: The share of the guides' rates that must remain after a least-squares fit of all speeds.
 _PART = 1e-3
 
 
@@ -81,7 +81,7 @@ class GuideError(EquationsError, ValueError):
 
 
 def require_guides(equations: RecursiveEquations) -> None:
-    """Refuse guides that tear a loop open, or a gear, in the equations' scene.
+    """Refuse guides that contradict a loop or a gear in the equations' scene.
 
     They do if the loops can be closed at none of several times, and at none of them the other joints' speeds make up for the guides'.
 
@@ -139,6 +139,6 @@ def _words(equations: RecursiveEquations, moving: list[Joint], violations: Array
     guided = [joint_of[body].joint for body in loop.bodies if joint_of[body].joint.guide is not None]
     names = ", ".join(f"'{joint.name}'" for joint in guided or moving)
     return (
-        f"{(guided or moving)[0].span}: scene '{equations.scene.name}': the guides of {names} tear open the loop that '{torn}' closes: "
-        "no motion of its other joints goes with them; leave out a guide, or free another joint of the loop"
+        f"{(guided or moving)[0].span}: scene '{equations.scene.name}': the guides of {names} are incompatible with "
+        f"the loop that '{torn}' closes: no motion of its other joints satisfies them; leave out a guide, or free another joint of the loop"
     )

@@ -21,7 +21,7 @@ _PART = 1e-9
 _SPRINGS = 1e-6
 #: The number of eigenvalues in a `repr`.
 _NAMED = 6
-#: Shares that differ by less than this part are alike.
+#: Shares that differ by less than this part are equal.
 _ALIKE = 1e-6
 
 
@@ -66,12 +66,11 @@ class Mode:
 class Modes:
     """The modes by the size of their eigenvalues.
 
-    ``rigid_body_modes`` are the directions, each named by the coordinate that leads it, that can be displaced for good: rigid-body motions
-    and coordinates that no spring holds.  ``zeros`` counts the eigenvalues of zero, two for a direction that also drifts on, one where a
-    damper stops it.  ``undamped`` are the modes of mass and stiffness alone, of a state at rest; a positive real one there means that
-    the state is unstable.  ``q`` are the tree's coordinates of the state.  ``held`` names controllers, whose values are constant in small
-    motions.
-    A ``steady`` state is trimmed without accelerations.
+    ``rigid_body_modes`` are the directions, each named by its largest coordinate, without restoring force: rigid-body motions and
+    coordinates without spring. ``zeros`` counts the eigenvalues of zero, two for a direction that also drifts on, one where a damper stops
+    it. ``undamped`` are the modes of mass and stiffness alone, of a state at rest; a positive real one there means that the state is
+    unstable. ``q`` are the tree's coordinates of the state. ``held`` names controllers, whose discrete states are constant in small
+    motions. A ``steady`` state is trimmed without accelerations.
     """
 
     time: float

@@ -15,9 +15,9 @@ from cutjoint.analysis.closing import (
     make_inputs,
     retract,
     scene_input_changes,
-    sizes_of_speeds,
+    speed_scales,
 )
-from cutjoint.formulate.inputs import HELD, INPUT_ORDERS, INPUTS, held_name
+from cutjoint.formulate.inputs import DISCRETE_STATES, INPUT_ORDERS, INPUTS, discrete_state_name
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.records import SystemEquations
 from cutjoint.model.expressions.evaluate import evaluate
@@ -114,8 +114,8 @@ def _inputs(equations: SystemEquations, arrays: Mapping[str, Array], held: Mappi
             given = np.broadcast_shapes(number.shape, inputs[INPUTS].shape[:-1])
             inputs[INPUTS] = np.broadcast_to(inputs[INPUTS], (*given, inputs[INPUTS].shape[-1])).copy()
             inputs[INPUTS][..., first : first + len(INPUT_ORDERS)] = np.stack([number, 0 * number, 0 * number], axis=-1)
-    for i, value in enumerate(equations.topology.model.held):
-        inputs[HELD][..., i] = held.get(held_name(value), inputs[HELD][..., i])
+    for i, value in enumerate(equations.topology.model.discrete_states):
+        inputs[DISCRETE_STATES][..., i] = held.get(discrete_state_name(value), inputs[DISCRETE_STATES][..., i])
     for symbol, slot in equations.slots.items():
         if slot.array in _ARRAYS:
             size = len(slot.names)
@@ -129,7 +129,7 @@ def closed_states(equations: LagrangianEquations) -> list[NaturalState]:
     return [_moving(equations, pose, rng) for pose in explore(equations.start)]
 
 
-#: The way (m, rad) that free speeds take a pose that has no other beside it.
+#: The displacement (m, rad) of free speeds from a pose that is the only one.
 _OFF = 0.05
 
 
@@ -142,7 +142,7 @@ def states_off_a_single_pose(equations: LagrangianEquations, states: Sequence[Na
     if len(states) > 1:
         return []
     pose = explore(equations.start)[0]
-    free, sizes = pose.free, sizes_of_speeds(equations.start)
+    free, sizes = pose.free, speed_scales(equations.start)
     if not free.size:
         return []
     rng = np.random.default_rng(1)
@@ -209,7 +209,7 @@ def tangent_samples(equations: LagrangianEquations, states: Sequence[NaturalStat
     """Values of the tangent's entries at states, as a step of dt has them and as the start has them.
 
     The constraints have the same weight in both: it multiplies rows and columns of the multipliers, and pivots do not depend on it.
-    That of a mechanism far from a metre is its mass, beside which no entry is rounding.
+    That of a mechanism far from a metre is its mass, so that no entry is rounding.
     """
     bodies, known = equations.topology.model.bodies, {p.symbol: p.value for p in equations.topology.model.parameters}
     weight = 1.0 if equations.topology.arm == 1 else sum(evaluate(body.mass, known) for body in bodies) or 1.0

@@ -1,4 +1,4 @@
-"""Equations of cut joints that follow from the others, in every pose or for a moment, and reactions that mechanics determines beside them.
+"""Equations of cut joints that follow from the others, in every pose or for a moment, and reactions that are determined in spite of them.
 
 Multipliers lambda of a motion are determined but for the null space of the transposed Jacobian: A^T n = 0 moves nothing.  A component of a
 reaction that some such n changes is statically indeterminate.
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cutjoint.analysis.closing import Array, FlatRoad, Pose, explore, make_inputs
 from cutjoint.formulate.forces import is_active
-from cutjoint.formulate.inputs import HELD, INPUTS
+from cutjoint.formulate.inputs import DISCRETE_STATES, INPUTS
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.elements.friction import refuse_friction
@@ -26,7 +26,7 @@ from cutjoint.topology.records import Topology
 
 # Equations
 
-#: An equation is as good as the best one left if what it adds is at least this share of it; the file's order decides among these.
+#: An equation is as good as the best one left if its independent part is at least this share of it; the file's order decides among these.
 _GOOD_ENOUGH = 0.01
 #: An equation whose part in another's combination is below this share has none.
 _PART = 1e-6
@@ -77,7 +77,7 @@ def choose_independent(jacobians: Sequence[Array], rank: int) -> list[int]:
     """Rows that are independent in all the matrices (m, n) of one rank, in their order: a QR factorisation of the transposes with
     common pivots.
 
-    A pivot is the first row whose distance from the rows chosen is, in every matrix, good enough beside the largest such distance; if
+    A pivot is the first row whose distance from the rows chosen is, in every matrix, not too small a share of the largest such distance; if
     there is none, the row that is best in its worst matrix.
     """
     rest = [jacobian.copy() for jacobian in jacobians]
@@ -132,7 +132,7 @@ def _combinations(rows: Sequence[int], kept: Sequence[int], jacobians: Sequence[
 
 # Reactions
 
-#: A component that changes by less than this share of what its multipliers do to it one by one is determined: the rest is rounding.
+#: A component that changes by less than this share of the effects of its single multipliers is determined: the rest is rounding.
 _DETERMINED = 1e-6
 
 
@@ -147,14 +147,14 @@ def reaction_outputs(model: Model) -> tuple[Output, ...]:
 def find_indeterminate(topology: Topology, scene: Scene, outputs: Sequence[Output]) -> tuple[str, ...]:
     """The columns among ``outputs`` that are components of reactions and indeterminate, in the design position or in poses near it."""
     if topology.embedded:  # by the equations of the joints that functions close
-        topology = build_topology(replace(topology.model, assemblies=()))
+        topology = build_topology(replace(topology.model, embedded_loops=()))
     names = {reaction.name for reaction in topology.model.reactions if isinstance(reaction, Reaction)}
-    asked = tuple({read.column: read for o in outputs for read in read_by(topology.model, o) if read.element in names}.values())
-    if not asked or not topology.closing:
+    requested = tuple({read.column: read for o in outputs for read in read_by(topology.model, o) if read.element in names}.values())
+    if not requested or not topology.closing:
         return ()
-    equations = formulate_recursive(topology, scene, asked)
+    equations = formulate_recursive(topology, scene, requested)
     shares = np.max([_shares(equations, pose) for pose in _regular(explore(equations))], axis=0)
-    loose = {output.column for output, share in zip(asked, shares, strict=True) if share > _DETERMINED}
+    loose = {output.column for output, share in zip(requested, shares, strict=True) if share > _DETERMINED}
     return tuple(o.column for o in outputs if any(read.column in loose for read in read_by(topology.model, o)))
 
 
@@ -173,14 +173,15 @@ def require_loads(topology: Topology, scene: Scene) -> Topology:
     loose = [f.name for f, share in zip(forces, shares, strict=True) if share > _DETERMINED]
     if loose and not (_is_constant(poses) and all(_is_even(equations, *at) for at in product(poses, np.linspace(0.0, scene.end, _TIMES)))):
         raise refuse_friction(
-            topology.model, loose, "redundant equations of its loop leave open what the joint carries, so friction by it has no value",
+            topology.model, loose,
+            "redundant equations of its loop leave the joint's load undetermined, so that its load-dependent friction has no value",
             "give joints of the loop more freedom until 'check' finds no redundant equation, or leave out arm or thrust_radius",
         )  # fmt: skip
     return topology
 
 
 def _is_constant(poses: Sequence[Pose]) -> bool:
-    """Return whether the null space is the same in all poses, so that multipliers that begin without a part in it stay without."""
+    """Return whether the null space is the same in all poses, so that multipliers that begin orthogonal to it stay so."""
     spaces = [np.linalg.svd(pose.jacobian)[0][:, pose.rank :] for pose in poses]
     return all(np.allclose(space @ space.T, spaces[0] @ spaces[0].T, atol=1e-6) for space in spaces)
 
@@ -196,14 +197,15 @@ def _is_even(equations: RecursiveEquations, pose: Pose, t: float) -> bool:
     size = np.linalg.norm(rows) or 1.0
     inputs = make_inputs(equations, pose.q, v, t) | {"motion": np.ones(1)}
     inputs |= {f"vdot:{c.joint}": vdot[c.v : c.v + len(c.speed_names)] for c in equations.charts}
-    acting = {INPUTS, HELD, *(f"v:{state.name}" for state in equations.state.states)} & inputs.keys()
+    acting = {INPUTS, DISCRETE_STATES, *(f"v:{state.name}" for state in equations.state.states)} & inputs.keys()
     inputs |= {name: inputs[name] + random.standard_normal(inputs[name].shape) for name in sorted(acting)}
     one, other = (_columns(equations, inputs, rows + sign * size * null) for sign in (1, -1))
     return bool(np.allclose(one, other, rtol=1e-7, atol=1e-9 * size))
 
 
 def _largest_load_changes(equations: RecursiveEquations, pose: Pose) -> Array:
-    """The largest change of each load, a length, by unit multipliers of the null space both ways, beside those by single multipliers."""
+    """The largest change of each load, a length, by unit multipliers of the null space of either sign, as a share of that by single
+    multipliers."""
     null = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T
     changes = np.abs(_changes(equations, pose, np.concatenate([null, -null])))
     sizes = np.linalg.norm(_changes(equations, pose, np.eye(len(equations.equation_names))), axis=0)
@@ -218,7 +220,7 @@ def _regular(poses: Sequence[Pose]) -> list[Pose]:
 
 
 def _shares(equations: RecursiveEquations, pose: Pose) -> Array:
-    """The largest change of each column by unit multipliers of the null space, beside the changes by single multipliers together."""
+    """The largest change of each column by unit multipliers of the null space, as a share of the changes by single multipliers together."""
     null, changes = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T, _changes(equations, pose, np.eye(len(equations.equation_names)))
     sizes = np.linalg.norm(changes, axis=0)
     shares: Array = np.abs(null @ changes).max(axis=0, initial=0.0) / np.where(sizes > 0, sizes, 1.0)

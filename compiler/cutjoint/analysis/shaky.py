@@ -13,28 +13,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutjoint.analysis.closing import CLOSED, Array, design_coordinates, evaluate_closures, explore, retract, sizes_of_speeds
+from cutjoint.analysis.closing import CLOSED, Array, design_coordinates, evaluate_closures, explore, retract, speed_scales
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import METHODS, join_or, names_of
 from cutjoint.package.errors import EquationsError
 from cutjoint.topology.geometry import TOLERANCE, balanced
 
-#: The part of the largest singular value by which the form bends at least; differences have an error of 1e-8.
+#: The least eigenvalue of the second-order form as a share of the largest singular value; differences have an error of 1e-8.
 _LEAST_CURVATURE = 1e-4
 _DIFFERENCE = 1e-4
 
 
-#: Singular values between these shares of the largest neither hold a motion, by any method, nor leave it free.
+#: Singular values between these shares of the largest neither lock a motion, by any method, nor leave it free.
 _FREE_BELOW, _LOCKED_ABOVE = 2e-11, 1e-5
 
 
 class ShakyError(EquationsError, ValueError):
-    """Loops that neither hold a motion nor leave it free."""
+    """Loops that neither lock a motion nor leave it free."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shakiness:
-    """The speed that is free for a moment most of all, and the equation of a joint or gear that bends away most."""
+    """The speed that is most free to first order, and the equation of a joint or gear that locks it to second order."""
 
     speed: str
     equation: str
@@ -57,13 +57,13 @@ def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEqu
 
 
 def describe_misfit(equations: RecursiveEquations) -> str:
-    """The fault of loops that hold a motion by rounded numbers alone, at the line of a joint or gear, and what to do; "" of others.
+    """The fault of loops that lock a motion by rounded numbers alone, at the line of a joint or gear, and what to do; "" of others.
 
-    They do in all poses near the design position; the motion of a mechanism that guides drive whole may be held by little.
+    They do in all poses near the design position; a mechanism whose guides prescribe the whole motion may have small singular values.
     """
     if not equations.closures or not equations.speeds:
         return ""
-    jacobian, sizes = evaluate_closures(equations, design_coordinates(equations))[1], sizes_of_speeds(equations)
+    jacobian, sizes = evaluate_closures(equations, design_coordinates(equations))[1], speed_scales(equations)
     values = _shares(jacobian * sizes)
     rank = int(np.sum(values > _FREE_BELOW))
     if not rank or values[rank - 1] > _LOCKED_ABOVE:
@@ -78,9 +78,9 @@ def describe_misfit(equations: RecursiveEquations) -> str:
     joint = next(c.joint for c in equations.closures if c.first <= row < c.first + len(c.names))
     span = equations.topology.model.constraint_spans.get(joint, equations.scene.span)
     return (
-        f"{span}: '{joint}': rounded numbers alone hold this mechanism: at a speed of 1 at '{equations.speed_names[speed]}' the loops "
-        f"open by {tunable[row]:.2g} m/s or rad/s, most at '{equations.equation_names[row]}', too little to lock it, "
-        "too much to leave it free; write points and axes exactly, such as by expressions, or farther off"
+        f"{span}: '{joint}': only rounded numbers lock this mechanism: at a speed of 1 of '{equations.speed_names[speed]}' the rate "
+        f"of violation is {tunable[row]:.2g} m/s or rad/s, most at '{equations.equation_names[row]}', too small to lock it, "
+        "too large to leave it free; write points and axes exactly, such as by expressions, or farther off"
     )
 
 
@@ -95,9 +95,9 @@ def describe_shakiness(equations: RecursiveEquations, found: Shakiness) -> str:
     spans = equations.topology.model.constraint_spans
     others = join_or(f"--method {name}" for name in names_of(METHODS, lambda m: m.supports_shaky))
     return (
-        f"{spans.get(found.joint, equations.scene.span)}: '{found.joint}': the loops hold this structure to second order only: in its one "
-        f"pose '{found.speed}' is free for a moment, and '{found.equation}' lets no motion follow, so that accelerations and reactions "
-        f"would have to be infinite; move an axis or a point, or use {others}, which lets loops give way a little"
+        f"{spans.get(found.joint, equations.scene.span)}: '{found.joint}': the loops lock this structure to second order only: in its only "
+        f"pose '{found.speed}' has an instantaneous velocity, but '{found.equation}' admits no finite motion, so that accelerations "
+        f"and reactions would have to be infinite; move an axis or a point, or use {others}, which tolerates small violations"
     )
 
 

@@ -32,13 +32,13 @@ Loops = Sequence[tuple[Joint, Sequence[TreeJoint]]]
 
 @dataclass(frozen=True, kw_only=True)
 class SkewAxis:
-    """An axis that is off by an ``angle`` (rad) from parallel to that of ``other``, or from square to it; ``meant`` would not be, (3,)."""
+    """An axis that is ``angle`` (rad) off being parallel, or perpendicular, to that of ``other``; ``intended`` (3,) is exactly so."""
 
     joint: Joint
     other: Joint
     is_square: bool
     angle: float
-    meant: Array
+    intended: Array
 
     def __str__(self) -> str:
         wanted = "square" if self.is_square else "parallel"
@@ -47,8 +47,8 @@ class SkewAxis:
     @property
     def advice(self) -> str:
         """The line to write."""
-        x, y, z = self.meant
-        if np.abs(self.meant).max() == 1.0:
+        x, y, z = self.intended
+        if np.abs(self.intended).max() == 1.0:
             return f"axis: [{x:g}, {y:g}, {z:g}] at '{self.joint.name}'"
         return f"an axis at '{self.joint.name}' that is {'square to' if self.is_square else 'just'} that of '{self.other.name}'"
 
@@ -63,13 +63,13 @@ def describe_skew(equations: RecursiveEquations, mobility: Mobility) -> str:
             found += skew
     if not found:
         return ""
-    meant = _with_axes(topology.model, found)
-    freedom = find_mobility(formulate_recursive(build_topology(meant), equations.scene, ())).degrees_of_freedom
+    intended = _with_axes(topology.model, found)
+    freedom = find_mobility(formulate_recursive(build_topology(intended), equations.scene, ())).degrees_of_freedom
     if not freedom > mobility.degrees_of_freedom:
         return ""
     more = f", and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
     return (
-        f"axes are slightly off: {'; '.join(map(str, found[:_SHOWN]))}{more}; exact axes give the mechanism freedom {freedom} instead of "
+        f"axes are slightly off: {'; '.join(map(str, found[:_SHOWN]))}{more}; exact axes give mobility {freedom} instead of "
         f"{mobility.degrees_of_freedom}: write {'; '.join(axis.advice for axis in found[:_SHOWN])}"
     )
 
@@ -87,10 +87,10 @@ def _groups(around: Iterable[tuple[str, Sequence[TreeJoint]]], cuts: Iterable[Jo
 
 def _rank(geometry: JointGeometry, loops: Loops, skew: Sequence[SkewAxis]) -> int:
     """Independent equations of loops in the design position, where the axes are as they were meant."""
-    meant = {axis.joint.name: axis for axis in skew}
+    intended = {axis.joint.name: axis for axis in skew}
 
     def exact(joint: Joint) -> Joint:
-        return _turned(joint, meant[joint.name]) if joint.name in meant else joint
+        return _turned(joint, intended[joint.name]) if joint.name in intended else joint
 
     jacobian = design_jacobian(geometry, [(exact(cut), [replace(t, joint=exact(t.joint)) for t in tree]) for cut, tree in loops])
     values = np.linalg.svd(jacobian, compute_uv=False) if jacobian.size else np.zeros(0)
@@ -98,12 +98,12 @@ def _rank(geometry: JointGeometry, loops: Loops, skew: Sequence[SkewAxis]) -> in
 
 
 def _with_axes(model: Model, skew: Sequence[SkewAxis]) -> Model:
-    meant = {axis.joint.name: axis for axis in skew}
-    return replace(model, joints=tuple(_turned(j, meant[j.name]) if j.name in meant else j for j in model.joints))
+    intended = {axis.joint.name: axis for axis in skew}
+    return replace(model, joints=tuple(_turned(j, intended[j.name]) if j.name in intended else j for j in model.joints))
 
 
 def _turned(joint: Joint, skew: SkewAxis) -> Joint:
-    x, y, z = (sympy.Float(float(c)) if c else sympy.Integer(0) for c in skew.meant)
+    x, y, z = (sympy.Float(float(c)) if c else sympy.Integer(0) for c in skew.intended)
     return replace(joint, axes=((x, y, z),))
 
 
@@ -115,17 +115,17 @@ def _find_skew(model: Model, loops: Loops) -> Iterator[SkewAxis]:
     exact: list[tuple[Joint, Array]] = []
     for bundle in sorted(_bundles(ordered, axes), key=len, reverse=True):
         first = max(bundle, key=lambda joint: sum(_angle(axes[joint.name], axes[other.name]) < _SAME for other in bundle))
-        meant, across = axes[first.name], None
+        intended, across = axes[first.name], None
         for other, direction in exact:
-            if _SAME < abs(meant @ direction) < _NEAR:
-                meant, across = meant - (meant @ direction) * direction, other
-                meant = meant / np.linalg.norm(meant)
-        exact.append((first, meant))
+            if _SAME < abs(intended @ direction) < _NEAR:
+                intended, across = intended - (intended @ direction) * direction, other
+                intended = intended / np.linalg.norm(intended)
+        exact.append((first, intended))
         for joint in bundle:
-            angle = _angle(axes[joint.name], meant)
+            angle = _angle(axes[joint.name], intended)
             if angle > _SAME:
-                towards = np.where(np.abs(meant) < _SAME, 0.0, meant if axes[joint.name] @ meant > 0 else -meant)
-                yield SkewAxis(joint=joint, other=across or first, is_square=across is not None, angle=angle, meant=towards)
+                towards = np.where(np.abs(intended) < _SAME, 0.0, intended if axes[joint.name] @ intended > 0 else -intended)
+                yield SkewAxis(joint=joint, other=across or first, is_square=across is not None, angle=angle, intended=towards)
 
 
 def _bundles(joints: Sequence[Joint], axes: Mapping[str, Array]) -> list[list[Joint]]:
@@ -145,7 +145,7 @@ def _angle(a: Array, b: Array) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), abs(a @ b)))
 
 
-#: Loops that open by less than this share of the mechanism's size (at most 1 m) hold a speed of 1 m/s or rad/s only just.
+#: A rate of violation below this share of the mechanism's size (at most 1 m) at a speed of 1 m/s or rad/s barely locks it.
 _NEAR = 0.01
 
 
@@ -155,9 +155,9 @@ def describe_geometry(equations: RecursiveEquations, mobility: Mobility) -> str:
 
 
 def _describe_rigidity(equations: RecursiveEquations, mobility: Mobility) -> str:
-    """The speed of a rigid mechanism that the loops hold only just, and places to look at; "" where they hold all well."""
+    """The speed that the loops of a rigid mechanism barely lock, and joints to check; "" where they lock all speeds well."""
     if mobility.degrees_of_freedom or not mobility.closed or any(joint.guide for joint in equations.topology.model.joints):
-        return ""  # what guides drive is held by them, near dead centres too
+        return ""  # guides prescribe it, near dead centres too
     start = close_loops(equations, design_coordinates(equations))
     if start is None or not start[1].size:
         return ""
@@ -167,9 +167,9 @@ def _describe_rigidity(equations: RecursiveEquations, mobility: Mobility) -> str
     speed, row = int(np.abs(speeds[-1]).argmax()), int(np.abs(opening[:, -1]).argmax())
     rate = values[-1] / abs(speeds[-1, speed])
     return (
-        f"rigid only just: at a speed of 1 at '{equations.speed_names[speed]}' the loops open by {rate:.2g} m/s or rad/s, "
-        f"most at '{equations.equation_names[row]}'; hinges that are nearly on one line, or points that are nearly in one plane, do that: "
-        f"look at the points and axes of these joints"
+        f"barely rigid: at a speed of 1 of '{equations.speed_names[speed]}' the rate of violation is {rate:.2g} m/s or rad/s, "
+        f"most at '{equations.equation_names[row]}'; hinges nearly on one line, or points nearly in one plane, cause that: "
+        f"check the points and axes of these joints"
     )
 
 
@@ -182,7 +182,7 @@ def _extent(equations: RecursiveEquations) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class RatedOption:
-    """A way to cut a loop.
+    """A choice of the cut joint of a loop.
 
     ``condition`` is that of the equations of this loop and of those that share a joint with it, in the design position: the largest
     singular value by the smallest that is not zero.
@@ -201,7 +201,7 @@ class RatedChoice:
 
     @property
     def reason(self) -> str:
-        """The reason that the cut joint in use is cut, beside the best alternative."""
+        """The reason that the cut joint in use is preferred to the best alternative."""
         given = self.used.option.joint.cut is True
         if not self.alternatives:
             return "given by the model" if given else "no other joint of the loop may be cut"

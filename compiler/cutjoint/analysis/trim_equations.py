@@ -1,4 +1,4 @@
-"""The equations of a trimmed start: a point's numbers, what is left of each condition there, and its exact derivatives."""
+"""The equations of a trimmed start: the numbers of a point, the residuals of the conditions, and their exact derivatives."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ _SLOWEST, _LOOPS = 1e-3, 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Given:
-    """The numbers of a scene, SI units; ``rates`` are those of speeds with the states, ``held`` the wanted values."""
+class TrimInputs:
+    """The numbers of a scene in SI units: ``rates`` of speeds and states, ``targets`` of the quantities under ``hold``."""
 
     parameters: Mapping[str, float]
     positions: Mapping[str, float]
     rates: Mapping[str, float]
-    held: Sequence[float]
+    targets: Sequence[float]
     bounds: Mapping[str, tuple[float, float]]
     roads: Mapping[str, RoadTable]
 
@@ -105,7 +105,7 @@ class TrimParts(AimedStart):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tried:
+class Evaluated:
     """A point, the residuals and their derivatives by the free numbers, in shares of rows' and columns' sizes."""
 
     y: Array
@@ -133,14 +133,14 @@ class Tried:
 class TrimEquations:
     """The conditions of a trimmed scene as functions of a point."""
 
-    def __init__(self, of: TrimParts, given: Given) -> None:
-        self._of, self._given, self._find = of, given, {u.name: u for u in of._trim.find}
+    def __init__(self, of: TrimParts, given: TrimInputs) -> None:
+        self._of, self._inputs, self._find = of, given, {u.name: u for u in of._trim.find}
         self._names, self._first, self._system, self._start = of._names, of._first, of._system, of._equations
-        self._held = np.array(given.held)
-        self._q, _ = of._given(given.positions)
+        self._targets = np.array(given.targets)
+        self._q, _ = of._coordinates_of(given.positions)
         self._begins = dict(zip(self._start.coordinate_names, self._q.tolist(), strict=True))
         guessed = {*of._scene.near, *(unknown.entry for unknown in of._trim.find)}
-        _, moves = of._given({name: value for name, value in given.positions.items() if name not in guessed})
+        _, moves = of._coordinates_of({name: value for name, value in given.positions.items() if name not in guessed})
         y, system = np.zeros(self._first[-1]), self._system
         y[self._part(PARAMETERS)] = [given.parameters[name] for name in self._names[PARAMETERS]]
         laws = evaluate_scene_inputs(system, y[self._part(PARAMETERS)], 0.0)
@@ -157,29 +157,29 @@ class TrimEquations:
         self._free[of._at(RATES, [unknown.entry for unknown in of._trim.unsteady])] = True
         self._listed = {name: index for name, unknown in self._find.items() for index in of._at(_KINDS[unknown.kind], [unknown.entry])}
         if unplaced := [name for name in self._find if name not in self._listed]:
-            raise of._error(f"'{unplaced[0]}' is none of the coordinates that the loops leave", "find that of another joint")
+            raise of._error(f"'{unplaced[0]}' is not a coordinate of a tree joint", "find that of another joint")
         self._free[[*self._listed.values()]] = True
         self._found = {name: index for name, index in self._listed.items() if self._find[name].kind == "input"}
         known = self._free[self._part(SPEEDS)] | np.array([name in given.rates for name in self._names[SPEEDS]], dtype=bool)
-        self._following = np.flatnonzero(~known[: self._start.speeds])
+        self._dependent = np.flatnonzero(~known[: self._start.speeds])
         self._sizes = np.where(y == 0.0, 1.0, np.abs(y))
         self._sizes[self._part(MOVES)], self.begin = np.where(of._is_length, of._extent, 1.0), y
         first = self._first[SPEEDS] + self._start.speeds
         nominal = np.array([state.nominal for state in self._start.state.states])
         self._sizes[first : first + len(nominal)] = np.maximum(np.abs(y[first : first + len(nominal)]), nominal)
         rows = len(system.speed_names) * [1] + 2 * len(system.equation_names) * [0] + len(system.equation_names) * [1]
-        self._forces = np.array(rows + len(self._held) * [0])
+        self._forces = np.array(rows + len(self._targets) * [0])
         self._counts = np.ones(len(self._forces), dtype=bool)
         results = {name: block for f in _CONDITIONS for name, block in system.function(f).results.items() if name in system.slots}
         order = sorted(results, key=lambda name: (_ROWS.index(system.slots[name].array), system.slots[name].offset))
         self._results = {name: results[name] for name in order}
         self._gates = _gates(self._results.values(), {f"v:{state.name}" for state in system.state.states})
-        self._touching: Collection[Block] = ()
-        self._follows = False
-        if self._following.size and self._names[MULTIPLIERS]:
+        self._engaged: Collection[Block] = ()
+        self._has_dependent = False
+        if self._dependent.size and self._names[MULTIPLIERS]:
             arrays, roads, held = self._point(y)
             moves_on = y[self._part(SPEEDS)][: self._start.speeds].any() or self._free[self._part(SPEEDS)][: self._start.speeds].any()
-            self._follows = bool(moves_on or call(system, "constraint_residual", arrays, roads, held)["rate"].any())
+            self._has_dependent = bool(moves_on or call(system, "constraint_residual", arrays, roads, held)["rate"].any())
         self._reach = np.zeros(len(self._forces) - self._start.speeds)
         self._lower, self._upper = np.full(len(y), -np.inf), np.full(len(y), np.inf)
         for name, (lower, upper) in given.bounds.items():
@@ -205,19 +205,19 @@ class TrimEquations:
         still = {"t": np.zeros(1), "motion": np.ones(1), "penalty": np.zeros(1)}
         arrays = {**still, "q": q, "v": v, "vdot": vdot, "lambda": multipliers, "parameters": parameters}
         held = {name: y[..., index] for name, index in self._found.items()}
-        if self._follows:
-            arrays["v"] = self._with_following(arrays, held)
-        return arrays, self._given.roads, held
+        if self._has_dependent:
+            arrays["v"] = self._with_dependent_speeds(arrays, held)
+        return arrays, self._inputs.roads, held
 
-    def _with_following(self, arrays: Mapping[str, Array], held: Mapping[str, Array]) -> Array:
-        """The speeds (..., speeds) with those neither given nor found as small as the loops allow."""
-        rate = call(self._system, "constraint_residual", arrays, self._given.roads, held)["rate"]
+    def _with_dependent_speeds(self, arrays: Mapping[str, Array], held: Mapping[str, Array]) -> Array:
+        """The speeds (..., speeds): those neither given nor found have minimum norm."""
+        rate = call(self._system, "constraint_residual", arrays, self._inputs.roads, held)["rate"]
         m = len(self._names[MULTIPLIERS])
         by_row = {name: arrays[name][..., np.newaxis, :] for name in ("q", "parameters")}
         J = call(self._system, "apply_jacobian_transposed", {**by_row, "w": np.eye(m)})["force"]
         J = np.broadcast_to(J, (*arrays["v"].shape[:-1], m, J.shape[-1]))
         v = arrays["v"].copy()
-        v[..., self._following] -= np.einsum("...ij,...j->...i", np.linalg.pinv(J[..., self._following], rcond=TOLERANCE), rate)
+        v[..., self._dependent] -= np.einsum("...ij,...j->...i", np.linalg.pinv(J[..., self._dependent], rcond=TOLERANCE), rate)
         return v
 
     def _changes(self, y: Array, of: tuple[dict[str, Array], Mapping[str, RoadTable], dict[str, Array]]) -> _Changes:
@@ -227,19 +227,19 @@ class TrimEquations:
         changes = {"vdot": vdot, "lambda": multipliers, "parameters": parameters, "v": v}
         changes["q"] = retract_changes(self._start, self._q, y[self._part(MOVES)], moves)
         by_input = {name: np.eye(len(y))[self._free, index] for name, index in self._found.items()}
-        if self._follows:
-            changes["v"] = self._following_changes(arrays, changes, roads, held, by_input)
+        if self._has_dependent:
+            changes["v"] = self._dependent_speed_changes(arrays, changes, roads, held, by_input)
         return changes, by_input
 
-    def _following_changes(
+    def _dependent_speed_changes(
         self, arrays: Mapping[str, Array], changes: Mapping[str, Array], roads: Mapping[str, RoadTable], held: Mapping[str, Array],
         by_input: Mapping[str, Array],
     ) -> Array:  # fmt: skip
-        """The changes of speeds of which some follow, by the derivative of the pseudoinverse.
+        """The changes of speeds of which some are dependent, by the derivative of the pseudoinverse.
 
         Source: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973.
         """
-        m, at = len(self._names[MULTIPLIERS]), self._following
+        m, at = len(self._names[MULTIPLIERS]), self._dependent
 
         def moved(function: str, array: str, arrays: Mapping[str, Array]) -> Array:
             slots = self._system.slots
@@ -255,11 +255,11 @@ class TrimEquations:
         return v
 
     def residuals(self, y: Array) -> Array:
-        """What is left at points (..., numbers) of conditions that count now: of forces and states, loops with their rates, held values."""
+        """The residuals at points (..., numbers) of the conditions that count now: forces and states, loops with their rates, targets."""
         arrays, roads, held = self._point(y)
-        if self._touching:
+        if self._engaged:
             none = {"parameters": np.zeros((0, len(self._names[PARAMETERS])))}
-            moved = evaluate_changes(self._system, self._results, arrays, none, roads, held, touching=self._touching)
+            moved = evaluate_changes(self._system, self._results, arrays, none, roads, held, touching=self._engaged)
             found = {name: value for name, (value, _) in moved.items()}
         else:
             found = evaluate_results(self._system, self._results, arrays, roads, held)
@@ -267,16 +267,16 @@ class TrimEquations:
         return self._counted(np.concatenate([np.zeros((*y.shape[:-1], 0)), *columns], axis=-1))
 
     def _counted(self, left: Array) -> Array:
-        left[..., left.shape[-1] - len(self._held) :] -= self._held
+        left[..., left.shape[-1] - len(self._targets) :] -= self._targets
         return np.where(self._counts, left, 0.0)
 
-    def tried(self, y: Array) -> Tried:
+    def evaluated(self, y: Array) -> Evaluated:
         """What is left and its derivatives at a point."""
         sizes = np.maximum(self._sizes, np.abs(y))
         sizes[self._part(MOVES)] = self._sizes[self._part(MOVES)]
         free, point = np.flatnonzero(self._free), self._point(y)
         changes = self._changes(y, point)
-        found = evaluate_changes(self._system, self._results, point[0], changes[0], *point[1:], changes[1], self._touching)
+        found = evaluate_changes(self._system, self._results, point[0], changes[0], *point[1:], changes[1], self._engaged)
         left = self._counted(np.concatenate([np.zeros(0), *(value for value, _ in found.values())]))
         A = np.concatenate([np.zeros((len(free), 0)), *(change for _, change in found.values())], axis=1).T * sizes[free]
         A[~self._counts] = 0.0
@@ -301,11 +301,11 @@ class TrimEquations:
         largest = np.abs(A).max(axis=0, initial=0.0)
         A[:, largest <= _IDLE] = 0.0
         largest = np.where((largest > _IDLE) & (free >= self._first[SPEEDS] + joints), largest, 1.0)  # joints' sizes are rad and m
-        return Tried(y=y, left=left, A=A / largest, rows=rows, columns=sizes[free] / largest)
+        return Evaluated(y=y, left=left, A=A / largest, rows=rows, columns=sizes[free] / largest)
 
 
 def _gates(results: Collection[Block], states: Collection[str]) -> set[Block]:
-    """The conditions of contacts: choices of a value or nought that follow from coordinates and speeds, not from states or multipliers."""
+    """The conditions of contacts: choices between a value and zero that depend on coordinates and speeds, not on states or multipliers."""
     reads: dict[Block, frozenset[str]] = {}
     for block in reachable_blocks(results):
         symbol = str(block.data) if block.op == "symbol" else ""

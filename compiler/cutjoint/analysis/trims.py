@@ -1,6 +1,6 @@
 """A start that is trimmed: coordinates, speeds, states, inputs and parameters at which rates are zero, loops closed, and values as given.
 
-One least-squares problem has all equations.  Its Jacobian tells which unknowns are determined and which equations conflict.
+One least-squares problem has all equations.  Its Jacobian shows which unknowns are determined and which equations conflict.
 """
 
 from __future__ import annotations
@@ -15,15 +15,26 @@ import numpy as np
 from cutjoint.analysis.closing import Array
 from cutjoint.analysis.linearise import Point
 from cutjoint.analysis.natural import evaluate_results
-from cutjoint.analysis.trim_equations import MOVES, MULTIPLIERS, PARAMETERS, RATES, ROUNDING, SPEEDS, Given, Tried, TrimEquations, TrimParts
+from cutjoint.analysis.trim_equations import (
+    MOVES,
+    MULTIPLIERS,
+    PARAMETERS,
+    RATES,
+    ROUNDING,
+    SPEEDS,
+    Evaluated,
+    TrimEquations,
+    TrimInputs,
+    TrimParts,
+)
 from cutjoint.methods import join_and
 
 #: Residuals below this, as shares of what a change of an unknown by its size makes, are met.
 _MET = 1e-9
 #: Singular values where columns have length one that are rounding.
-_LOOSE = 1e-6
+_SINGULAR = 1e-6
 _ITERATIONS, _SLOW, _TRIALS = 60, 4, 5
-#: The share of held values by which the search is led at first.
+#: The share of the distance to the targets that the first step of the continuation covers.
 _SHARE = 0.25
 #: A step that is rounding, in sizes of unknowns.
 _ROUNDED = 1e-13
@@ -37,11 +48,15 @@ _FARTHEST, _STRAY, _LOST, _NAMED = 0.3, 0.6, 1.5, 0.2
 
 @dataclass(frozen=True, kw_only=True)
 class Trimmed:
-    """What a trim has found: ``unknowns`` with their ``units``, by name, and all ``coordinates``, ``rates`` and ``states`` by place.
+    """The result of a trim.
 
-    ``unsteady`` are rates, with units, of what may change.  ``residual`` the largest share to which a condition is not met, ``redundant``
-    are held values that follow from other conditions.  A motion is ``steady`` if no condition feels what changes.  One that has ``strayed``
-    was found from random coordinates, since none was near the given ones.  ``gradients`` have by parameter the derivatives of the unknowns.
+    * ``unknowns``, ``units``: by name; ``coordinates``, ``rates``, ``states``: of the whole start, by place
+    * ``unsteady``: rates with units, of what may change
+    * ``residual``: the largest share to which a condition is not met
+    * ``redundant``: targets that follow from other conditions
+    * ``steady``: no condition depends on what changes
+    * ``strayed``: found from random coordinates, since no solution was near the given ones
+    * ``gradients``: derivatives of the unknowns, by parameter
     """
 
     unknowns: Mapping[str, float]
@@ -61,7 +76,7 @@ class Trimmed:
 class TrimmedStart(TrimParts):
     """The conditions of a trimmed scene, met."""
 
-    def trim(self, given: Given, changed: Mapping[str, tuple[float, Given, Given]] = MappingProxyType({})) -> Trimmed:
+    def trim(self, given: TrimInputs, changed: Mapping[str, tuple[float, TrimInputs, TrimInputs]] = MappingProxyType({})) -> Trimmed:
         """The trimmed start, with gradients by parameters: ``changed`` has by name a small change and the numbers with less and with more.
 
         Raises:
@@ -69,16 +84,17 @@ class TrimmedStart(TrimParts):
         """
         search = _Search(self, given)
         found = search.best()
-        if found.worst > _MET and (unmoved := search.unmoved(found)):
-            words = f"too few unknowns: nothing that is found changes {join_and(unmoved)}"
-            raise self._error(words, "list under 'find' what does, or give and hold less")
+        if found.worst > _MET and (unaffected := search.unaffected(found)):
+            words = f"too few unknowns: none of them changes {join_and(unaffected)}"
+            raise self._error(words, "list one that does under 'find', or prescribe less")
         if idle := search.idle(found):
-            raise self._error(f"nothing that holds depends on {join_and(idle)}", "leave it out of 'find', or hold what it changes", idle[0])
+            remedy = "remove it from 'find', or add a condition on what it changes"
+            raise self._error(f"no condition depends on {join_and(idle)}", remedy, idle[0])
         if found.worst > _MET:
-            raise self._error(*search.said(found))
-        if loose := search.loose(found):
-            words = f"too many unknowns: {join_and(loose)} can change together and all still holds"
-            raise self._error(words, "give one of them a value, or hold one condition more", loose[0])
+            raise self._error(*search.failure(found))
+        if undetermined := search.undetermined(found):
+            words = f"too many unknowns: {join_and(undetermined)} can change together without violating a condition"
+            raise self._error(words, "give one of them a value, or add a condition", undetermined[0])
         return replace(search.result(found), gradients={name: search.gradient(found, *of) for name, of in changed.items()})
 
     def follows(self, parameter: str, given: Any) -> bool:
@@ -90,10 +106,10 @@ class TrimmedStart(TrimParts):
 class _Search(TrimEquations):
     """Looks for a point at which all conditions are met."""
 
-    _strayed = False
+    _is_random = False
 
-    def best(self) -> Tried:
-        """The point that meets the conditions, else the nearest of several tries, of loops and held values first."""
+    def best(self) -> Evaluated:
+        """The point that meets the conditions, else the nearest of several tries; loops and targets are met first."""
         self._counts = self._forces == 0
         found = self._nearest(self.begin)
         if found.worst <= _MET:
@@ -101,11 +117,11 @@ class _Search(TrimEquations):
             found = self._nearest(found.y)
         return found
 
-    def _nearest(self, begin: Array) -> Tried:
+    def _nearest(self, begin: Array) -> Evaluated:
         best, rng, alike = self._approach(begin), np.random.default_rng(0), 0
-        for search in (self._relaxed, self._touched, self._led):
+        for search in (self._from_settled_states, self._from_engaged_contacts, self._by_continuation):
             if best.worst > _MET:
-                best = min(best, search(begin), key=lambda tried: tried.worst)
+                best = min(best, search(begin), key=lambda evaluated: evaluated.worst)
         listed = np.isin(np.arange(len(begin)), [*self._listed.values()])
         for trial in range(_TRIALS):
             if best.worst <= _MET or alike == _ENOUGH:
@@ -114,38 +130,38 @@ class _Search(TrimEquations):
             found = self._approach(begin + stray)
             if found.worst <= _MET and np.abs(((found.y - begin) / self._sizes)[self._part(MOVES)]).max(initial=0.0) > _LOST:
                 continue
-            self._strayed |= found.worst <= _MET and trial > 0
+            self._is_random |= found.worst <= _MET and trial > 0
             alike += abs(found.worst - best.worst) <= _ALIKE * best.worst
-            best = min(best, found, key=lambda tried: tried.worst)
+            best = min(best, found, key=lambda evaluated: evaluated.worst)
         return best
 
-    def _touched(self, begin: Array) -> Tried:
+    def _from_engaged_contacts(self, begin: Array) -> Evaluated:
         """From contacts that pull where they are open: those that pull at the end are let go until none does."""
-        self._touching = self._gates
-        return self._let_go(self._approach(begin))
+        self._engaged = self._gates
+        return self._release(self._approach(begin))
 
-    def _let_go(self, found: Tried) -> Tried:
+    def _release(self, found: Evaluated) -> Evaluated:
         """On from contacts that pull, of which more and more are let go."""
-        while self._touching and np.isfinite(found.left).all():
+        while self._engaged and np.isfinite(found.left).all():
             arrays, roads, held = self._point(found.y)
-            met = evaluate_results(self._system, {str(i): gate for i, gate in enumerate(self._touching)}, arrays, roads, held)
-            kept = {gate for gate, is_met in zip(self._touching, met.values(), strict=True) if is_met.all()}
-            self._touching = () if len(kept) == len(self._touching) else kept
+            met = evaluate_results(self._system, {str(i): gate for i, gate in enumerate(self._engaged)}, arrays, roads, held)
+            kept = {gate for gate, is_met in zip(self._engaged, met.values(), strict=True) if is_met.all()}
+            self._engaged = () if len(kept) == len(self._engaged) else kept
             found = self._approach(found.y)
-        self._touching = ()
+        self._engaged = ()
         return found
 
-    def _relaxed(self, begin: Array) -> Tried:
+    def _from_settled_states(self, begin: Array) -> Evaluated:
         """On from states that have followed their rates to rest while all else stands, by ever longer implicit steps (pseudo-transient
         continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35, 1998)."""
         y, every, span = np.clip(begin, self._lower, self._upper), self._free, 0.0
         states = np.flatnonzero(every[self._first[SPEEDS] + self._start.speeds : self._first[RATES]]) + self._start.speeds
         if not len(states):
-            return self.tried(begin)
+            return self.evaluated(begin)
         at = self._first[SPEEDS] + states
-        self._touching, self._free = self._gates, np.isin(np.arange(len(every)), at)
+        self._engaged, self._free = self._gates, np.isin(np.arange(len(every)), at)
         for _ in range(_ITERATIONS):
-            here = self.tried(y)
+            here = self.evaluated(y)
             rates = here.left[states] / self._sizes[at]
             if not np.isfinite(rates).all() or np.abs(rates).max() * span > 1 / ROUNDING or not (fastest := np.abs(rates).max()):
                 break
@@ -153,26 +169,26 @@ class _Search(TrimEquations):
             A = here.A[states] * here.rows[states, np.newaxis] + np.diag(here.columns) / span
             y[at] -= np.linalg.lstsq(A / self._sizes[at, np.newaxis], rates)[0] * here.columns
         self._free = every
-        return self._let_go(self._approach(y))
+        return self._release(self._approach(y))
 
-    def _led(self, _: Array) -> Tried:
-        """On from the held values of the beginning, led to the wanted ones by shares as large as the search can follow."""
-        wanted, self._held = self._held, np.zeros(len(self._held))
+    def _by_continuation(self, _: Array) -> Evaluated:
+        """Continuation from the initial values of the targets to the wanted ones, by steps as large as the search can follow."""
+        wanted, self._targets = self._targets, np.zeros(len(self._targets))
         begun = self.residuals(self.begin)[len(self._forces) - len(wanted) :]
         share, step, at = 0.0, _SHARE, None
         while share < 1 and (at is None or step > _SHARE / 32):
-            self._held = begun + (share + step * (at is not None)) * (wanted - begun)
-            found = self._relaxed(self.begin) if at is None else self._approach(at.y)
+            self._targets = begun + (share + step * (at is not None)) * (wanted - begun)
+            found = self._from_settled_states(self.begin) if at is None else self._approach(at.y)
             if found.worst <= _MET:
                 share, step, at = (0.0, step, found) if at is None else (share + step, min(2 * step, 1 - share - step), found)
             elif at is None:
                 break
             else:
                 step /= 2
-        self._held = wanted
-        return self.tried(self.begin if at is None else at.y)
+        self._targets = wanted
+        return self.evaluated(self.begin if at is None else at.y)
 
-    def _moved(self, at: Tried, step: Array) -> tuple[Array, float]:
+    def _after_step(self, at: Evaluated, step: Array) -> tuple[Array, float]:
         """The point after a step, between the bounds, and the share of the step that is not too far."""
         moves, y = np.flatnonzero(self._free) < self._first[MOVES + 1], at.y.copy()
         far = np.abs(step * at.columns / self._sizes[self._free])[moves].max(initial=0.0)
@@ -180,28 +196,28 @@ class _Search(TrimEquations):
         y[self._free] += share * step * at.columns
         return np.clip(y, self._lower, self._upper), share
 
-    def _approach(self, y: Array) -> Tried:
+    def _approach(self, y: Array) -> Evaluated:
         """The nearest least squares by damped steps between the bounds; one is good if the next with the same derivatives is shorter,
         however residuals are weighted (Deuflhard, Newton Methods for Nonlinear Problems, 2011, ch. 3)."""
-        at, damping, slow = self.tried(np.clip(y, self._lower, self._upper)), 0.0, 0
+        at, damping, slow = self.evaluated(np.clip(y, self._lower, self._upper)), 0.0, 0
         for _ in range(_ITERATIONS):
             if not np.isfinite(at.left).all() or not at.left.any():
                 break
             moving, step = self._step(at, damping)
             if (length := float(np.linalg.norm(step))) <= _ROUNDED and at.worst <= _MET:
                 break
-            y, share = self._moved(at, step)
+            y, share = self._after_step(at, step)
             left = self.residuals(y)
             after = np.linalg.norm(at.shortest(moving, left, damping)) if np.isfinite(left).all() else np.inf
             if after < length * (1 - share / 1e4):
-                at, damping, slow = self.tried(y), damping / 8 if damping > _DAMPING else 0.0, slow + 1 if after > 0.99 * length else 0
+                at, damping, slow = self.evaluated(y), damping / 8 if damping > _DAMPING else 0.0, slow + 1 if after > 0.99 * length else 0
                 if slow == _SLOW:
                     break
             elif (damping := 8 * max(damping, _DAMPING)) > 1e3 or at.worst < _MET / 100:
                 break
         return at
 
-    def _step(self, at: Tried, damping: float) -> tuple[Any, Array]:
+    def _step(self, at: Evaluated, damping: float) -> tuple[Any, Array]:
         """The columns that move, and the step (columns,) in their sizes; numbers at a bound that it would cross stay there."""
         y, lower, upper = at.y[self._free], self._lower[self._free], self._upper[self._free]
         moving: Any = at.A.any(axis=0)
@@ -213,70 +229,70 @@ class _Search(TrimEquations):
                 return moving, step
             moving &= ~stopped
 
-    def _columns(self, at: Tried) -> Array:
+    def _columns(self, at: Evaluated) -> Array:
         """The derivatives with all columns of length one, but for those of zeros."""
         lengths = np.linalg.norm(at.A, axis=0)
         return np.asarray(at.A / np.where(lengths > 0, lengths, 1.0))
 
-    def idle(self, at: Tried) -> list[str]:
+    def idle(self, at: Evaluated) -> list[str]:
         """The listed unknowns on which no condition depends."""
         if not self._counts.all():
             counts, self._counts = self._counts, np.ones_like(self._counts)
-            at, self._counts = self.tried(at.y), counts
+            at, self._counts = self.evaluated(at.y), counts
         still = {*np.flatnonzero(self._free)[~at.A.any(axis=0)].tolist()}
         return [f"'{name}'" for name, index in self._listed.items() if index in still]
 
-    def unmoved(self, at: Tried) -> list[str]:
+    def unaffected(self, at: Evaluated) -> list[str]:
         """The conditions that are not met and that no unknown changes."""
         missed = (np.abs(at.left / at.rows) > _MET) & ~at.A.any(axis=1)
         return list(dict.fromkeys(words for words, is_missed in zip(self._conditions(at), missed, strict=True) if is_missed))[:4]
 
-    def loose(self, at: Tried) -> list[str]:
+    def undetermined(self, at: Evaluated) -> list[str]:
         """The listed unknowns that can change while all conditions stay met, then what changes with them."""
         free, A = np.flatnonzero(self._free), self._columns(at)
         _, values, right = np.linalg.svd(A, full_matrices=True)
-        null = right[int(np.sum(values > _LOOSE)) :].T
+        null = right[int(np.sum(values > _SINGULAR)) :].T
         listed = np.isin(free, [*self._listed.values()])
         _, shares, combined = np.linalg.svd(null[listed], full_matrices=False)
-        moved = np.abs(null @ combined[shares > _LOOSE].T).max(axis=1, initial=0.0) > np.where(listed, _LOOSE, 0.05)
+        moved = np.abs(null @ combined[shares > _SINGULAR].T).max(axis=1, initial=0.0) > np.where(listed, _SINGULAR, 0.05)
         names, first = [name.removesuffix(".value") for part in self._names for name in part], self._first
         order = [*free[moved & listed].tolist(), *free[moved & ~listed].tolist()]
         return [f"'{names[index]}'" for index in order if not first[RATES] <= index < first[PARAMETERS]]
 
-    def said(self, at: Tried) -> tuple[str, str]:
+    def failure(self, at: Evaluated) -> tuple[str, str]:
         """What no start meets, and the remedy."""
         if not np.isfinite(at.left).all():
             return "its conditions have no finite value where the search begins", "give other positions, rates or states"
         shares = np.abs(at.left / at.rows)
         missed = np.flatnonzero(shares > max(_MET, _NAMED * shares.max()))
-        aims = missed[missed >= len(shares) - len(self._held)]
+        aims = missed[missed >= len(shares) - len(self._targets)]
         conditions = [*self._conditions(at)]
         words = [conditions[i] for i in (aims if aims.size and not self._counts.all() else missed)]
         stopped = [(n, i) for n, i in self._listed.items() if at.y[i] in (self._lower[i], self._upper[i])]
         at_bounds = [f"'{n}' = {at.y[i] + self._begins.get(n, 0.0):.6g}" for n, i in stopped]
         bound = f", with {join_and(at_bounds)} at the bound" if at_bounds else ""
         nearest = f"no start meets all conditions{bound}; the nearest has {join_and(list(dict.fromkeys(words))[:4])}"
-        A = self._columns(self.tried(self.begin))
+        A = self._columns(self.evaluated(self.begin))
         rows = int(np.sum(np.abs(A).max(axis=1, initial=0.0) > 0))
         if at_bounds:
-            return nearest, "widen the bounds, or hold less"
-        if np.linalg.matrix_rank(A, tol=_LOOSE) < rows:
-            remedy = "list under 'find' what changes them, or under 'unsteady' what may change, or give and hold less"
+            return nearest, "widen the bounds, or remove conditions"
+        if np.linalg.matrix_rank(A, tol=_SINGULAR) < rows:
+            remedy = "list unknowns that change them under 'find', rates that may differ from zero under 'unsteady', or remove conditions"
             return f"too few unknowns, or conditions that contradict each other: {nearest}", remedy
         return nearest, "write other values, or begin nearer with 'positions' and 'near'"
 
-    def _conditions(self, at: Tried) -> Iterator[str]:
-        """The conditions in words with what is left of them."""
+    def _conditions(self, at: Evaluated) -> Iterator[str]:
+        """The conditions as text with their residuals."""
         for name, is_length, left in zip(self._names[MOVES], self._of._is_length, at.left, strict=False):
             yield f"{abs(left):.4g} {'N' if is_length else 'N*m'} missing along '{name}'"
         for state, left in zip(self._start.state.states, at.left[self._start.speeds :], strict=False):
             yield f"'{state.name}' changing by {-left:.4g} {state.unit or '1'}/s"
         for words in ("open", "opening", "opening faster"):
             yield from (f"the loop of '{name}' {words}" for name in self._names[MULTIPLIERS])
-        for aim, wanted, left in zip(self._of._scene.assemble, self._held, at.left[len(at.left) - len(self._held) :], strict=True):
+        for aim, wanted, left in zip(self._of._scene.assemble, self._targets, at.left[len(at.left) - len(self._targets) :], strict=True):
             yield f"'{aim.name}' = {(wanted + left) / aim.size:.4g} in place of {wanted / aim.size:.6g} {aim.unit}".rstrip()
 
-    def gradient(self, at: Tried, change: float, less: Given, more: Given) -> dict[str, float]:
+    def gradient(self, at: Evaluated, change: float, less: TrimInputs, more: TrimInputs) -> dict[str, float]:
         """The derivatives of the listed unknowns by a number that the conditions follow from: the implicit function theorem."""
         left = []
         for given in (less, more):
@@ -289,12 +305,12 @@ class _Search(TrimEquations):
         moved = dict(zip(np.flatnonzero(self._free).tolist(), step * at.columns, strict=True))
         return {name: float(moved[index]) for name, index in self._listed.items()}
 
-    def result(self, at: Tried) -> Trimmed:
-        """The start, and the held values that follow from other conditions."""
+    def result(self, at: Evaluated) -> Trimmed:
+        """The start, and the targets that follow from other conditions."""
         arrays, _, held = self._point(at.y)
         left, values, _ = np.linalg.svd(at.A)
-        follows = (np.abs(left[len(at.left) - len(self._held) :, int(np.sum(values > _LOOSE)) :]) > _LOOSE).any(axis=1)
-        q, speeds = self._of._turned(arrays["q"]), self._start.speeds
+        follows = (np.abs(left[len(at.left) - len(self._targets) :, int(np.sum(values > _SINGULAR)) :]) > _SINGULAR).any(axis=1)
+        q, speeds = self._of._with_reversed_attitudes(arrays["q"]), self._start.speeds
         changing = self._of._at(SPEEDS, [u.entry for u in self._of._trim.unsteady if at.y[self._of._at(RATES, [u.entry])[0]] != 0.0])
         felt = changing and np.abs((self.residuals(at.y + 1e-3 * np.diag(self._sizes)[changing]) - at.left) / at.rows).max() > _MET
         rates = dict(zip(self._names[SPEEDS], arrays["v"].tolist(), strict=True))
@@ -309,10 +325,10 @@ class _Search(TrimEquations):
                 unknown.name: (float(at.y[i]), f"{unknown.unit or '1'}/s".replace("/s/s", "/s^2"))
                 for unknown in self._of._trim.unsteady for i in self._of._at(RATES, [unknown.entry])
             },
-            steady=not felt, strayed=self._strayed,
+            steady=not felt, strayed=self._is_random,
             redundant=tuple(aim.name for aim, is_so in zip(self._of._scene.assemble, follows, strict=True) if is_so),
             point=Point(
-                t=0.0, q=arrays["q"], v=arrays["v"], vdot=arrays["vdot"], parameters=arrays["parameters"], roads=self._given.roads,
+                t=0.0, q=arrays["q"], v=arrays["v"], vdot=arrays["vdot"], parameters=arrays["parameters"], roads=self._inputs.roads,
                 held={name: float(value) for name, value in held.items()},
             ),
         )  # fmt: skip

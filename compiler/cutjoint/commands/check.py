@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from cutjoint.analysis.closing import explore
-from cutjoint.analysis.embedding.embed import assemble_loops
+from cutjoint.analysis.embedding.embed import embed_loops
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.redundancy import find_indeterminate, find_redundancy, reaction_outputs
@@ -45,7 +45,7 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], view: Path
         options.out.print(tables.loop_table(topology))
     if chosen.numerics.loops == Loops.EMBEDDED:
         with options.progress_bar(f"closing loops of {model.name}"):
-            outcome = assemble_loops(checked, chosen, measure=True)
+            outcome = embed_loops(checked, chosen, measure=True)
         for note in (*outcome.done, *outcome.left):
             options.out.print(str(note), markup=False)
     if topology.closing:

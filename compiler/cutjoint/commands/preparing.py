@@ -208,10 +208,10 @@ def assemble_and_run(
 
     Where the run leaves their range and cannot continue, it is repeated with loop equations, unless the scene has ``on_violation: stop``.
     """
-    from cutjoint.analysis.embedding.embed import assemble_loops  # imported here, so that other runs do not wait for it
+    from cutjoint.analysis.embedding.embed import embed_loops  # imported here, so that other runs do not wait for it
 
     with options.progress_bar(f"closing loops of {request.model.name}"):
-        outcome = assemble_loops(model, scene)
+        outcome = embed_loops(model, scene)
     for note in (*outcome.done, *outcome.left):
         options.err.print(str(note), markup=False)
     prepared, run = prepare_and_run(request, model, scene, method, parameters, execute)

@@ -14,11 +14,11 @@ import sympy
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.compile.options import CompileOptions
-from cutjoint.emit.classes import Beginning, SimulationCode, System
+from cutjoint.emit.classes import Defaults, SimulationCode, System
 from cutjoint.emit.library import emit_library
 from cutjoint.emit.sizes import record_length, seed_rows, simulation_size
 from cutjoint.emit.source import Generated, Page, Source
-from cutjoint.emit.standalone import emit_standalone, mark_of
+from cutjoint.emit.standalone import digest_of, emit_standalone
 from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.implicit.equations import formulate_residual
 from cutjoint.formulate.inputs import tunable_parameters
@@ -142,7 +142,7 @@ class Standalone:
     @property
     def mark(self) -> str:
         """The digest in the C header: of the model, its scene's steps and the version."""
-        return mark_of(self.digest, self.integrator)
+        return digest_of(self.digest, self.integrator)
 
     @property
     def simulator(self) -> str:
@@ -153,18 +153,18 @@ class Standalone:
     def files(self) -> Mapping[str, str]:
         """The files of the folder by name."""
         libm = mathematics() if self.reproducible else None
-        return emit_standalone(self.parts, self._beginning, self.digest, libm=libm, lays_roads=self.lays_roads)
+        return emit_standalone(self.parts, self._defaults, self.digest, libm=libm, lays_roads=self.lays_roads)
 
     @cached_property
     def library(self) -> Source:
         """The source of the shared library with the same interface."""
-        return emit_library(self.parts, self._beginning, self.digest, self.code)
+        return emit_library(self.parts, self._defaults, self.digest, self.code)
 
     @property
-    def _beginning(self) -> Beginning:
+    def _defaults(self) -> Defaults:
         """The part of the run file that generated code begins with."""
         file, settings, held = self.run_file, self.run_file.settings, self.run_file.settings.stabilisation
-        return Beginning(
+        return Defaults(
             integrator=settings.integrator, closure=held.closure, closure_penalty=held.penalty, damping_ratio=held.damping_ratio,
             frequency=held.frequency, dt=settings.dt, penalty=settings.penalty, tolerance=settings.tolerance,
             iterations=settings.iterations, multiplier_updates=settings.multiplier_updates, fixed_cost=settings.fixed_cost,

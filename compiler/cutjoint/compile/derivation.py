@@ -60,17 +60,17 @@ def derive(
 
 def with_requested_loops(model: Model, scene: Scene, method: str) -> Model:
     """The model with loops closed as a scene has them for a method: by their equations, or by functions where they hold."""
-    if scene.numerics.loops == Loops.EXACT or not METHODS[method].functions or model.assemblies:
+    if scene.numerics.loops == Loops.EXACT or not METHODS[method].functions or model.embedded_loops:
         return model
-    from cutjoint.analysis.embedding.embed import assemble_loops  # others do not wait for what this imports
+    from cutjoint.analysis.embedding.embed import embed_loops  # others do not wait for what this imports
 
-    return assemble_loops(model, scene).model
+    return embed_loops(model, scene).model
 
 
 def fallback(equations: Equations, compiled: Callable[[Model, Scene], Artifact]) -> Callable[[], Artifact] | None:
     """Return a function that compiles the loops' equations, for runs that leave the range of functions; None where the scene stops."""
     topology, scene = equations.mechanism.topology, equations.mechanism.scene
-    if not topology.model.assemblies or scene.on_violation == "stop":
+    if not topology.model.embedded_loops or scene.on_violation == "stop":
         return None
     from cutjoint.analysis.embedding.embed import without_functions  # others do not wait for what this imports
 

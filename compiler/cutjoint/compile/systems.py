@@ -53,7 +53,7 @@ def schedule_system(
         RunError, MissingLibraryError: as of `plan_system`.
     """
     # Topology -> Equations
-    if start.topology.model.assemblies and not METHODS[method].functions:
+    if start.topology.model.embedded_loops and not METHODS[method].functions:
         words = join_or(names_of(METHODS, lambda m: m.functions))
         raise EquationsError(f"the method {method} does not support embedded loops; use {words}, or the loops' equations")
     equations, states = formulate_system(start, method, outputs)

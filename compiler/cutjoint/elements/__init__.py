@@ -1,1 +1,1 @@
-"""The catalogue: what each kind of joint and of force is, as data and small functions, one file a kind; the stages interpret it."""
+"""The catalogue of joint and force kinds, as data and small functions, one file a kind; the stages interpret it."""

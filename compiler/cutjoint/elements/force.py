@@ -1,4 +1,4 @@
-"""The description of a force kind: its fields in the file, its record, and the interaction by which it works on its bodies.
+"""The description of a force kind: its fields in the file, its record, and the interaction by which it acts on its bodies.
 
 Expressions come in by the builders of `Reader` and `Mirror`.
 """
@@ -34,7 +34,7 @@ class Shape(StrEnum):
 
 @dataclass(frozen=True)
 class Choice:
-    """One of some words."""
+    """One of several words."""
 
     words: tuple[str, ...]
 
@@ -48,13 +48,13 @@ class Constants:
     names: tuple[str, ...]
 
 
-#: Stands for the default of a field that must be given.
+#: The default of a field that must be given.
 REQUIRED: Any = object()
 
 
 @dataclass(frozen=True)
 class ForceField:
-    """A field of the kind in a model file beside those that all forces have; with the default None it may be left out.
+    """A field of the kind in a model file, besides those that all forces have; with the default None it may be left out.
 
     ``words`` and ``unit`` describe it in the documentation.
     """
@@ -81,8 +81,7 @@ class Law:
 
 @dataclass(frozen=True, kw_only=True)
 class Bristle:
-    """A first-order state of a force's own without a unit: the symbol that stands for it, its rate in 1/s, and the limit of the force by N
-    of load."""
+    """A first-order state of a force, dimensionless: its symbol, its rate (1/s), and the limit of the force by N of load."""
 
     symbol: Scalar
     rate: Scalar
@@ -154,16 +153,17 @@ class Mirror(Protocol):
         """The image of an axis of rotation or a torque."""
 
     def frame(self, axes: tuple[Vector, Vector, Vector]) -> tuple[Vector, Vector, Vector]:
-        """The image of a frame, whose axes turn round along the mirror's once more: they stay right-handed, and global axes global."""
+        """The image of a frame, whose axes along the mirror's are reversed once more: it stays right-handed, and global axes stay global.
+        """
 
     def law(self, expression: Scalar) -> Scalar:
         """An expression over x y z vx vy vz and wx wy wz, as the image sees it."""
 
     def opposite(self, expression: Scalar, names: Sequence[str]) -> Scalar:
-        """An expression whose variables of some names count the other way."""
+        """An expression with the sign of some variables changed."""
 
     def reflected(self, law: Scalar, sign: int) -> Scalar:
-        """A law over ``position`` and ``rate``, which with its force count the other way where ``sign`` is -1."""
+        """A law over ``position`` and ``rate``; these and its force change their sign where ``sign`` is -1."""
 
 
 # The record
@@ -206,12 +206,12 @@ class Force:
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of what a reader reads."""
+        """The record of an element in a model file."""
         raise NotImplementedError
 
     @property
     def interaction(self) -> Interaction:
-        """The way in which the force works on its bodies."""
+        """The interaction by which the force acts on its bodies."""
         return self.element.interaction
 
     @property
@@ -241,7 +241,7 @@ class Force:
 
     @property
     def by_load(self) -> bool:
-        """Return whether the force follows from what its joint carries, and so from all accelerations."""
+        """Return whether the force depends on the load of its joint, and so on all accelerations."""
         return self.interaction.by_load
 
     @property
@@ -261,7 +261,7 @@ class Force:
 
     @property
     def has_frame(self) -> bool:
-        """Return whether the force counts along axes of a body, so that its points and directions alone do not determine it."""
+        """Return whether the force has components along axes of a body, so that its points and directions alone do not determine it."""
         return any(isinstance(place, Frame) for place in self.places)
 
     @property
@@ -292,7 +292,7 @@ class Force:
 
     @property
     def measured_when_off(self) -> frozenset[str]:
-        """The quantities that a force has where it is switched off: those measured, but for a wheel's beside its road."""
+        """The quantities that a force has where it is switched off: those measured, without those of a wheel's road contact."""
         return frozenset() if self.has_road else self.measured
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
@@ -305,7 +305,7 @@ class Force:
         return replace(self, **images)
 
     def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
-        """The sign of a quantity in the force's image: 1 if it counts the same way, else -1.
+        """The sign of a quantity in the force's image: 1 if it keeps its sign, else -1.
 
         ``sign`` says it of the components of vectors (x, Fx) and of rotations (Mx), ``of_coordinate`` of the coordinate that it acts on.
         """

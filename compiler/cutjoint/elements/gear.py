@@ -20,5 +20,5 @@ def equation(has_law: bool) -> str:
 #: The short name of its equation.
 NAMES = ("ratio",)
 
-#: The unit of what it does to its first coordinate, by that coordinate's unit; the second one gets -ratio times as much.
+#: The unit of the force on its first coordinate, by that coordinate's unit; the force on the second one is -ratio times as large.
 FORCE_UNITS: Mapping[str, str] = {"rad": "N*m", "m": "N"}

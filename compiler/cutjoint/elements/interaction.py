@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Carrier(StrEnum):
-    """The field of a record that names the body which carries something."""
+    """The field of a record that names the body in which a place is fixed."""
 
     BASE = "base"
     FOLLOWER = "follower"
@@ -37,7 +37,7 @@ class Place:
     field: str
 
     def body(self, force: Force) -> str:
-        """The body that carries it."""
+        """The body in which it is fixed."""
         return str(getattr(force, self.carrier))
 
     def of(self, force: Force) -> Any:
@@ -59,7 +59,7 @@ class Axis(Place):
 
 @dataclass(frozen=True)
 class Frame(Place):
-    """Three directions, right-handed; ``carrier`` is the body in whose frame laws count, and the other body carries them too."""
+    """Three directions, right-handed: components of laws are in the frame fixed in ``carrier``, and the other body has a copy of it."""
 
     def bodies(self, force: Force) -> tuple[str, str]:
         """The body in whose frame laws count, and the other one."""
@@ -101,7 +101,7 @@ class Mechanics(Protocol):
 
     @property
     def road(self) -> frozenset[str]:
-        """The parts "surface" and "friction" that the scene's road has beside its tracks."""
+        """The parts "surface" and "friction" that the scene's road has in addition to its tracks."""
 
     def scalar(self, expression: Scalar, values: Mapping[str, Block]) -> Block:
         """An expression of named variables."""
@@ -125,7 +125,7 @@ class Mechanics(Protocol):
         """The angular velocity of a body."""
 
     def spin_and_relative_rate(self, carrier: Carrier) -> tuple[Block, Block]:
-        """An angular velocity, and the rate about its axis by which a wheel turns beside it."""
+        """An angular velocity, and the rate about its axis of a wheel relative to it."""
 
     def in_body(self, carrier: Carrier, vector: Block) -> Block:
         """The components of a vector in a body's axes."""
@@ -140,10 +140,10 @@ class Mechanics(Protocol):
         """The vector of components in a body's axes."""
 
     def along(self, start: Point, end: Point, direction: Axis | Frame) -> Motion:
-        """The components of the way between two points along directions that the start's body carries."""
+        """The components of the vector between two points along directions fixed in the start's body."""
 
     def rotation(self, frame: Frame) -> Rotation:
-        """Half the sum of e_k x g_k, the axes of a frame as both of a force's bodies carry them, in the frame."""
+        """Half the sum of e_k x g_k, the axes of a frame fixed in either body of a force, in the frame."""
 
     def coordinate(self) -> dict[str, Block]:
         """The ``position``, where it is known, and the ``rate`` of the joint's coordinate on which the force works."""
@@ -170,7 +170,7 @@ class Mechanics(Protocol):
         """A force on the joint's coordinate."""
 
     def apply_joint_friction(self, law: Block) -> None:
-        """A force on the joint's coordinate, by N of the load that the joint carries."""
+        """A force on the joint's coordinate, by N of the joint's load."""
 
 
 # Looks
@@ -178,7 +178,7 @@ class Mechanics(Protocol):
 
 @dataclass(frozen=True)
 class Coil:
-    """A spring between two points, or along ``axis`` through the end, as far as the start is off."""
+    """A spring between two points, or along ``axis`` through the end, as long as the start is off it."""
 
     start: Point
     end: Point
@@ -195,11 +195,11 @@ class Ring:
 
 @dataclass(frozen=True)
 class Wheel:
-    """A wheel on the road; ``turns`` where it turns with its body, else it is drawn as if it rolled."""
+    """A wheel on the road; ``rotates`` if its body does, else it is drawn as if it rolled."""
 
     at: Point
     axis: Axis
-    turns: bool = False
+    rotates: bool = False
 
 
 Visual: TypeAlias = Coil | Ring | Wheel
@@ -220,7 +220,7 @@ class VisualContext(Protocol):
         """Fx, Fy and Fz on a point in a frame, in a body's axes or in global ones."""
 
     def lift(self, at: Point, below: Scalar, quantity: str) -> Arrow:
-        """A force up on the place that is so far below a point."""
+        """An upward force on the place at a depth below a point."""
 
 
 # Interactions
@@ -228,7 +228,7 @@ class VisualContext(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Interaction(ABC):
-    """The way in which a force works on its bodies; its fields are the places that it has there.
+    """How a force acts on its bodies; its fields are its places there.
 
     ``equation`` is the comment in generated code, ``equation_of_points`` that of natural coordinates where it differs.
     ``needs_attitude``: it depends on all directions of its bodies or works on them; ``can_be_guarded`` that a law over one

@@ -36,7 +36,7 @@ DESIGN_FRAME = (Direction.X, Direction.Y, Direction.Z)
 
 
 @dataclass(frozen=True)
-class Slide:
+class Translation:
     """A displacement along a direction."""
 
     coordinate: str
@@ -44,21 +44,21 @@ class Slide:
 
 
 @dataclass(frozen=True)
-class Turn:
-    """A turn about a direction by a share of a coordinate; with ``advances`` it moves along it too, by the joint's pitch in m a radian.
+class Rotation:
+    """A turn about a direction by a share of a coordinate; with ``is_screw`` it moves along it too, by the joint's pitch in m a radian.
 
     The shares of a coordinate in several turns of a chain add up to one.
     """
 
     coordinate: str
     direction: Direction
-    advances: bool = False
+    is_screw: bool = False
     share: Fraction = Fraction(1)
 
 
 @dataclass(frozen=True)
 class Ball:
-    """A turn of any kind: a quaternion, and three components of the angular velocity in the axes of the body before it."""
+    """A rotation about a point: a quaternion, and three components of the angular velocity in the axes of the body before it."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Offset:
     direction: Direction
 
 
-Motion: TypeAlias = Slide | Turn | Ball | Offset
+Motion: TypeAlias = Translation | Rotation | Ball | Offset
 
 # Conditions
 
@@ -82,7 +82,7 @@ class End(StrEnum):
 
 @dataclass(frozen=True)
 class BodyDirection:
-    """A direction that one of the joint's bodies carries."""
+    """A direction fixed in one of the joint's bodies."""
 
     end: End
     direction: Direction
@@ -113,7 +113,7 @@ class SamePoint:
 
 @dataclass(frozen=True)
 class SameDirection:
-    """Both bodies carry the same direction: three equations, two of them independent."""
+    """A direction of the base equals one of the follower: three equations, two of them independent."""
 
     direction: Direction
     names: tuple[str, ...] = ("axis_x", "axis_y", "axis_z")
@@ -122,7 +122,7 @@ class SameDirection:
 
 @dataclass(frozen=True)
 class SameAttitude:
-    """Both bodies carry the same frame: half the sum of the vector products of its axes."""
+    """A frame of the base equals one of the follower: half the sum of the vector products of its axes."""
 
     frame: tuple[Direction, Direction, Direction]
     names: tuple[str, ...] = ("turn_x", "turn_y", "turn_z")
@@ -131,7 +131,7 @@ class SameAttitude:
 
 @dataclass(frozen=True, kw_only=True)
 class Products:
-    """Sums of products are zero, a sum for each name; ``base`` and ``follower`` are the directions that these carry for that."""
+    """Sums of products are zero, a sum for each name; ``base`` and ``follower`` are the directions fixed in these bodies."""
 
     names: tuple[str, ...]
     sums: tuple[tuple[Product, ...], ...]
@@ -140,7 +140,7 @@ class Products:
 
     @property
     def joins_points(self) -> bool:
-        """Return whether the vector between the joint's points is in the products, and not directions alone."""
+        """Return whether the vector between the joint's points is in the products, not only directions."""
         return any(p.left is JointDisplacement.VECTOR for products in self.sums for p in products)
 
 
@@ -182,7 +182,7 @@ PERPENDICULAR = Products(
     sums=((Product(_on_base(Direction.AXIS), BodyDirection(End.FOLLOWER, Direction.AXIS_2)),),),
 )  # fmt: skip
 
-#: The follower does not turn about the axis: it carries two directions across it, and each leans towards the base's other one alike.
+#: The follower does not turn about the axis: the products of its two transverse directions with the base's other ones are equal.
 NO_AXIAL_ROTATION = Products(
     names=("twist",), base=(Direction.ACROSS_1, Direction.ACROSS_2), follower=(Direction.ACROSS_1, Direction.ACROSS_2),
     sums=((
@@ -196,8 +196,7 @@ NO_AXIAL_ROTATION = Products(
 
 @dataclass(frozen=True, kw_only=True)
 class Measure:
-    """The reading of an angle: from ``first`` towards ``second``, both carried by the body ``carrier``, to ``pointer`` of the other
-    body."""
+    """The reading of an angle: from ``first`` towards ``second``, both fixed in the body ``carrier``, to ``pointer`` of the other body."""
 
     carrier: End
     first: Direction
@@ -221,16 +220,16 @@ class Fault(StrEnum):
 
 @dataclass(frozen=True)
 class Check:
-    """The ``fault`` that a field and the one before it, ``beside``, must not have, with a ``hint`` for who wrote it."""
+    """The ``fault`` that a field and the one before it, ``other_field``, must not have, with a ``hint`` for who wrote it."""
 
-    beside: str
+    other_field: str
     fault: Fault
     hint: str = ""
 
 
 @dataclass(frozen=True)
 class JointField:
-    """A field of the kind in a model file beside those that all joints have, with ``words`` for the documentation and its ``check``."""
+    """A field of the kind in a model file, besides those that all joints have, with ``words`` for the documentation and its ``check``."""
 
     name: str
     words: str = ""
@@ -262,7 +261,7 @@ ATTITUDE = ("e0", "e1", "e2", "e3")
 class JointElement:
     """A kind of joint.
 
-    ``text`` says what it leaves free.  ``chain`` moves the follower beside the base; a reversed joint moves the base by the opposite
+    ``text`` says what it leaves free.  ``chain`` moves the follower relative to the base; a reversed joint moves the base by the opposite
     motions, unless ``from_inner`` says that its motions count from the body nearer to the ground, whichever that is.  With
     ``axis_is_bisector`` its axis is the bisector of the two axes in the file.  ``conditions`` are the equations of the cut joint, none for
     a joint that closes nothing.  ``measures`` says how natural coordinates read its angles; angles without one they do not have.
@@ -283,9 +282,9 @@ class JointElement:
     # Consequences of the chain
 
     @property
-    def scalar_motions(self) -> Iterator[Slide | Turn]:
-        """The slides and turns of the chain."""
-        return (m for m in self.chain if isinstance(m, Slide | Turn))
+    def scalar_motions(self) -> Iterator[Translation | Rotation]:
+        """The translations and rotations of the chain."""
+        return (m for m in self.chain if isinstance(m, Translation | Rotation))
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
@@ -300,7 +299,7 @@ class JointElement:
     @cached_property
     def units(self) -> Mapping[str, str]:
         """The units of coordinates and speeds."""
-        units = {m.coordinate: "m" if isinstance(m, Slide) else "rad" for m in self.scalar_motions}
+        units = {m.coordinate: "m" if isinstance(m, Translation) else "rad" for m in self.scalar_motions}
         rates = {rate_name(name): f"{unit}/s" for name, unit in units.items()}
         return {**units, **rates, **(dict.fromkeys(SPIN, "rad/s") if self.has_ball else {})}
 
@@ -311,7 +310,8 @@ class JointElement:
 
     @cached_property
     def measurable(self) -> tuple[str, ...]:
-        """The coordinates that the motions of both bodies show, so that a cut joint has them too: displacements and turns about an axis."""
+        """The coordinates that the motions of both bodies show, so that a cut joint has them too: displacements and rotations about an
+        axis."""
         if self.from_inner:
             return ()
         return tuple(name for name in self.coordinates if self.units[name] == "m" or self.measures.get(name) == ABOUT_AXIS)
@@ -338,8 +338,8 @@ class JointElement:
 
     @property
     def has_attitude(self) -> bool:
-        """Return whether the joint's ball alone turns its follower beside its base."""
-        return self.has_ball and not any(isinstance(m, Turn) for m in self.chain)
+        """Return whether the joint's ball alone gives the attitude of its follower relative to its base."""
+        return self.has_ball and not any(isinstance(m, Rotation) for m in self.chain)
 
     @property
     def is_free(self) -> bool:
@@ -348,8 +348,8 @@ class JointElement:
 
     @property
     def keeps_attitude(self) -> bool:
-        """Return whether the joint's follower never turns beside its base."""
-        return not any(isinstance(m, Turn | Ball) for m in self.chain)
+        """Return whether the joint's follower never rotates relative to its base."""
+        return not any(isinstance(m, Rotation | Ball) for m in self.chain)
 
     @property
     def is_rigid(self) -> bool:
@@ -362,14 +362,14 @@ class JointElement:
         return bool(self.coordinates) and not self.has_ball
 
     @property
-    def is_undone_backwards(self) -> bool:
+    def reverses_chain(self) -> bool:
         """Return whether a reversed joint has its motions in the opposite order; the order of motions about one direction is free."""
         directions = {getattr(m, "direction", None) for m in self.chain}
         return not self.from_inner and len(directions) > 1
 
-    def chain_seen(self, is_reversed: bool) -> tuple[Motion, ...]:
+    def chain_from_inner(self, is_reversed: bool) -> tuple[Motion, ...]:
         """The chain of motions from the inner body on."""
-        return self.chain[::-1] if is_reversed and self.is_undone_backwards else self.chain
+        return self.chain[::-1] if is_reversed and self.reverses_chain else self.chain
 
     def slide_direction(self, coordinate: str) -> Direction:
         """The direction along which a displacement counts."""
@@ -389,37 +389,37 @@ class JointElement:
 
     @property
     def shared_direction(self) -> Direction | None:
-        """The direction that both bodies carry, if there is one."""
+        """The direction that both bodies have in common, if there is one."""
         return next((c.direction for c in self.conditions if isinstance(c, SameDirection)), None)
 
     @property
-    def keeps_directions(self) -> bool:
-        """Return whether the joint's bodies carry all directions in common."""
+    def constrains_attitude(self) -> bool:
+        """Return whether the joint keeps the relative attitude of its bodies."""
         return any(isinstance(c, SameAttitude) for c in self.conditions)
 
     @property
-    def holds_points_alone(self) -> bool:
-        """Return whether the joint holds points and no direction."""
+    def constrains_points_only(self) -> bool:
+        """Return whether the joint constrains points and no direction."""
         return self.closes and all(isinstance(c, SamePoint | SameDistance) for c in self.conditions)
 
     @property
-    def holds_one_turn(self) -> bool:
-        """Return whether the joint holds a point and, by products of directions, one turn."""
+    def constrains_one_rotation(self) -> bool:
+        """Return whether the joint constrains a point and, by products of directions, one rotation."""
         return self.shares_point and any(isinstance(c, Products) and not c.joins_points for c in self.conditions)
 
     @property
-    def advances(self) -> bool:
+    def is_screw(self) -> bool:
         """Return whether the joint's displacement follows from its angle."""
         return any(isinstance(c, Advance) for c in self.conditions)
 
     @property
     def base_directions(self) -> tuple[Direction, ...]:
-        """The directions that the base carries in the equations of the cut joint."""
+        """The directions of the base in the equations of the cut joint."""
         return tuple(dict.fromkeys(d for c in self.conditions for d in _body_directions(c)[0]))
 
     @property
     def follower_directions(self) -> tuple[Direction, ...]:
-        """The directions that the follower carries in the equations of the cut joint."""
+        """The directions of the follower in the equations of the cut joint."""
         return tuple(dict.fromkeys(d for c in self.conditions for d in _body_directions(c)[1]))
 
     # Consequences of the directions
@@ -427,7 +427,7 @@ class JointElement:
     @property
     def axis_mirrors_as_rotation(self) -> bool:
         """Return whether the axis of the mirror image is the image of an axis of rotation, so that positive angles stay positive."""
-        return any(isinstance(m, Turn) and m.direction in (Direction.AXIS, Direction.AXIS_2) for m in self.chain)
+        return any(isinstance(m, Rotation) and m.direction in (Direction.AXIS, Direction.AXIS_2) for m in self.chain)
 
 
 def rate_name(coordinate: str) -> str:
@@ -436,7 +436,7 @@ def rate_name(coordinate: str) -> str:
 
 
 def _body_directions(condition: Condition) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
-    """The directions that base and follower carry for a condition."""
+    """The directions of base and follower in a condition."""
     match condition:
         case SameDirection():
             return (condition.direction,), (condition.direction,)

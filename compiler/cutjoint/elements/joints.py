@@ -22,12 +22,12 @@ from cutjoint.elements.joint import (
     Measure,
     Offset,
     Operations,
+    Rotation,
     SameAttitude,
     SameDirection,
     SameDistance,
     SamePoint,
-    Slide,
-    Turn,
+    Translation,
 )
 from cutjoint.elements.terms import JointKind
 
@@ -43,9 +43,9 @@ _FIXED = JointElement(
 # A hinge.
 _REVOLUTE = JointElement(
     kind=JointKind.REVOLUTE,
-    text="a turn about an axis",
+    text="a rotation about an axis",
     fields=(JointField("axis"),),
-    chain=(Turn("angle", Direction.AXIS),),
+    chain=(Rotation("angle", Direction.AXIS),),
     conditions=(SamePoint(), SameDirection(Direction.AXIS)),
     measures={"angle": ABOUT_AXIS},
     operations=Operations(placing=(20, 115), closing=(200, 325, 390)),
@@ -56,7 +56,7 @@ _PRISMATIC = JointElement(
     kind=JointKind.PRISMATIC,
     text="a displacement along an axis",
     fields=(JointField("axis"),),
-    chain=(Slide("displacement", Direction.AXIS),),
+    chain=(Translation("displacement", Direction.AXIS),),
     conditions=(ON_LINE, SameAttitude(AXIAL_FRAME)),
     operations=Operations(placing=(2, 65), closing=(565, 800, 930)),
 )
@@ -64,9 +64,9 @@ _PRISMATIC = JointElement(
 # A screw.
 _SCREW = JointElement(
     kind=JointKind.SCREW,
-    text="a turn about an axis that advances along it",
+    text="a rotation about an axis that advances along it",
     fields=(JointField("axis"), JointField("pitch", " (m a radian)")),
-    chain=(Turn("angle", Direction.AXIS, advances=True),),
+    chain=(Rotation("angle", Direction.AXIS, is_screw=True),),
     conditions=(ON_LINE, SameDirection(Direction.AXIS), Advance()),
     measures={"angle": ABOUT_AXIS},
     operations=Operations(placing=(25, 195), closing=(590, 960, 1050)),
@@ -75,9 +75,9 @@ _SCREW = JointElement(
 # A slider that turns.
 _CYLINDRICAL = JointElement(
     kind=JointKind.CYLINDRICAL,
-    text="a displacement along an axis and a turn about it",
+    text="a displacement along an axis and a rotation about it",
     fields=(JointField("axis"),),
-    chain=(Slide("displacement", Direction.AXIS), Turn("angle", Direction.AXIS)),
+    chain=(Translation("displacement", Direction.AXIS), Rotation("angle", Direction.AXIS)),
     conditions=(ON_LINE, SameDirection(Direction.AXIS)),
     measures={"angle": ABOUT_AXIS},
     operations=Operations(placing=(30, 160), closing=(410, 510, 595)),
@@ -86,12 +86,12 @@ _CYLINDRICAL = JointElement(
 # A Hooke joint.
 _UNIVERSAL = JointElement(
     kind=JointKind.UNIVERSAL,
-    text="turns about an axis of the base and an axis of the follower across it",
+    text="rotations about an axis of the base and a perpendicular axis of the follower",
     fields=(
         JointField("axis", " of the base"),
         JointField("axis_2", " of the follower, perpendicular", check=Check("axis", Fault.NOT_PERPENDICULAR)),
     ),
-    chain=(Turn("angle_1", Direction.AXIS), Turn("angle_2", Direction.AXIS_2)),
+    chain=(Rotation("angle_1", Direction.AXIS), Rotation("angle_2", Direction.AXIS_2)),
     conditions=(SamePoint(), PERPENDICULAR),
     measures={
         "angle_1": Measure(carrier=End.BASE, first=Direction.AXIS_2, second=Direction.NORMAL, pointer=Direction.AXIS_2),
@@ -100,15 +100,14 @@ _UNIVERSAL = JointElement(
     operations=Operations(placing=(115, 270), closing=(240, 305, 395)),
 )
 
-# A homokinetic joint with a fixed centre: both shafts turn about their own axes at one rate, at any angle between them.
-#
-# So the follower turns beside the base about axes across the shafts' bisector and never about the bisector (Hunt 1973, "Constant-velocity
+# A homokinetic joint with a fixed centre: both shafts turn about their own axes at one rate, at any angle between them.  So the follower
+# rotates relative to the base about axes perpendicular to the shafts' bisector and never about the bisector (Hunt 1973, "Constant-velocity
 # shaft couplings: a general theory", ASME J. Eng. Ind. 95).  Two universal joints in series that share the bend equally do that: half a
 # turn about a first direction, a turn about a second one, the other half about the first, all across the bisector of the design position.
-_HALF = Turn("angle_1", Direction.ACROSS_1, share=Fraction(1, 2))
+_HALF = Rotation("angle_1", Direction.ACROSS_1, share=Fraction(1, 2))
 _CONSTANT_VELOCITY = JointElement(
     kind=JointKind.CONSTANT_VELOCITY,
-    text="bends of two shafts that turn about their axes at one rate",
+    text="bending of two shafts that rotate about their axes at one rate",
     fields=(
         JointField("axis", " of the base's shaft"),
         JointField(
@@ -119,7 +118,7 @@ _CONSTANT_VELOCITY = JointElement(
         ),
     ),
     axis_is_bisector=True,
-    chain=(_HALF, Turn("angle_2", Direction.ACROSS_2), _HALF),
+    chain=(_HALF, Rotation("angle_2", Direction.ACROSS_2), _HALF),
     conditions=(SamePoint(), NO_AXIAL_ROTATION),
     operations=Operations(placing=(155, 405), closing=(265, 405, 485)),
 )
@@ -127,9 +126,12 @@ _CONSTANT_VELOCITY = JointElement(
 # A contact of planes.
 _PLANAR = JointElement(
     kind=JointKind.PLANAR,
-    text="two displacements across an axis and a turn about it",
+    text="two displacements perpendicular to an axis and a rotation about it",
     fields=(JointField("axis", ", the normal"),),
-    chain=(Slide("displacement_1", Direction.ACROSS_1), Slide("displacement_2", Direction.ACROSS_2), Turn("angle", Direction.AXIS)),
+    chain=(
+        Translation("displacement_1", Direction.ACROSS_1), Translation("displacement_2", Direction.ACROSS_2),
+        Rotation("angle", Direction.AXIS),
+    ),
     conditions=(IN_PLANE, SameDirection(Direction.AXIS)),
     measures={"angle": ABOUT_AXIS},
     operations=Operations(placing=(60, 240), closing=(355, 335, 470)),
@@ -138,7 +140,7 @@ _PLANAR = JointElement(
 # A ball joint.
 _SPHERICAL = JointElement(
     kind=JointKind.SPHERICAL,
-    text="all turns",
+    text="all rotations",
     chain=(Ball(),),
     conditions=(SamePoint(),),
     operations=Operations(placing=(26, 125), closing=(115, 190, 280)),
@@ -148,9 +150,9 @@ _SPHERICAL = JointElement(
 # A ball in a slot.
 _POINT_ON_LINE = JointElement(
     kind=JointKind.POINT_ON_LINE,
-    text="a displacement along an axis of the base and all turns",
+    text="a displacement along an axis of the base and all rotations",
     fields=(JointField("axis", " of the base, on which the follower's point moves"),),
-    chain=(Slide("displacement", Direction.AXIS), Ball()),
+    chain=(Translation("displacement", Direction.AXIS), Ball()),
     conditions=(ON_LINE,),
     operations=Operations(placing=(80, 280), closing=(225, 390, 525)),
 )
@@ -158,9 +160,9 @@ _POINT_ON_LINE = JointElement(
 # A ball on a plate.
 _POINT_ON_PLANE = JointElement(
     kind="point_on_plane",
-    text="two displacements across an axis of the base and all turns",
+    text="two displacements perpendicular to an axis of the base and all rotations",
     fields=(JointField("axis", " of the base, the normal of the plane in which the follower's point moves"),),
-    chain=(Slide("displacement_1", Direction.ACROSS_1), Slide("displacement_2", Direction.ACROSS_2), Ball()),
+    chain=(Translation("displacement_1", Direction.ACROSS_1), Translation("displacement_2", Direction.ACROSS_2), Ball()),
     conditions=(IN_PLANE,),
     operations=Operations(placing=(80, 330), closing=(140, 250, 385)),
 )
@@ -168,11 +170,11 @@ _POINT_ON_PLANE = JointElement(
 # Two directions that stay parallel, wherever their bodies are.
 _PARALLEL_AXES = JointElement(
     kind="parallel_axes",
-    text="three displacements and a turn about an axis",
+    text="three displacements and a rotation about an axis",
     fields=(JointField("axis", ", which both bodies carry"),),
     chain=(
-        Slide("displacement_1", Direction.ACROSS_1), Slide("displacement_2", Direction.ACROSS_2),
-        Slide("displacement_3", Direction.AXIS), Turn("angle", Direction.AXIS),
+        Translation("displacement_1", Direction.ACROSS_1), Translation("displacement_2", Direction.ACROSS_2),
+        Translation("displacement_3", Direction.AXIS), Rotation("angle", Direction.AXIS),
     ),
     conditions=(SameDirection(Direction.AXIS),),
     measures={"angle": ABOUT_AXIS},
@@ -185,7 +187,7 @@ _DISTANCE = JointElement(
     text="all motions that keep the distance of two points",
     fields=(JointField("to", ", the follower's point; `at` is the base's", check=Check("at", Fault.SAME_POINT, "a distance needs two")),),
     # a ball at the inner end of the rod, a universal joint across it at the outer end
-    chain=(Ball(), Offset(Direction.ROD), Turn("angle_1", Direction.ACROSS_1), Turn("angle_2", Direction.ACROSS_2)),
+    chain=(Ball(), Offset(Direction.ROD), Rotation("angle_1", Direction.ACROSS_1), Rotation("angle_2", Direction.ACROSS_2)),
     from_inner=True,
     conditions=(SameDistance(),),
     operations=Operations(placing=(400, 715), closing=(180, 250, 400)),
@@ -195,7 +197,7 @@ _DISTANCE = JointElement(
 _FREE = JointElement(
     kind=JointKind.FREE,
     text="everything",
-    chain=(Slide("x", Direction.X), Slide("y", Direction.Y), Slide("z", Direction.Z), Ball()),
+    chain=(Translation("x", Direction.X), Translation("y", Direction.Y), Translation("z", Direction.Z), Ball()),
     from_inner=True,
     conditions=(),
     operations=Operations(placing=(38, 265)),

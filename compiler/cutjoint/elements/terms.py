@@ -1,4 +1,4 @@
-"""The material of elements' records: expressions, vectors, places in the user's file, and the joint kinds that code tells apart."""
+"""The material of elements' records: expressions, vectors, places in the user's file, and the joint kinds that code distinguishes."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,7 +12,7 @@ Vector: TypeAlias = tuple[Scalar, Scalar, Scalar]
 
 
 def reads_elements(expression: Scalar) -> bool:
-    """Return whether an expression has symbols of other elements' quantities, or of what controllers compute (`model.expressions`)."""
+    """Return whether an expression has symbols of other elements' quantities, or of controllers' discrete states (`model.expressions`)."""
     return any(str(symbol).startswith(("@", "$")) for symbol in getattr(expression, "free_symbols", ()))
 
 
@@ -38,7 +38,7 @@ class Span:
 
 
 class JointKind(StrEnum):
-    """Kinds that passes, exporters or pictures treat in a way of their own; ``cutjoint.elements.joints`` lists and describes all."""
+    """Kinds that passes, exporters or pictures treat separately; ``cutjoint.elements.joints`` lists and describes all."""
 
     FIXED = "fixed"
     REVOLUTE = "revolute"

@@ -147,7 +147,7 @@ class SimulationCode:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Beginning:
+class Defaults:
     """The settings, parameters and start of a simulation that has no run file, until its host changes them, in SI units.
 
     ``closure`` to ``frequency`` are of the cut joints of the recursive equations, ``dt`` to ``spectral_radius`` of the steps; a penalty
@@ -203,8 +203,8 @@ class CppClass:
         return page.render("sized.hpp.jinja", **self.layout, class_name=self.name, base=base, summary="The same, with its layout.")
 
 
-def is_weighed(parts: SimulationCode) -> bool:
-    """Return whether a mechanism tells its kinetic energy, as for coordinates held at rest, massless bodies and mass matrices."""
+def computes_energy(parts: SimulationCode) -> bool:
+    """Return whether a mechanism computes its kinetic energy, as for starts at equilibrium, massless bodies and mass matrices."""
     equations = parts.mechanism
     return equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless or bool(parts.dofs and parts.poses)
 
@@ -213,7 +213,7 @@ def sized_mechanism_class(parts: SimulationCode, program: Program, conditions: s
     """The class of the mechanism with its layout, by a program of it; ``header`` names its file, without the ending, where it has one."""
     equations = parts.mechanism
     unused = _unused(parts, equations) if parts.system is None else _UNUSED | {"events", "guard", "sample"}
-    if conditions == "bool" and is_weighed(parts):
+    if conditions == "bool" and computes_energy(parts):
         unused -= {"energy"}  # of one instance at a time
     if conditions != "bool":
         unused |= {POSES}
@@ -303,7 +303,7 @@ def _arrays(equations: Equations) -> list[str]:
     state, is_relative = equations.state, isinstance(equations, RecursiveEquations) or bool(equations.charts)
     turned = ", quaternions" if any(chart.ball for chart in equations.charts) else ""
     states = f", the last {len(state.states)} of them first-order states" if state.states else ""
-    held = "what controllers hold, then " if equations.held else ""
+    held = "what controllers hold, then " if equations.discrete_states else ""
     lines = {
         f"q[{len(state.q)}]": f"coordinates of joints: m, rad{turned}" if is_relative else "points (m), unit vectors and angles (rad)",
         f"v[{len(state.v)}]": f"speeds: m/s, rad/s{states}; vdot has their rates of change, dz, force and force_residual one for each",
@@ -311,7 +311,7 @@ def _arrays(equations: Equations) -> list[str]:
         f"column[{len(equations.columns)}]": "outputs, in the units of the description",
         f"parameters[{len(equations.parameters)}]": "tunable parameters, in SI units",
         f"input[{equations.input_values}]": f"of each input value, rate and acceleration, then {held}values by which laws are watched",
-        f"held[{equations.held}]": "what controllers hold next, in SI units",
+        f"held[{equations.discrete_states}]": "what controllers hold next, in SI units",
     }  # fmt: skip
     used = {name: words for name, words in lines.items() if not name.endswith("[0]")}
     width = max(map(len, used), default=0)
@@ -331,7 +331,7 @@ def _fits(program: Program, equations: Equations) -> dict[str, object] | None:
     described, names = [fit.description() for fit in equations.fits], [a.rpartition(" ")[2] for a in equations.load_arguments]
     lines = [", ".join(map(repr, function)) + "," for d in described for function in d["start"]]
     return {
-        "independents": ", ".join(fit.assembly.independent for fit in equations.fits),
+        "independents": ", ".join(fit.embedded_loop.independent for fit in equations.fits),
         "loops": [
             f".rows = {d['rows']}, .functions = {len(d['start'])}, .nodes = {d['nodes']}, .turns = {str(d['turns']).lower()}, "
             f".middle = {d['middle']!r}, .half = {d['half']!r}, .allowed = {d['allowed']!r}" for d in described
@@ -391,7 +391,8 @@ def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "cuts": len(equations.mechanism.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
         "roads": len(equations.roads), "columns": len(equations.columns),
         "guards": len(guards_in(equations)), "indicators": len(equations.indicators),
-        **({"states": states} if states else {}), **({"controllers": len(controllers), "held": equations.held} if controllers else {}),
+        **({"states": states} if states else {}),
+        **({"controllers": len(controllers), "held": equations.discrete_states} if controllers else {}),
     }, **({"samples": describe_controllers(equations)} if controllers else {}), **({"nominals": nominals} if nominals else {}),
         **({"arm": arm} if (arm := equations.topology.arm) != 1 else {})}  # fmt: skip
 

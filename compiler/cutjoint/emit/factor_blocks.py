@@ -13,7 +13,7 @@ from cutjoint.sparse.tiles import WIDTH
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """Statements that belong together, in a scope of their own, and comments before it."""
+    """Statements in a scope of their own, and comments before it."""
 
     notes: tuple[str, ...]
     statements: tuple[str, ...]

@@ -1,6 +1,6 @@
 """A static factorisation as index data for the loop of `cutjoint/core/newton/static_factor.hpp`.
 
-Right-looking: when a tile is finished, sweeps subtract what it changes in all later blocks.
+Right-looking: when a tile is finished, sweeps subtract its updates from all later blocks.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,7 +25,7 @@ _LINE = 110
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A C++ array: what it has, and its lines."""
+    """A C++ array: its description and its lines."""
 
     name: str
     type: str

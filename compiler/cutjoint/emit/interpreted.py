@@ -26,10 +26,10 @@ Instruction: TypeAlias = tuple[str, int, int, tuple[int, ...]]
 #: Sums that take a product, or two, of which nothing else is made: rounded as the same one by one.
 _FUSED = {"add": ("muladd", "muladd", "mulmuladd"), "sub": ("mulsub", "submul", "mulmulsub")}
 
-#: Scalars that are not computed: they stand in memory when a function begins, or beside other lanes.
+#: Scalars that are not computed: they are in memory when a function begins, or in other lanes.
 _PLACED = frozenset({"const", "lane_const", "symbol", "lane"})
 
-#: Registers of the values of calls, before it is known how many stand before them.
+#: Registers of the values of calls, before the number of registers before them is known.
 _LATE = 1 << 40
 
 #: Inputs of the program that are no columns of coordinates: the arrays where they stand.
@@ -37,7 +37,7 @@ _ARRAYS = {"numerics": "stabilisation", LAW_TIME: "t"}
 
 
 def emit_interpreted(program: Program, equations: RecursiveEquations) -> tuple[Source, dict[str, Any]]:
-    """A mechanism for the interpreter: as a file, and what stands there."""
+    """A mechanism for the interpreter: its file, and the offsets in it."""
     return _source(equations, "recursive", describe_mechanism(program, equations))
 
 
@@ -57,7 +57,7 @@ def describe_mechanism(program: Program, equations: RecursiveEquations) -> dict[
     """The mechanism of a program for the interpreter."""
     q, v, m = equations.coordinates, equations.unknowns, len(equations.equation_names)
     arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "gap": m, "stabilisation": 3, "penalties": max(len(equations.closures), 1)}
-    arrays |= {"held": equations.held}
+    arrays |= {"held": equations.discrete_states}
     return {"description": _description(equations), **_assemble(program, equations, arrays)}
 
 
@@ -66,7 +66,7 @@ def _describe_system(program: Program, equations: SystemEquations, plan: Plan) -
     names, pattern = equations.coordinate_names, plan.pattern
     q, v, m, turns = len(names), equations.unknowns, len(equations.equation_names), 9 * sum(c.ball for c in equations.charts)
     arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "w": m, "penalty": 1, "weights": 3, "weights.turns": turns}
-    arrays |= {"held": equations.held}
+    arrays |= {"held": equations.discrete_states}
     arrays |= {"relative_q": equations.start.coordinates, "relative_v": equations.start.unknowns}
     about = {
         "method": equations.method, **_description(equations), "factors": plan.storage.length,

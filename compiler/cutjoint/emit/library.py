@@ -1,13 +1,13 @@
 """Program -> a library with the C interface of a C export, a file a function: what is unchanged is not compiled again.
 
-Its classes are those of the folder.  Their layout alone stands apart, beside the interface: another column changes it and `report`, and no
+Its classes are those of the C export. Their layout alone stands apart, beside the interface: another column changes it and `report`, and no
 other function.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from cutjoint.emit.classes import LANES, Beginning, CppClass, SimulationCode, derived_classes, sized_mechanism_class, sized_system_class
+from cutjoint.emit.classes import LANES, CppClass, Defaults, SimulationCode, derived_classes, sized_mechanism_class, sized_system_class
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, code_file, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, headers_of, prepare, render_header
 from cutjoint.formulate.records import CLOSE
@@ -32,7 +32,7 @@ _OF_INSTANCES = _Number(
     unity=_SIDE, real=LANES, headers=("cutjoint/core/numbers/instances.hpp", "cutjoint/core/roads/lane_road.hpp")
 )  # fmt: skip
 
-#: Functions of the earlier stages; what closes loops belongs to that of parameters.
+#: Functions of the earlier stages; those that close loops belong to the parameters' stage.
 _STAGES = frozenset({"load", "load_values", "start_step", "begin_step", "scene_inputs"})
 
 _OF_DERIVATIVES = _Number(
@@ -83,12 +83,12 @@ class _Placed:
         return f"{SPACE}::{self.space}" if self.space else SPACE
 
 
-def emit_library(parts: SimulationCode, begin: Beginning, digest: str, code: str = "") -> Source:
-    """The files of a library and of the project that builds it; ``begin`` and ``digest`` as of `emit_standalone`, ``code`` is what it
+def emit_library(parts: SimulationCode, defaults: Defaults, digest: str, code: str = "") -> Source:
+    """The files of a library and of the project that builds it; ``defaults`` and ``digest`` as of `emit_standalone`, ``code`` is what it
     has behind its interface."""
-    parts, view = prepare(parts, begin, digest)
-    page, classes = parts.page, list(_classes(parts, STEPS[parts.method][begin.integrator]))
-    files = {f"{view['header']}.h": render_header(page, view), "interface.cpp": _interface(parts, classes, begin, view) + code}
+    parts, view = prepare(parts, defaults, digest)
+    page, classes = parts.page, list(_classes(parts, STEPS[parts.method][defaults.integrator]))
+    files = {f"{view['header']}.h": render_header(page, view), "interface.cpp": _interface(parts, classes, defaults, view) + code}
     sources: dict[str, list[str]] = {"mechanism": [], "system": []}
     for each in classes:
         files |= each.files(page) | each.functions(page)
@@ -123,10 +123,10 @@ def _classes(parts: SimulationCode, steps: Steps) -> Iterator[_Placed]:
         yield _Placed(made=system, header=header, prefix="system_", target="system", numbers=[_Number(unity="system"), *more])
 
 
-def _interface(parts: SimulationCode, classes: Sequence[_Placed], begin: Beginning, view: Mapping[str, object]) -> str:
+def _interface(parts: SimulationCode, classes: Sequence[_Placed], defaults: Defaults, view: Mapping[str, object]) -> str:
     """The C++ file of the C interface, with the simulation and its integrator."""
     page, has_lanes = parts.page, any("cutjoint/core/numbers/lanes.hpp" in each.made.header.headers for each in classes)
-    runtime = headers_of(parts, STEPS[parts.method][begin.integrator], has_lanes=has_lanes)
+    runtime = headers_of(parts, STEPS[parts.method][defaults.integrator], has_lanes=has_lanes)
     own = [f"{each.header}.hpp" for each in classes]
     return page.render(
         "library/interface.cpp.jinja", standard=OF_INTERFACE, headers=[*runtime, *own],

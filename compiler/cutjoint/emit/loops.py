@@ -34,10 +34,10 @@ class LoopText:
         return *copies, *tables, *_heading(loop), *self.fronts[i]
 
 
-def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str], taken: set[str], conditions: str) -> LoopText:
+def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str], used_names: set[str], conditions: str) -> LoopText:
     """Name the kept scalars of a function's loops.
 
-    ``names`` are those of its scalars, ``prefixes`` begin names of a section's others; ``taken`` are in use, new ones are put in.
+    ``names`` are those of its scalars, ``prefixes`` begin names of a section's others; ``used_names`` are in use, new ones are put in.
     """
     declared: list[str] = []
     known: dict[int, str] = {}
@@ -50,7 +50,7 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
             name = common_name(*(names.get(nodes[j], "") for nodes in (loop.iterations[0], loop.iterations[-1])))
             if j in loop.arrays:
                 first, last = loop.arrays[j]
-                array = unique(name or f"{prefixes[node.section]}_stored", taken)
+                array = unique(name or f"{prefixes[node.section]}_stored", used_names)
                 arrays[i, j] = array, -first
                 kind = "Real" if loop.lanes else kept_type(node, conditions)
                 declared.append(f"{kind} {array}[{last - first + 1}];")
@@ -58,9 +58,9 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
                 elements[n] = f"{array}[{index(Step(-first, 1))}]"
                 if loop.lanes:
                     elements[n] = f"row<{lanes_type(loop.lanes)}>(&{elements[n]})"
-                    named[n] = unique(f"{array}_k", taken)
+                    named[n] = unique(f"{array}_k", used_names)
             elif name:
-                named[n] = unique(name, taken)
+                named[n] = unique(name, used_names)
     tables, fronts = [], []
     for loop in rolled.loops:
         front_names, front_lines = [], []
@@ -73,14 +73,14 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
                     array, front = arrays[number, statement]
                     step = Step(stored.first + front, stored.stride)
                 case Table(nodes):
-                    array, step = unique("given", taken), Step(0, 1)
+                    array, step = unique("given", used_names), Step(0, 1)
                     front_names.append((array, nodes))
             known[n] = f"{array}[{index(step)}]"
             if loop.lanes:
                 kind = lanes_type(loop.lanes)
                 known[n] = f"strided<{kind}, {step.stride}>(&{known[n]})"
                 if uses[n] > 1:
-                    name = unique(f"{identifier(array)}_k", taken)
+                    name = unique(f"{identifier(array)}_k", used_names)
                     front_lines.append(f"  const {kind} {name} = {known[n]};")
                     known[n] = name
         tables.append(tuple(front_names))

@@ -24,7 +24,7 @@ def name_scalars(program: Program) -> dict[int, str]:
     operation where sums take the negative.
     """
     names: dict[int, str] = {}
-    taken = set(MACROS)
+    used_names = set(MACROS)
     for block, label in program.labels.items():
         found = [
             (program.graph.signless(scalar), scalar, label.text + _suffix(label, block.shape, i, j))
@@ -32,7 +32,7 @@ def name_scalars(program: Program) -> dict[int, str]:
         ]  # fmt: skip
         for bare, scalar, name in sorted(found, key=lambda x: x[0] != x[1]):
             if bare not in names and program.graph.nodes[bare].op not in ("const", "symbol"):
-                names[bare] = unique(name if bare == scalar else f"{name}_negated", taken)
+                names[bare] = unique(name if bare == scalar else f"{name}_negated", used_names)
     return names
 
 
@@ -52,12 +52,12 @@ def _axis(count: int, i: int) -> str:
     return _AXES[count][i] if count in _AXES else str(i)
 
 
-def unique(name: str, taken: set[str]) -> str:
-    """The name, or the name with a number that ``taken`` does not have; it is taken from now on."""
+def unique(name: str, used_names: set[str]) -> str:
+    """The name, or the name with a number, that ``used_names`` does not have; it is added to these."""
     candidate, n = name, 2
-    while candidate in taken:
+    while candidate in used_names:
         candidate, n = f"{name}_{n}", n + 1
-    taken.add(candidate)
+    used_names.add(candidate)
     return candidate
 
 
@@ -78,8 +78,8 @@ def common_name(first: str, last: str) -> str:
 
 def road_names(roads: Sequence[str]) -> dict[str, str]:
     """An identifier for each tyre's road; instances may make two names alike."""
-    taken: set[str] = set()
-    return {road: unique(f"road_{road.replace('.', '_')}", taken) for road in roads}
+    used_names: set[str] = set()
+    return {road: unique(f"road_{road.replace('.', '_')}", used_names) for road in roads}
 
 
 def identifier(text: str) -> str:

@@ -31,7 +31,7 @@ class Printer:
     """Prints the statements of one function.
 
     ``names`` are the identifiers of scalars; ``known`` the expressions of those that exist before the function's own statements.
-    ``prefixes`` begin the names of a section's shared scalars, ``taken`` are names that they must not take;
+    ``prefixes`` begin the names of a section's shared scalars, ``used_names`` are names that they must not take;
     ``roads`` names the roads of tyres.  ``conditions`` is the type of conditions without lanes: "bool", or "Mask" where a real may be
     that of several instances.  ``elements`` are the places of those that arrays keep, besides their names if they have some.  ``stores``
     are places of results, and the scalars that go there, which are stored where the scalar without its sign is found.
@@ -41,7 +41,7 @@ class Printer:
     names: Mapping[int, str]
     known: Mapping[int, str]
     prefixes: Sequence[str]
-    taken: frozenset[str]
+    used_names: frozenset[str]
     roads: Mapping[str, str]
     conditions: str = "bool"
     elements: Mapping[int, str] = field(default_factory=dict)
@@ -98,13 +98,13 @@ class Printer:
         return uses
 
     def _auxiliary(self, section: int) -> str:
-        """A name for a shared scalar that the formulation has none for."""
+        """A name for a shared scalar without a name of the formulation."""
         prefix = self.prefixes[section]
-        taken = True
-        while taken:
+        used_names = True
+        while used_names:
             self._counters[prefix] = self._counters.get(prefix, 0) + 1
             name = f"{prefix}_{self._counters[prefix]}"
-            taken = name in self.taken
+            used_names = name in self.used_names
         return name
 
     def text(self, n: int, level: int = 0) -> str:
@@ -211,7 +211,7 @@ def _supplied(call: SuppliedCall, kind: str, arguments: str) -> str:
 
 
 def real(value: object) -> str:
-    """A constant, by the fewest digits that name it.  Folding lets no other than finite ones come here."""
+    """A constant, by the fewest digits that determine it.  Folding lets no other than finite ones come here."""
     assert isinstance(value, float)
     assert isfinite(value)
     return f"Real({value!r})"

@@ -10,7 +10,7 @@ from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import LeftOut, RecursiveEquations, SystemEquations
 from cutjoint.formulate.states import describe_controllers
 from cutjoint.model.expressions.functions import SUPPLIED_FILE
-from cutjoint.model.records import Assembly, Guard, Parameter
+from cutjoint.model.records import EmbeddedLoop, Guard, Parameter
 from cutjoint.program.records import Program
 
 _DESCRIPTION = "description"
@@ -81,7 +81,7 @@ def _project(
     page: Page, driver: str, mechanism: Mapping[str, str], running: Mapping[str, str] | None = None, *, headers: list[str] | None = None,
     real: str = "",
 ) -> dict[str, str]:  # fmt: skip
-    """The CMake project of a mechanism, and of what goes on where that is another class or has another number type."""
+    """The CMake project of a mechanism, and of the stepped class if that differs or has another number type."""
     start, start_unity = compiled(page, "start", mechanism)
     sources, unity = compiled(page, "mechanism", running or {}, headers or [], real)
     project = page.render("CMakeLists.txt.jinja", driver=driver, start_sources=start, sources=sources)
@@ -114,7 +114,7 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "domains": [
             {
                 "function": d.function, "element": d.element, "place": quotable(d.place), "strict": d.strict,
-                **({} if d.cure is None else {"cure": d.cure}),
+                **({} if d.remedy is None else {"cure": d.remedy}),
             }
             for d in equations.domains
         ],
@@ -126,11 +126,11 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
     }  # fmt: skip
 
 
-def _kind(guard: Guard | Assembly | LeftOut) -> dict[str, int]:
+def _kind(guard: Guard | EmbeddedLoop | LeftOut) -> dict[str, int]:
     """The flags of a guard that is not a force's."""
     if isinstance(guard, LeftOut):
         return {"ends": 0, "left_out": 1}
-    return {"ends": 1} if isinstance(guard, Assembly) else {}
+    return {"ends": 1} if isinstance(guard, EmbeddedLoop) else {}
 
 
 def _named_speeds(equations: RecursiveEquations | SystemEquations) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
-"""Sizes of what a simulation and its derivatives hold."""
+"""Sizes of the memory of a simulation and its derivatives."""
 
-from cutjoint.emit.classes import SimulationCode, System, fitted_parameters, is_weighed
+from cutjoint.emit.classes import SimulationCode, System, computes_energy, fitted_parameters
 from cutjoint.formulate.records import Equations
 from cutjoint.formulate.transposed import Derived, Linearised
 from cutjoint.methods import Steps
@@ -12,18 +12,18 @@ _NUMBERS_OF_DUAL = 9
 
 
 def seed_rows(parts: SimulationCode, steps: Steps) -> int:
-    """The number of rows of a matrix of directions: states, held values, and the memory of steps; 0 without derivatives."""
+    """The number of rows of a matrix of directions: states, discrete states, and the memory of steps; 0 without derivatives."""
     q, v, mechanism = len(parts.mechanism.coordinate_names), len(parts.mechanism.speed_names), parts.mechanism
     states = 2 * (parts.dofs or 0) + len(mechanism.state.states)
     loops = len(mechanism.equation_names)
-    return 0 if parts.dofs is None else states + mechanism.held + q + (2 + steps.averages) * v + (max(loops, q) if loops else 0)
+    return 0 if parts.dofs is None else states + mechanism.discrete_states + q + (2 + steps.averages) * v + (max(loops, q) if loops else 0)
 
 
 def record_length(parts: SimulationCode, steps: Steps) -> int:
     """The numbers of a record of a run; 0 without transposed functions."""
     n, _, _, state = _lengths(parts.mechanism)
     stages = 3 * (state - 2) if steps.by_residual else 0
-    return 0 if parts.transposed is None else 2 * (state + steps.averages * n) + stages + parts.mechanism.held
+    return 0 if parts.transposed is None else 2 * (state + steps.averages * n) + stages + parts.mechanism.discrete_states
 
 
 def simulation_size(parts: SimulationCode, steps: Steps) -> int:
@@ -32,13 +32,13 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
     n, m, q, state = _lengths(start)
     assembly = (n + m) * n + 3 * (n + m) + 4 * m + 12 * n + q + 2 * state
     masses = 3 * m * m + 7 * m + 3 * n
-    if is_weighed(parts):
+    if computes_energy(parts):
         assembly += 2 * n * n + 2 * n * m + 10 * (n + m)  # `RestReactions`
     n, m, q, state = _lengths(equations)
     others = 6 * max(state, _lengths(start)[-1])
     others += 8 * (len(equations.parameters) + 6 * len(equations.inputs) + len(equations.columns) + len(start.closures))
     if controllers := equations.topology.model.controllers:
-        others += 3 * equations.held + 2 * len(controllers) + n + 32
+        others += 3 * equations.discrete_states + 2 * len(controllers) + n + 32
     stored = _stored(parts.program)
     if parts.system is None:
         stored += 7 * n + 5 * m + 2 * q + min(64, m) * (2 * m + n) + 4 * m + state + (n + m if m else 0)
@@ -59,7 +59,8 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         dual = _stored(parts.program) + (0 if parts.system is None else _stored(parts.system.program))
         dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.dofs + 2 * len(equations.state.states) + 15 * len(equations.inputs)
-        stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 13 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
+        stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 13 * len(equations.inputs) + 64
+        stored += (1 + _NUMBERS_OF_DUAL) * equations.discrete_states
         stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n + 2 * state + 3 * q + 64  # of a step's derivatives
         stored += (2 + _NUMBERS_OF_DUAL) * n if steps.averages else 0
         if steps.stages and equations.indicators:  # at events
@@ -75,7 +76,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
 
 
 def _size_of_fits(equations: Equations, program: Program, plain: int, dual: int) -> int:
-    """Numbers that the fits of loops hold in so many classes over doubles and over numbers with derivatives, which keep several fits."""
+    """Numbers in the fits of loops, in so many classes over doubles and over numbers with derivatives, which keep several fits."""
     if not equations.fits:
         return 0
     parameters = len(fitted_parameters(program))
@@ -83,9 +84,9 @@ def _size_of_fits(equations: Equations, program: Program, plain: int, dual: int)
 
 
 def _size_of_adjoint(parts: SimulationCode, transposed: Derived, steps: Steps) -> int:
-    """Numbers that derivatives from the end of a run hold."""
+    """Numbers in the adjoint sensitivities of a run."""
     n, m, _, state = _lengths(parts.mechanism)
-    given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
+    given = 3 * len(parts.mechanism.inputs) + parts.mechanism.discrete_states
     fitted = _size_of_fits(parts.mechanism, parts.program, 3, 1)
     numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
     numbers += 6 * steps.averages * n + transposed.equations.input_values + 64
@@ -93,9 +94,9 @@ def _size_of_adjoint(parts: SimulationCode, transposed: Derived, steps: Steps) -
 
 
 def _size_of_residual(parts: SimulationCode, force_residual: Linearised) -> int:
-    """Numbers that the derivatives of the residual of the equations of motion hold, over doubles and of parameters along directions."""
+    """Numbers in the derivatives of the residual of the equations of motion, over doubles and with seeds of parameters."""
     n, m, q, _ = _lengths(parts.mechanism)
-    given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
+    given = 3 * len(parts.mechanism.inputs) + parts.mechanism.discrete_states
     classes = (1 + _NUMBERS_OF_DUAL) * (_stored(force_residual.program) + force_residual.equations.input_values + 16)
     fitted = _size_of_fits(force_residual.equations, force_residual.program, 3, 1)
     at_state = force_residual.length + _size_of_matrix(force_residual) + q + 2 * n + m + given + 28 * (q - parts.mechanism.speeds) + 8
@@ -112,7 +113,7 @@ def _size_of_matrix(force_residual: Linearised, copies: int = 1) -> int:
 
 
 def _size_of_ends(parts: SimulationCode, force_residual: Linearised, steps: Steps) -> int:
-    """Numbers that the derivatives of coupled stages, or of the end of a step of Newton's iteration, hold."""
+    """Numbers in the derivatives of coupled stages, or of the end of a step of Newton's iteration."""
     n, _, q, state = _lengths(parts.mechanism)
     balls = q - parts.mechanism.speeds
     if not steps.by_residual:
@@ -128,12 +129,12 @@ def _lengths(equations: Equations) -> tuple[int, int, int, int]:
 
 
 def _stored(program: Program) -> int:
-    """Numbers that a class holds."""
+    """Numbers in a class."""
     return sum(max(program.graph.nodes[node].lanes, 1) + 4 for node in program.stored)
 
 
 def _size_of_newton(system: System) -> int:
-    """Numbers that Newton's iteration and its solvers hold."""
+    """Numbers in Newton's iteration and its solvers."""
     plan = system.plan
     n, m, q, _ = _lengths(system.equations)
     entries, rows = len(plan.pattern.row), plan.pattern.size

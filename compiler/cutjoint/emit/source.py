@@ -95,7 +95,7 @@ class Page:
 
     @property
     def header(self) -> str:
-        """The header of the model's mechanism, without its ending; that of a factorisation may stand beside it."""
+        """The header of the model's mechanism, without its ending; a factorisation has its own."""
         return f"{self.stem}_model" if self.stem == FACTORISATION else self.stem
 
     @property
@@ -214,8 +214,8 @@ def make_environment(folder: Path) -> jinja2.Environment:
 def name_of_mechanism(stem: str) -> str:
     """The name of a model's class: its parts capitalised, with "Model" at the end where that name is taken there, or may be a macro."""
     name = "".join(part[:1].upper() + part[1:] for part in stem.split("_"))
-    taken = not _TAKEN.isdisjoint((name, name_of_system(name))) or name.startswith("Lanes") or (name.isupper() and len(name) > 1)
-    return f"{name}Model" if taken else name
+    used_names = not _TAKEN.isdisjoint((name, name_of_system(name))) or name.startswith("Lanes") or (name.isupper() and len(name) > 1)
+    return f"{name}Model" if used_names else name
 
 
 def name_of_system(name: str) -> str:
@@ -262,7 +262,7 @@ def amalgamate(headers: Iterable[str]) -> Amalgamation:
 
 
 def texts_of(headers: Iterable[str]) -> dict[str, str]:
-    """The texts of headers of the runtime and of all that they include, each behind those that it includes."""
+    """The texts of headers of the runtime and of all that they include, each after those that it includes."""
     texts: dict[str, str] = {}
     for header in headers:
         _add(header, texts)
@@ -279,5 +279,5 @@ def _add(header: str, texts: dict[str, str]) -> None:
 
 
 def _joined(texts: Iterable[str]) -> str:
-    """Texts behind each other, with one empty line at most."""
+    """Texts one after another, with one empty line at most."""
     return re.sub(r"\n{3,}", "\n\n", "\n".join(texts)).strip("\n") + "\n"

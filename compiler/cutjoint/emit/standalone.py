@@ -1,4 +1,4 @@
-"""Program -> a folder that needs a compiler and nothing else: a C header and one C++ file, with an example and a simulator in C."""
+"""Program -> a C export that needs only a compiler: a C header and one C++ file, with an example and a simulator in C."""
 
 import re
 from collections import Counter
@@ -11,7 +11,7 @@ from typing import Any
 import sympy
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.emit.classes import LANES, Beginning, SimulationCode, derived_classes, sized_mechanism_class, sized_system_class, sizes_of
+from cutjoint.emit.classes import LANES, Defaults, SimulationCode, derived_classes, sized_mechanism_class, sized_system_class, sizes_of
 from cutjoint.emit.sizes import record_length, seed_rows, simulation_size
 from cutjoint.emit.source import (
     SPACE,
@@ -38,7 +38,7 @@ from cutjoint.model.records import Scene
 from cutjoint.package.locations import licence
 from cutjoint.topology.geometry import extent
 
-#: Headers of the runtime: all that a simulation behind its interface needs but its integrator, and lanes.
+#: Headers of the runtime: all that a simulation needs except its integrator and lanes.
 _CORE = "cutjoint/core/simulation/checked_simulation.hpp"
 _LANES = "cutjoint/core/numbers/lanes.hpp"
 _DERIVATIVES = "cutjoint/core/simulation/checked_minimal.hpp"
@@ -48,7 +48,7 @@ _DUAL_LANES = "cutjoint/core/numbers/dual_lanes.hpp"
 _POSES = "cutjoint/core/mechanism/poses.hpp"
 _DYNAMICS = "cutjoint/core/mechanism/dynamics.hpp"
 _SUPPLIED = "cutjoint/core/mechanism/supplied.hpp"
-_LAID_ROAD = "cutjoint/core/roads/laid_road.hpp"
+_SURFACE_ROAD = "cutjoint/core/roads/laid_road.hpp"
 _FITS = "cutjoint/core/mechanism/loop_fits.hpp"
 _SIDE_BY_SIDE = "cutjoint/core/simulation/lane_simulations.hpp"
 
@@ -65,21 +65,21 @@ _C_HEADERS = frozenset((
 #: The forms of factorisations: blocks, and loops over tables.
 _FACTORISATIONS = ("cutjoint/core/newton/static_factor_blocks.hpp", "cutjoint/core/newton/static_factor.hpp")
 
-#: Lines around the functions of a system: operations that look alike are gathered in registers, as for a simulator of the command line.
+#: Lines around the functions of a system: equal operations are gathered in registers, as for a simulator of the command line.
 _BY_GCC = "#if defined(__GNUC__) && !defined(__clang__)"
-_GATHERED = (
+_VECTORISED = (
     f'{_BY_GCC}\n#pragma GCC push_options\n#pragma GCC optimize("tree-slp-vectorize")\n#endif\n',
     f"{_BY_GCC}\n#pragma GCC pop_options\n#endif\n",
 )
 
 
-#: The share of a mechanism's extent, or of a radian, by which a loop of a folder may stand open.
-TORN = 0.01
+#: The share of a mechanism's extent, or of a radian, that a loop of exported code may be violated by.
+LARGEST_VIOLATION = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mathematics:
-    """A mathematical library for folders: its ``files`` by name, and the flags of C++ that calls it and of its own C."""
+    """A mathematical library for exports: its ``files`` by name, and the flags of C++ that calls it and of its own C."""
 
     files: Mapping[str, str]
     cxx: Sequence[str]
@@ -87,18 +87,18 @@ class Mathematics:
 
 
 def emit_standalone(
-    parts: SimulationCode, begin: Beginning, digest: str, *, libm: Mathematics | None = None, lays_roads: bool = False
+    parts: SimulationCode, defaults: Defaults, digest: str, *, libm: Mathematics | None = None, lays_roads: bool = False
 ) -> dict[str, str]:  # fmt: skip
-    """The files by name; ``begin`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
-    tells its snapshots from those of other models.  Its project compiles a mathematical library, ``libm``, if one is given.  A host
-    ``lays_roads`` under wheels by one more call."""
-    parts, view = prepare(parts, begin, digest)
+    """The files by name; ``defaults`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
+    identifies its snapshots. Its project compiles a mathematical library, ``libm``, if one is given. A host ``lays_roads`` under wheels by
+    one more call."""
+    parts, view = prepare(parts, defaults, digest)
     view |= {"libm": libm, "lays_roads": lays_roads}
     page = parts.page
     p, header = page.stem, str(view["header"])
     return {
         f"{header}.h": render_header(page, view),
-        f"{header}.cpp": _source(page, parts, STEPS[parts.method][begin.integrator], view),
+        f"{header}.cpp": _source(page, parts, STEPS[parts.method][defaults.integrator], view),
         "CMakeLists.txt": page.render("standalone/CMakeLists.txt.jinja", **view),
         "example.c": page.render("standalone/example.c.jinja", **_in_c(page), **view),
         f"{p}_simulator.c": page.render("standalone/simulator.c.jinja", **_in_c(page), **view),
@@ -110,11 +110,11 @@ def emit_standalone(
     }
 
 
-def prepare(parts: SimulationCode, begin: Beginning, digest: str) -> tuple[SimulationCode, dict[str, object]]:
+def prepare(parts: SimulationCode, defaults: Defaults, digest: str) -> tuple[SimulationCode, dict[str, object]]:
     """The code that is compiled, without events if its steps need not find them, and the templates' view of it."""
-    if not begin.events and (parts.dofs is None or parts.system is not None):
+    if not defaults.events and (parts.dofs is None or parts.system is not None):
         parts = parts.over_events()
-    return parts, _view(parts, begin, digest if parts.dofs is None else f"{digest} {parts.dofs}")
+    return parts, _view(parts, defaults, digest if parts.dofs is None else f"{digest} {parts.dofs}")
 
 
 def render_header(page: Page, view: Mapping[str, object]) -> str:
@@ -134,7 +134,7 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
         system = sized_system_class(parts, parts.system)
         assert system.factorisation is not None
         header, *functions = system.code
-        before, behind = ("", "") if view.get("libm") else _GATHERED  # GCC forgets -ffp-contract=off where it is told of optimisations
+        before, behind = ("", "") if view.get("libm") else _VECTORISED  # GCC forgets -ffp-contract=off where a pragma changes optimisations
         code += [system.factorisation.text, header, before, *functions, behind]
         sized.append(system.sized(page))
     for _, derived in derived_classes(parts):
@@ -144,7 +144,7 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
         instances = sized_mechanism_class(parts, parts.side_by_side, "Mask")
         for texts, more in ((code, instances.code), (sized, [instances.sized(page, "side_by_side")])):
             texts += ["namespace side_by_side {\n", *more, "}  // namespace side_by_side\n"]
-    laid = [_LAID_ROAD] if view["lays_roads"] and view["roads"] else []
+    laid = [_SURFACE_ROAD] if view["lays_roads"] and view["roads"] else []
     core = amalgamate([*headers_of(parts, steps, has_lanes=has_lanes), *laid, *(() if parts.system is None else _FACTORISATIONS)])
     standard = sorted({*core.standard, *OF_INTERFACE})
     return "\n".join([
@@ -170,9 +170,9 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
     return [*lanes, *supplied, *fits, _CORE, steps.header, *more]
 
 
-def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, object]:
-    """The view for the templates of the folder."""
-    equations, integrator = parts.stepped, begin.integrator
+def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, object]:
+    """The view for the templates of the export."""
+    equations, integrator = parts.stepped, defaults.integrator
     model, steps = equations.topology.model, STEPS[parts.method][integrator]
     start, tables = parts.mechanism, _tables(equations)
     if parts.dofs is not None:
@@ -198,19 +198,21 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes and LANES, "bytes": simulation_size(parts, steps),
         "system_name": "" if parts.system is None else name_of_system(Page.of(equations, parts.method).class_name),
-        "statuses": _statuses(parts, steps), "mark": mark_of(digest, integrator),
+        "statuses": _statuses(parts, steps), "mark": digest_of(digest, integrator),
         "method": parts.method, "integrator": integrator, "steps": steps.name, "kind": steps,
-        "settings": _settings(begin), "by_step": _by_step(equations.scene), "tables": tables,
-        "violation_limits": _violation_limits(equations, begin.parameters),
-        "end": repr(float(begin.end)), "output_step": repr(float(begin.output_step)),
+        "settings": _settings(defaults), "by_step": _by_step(equations.scene), "tables": tables,
+        "violation_limits": _violation_limits(equations, defaults.parameters),
+        "end": repr(float(defaults.end)), "output_step": repr(float(defaults.output_step)),
         "frozen": model.frozen,
-        "parameters": [repr(float(begin.parameters[p.name])) for p in equations.parameters],
-        "parameter_table": [(p.name, p.unit, repr(float(begin.parameters[p.name]))) for p in equations.parameters],
-        "columns": equations.columns, "steered": _steered(equations), "guiding": "".join(f", {i}" for i in _guiding(equations)),
+        "parameters": [repr(float(defaults.parameters[p.name])) for p in equations.parameters],
+        "parameter_table": [(p.name, p.unit, repr(float(defaults.parameters[p.name]))) for p in equations.parameters],
+        "columns": equations.columns, "steered": _free_input(equations),
+        "guiding": "".join(f", {i}" for i in _guide_inputs(equations)),
         "has_lanes": any(node.lanes for program in programs for node in program.graph.nodes),
-        "positions": _given(begin.positions, start.coordinate_names), "rates": _given(begin.rates, start.speed_names),
-        "near": [start.coordinate_names.index(name) for name in begin.near],
-        **_roads(equations, begin), "lays_roads": False,
+        "positions": _indexed_values(defaults.positions, start.coordinate_names),
+        "rates": _indexed_values(defaults.rates, start.speed_names),
+        "near": [start.coordinate_names.index(name) for name in defaults.near],
+        **_roads(equations, defaults), "lays_roads": False,
     }  # fmt: skip
 
 
@@ -225,7 +227,7 @@ def _residual_view(force_residual: Linearised, name: str) -> dict[str, object]:
     }  # fmt: skip
 
 
-def mark_of(digest: str, integrator: str) -> str:
+def digest_of(digest: str, integrator: str) -> str:
     """The digest in a header and in snapshots: of the model, its scene's steps and the version."""
     return sha256(f"{digest} {integrator}".encode()).hexdigest()[:16]
 
@@ -235,44 +237,44 @@ def _statuses(parts: SimulationCode, steps: Steps) -> list[Status]:
     return statuses_in(text for header, text in texts_of(headers_of(parts, steps, has_lanes=False)).items() if header != FAULTS)
 
 
-def _guiding(equations: RecursiveEquations | SystemEquations) -> list[int]:
+def _guide_inputs(equations: RecursiveEquations | SystemEquations) -> list[int]:
     """The inputs that move guides."""
     return [i for i, given in enumerate(equations.inputs) if guided_by(equations.topology.model, given) is not None]
 
 
-def _steered(equations: RecursiveEquations | SystemEquations) -> int | None:
+def _free_input(equations: RecursiveEquations | SystemEquations) -> int | None:
     """The first input that moves no guide."""
-    guiding = _guiding(equations)
+    guiding = _guide_inputs(equations)
     return next((i for i in range(len(equations.inputs)) if i not in guiding), None)
 
 
 def _violation_limits(equations: RecursiveEquations | SystemEquations, given: Mapping[str, float]) -> list[str]:
-    """The gap that each equation of a loop may have: that share of a radian, or of the mechanism's extent in its design position."""
+    """The largest violation of each equation of a loop: a share of a radian, or of the mechanism's extent in its design position."""
     model = equations.topology.model
     known = {p.symbol: float(given.get(p.name, p.value)) for p in model.parameters}
     points = [body.centre_of_mass for body in model.bodies]
     points += [point for joint in model.joints for point in (joint.at, joint.to) if point is not None]
     angles = {name for element in JOINTS.values() for c in element.conditions if not c.joins_points for name in c.names}
     length, arm = extent(points, known), equations.topology.arm
-    return [repr(TORN * (arm if name.rpartition(".")[2] in angles else length)) for name in equations.equation_names]
+    return [repr(LARGEST_VIOLATION * (arm if name.rpartition(".")[2] in angles else length)) for name in equations.equation_names]
 
 
-def _given(values: Mapping[str, float], names: Sequence[str]) -> list[dict[str, object]]:
+def _indexed_values(values: Mapping[str, float], names: Sequence[str]) -> list[dict[str, object]]:
     return [{"index": names.index(name), "name": name, "value": repr(float(value))} for name, value in values.items()]
 
 
-def _settings(begin: Beginning) -> dict[str, object]:
-    is_projected = CLOSURES[begin.closure].penalty_of_each_cut
-    steps = count_steps(begin.dt, begin.end, begin.output_step)
+def _settings(defaults: Defaults) -> dict[str, object]:
+    is_projected = CLOSURES[defaults.closure].penalty_of_each_cut
+    steps = count_steps(defaults.dt, defaults.end, defaults.output_step)
     return {
-        "closure": begin.closure, "penalty": _optional(begin.closure_penalty),
-        "damping_ratio": repr(float(begin.damping_ratio)), "frequency": repr(float(begin.frequency)),
-        "tolerance": repr(float(begin.tolerance)), "iterations": begin.iterations,
-        "multiplier_updates": begin.multiplier_updates, "proximal": _truth(is_projected), "fixed_cost": _truth(begin.fixed_cost),
-        "dt": repr(float(begin.dt)), "end": repr(steps.number * float(begin.dt)),
-        "absolute_tolerance": repr(float(begin.absolute_tolerance or 0.0)), "penalty_of_steps": _optional(begin.penalty),
-        "equilibrium": _truth(begin.pose == "equilibrium"),
-        "spectral_radius": None if begin.spectral_radius is None else repr(float(begin.spectral_radius)),
+        "closure": defaults.closure, "penalty": _optional(defaults.closure_penalty),
+        "damping_ratio": repr(float(defaults.damping_ratio)), "frequency": repr(float(defaults.frequency)),
+        "tolerance": repr(float(defaults.tolerance)), "iterations": defaults.iterations,
+        "multiplier_updates": defaults.multiplier_updates, "proximal": _bool(is_projected), "fixed_cost": _bool(defaults.fixed_cost),
+        "dt": repr(float(defaults.dt)), "end": repr(steps.number * float(defaults.dt)),
+        "absolute_tolerance": repr(float(defaults.absolute_tolerance or 0.0)), "penalty_of_steps": _optional(defaults.penalty),
+        "equilibrium": _bool(defaults.pose == "equilibrium"),
+        "spectral_radius": None if defaults.spectral_radius is None else repr(float(defaults.spectral_radius)),
     }  # fmt: skip
 
 
@@ -286,7 +288,7 @@ def _optional(value: float | None) -> str:
     return "std::nullopt" if value is None else repr(float(value))
 
 
-def _truth(value: object) -> str:
+def _bool(value: object) -> str:
     return "true" if value else "false"
 
 
@@ -327,13 +329,13 @@ def _state_names(start: RecursiveEquations, *, rates: bool) -> list[str]:
     return [*names, *start.speed_names[start.speeds :]]
 
 
-def _roads(equations: RecursiveEquations | SystemEquations, begin: Beginning) -> dict[str, object]:
+def _roads(equations: RecursiveEquations | SystemEquations, defaults: Defaults) -> dict[str, object]:
     """The tracks that the tyres' roads have, each once, and the road of each tyre."""
     tracks: dict[str, dict[str, object]] = {}
     known: dict[tuple[object, ...], str] = {}
     roads = []
     for tyre in equations.roads:
-        road = begin.roads[tyre]
+        road = defaults.roads[tyre]
         names = {}
         for side in ("left", "right"):
             key = tuple(chain.from_iterable(piece.values() for piece in road[side]))
@@ -341,20 +343,20 @@ def _roads(equations: RecursiveEquations | SystemEquations, begin: Beginning) ->
             breaks = [repr(float(x["begin"])) for x in road[side][1:]]
             tracks[name] = {"name": name, "pieces": [_piece(x) for x in road[side]], "breaks": breaks}
         named = {f"{side}_breaks": f"{name}_breaks" if tracks[name]["breaks"] else "{}" for side, name in names.items()}
-        roads.append({"tyre": tyre, **names, **named, "disc": _truth(road["disc"])})
-    return {"tracks": list(tracks.values()), "roads": roads, "surface": _surface(begin) if roads else None}
+        roads.append({"tyre": tyre, **names, **named, "disc": _bool(road["disc"])})
+    return {"tracks": list(tracks.values()), "roads": roads, "surface": _surface(defaults) if roads else None}
 
 
-def _surface(begin: Beginning) -> dict[str, Any] | None:
+def _surface(defaults: Defaults) -> dict[str, Any] | None:
     """The surface of the roads with its numbers as texts."""
-    if begin.surface is None:
+    if defaults.surface is None:
         return None
 
     def texts(numbers: Iterable[float]) -> list[str]:
         return [repr(float(number)) for number in numbers]
 
-    patches = [[*texts((*p["x"], *p["y"])), *texts((p["friction"], p["edge"]))] for p in begin.surface["patches"]]
-    field = begin.surface["field"]
+    patches = [[*texts((*p["x"], *p["y"])), *texts((p["friction"], p["edge"]))] for p in defaults.surface["patches"]]
+    field = defaults.surface["field"]
     if field is None:
         return {"field": None, "curved": None, "patches": patches}
     if "sections" in field:
@@ -363,7 +365,7 @@ def _surface(begin: Beginning) -> dict[str, Any] | None:
         lists |= {"sections": sections, "step": repr(float(field["step"])), "borders": field["borders"]}
         return {"field": None, "curved": lists, "patches": patches}
     parts = {name: texts(field[name]) for name in ("start", "step", "heights")}
-    flags = {name: _truth(field[name]) for name in ("wraps", "bilinear")}
+    flags = {name: _bool(field[name]) for name in ("wraps", "bilinear")}
     return {"field": {**parts, **flags, "counts": field["counts"]}, "curved": None, "patches": patches}
 
 
@@ -381,7 +383,7 @@ def _numbered(equations: RecursiveEquations | SystemEquations, poses: Sequence[s
 
 
 def in_c(names: Sequence[str]) -> list[str]:
-    """Names as parts of words of C, each once: where only dots tell some apart, all of these have their numbers behind them."""
+    """Names as parts of C identifiers, unique: those that differ only in dots are numbered."""
     words = [re.sub(r"\W", "_", name) for name in names]
     often = Counter(words)
     found = [word if often[word] == 1 else f"{word}_{i}" for i, word in enumerate(words)]

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from cutjoint.emit.loops import LoopText, index, read_by_loops, write_loops
 from cutjoint.emit.names import MACROS, common_name, identifier, name_scalars, road_names, unique
 from cutjoint.emit.printer import Printer, Statement, kept_type, lanes_type
-from cutjoint.formulate.inputs import HELD, INPUTS, LAW_TIME, LAW_VALUES
+from cutjoint.formulate.inputs import DISCRETE_STATES, INPUTS, LAW_TIME, LAW_VALUES
 from cutjoint.formulate.records import Equations
 from cutjoint.ops import STANDARD
 from cutjoint.program.blocks import BindingTime, Section
@@ -98,12 +98,12 @@ class Viewer:
         """Readable names for the elements of coordinates, speeds, accelerations and multipliers."""
         slots = self._equations.slots
         names: dict[int, str] = {}
-        taken = {name for name in self._names.values() if not name.startswith("vdot_")}  # of another function
+        used_names = {name for name in self._names.values() if not name.startswith("vdot_")}  # of another function
         for n, node in enumerate(self._program.graph.nodes):
             if node.op == "symbol" and isinstance(node.data, tuple) and node.data[0] in slots:
                 symbol, index = node.data
                 slot, element = slots[symbol], symbol.partition(":")[2]
-                names[n] = unique(identifier(f"{slot.array}_{element}_{slot.names[index]}"), taken)
+                names[n] = unique(identifier(f"{slot.array}_{element}_{slot.names[index]}"), used_names)
         return names
 
     def _input(self, symbol: str, index: int) -> str:
@@ -119,11 +119,11 @@ class Viewer:
         return f"parameters[{index}]" if symbol == "parameters" else symbol
 
     def _kept_names(self) -> dict[int, str]:
-        """Members that hold the values of earlier stages."""
+        """Members with the values of earlier stages."""
         stored: dict[int, str] = {}
-        taken = set(self._names.values())
+        used_names = set(self._names.values())
         for n in sorted(self._program.stored):
-            stored[n] = self._names.get(n) or unique(self._parameter_name(n) or f"value_{len(stored) + 1}", taken)
+            stored[n] = self._names.get(n) or unique(self._parameter_name(n) or f"value_{len(stored) + 1}", used_names)
         return stored
 
     def _parameter_name(self, n: int) -> str:
@@ -134,7 +134,7 @@ class Viewer:
         symbol, index = node.data
         if symbol in _MEMBERS:
             return _MEMBERS[symbol][1][index]
-        if symbol in (INPUTS, HELD, LAW_VALUES):
+        if symbol in (INPUTS, DISCRETE_STATES, LAW_VALUES):
             return identifier(self._equations.slots[symbol].names[index])
         if symbol == "penalties":
             return f"penalty_{self._equations.topology.closing[index].name.replace('.', '_')}"
@@ -187,7 +187,7 @@ class Viewer:
         extra: tuple[str, ...],
     ) -> FunctionView:  # fmt: skip
         stored = [n for n in self._stored if self._program.graph.nodes[n].binding is binding]
-        printer = self._printer(known, self._program.graph, self._program.sections, self._names, self._taken())
+        printer = self._printer(known, self._program.graph, self._program.sections, self._names, self._used_names())
         sections = self._sections(printer.statements(nodes, printer.count_uses(nodes, stored)), self._program.sections)
         results = [f"{self._member(n)} = {printer.text(n)};" for n in stored]
         return self._view(name, arguments, _in_parts(sections), [*results, *extra], ())
@@ -195,10 +195,10 @@ class Viewer:
     def function(self, name: str) -> FunctionView:
         """One of the functions that a step calls."""
         function, rolled = self._program.function(name), self._rolled[name]
-        taken = self._taken()
-        loops = write_loops(rolled, self._names, [_prefix(s) for s in rolled.sections], taken, self._conditions)
+        used_names = self._used_names()
+        loops = write_loops(rolled, self._names, [_prefix(s) for s in rolled.sections], used_names, self._conditions)
         known = {**self._inputs, **self._locals, **self._known(BindingTime.STEP), **loops.known}
-        printer = self._printer(known, rolled.graph, rolled.sections, {**self._names, **loops.names}, taken, loops.elements)
+        printer = self._printer(known, rolled.graph, rolled.sections, {**self._names, **loops.names}, used_names, loops.elements)
         sections: list[SectionView] = []
         single = [n for part in rolled.parts if not isinstance(part, int) for n in part]
         early, late = self._early_and_late(name, rolled, single)
@@ -247,16 +247,16 @@ class Viewer:
         return views
 
     def _printer(
-        self, known: Mapping[int, str], graph: Graph, sections: Sequence[Section], names: Mapping[int, str], taken: set[str],
+        self, known: Mapping[int, str], graph: Graph, sections: Sequence[Section], names: Mapping[int, str], used_names: set[str],
         elements: Mapping[int, str] = MappingProxyType({}),
     ) -> Printer:  # fmt: skip
         prefixes = [_prefix(s) for s in sections]
         return Printer(
-            graph=graph, names=names, known=known, prefixes=prefixes, taken=frozenset(taken), roads=self._roads,
+            graph=graph, names=names, known=known, prefixes=prefixes, used_names=frozenset(used_names), roads=self._roads,
             conditions=self._conditions, elements=elements,
         )  # fmt: skip
 
-    def _taken(self) -> set[str]:
+    def _used_names(self) -> set[str]:
         """The names that a function may not give again."""
         return {*self._names.values(), *self._locals.values(), *self._roads.values(), *MACROS}
 

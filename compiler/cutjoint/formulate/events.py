@@ -50,7 +50,7 @@ def describe_indicators(b: Builder, indicators: Sequence[EventIndicator]) -> tup
 
 
 def jump_times(model: Model, scene: Scene) -> tuple[float, ...]:
-    """The times (s) at which an input of the scene or a guide goes over to another formula by conditions that are linear in time.
+    """The times (s) at which an input of the scene or a guide changes its formula by conditions that are linear in time.
 
     What jumps there has a value on either side.
     """
@@ -61,7 +61,7 @@ def jump_times(model: Model, scene: Scene) -> tuple[float, ...]:
 
 
 def guides_jump(model: Model, scene: Scene) -> bool:
-    """Return whether a guide, or an input that moves one, goes over to another formula in the scene, so that its rate may jump."""
+    """Return whether a guide, or an input that moves one, changes its formula in the scene, so that its rate may jump."""
     laws = [sympy.sympify(law) for joint in model.joints for law in joint.guide or ()]
     laws += [law for symbol, law in input_functions(model, scene).items() if any(guide.has(symbol) for guide in laws)]
     return any(law.has(sympy.Piecewise, sympy.Abs, sympy.sign) for law in laws)
@@ -97,7 +97,7 @@ FRICTION = "load of friction"
 
 
 def _function(name: str, stage: str) -> str:
-    """The words for the quantity of a domain."""
+    """The text for the quantity of a domain."""
     if stage == FRICTION:
         return "the load of the joint, as an iteration finds it,"
     return "the divisor" if name == "div" else f"the argument of {name.replace('pow', '**')}"
@@ -111,7 +111,7 @@ def describe_domains(b: Builder, domains: Sequence[Domain]) -> tuple[DomainPlace
         DomainPlace(
             function=_function(domain.function, section.stage),
             element=section.element or section.stage, place=section.source, strict=domain.strict,
-            cure=None if domain.cure is None else places[domain.cure],
+            remedy=None if domain.remedy is None else places[domain.remedy],
         )
         for domain, section in zip(domains, sections, strict=True)
     )  # fmt: skip

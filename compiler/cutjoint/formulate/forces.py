@@ -9,7 +9,7 @@ import sympy
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import Equations, Function, LeftOut
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.records import Assembly, Force, Guard, Model, Scalar, Scene
+from cutjoint.model.records import EmbeddedLoop, Force, Guard, Model, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
@@ -23,13 +23,13 @@ def is_active(force: Force, scene: Scene) -> bool:
     return scene.switches.get(force.name, force.active)
 
 
-def guards_of(model: Model, scene: Scene) -> tuple[Guard | Assembly, ...]:
+def guards_of(model: Model, scene: Scene) -> tuple[Guard | EmbeddedLoop, ...]:
     """The guards of forces that the scene has switched on, and assemblies, whose functions have ranges."""
-    ranges = (one for one in model.assemblies if not one.functions.turns or one.drive or one.functions.open)
+    ranges = (one for one in model.embedded_loops if not one.functions.is_periodic or one.drive or one.functions.open)
     return *forces_guarded(model, scene), *ranges
 
 
-def guards_in(equations: Equations) -> tuple[Guard | Assembly | LeftOut, ...]:
+def guards_in(equations: Equations) -> tuple[Guard | EmbeddedLoop | LeftOut, ...]:
     """All guards of equations: of forces, of assemblies, and of equations that are left out."""
     return *guards_of(equations.topology.model, equations.scene), *equations.left_out
 
@@ -73,7 +73,7 @@ class Measured:
 
 @dataclass(frozen=True, kw_only=True)
 class Lazy:
-    """A quantity and its rate, as blocks that are made when they are asked for."""
+    """A quantity and its rate, as blocks that are made on first use."""
 
     place: Callable[[], Block]
     rate: Callable[[], Block]

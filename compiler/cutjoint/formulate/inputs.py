@@ -20,7 +20,7 @@ from cutjoint.formulate.records import Function
 from cutjoint.formulate.translate import Translator
 from cutjoint.methods import CLOSURES
 from cutjoint.model.expressions.parse import POSITION
-from cutjoint.model.records import Binding, Gear, HeldValue, Joint, Model, Output, Parameter, Scalar, Scene
+from cutjoint.model.records import Binding, DiscreteState, Gear, Joint, Model, Output, Parameter, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.indicators import Domain, EventIndicator, find_domains, find_indicators
 from cutjoint.program.lower import reachable_blocks
@@ -28,12 +28,12 @@ from cutjoint.topology.records import Topology
 
 TIME = sympy.Symbol("t", real=True)
 
-#: The program's symbol of the model's inputs: of each one in turn the numbers of these orders.
+#: The program's symbol of the model's inputs: the numbers of these orders for each one.
 INPUTS = "inputs"
 INPUT_ORDERS = ("value", "rate", "acceleration")
 
-#: The program's symbol of what controllers hold.
-HELD = "held_values"
+#: The program's symbol of the discrete states.
+DISCRETE_STATES = "held_values"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,9 +68,9 @@ def make_translator(builder: Builder, model: Model) -> Translator:
         given = builder.symbol(INPUTS, len(INPUT_ORDERS) * len(inputs), BindingTime.STEP)
         symbols = [symbol for p in inputs for symbol in input_symbols(p)]
         values |= {symbol: builder.label(builder.element(given, i), _name_of(symbol)) for i, symbol in enumerate(symbols)}
-    if model.held:
-        held = builder.symbol(HELD, len(model.held), BindingTime.STEP)
-        values |= {value.symbol: builder.element(held, i) for i, value in enumerate(model.held)}
+    if model.discrete_states:
+        held = builder.symbol(DISCRETE_STATES, len(model.discrete_states), BindingTime.STEP)
+        values |= {value.symbol: builder.element(held, i) for i, value in enumerate(model.discrete_states)}
     values |= {s.symbol: builder.symbol(f"v:{s.name}", 1, BindingTime.ITERATION) for s in model.states}
     return Translator(builder, values)
 
@@ -93,8 +93,8 @@ def parameter_blocks(builder: Builder, model: Model) -> dict[Scalar, Block]:
     return values
 
 
-def held_name(value: HeldValue) -> str:
-    """The name of what a controller holds, "controller.value"."""
+def discrete_state_name(value: DiscreteState) -> str:
+    """The name of a discrete state, "controller.value"."""
     return str(value.symbol).removeprefix("@")
 
 
@@ -147,7 +147,7 @@ def make_charts(topology: Topology) -> tuple[Chart, ...]:
     a coordinate."""
     charts: list[Chart] = []
     q = v = 0
-    following = topology.model.following
+    following = topology.model.dependent_joints
     for t in topology.tree:
         element = t.joint.element
         if t.joint.guide is not None or t.joint.name in following or not element.speeds:
@@ -184,7 +184,7 @@ def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Sc
 #: The time at which laws are evaluated; unlike ``t`` it is not known when a step begins.
 LAW_TIME = "law_time"
 
-#: The symbol of what a step reads of the laws besides the inputs: values of indicators, then margins.
+#: The symbol of what a step reads of the laws in addition to the inputs: values of indicators, then margins.
 LAW_VALUES = "law_values"
 
 
@@ -209,7 +209,7 @@ def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterabl
     Indicators are left out without ``events``.
     """
     inputs = input_parameters(model)
-    if not inputs and not model.held:
+    if not inputs and not model.discrete_states:
         return SceneInputs()
     laws = [block for p in inputs for block in _law(b, model, scene, p)]
     used = [laws[i] for i in _used(results)]
@@ -219,8 +219,8 @@ def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterabl
     begun = [*laws, *_starts(b, model)]
     values = [*begun, *conditions]
     read = _read(b, len(conditions))
-    held_names = [held_name(value) for value in model.held]
-    slot_names = [*(f"{p.name} {order}" for p in inputs for order in INPUT_ORDERS), *held_names, *("law" for _ in conditions)]
+    discrete_state_names = [discrete_state_name(value) for value in model.discrete_states]
+    slot_names = [*(f"{p.name} {order}" for p in inputs for order in INPUT_ORDERS), *discrete_state_names, *("law" for _ in conditions)]
     return SceneInputs(
         inputs=inputs,
         functions=(
@@ -231,7 +231,7 @@ def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterabl
         slots={
             **{f"input:{i}": Slot(array="input", offset=i, names=(name,)) for i, name in enumerate(slot_names)},
             INPUTS: Slot(array="input", offset=0, names=tuple(slot_names[: len(laws)])),
-            **({HELD: Slot(array="input", offset=len(laws), names=tuple(held_names))} if held_names else {}),
+            **({DISCRETE_STATES: Slot(array="input", offset=len(laws), names=tuple(discrete_state_names))} if discrete_state_names else {}),
             LAW_VALUES: Slot(array="input", offset=len(begun), names=tuple(slot_names[len(begun) :])),
         },
         length=len(values),
@@ -250,11 +250,11 @@ def _law(b: Builder, model: Model, scene: Scene, parameter: Parameter) -> Iterat
 
 
 def _starts(b: Builder, model: Model) -> Iterator[Block]:
-    """The values that controllers hold before their first samples."""
+    """The discrete states before the first samples."""
     translator = Translator(b, parameter_blocks(b, model))
     for controller in model.controllers:
         with b.section("controller", controller.name, "before the first sample", controller.span.place):
-            yield from (translator.scalar(value.start) for value in controller.held)
+            yield from (translator.scalar(value.start) for value in controller.discrete_states)
 
 
 def _used(results: Iterable[Block]) -> list[int]:
@@ -268,7 +268,7 @@ def _used(results: Iterable[Block]) -> list[int]:
 
 
 def _read(b: Builder, count: int) -> Iterator[Block]:
-    """The values of the laws besides the inputs that a step reads, element by element."""
+    """The values of the laws, in addition to the inputs, that a step reads, element by element."""
     if count:
         column = b.symbol(LAW_VALUES, count, BindingTime.STEP)
         yield from (b.element(column, i) for i in range(count))

@@ -19,7 +19,7 @@ _WITH_MULTIPLIERS = frozenset({"report", "energy"})
 
 
 def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:
-    """The program of the recursive method; what is called less than once a step stays out of the lanes."""
+    """The program of the recursive method; functions that are called less than once a step have no lanes."""
     families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
     often, used = _OFTEN, dict.fromkeys((f.name for f in equations.functions), families)
     if equations.topology.embedded:

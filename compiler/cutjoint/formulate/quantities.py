@@ -43,7 +43,7 @@ def measured_forces(model: Model, scene: Scene, outputs: tuple[Output, ...]) -> 
 
 
 def needs_place(force: Force, model: Model, scene: Scene, outputs: Iterable[Output]) -> bool:
-    """Return whether a force acts, or something asks where its parts are although it is switched off."""
+    """Return whether a force acts, or the positions of its parts are needed although it is switched off."""
     return is_active(force, scene) or any(
         o.element == force.name and o.quantity in force.measured_when_off for o in (*readings_of(model), *outputs)
     )

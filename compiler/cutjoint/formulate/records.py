@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 from cutjoint.formulate.layout import Chart, Closure, Slot, StateLayout
-from cutjoint.model.records import Assembly, Output, Parameter, Scene, Span
+from cutjoint.model.records import EmbeddedLoop, Output, Parameter, Scene, Span
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.records import Topology
 
@@ -41,7 +41,7 @@ class IndicatorPlace:
 class DomainPlace:
     """A place where a law may have no value: what must be in its domain, the element and its line in the model file.
 
-    The margin there is not negative, or positive if it is ``strict``.  ``cure`` is the place among the margins of a factor, below which
+    The margin there is not negative, or positive if it is ``strict``.  ``remedy`` is the place among the margins of a factor, below which
     all coefficients of friction leave the loads of joints values.
     """
 
@@ -49,7 +49,7 @@ class DomainPlace:
     element: str
     place: str
     strict: bool
-    cure: int | None = None
+    remedy: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +64,7 @@ class Column:
 class Function:
     """One generated function: named result columns over the program's inputs.
 
-    Inputs are symbols; those that all formulations share are ``t``, ``motion`` (0 where the mechanism is held at rest, else 1) and
+    Inputs are symbols; those that all formulations share are ``t``, ``motion`` (0 while the equilibrium is sought, else 1) and
     ``parameters``.  ``arguments`` are the C++ function's, results last; :attr:`Equations.slots` says which symbol stands where.
     """
 
@@ -83,7 +83,7 @@ class LoopFit:
     The ``function`` has ``slots`` of its own and so many ``rows``; the coefficients stand from ``first`` on.
     """
 
-    assembly: Assembly
+    embedded_loop: EmbeddedLoop
     function: Function
     slots: Mapping[str, Slot]
     rows: int
@@ -96,17 +96,19 @@ class LoopFit:
 
     def description(self) -> dict[str, Any]:
         """Its tables, as core/mechanism/loop_fits.hpp reads them: coefficients of the model's own numbers, ``start``, by function."""
-        f = self.assembly.functions
+        f = self.embedded_loop.functions
         series = [one for found in f.series.values() for one in found]
         return {
-            "rows": self.rows, "nodes": f.nodes, "turns": f.turns, "middle": f.range.middle, "half": f.range.half, "allowed": f.allowed,
+            "rows": self.rows, "nodes": f.nodes, "turns": f.is_periodic, "middle": f.range.middle, "half": f.range.half,
+            "allowed": f.allowed,
             "growth": [one.growth for one in series], "start": [[row[0] for row in one.coefficients] for one in series],
         }  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:
-    """An equation that is not held since others imply it in the only pose known: its residual is watched; ``span`` is its element's."""
+    """An equation that is not enforced since others imply it in the only pose known; ``span`` is that of its element. Its residual is
+    watched."""
 
     name: str
     span: Span
@@ -151,9 +153,9 @@ class Equations:
         return next(f for f in self.functions if f.name == name)
 
     @property
-    def held(self) -> int:
+    def discrete_states(self) -> int:
         """The number of values that controllers hold."""
-        return len(self.topology.model.held)
+        return len(self.topology.model.discrete_states)
 
     @property
     def unknowns(self) -> int:

@@ -1,13 +1,13 @@
-"""First-order states beside the mechanism: their rates x' = f, and the part of a residual with a tangent, x' - f = 0.
+"""First-order states in addition to the mechanism: their rates x' = f, and the part of a residual with a tangent, x' - f = 0.
 
-The unknown of a step is x', with which x changes by ``damping``.  What controllers hold is computed anew by the function ``sample``.
+The unknown of a step is x', with which x changes by ``damping``.  The function ``sample`` updates the discrete states of controllers.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import count
 from typing import Any
 
-from cutjoint.formulate.inputs import HELD, held_name
+from cutjoint.formulate.inputs import DISCRETE_STATES, discrete_state_name
 from cutjoint.formulate.layout import Slot, StateLayout
 from cutjoint.formulate.quantities import reading
 from cutjoint.formulate.records import POSES, SAMPLE, Equations, Function
@@ -73,7 +73,8 @@ def state_tangent(
 
 
 def sample_function(b: Builder, translator: Translator, model: Model, quantity: Callable[[Output], Block]) -> tuple[Function, ...]:
-    """The function of a model with controllers: the next value of each that they hold, of the state and what is held at that instant.
+    """The function of a model with controllers: the next value of each discrete state, from the state and the discrete states at that
+    instant.
 
     ``quantity`` knows accelerations and reactions too, which are those of the forces with the values before.
     """
@@ -82,7 +83,7 @@ def sample_function(b: Builder, translator: Translator, model: Model, quantity: 
     at_sample = reading(b, translator, model, quantity)
     results: dict[str, Block] = {}
     for controller in model.controllers:
-        for value in controller.held:
+        for value in controller.discrete_states:
             with b.section("controller", controller.name, "", controller.span.place):
                 results[f"{SAMPLE}:{len(results)}"] = at_sample.scalar(value.next)
     state = ("const Real* q", "const Real* v", "const Real* vdot", "const Real* lambda")
@@ -91,24 +92,25 @@ def sample_function(b: Builder, translator: Translator, model: Model, quantity: 
 
 def sample_slots(model: Model) -> Mapping[str, Slot]:
     """The places of its results."""
-    return {f"{SAMPLE}:{i}": Slot(array="held", offset=i, names=(held_name(value),)) for i, value in enumerate(model.held)}
+    names = map(discrete_state_name, model.discrete_states)
+    return {f"{SAMPLE}:{i}": Slot(array="held", offset=i, names=(name,)) for i, name in enumerate(names)}
 
 
-#: Functions that look at a motion, and by which none goes on.
-_LOOKING = frozenset({SAMPLE, "report", "energy", "domains", POSES})
+#: Functions that evaluate a motion without changing it.
+_OBSERVING = frozenset({SAMPLE, "report", "energy", "domains", POSES})
 
 
 def describe_controllers(equations: Equations) -> list[dict[str, object]]:
-    """The controllers as steps know them: name, place in the model file, times (s), and the number of values that each holds.
+    """The controllers as steps know them: name, place in the model file, times (s), and the number of discrete states of each.
 
     ``felt`` has a 1 for each of these that accelerations, states, events or guards read, and a 0 for others.  One that is ``accelerated``
     reads more of a state than coordinates and speeds at its samples.
     """
-    felt = _held_by(b for f in equations.functions if f.name not in _LOOKING for b in f.results.values())
+    felt = _discrete_states_read(b for f in equations.functions if f.name not in _OBSERVING for b in f.results.values())
     sample = next((f.results for f in equations.functions if f.name == SAMPLE), {})
     described, number = list[dict[str, object]](), count()
     for controller in equations.topology.model.controllers:
-        own = [next(number) for _ in controller.held]
+        own = [next(number) for _ in controller.discrete_states]
         reached = reachable_blocks(sample[f"{SAMPLE}:{i}"] for i in own if sample)
         described.append({
             "name": controller.name, "place": controller.span.place, "every": controller.every, "offset": controller.offset,
@@ -120,13 +122,13 @@ def describe_controllers(equations: Equations) -> list[dict[str, object]]:
     return described
 
 
-def _held_by(results: Iterable[Block]) -> set[int]:
+def _discrete_states_read(results: Iterable[Block]) -> set[int]:
     """The places of what controllers hold that results follow from."""
     found = set[int]()
     for block in reachable_blocks(results):
-        if block.op == "symbol" and block.data == HELD and block.shape == (1, 1):
+        if block.op == "symbol" and block.data == DISCRETE_STATES and block.shape == (1, 1):
             found.add(0)
-        for held in (a for a in block.args if a.op == "symbol" and a.data == HELD):
+        for held in (a for a in block.args if a.op == "symbol" and a.data == DISCRETE_STATES):
             data: Any = block.data
             found.update(range(*data[0]) if block.op == "take" else range(held.shape[0]))
     return found

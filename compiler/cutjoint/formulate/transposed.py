@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, chain
 
-from cutjoint.formulate.inputs import HELD, INPUTS
+from cutjoint.formulate.inputs import DISCRETE_STATES, INPUTS
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import CLOSE, FORCE_RESIDUAL, SAMPLE, Function, RecursiveEquations
 from cutjoint.program.blocks import BindingTime
-from cutjoint.program.borders import Sides, part, stand_side_by_side
+from cutjoint.program.borders import AlignedParts, align_parts, part
 from cutjoint.program.elimination import adjoint, derivatives
 from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph
@@ -138,7 +138,7 @@ def _derivatives(graph: Graph, equations: RecursiveEquations, function: LoweredF
     arguments, _ = _ARGUMENTS[function.name]
     results = [
         Result(target=f"by_{symbol}", index=i, scalar=by_place.get((symbol, i), zero))
-        for symbol, slot in equations.slots.items() if slot.array in arguments or symbol in (INPUTS, HELD)
+        for symbol, slot in equations.slots.items() if slot.array in arguments or symbol in (INPUTS, DISCRETE_STATES)
         for i in range(len(slot.names))
     ]  # fmt: skip
     lanes = (Result(target="by_loaded", index=i, scalar=graph.lane(found[n], k) if n in found else zero)
@@ -151,7 +151,7 @@ def _arguments(graph: Graph, scalars: Sequence[int]) -> dict[int, tuple[str, int
     places = {n: _symbol(graph, n) for n in graph.reachable(list(scalars))}
     return {
         n: (name, index) for n, (name, index) in places.items()
-        if name and (name in (INPUTS, HELD) or graph.nodes[n].binding is BindingTime.ITERATION)
+        if name and (name in (INPUTS, DISCRETE_STATES) or graph.nodes[n].binding is BindingTime.ITERATION)
     }  # fmt: skip
 
 
@@ -186,7 +186,7 @@ class Linearised(Derived):
     columns: Sequence[Sequence[int]]
     unknowns: int
     places: Sequence[int]
-    sides: Sides
+    sides: AlignedParts
 
     @property
     def length(self) -> int:
@@ -197,8 +197,8 @@ class Linearised(Derived):
 def linearise_residual(equations: RecursiveEquations, program: Program) -> Linearised:
     """The derivatives of the residual of the equations of motion (`implicit.equations.formulate_residual`), by its program.
 
-    ``residual_jacobian`` has those of the n forces that are left, then of the m second rates of loops, row by row.  Columns are those of q,
-    v, inputs and held values, ``loaded``, vdot and lambda; entries that are always zero are left out.  ``loaded_values`` has the values of
+    ``residual_jacobian`` has those of the n force residuals, then of the m second rates of loops, row by row. Columns are those of q, v,
+    inputs and discrete states, ``loaded``, vdot and lambda; entries that are always zero are left out. ``loaded_values`` has the values of
     parameters' time in ``loaded``.
 
     Raises:
@@ -209,8 +209,8 @@ def linearise_residual(equations: RecursiveEquations, program: Program) -> Linea
     loaded, symbols = _loaded(work, [function]), _arguments(graph, [r.scalar for r in function.results])
     forces, loops, length = len(equations.speed_names), len(equations.equation_names), sum(map(len, loaded.values()))
     widths = {
-        "q": equations.coordinates, "v": forces, "input": 3 * len(equations.inputs) + equations.held, "loaded": length, "vdot": forces,
-        "lambda": loops,
+        "q": equations.coordinates, "v": forces, "input": 3 * len(equations.inputs) + equations.discrete_states, "loaded": length,
+        "vdot": forces, "lambda": loops,
     }  # fmt: skip
     firsts = dict(zip(widths, accumulate(widths.values(), initial=0), strict=False))
     columns = {
@@ -226,11 +226,11 @@ def linearise_residual(equations: RecursiveEquations, program: Program) -> Linea
             row |= {column: graph.lane(derivative, k) for k, column in enumerate(columns[n])}
     entries = [[column for column in sorted(row) if graph.value(row[column]) != 0.0] for row in rows]
     places = [(row, column) for row, of_row in enumerate(entries) for column in of_row]
-    sides = _sides_of(equations, firsts, entries)
+    sides = _aligned_parts(equations, firsts, entries)
     groups = [group for of_parts in sides.groups for group in of_parts]
     order = {place: i for i, place in enumerate(dict.fromkeys([*chain.from_iterable(groups), *places]))}
-    beside = {order[group[0]]: _beside(graph, [rows[row][column] for row, column in group]) for group in groups}
-    results = [Result(target="slope", index=i, scalar=n) for i, n in beside.items() if n is not None]
+    combined = {order[group[0]]: _combined(graph, [rows[row][column] for row, column in group]) for group in groups}
+    results = [Result(target="slope", index=i, scalar=n) for i, n in combined.items() if n is not None]
     written = {r.index + k for r in results for k in range(graph.nodes[r.scalar].lanes)}
     results += [Result(target="slope", index=i, scalar=rows[row][column]) for (row, column), i in order.items() if i not in written]
     values = [Result(target="loaded", index=i, scalar=graph.lane(n, k)) for n, spread in loaded.items() for k, i in enumerate(spread)]
@@ -248,7 +248,7 @@ def linearise_residual(equations: RecursiveEquations, program: Program) -> Linea
     )  # fmt: skip
 
 
-def _beside(graph: Graph, scalars: Sequence[int]) -> int | None:
+def _combined(graph: Graph, scalars: Sequence[int]) -> int | None:
     """The scalar whose lanes these are; None where there is none."""
     nodes = [graph.nodes[n] for n in scalars]
     if len(set(scalars)) == 1:
@@ -258,13 +258,13 @@ def _beside(graph: Graph, scalars: Sequence[int]) -> int | None:
     if nodes[0].op not in ("add", "sub", "mul", "neg") or any(node.op != nodes[0].op for node in nodes):
         return None
     sides = [[node.args[i] for node in nodes] for i in range(len(nodes[0].args))]
-    found = [side[0] if len(set(side)) == 1 else _beside(graph, side) for side in sides]
+    found = [side[0] if len(set(side)) == 1 else _combined(graph, side) for side in sides]
     arguments = [n for n in found if n is not None]
     operation = getattr(graph, nodes[0].op)
     return int(operation(*arguments)) if len(arguments) == len(sides) else None
 
 
-def _sides_of(equations: RecursiveEquations, firsts: Mapping[str, int], entries: Sequence[Sequence[int]]) -> Sides:
+def _aligned_parts(equations: RecursiveEquations, firsts: Mapping[str, int], entries: Sequence[Sequence[int]]) -> AlignedParts:
     """The parts of accelerations and multipliers, those of a joint together."""
     of_column = {firsts["vdot"] + i: i for i in range(len(entries))}
     of_column |= {firsts["v"] + i: i for i in range(len(equations.speed_names))}
@@ -275,4 +275,4 @@ def _sides_of(equations: RecursiveEquations, firsts: Mapping[str, int], entries:
     places = [(row, column) for row, of_row in enumerate(entries) for column in of_row]
     together = [*joints, *([i] for i in range(sum(map(len, joints)), len(entries)))]
     parts = part(len(entries), [(row, of_column[column]) for row, column in places if column in of_column], together)
-    return stand_side_by_side(parts, places, of_column)
+    return align_parts(parts, places, of_column)

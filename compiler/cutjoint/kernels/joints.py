@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.elements.joint import DESIGN_FRAME, SPIN, Ball, Direction, JointElement, Motion, Offset, Slide, Turn, rate_name
+from cutjoint.elements.joint import DESIGN_FRAME, SPIN, Ball, Direction, JointElement, Motion, Offset, Rotation, Translation, rate_name
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model.elements.geometry import GLOBAL_AXES, least_component
 from cutjoint.model.errors import ModelError, Problem
@@ -73,13 +73,13 @@ class ElementaryMotion:
 def elementary_motions(joint: Joint, is_reversed: bool) -> tuple[ElementaryMotion, ...]:
     """A joint's elementary motions, those next to the inner body first."""
     element = joint.element
-    return tuple(_elementary(element, m) for m in element.chain_seen(is_reversed) if not isinstance(m, Offset))
+    return tuple(_elementary(element, m) for m in element.chain_from_inner(is_reversed) if not isinstance(m, Offset))
 
 
-def _elementary(element: JointElement, motion: Slide | Turn | Ball) -> ElementaryMotion:
+def _elementary(element: JointElement, motion: Translation | Rotation | Ball) -> ElementaryMotion:
     if isinstance(motion, Ball):
         return ElementaryMotion(tuple(range(len(element.coordinates), len(element.speeds))), 1.0)
-    share = float(motion.share) if isinstance(motion, Turn) else 1.0
+    share = float(motion.share) if isinstance(motion, Rotation) else 1.0
     return ElementaryMotion((element.coordinates.index(motion.coordinate),), share)
 
 
@@ -87,7 +87,7 @@ def _elementary(element: JointElement, motion: Slide | Turn | Ball) -> Elementar
 def _derive_kind(kind: str, is_reversed: bool) -> JointKernel:
     """The kernel of any joint of a kind, over the symbols of its directions and its pitch."""
     element = JOINTS[kind]
-    chain = element.chain_seen(is_reversed)
+    chain = element.chain_from_inner(is_reversed)
     q = {name: sympy.Symbol(f"q_{name}", real=True) for name in element.coordinates}
     u = {name: sympy.Symbol(f"u_{name}", real=True) for name in element.speeds}
     rotation, displacement, columns = _compose(chain, q)
@@ -128,13 +128,13 @@ def _compose(chain: Sequence[Motion], q: Mapping[str, Scalar]) -> tuple[Matrix, 
     rotation, displacement = sympy.eye(3), sympy.zeros(3, 1)
     columns: list[Matrix] = []
     for motion in chain:
-        if isinstance(motion, Slide):
+        if isinstance(motion, Translation):
             direction = rotation * _SYMBOLS[motion.direction]
             displacement = displacement + direction * q[motion.coordinate]
             columns.append(sympy.Matrix.vstack(direction, sympy.zeros(3, 1)))
-        elif isinstance(motion, Turn):
+        elif isinstance(motion, Rotation):
             share = sympy.sympify(motion.share)
-            angle, pitch = share * q[motion.coordinate], _PITCH if motion.advances else sympy.Integer(0)
+            angle, pitch = share * q[motion.coordinate], _PITCH if motion.is_screw else sympy.Integer(0)
             direction = rotation * _SYMBOLS[motion.direction]
             columns.append(share * sympy.Matrix.vstack(displacement.cross(direction) + pitch * direction, direction))
             displacement = displacement + pitch * direction * angle
@@ -234,7 +234,7 @@ def slide_axis(joint: Joint, coordinate: str) -> Vector:
 
 
 def rod_of(joint: Joint) -> Vector:
-    """The way from the base's point to the follower's in the design position."""
+    """The vector from the base's point to the follower's in the design position."""
     assert joint.to is not None
     return _vector(sympy.sympify(b) - a for a, b in zip(joint.at, joint.to, strict=True))
 

@@ -1,4 +1,4 @@
-"""Problems in a model file: collected while reading, raised together, each with its place and a way out."""
+"""Problems in a model file: collected while reading, raised together, each with its place and a remedy."""
 
 import difflib
 from collections.abc import Iterable

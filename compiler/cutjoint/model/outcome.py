@@ -9,8 +9,7 @@ from cutjoint.model.records import Model, Scene, Span
 
 @dataclass(frozen=True, kw_only=True)
 class Note:
-    """The fate of an ``element`` of the file in a pass, or the reason that it was left: ``words`` complete the sentence that its name
-    begins."""
+    """What a pass did to an ``element`` of the file, or why it was left: ``words`` complete the sentence that its name begins."""
 
     element: str
     words: str
@@ -24,7 +23,7 @@ class Note:
 class Outcome:
     """The model and scene after a pass: ``done`` has notes of its changes, ``left`` of changes that it did not make, each with the reason.
 
-    The columns that the scene asks for keep their names.
+    The scene's output columns keep their names.
     """
 
     model: Model
@@ -33,23 +32,23 @@ class Outcome:
     left: tuple[Note, ...] = ()
 
 
-#: A pass.  It looks at ``scene.outputs`` for what is asked for.
+#: A pass. It reads ``scene.outputs`` for the outputs that it must keep.
 Pass: TypeAlias = Callable[[Model, Scene], Outcome]
 
 
-def hand_over(model: Model, body: str, to: str) -> Model:
+def transfer_elements(model: Model, body: str, to: str) -> Model:
     """The model without a body; its elements stand on another that moves with it."""
     return replace(
         model,
         bodies=tuple(b for b in model.bodies if b.name != body),
-        joints=tuple(_handed(joint, body, to) for joint in model.joints),
-        forces=tuple(_handed(force, body, to) for force in model.forces),
-        reactions=tuple(_handed(reaction, body, to) for reaction in model.reactions),
-        markers=tuple(_handed(marker, body, to) for marker in model.markers),
+        joints=tuple(_transferred(joint, body, to) for joint in model.joints),
+        forces=tuple(_transferred(force, body, to) for force in model.forces),
+        reactions=tuple(_transferred(reaction, body, to) for reaction in model.reactions),
+        markers=tuple(_transferred(marker, body, to) for marker in model.markers),
     )
 
 
-def _handed(element: Any, body: str, to: str) -> Any:
+def _transferred(element: Any, body: str, to: str) -> Any:
     changed = {name: to for name in ("base", "follower", "body") if getattr(element, name, None) == body}
     return replace(element, **changed) if changed else element
 

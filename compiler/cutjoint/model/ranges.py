@@ -46,7 +46,7 @@ RANGES: Mapping[str, Mapping[str, float]] = {
 #: Settings in s.
 TIMES = frozenset({"dt", "output_step", "end", "at"})
 
-#: The word of files and callers for the tolerance of a solver, which is called tolerance inside.
+#: The name in files and calls of the tolerance of a solver, which is called tolerance inside.
 SOLVER_TOLERANCE = "solver_tolerance"
 
 #: Settings in m, and settings in m or rad.

@@ -40,7 +40,7 @@ def read_model(path: AnyPath, *, tunable: Sequence[str] = ()) -> Model:
 
     Raises ModelError with all problems found; numbers in the result are SI.
     """
-    is_file = isfile(path)  # a pipe has no folder
+    is_file = isfile(path)  # a pipe is in no folder
     return read_model_text(read_text(Path(path)), str(path), folder=Path(path).parent if is_file else None, tunable=tunable)
 
 

@@ -72,10 +72,11 @@ VALUE = "value"
 
 @dataclass(frozen=True, kw_only=True)
 class FirstOrderState:
-    """A number beside the mechanism whose rate of change is an expression of time, parameters, inputs and quantities of elements.
+    """A state in addition to the mechanism's, whose rate is an expression of time, parameters, inputs and quantities of elements.
 
-    ``symbol`` stands for it in expressions.  ``initial`` is its value where a run begins, of parameters.  ``nominal`` is the size of which
-    its error may be the absolute tolerance, in its unit.
+    * ``symbol``: its symbol in expressions
+    * ``initial``: its value where a run begins, an expression of parameters
+    * ``nominal``: its usual size, in its unit, by which its absolute error tolerance is scaled
     """
 
     name: str
@@ -108,11 +109,12 @@ class Signal:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeldValue:
-    """A number that a controller holds from one sample to the next: ``start`` before the first, an expression of parameters, then ``next``
-    of what is so at the sample.
+class DiscreteState:
+    """A discrete state of a controller, constant between samples.
 
-    ``name`` is that of a quantity of the controller, "" of a value that only a later sample reads.
+    * ``name``: that of a quantity of the controller; "" of a value that only a later sample reads
+    * ``start``: its value before the first sample, an expression of parameters
+    * ``next``: its value after a sample, an expression of quantities at the sample
     """
 
     name: str
@@ -124,27 +126,27 @@ class HeldValue:
 
 @dataclass(frozen=True, kw_only=True)
 class Controller:
-    """Values that are computed at the times ``offset`` + k ``every`` (s) and held in between.
+    """Values that are computed at the times ``offset`` + k ``every`` (s) and constant in between.
 
-    ``signals`` are what it computes at a sample, by symbols of their own; ``held`` values take theirs from these, all at once.
+    ``signals`` are what it computes at a sample, by symbols of their own; ``discrete_states`` are then updated from these, all at once.
     """
 
     name: str
     every: float
     offset: float
     signals: tuple[Signal, ...]
-    held: tuple[HeldValue, ...]
+    discrete_states: tuple[DiscreteState, ...]
     span: Span
 
     @property
     def quantities(self) -> Mapping[str, str]:
-        """The held values that others may read, with their units."""
-        return {value.name: value.unit for value in self.held if value.name}
+        """The discrete states that other elements may read, with their units."""
+        return {value.name: value.unit for value in self.discrete_states if value.name}
 
     @property
     def expressions(self) -> tuple[Scalar, ...]:
         """All expressions that it computes at a sample."""
-        return (*(signal.value for signal in self.signals), *(value.next for value in self.held))
+        return (*(signal.value for signal in self.signals), *(value.next for value in self.discrete_states))
 
 
 class ShapeKind(StrEnum):
@@ -221,13 +223,13 @@ SPEEDS: Mapping[str, tuple[str, ...]] = {kind: element.speeds for kind, element 
 class Joint:
     """A joint between two bodies, ``base`` and ``follower``.
 
-    ``element`` is the catalogue's record of its kind.  ``at`` is the joint's point in the design position, common to both bodies.
-    ``axes`` holds the joint's axis and second axis, as far as the kind has them.  ``to`` is the follower's point where it is another.
-    ``pitch`` is an advance in metres a radian.  The joint's coordinates and speeds are named by :data:`COORDINATES` and :data:`SPEEDS`.
-    ``cut`` is True for a joint that the model cuts, False for one it wants in the tree, None to let the
-    compiler choose.  ``guide`` prescribes the joint's coordinates, each as a function of ``t`` and of inputs.  ``armature`` is the inertia
-    of its coordinate beside that of the bodies, as of a geared rotor, kg m2 or kg.  ``arm`` (m) multiplies the equations between directions
-    of a cut joint, 1 unless the mechanism is far from a metre long.
+    ``element`` is the catalogue's record of its kind. ``at`` is the joint's point in the design position, common to both bodies. ``axes``
+    holds the joint's axis and second axis, if the kind has them. ``to`` is the follower's point where it is another. ``pitch`` is an
+    advance in metres a radian. The joint's coordinates and speeds are named by :data:`COORDINATES` and :data:`SPEEDS`. ``cut`` is True for
+    a joint that the model cuts, False for one it wants in the tree, None to let the compiler choose. ``guide`` prescribes the joint's
+    coordinates, each as a function of ``t`` and of inputs. ``armature`` is the inertia of its coordinate in addition to that of the bodies,
+    as of a geared rotor, kg m2 or kg. ``arm`` (m) multiplies the equations between directions of a cut joint, 1 unless the mechanism is far
+    from a metre long.
     """
 
     name: str
@@ -352,8 +354,8 @@ class LoopFunctions:
     """The loop embeddings: ``series`` has by tree joint one for each scalar coordinate, then three for the Rodrigues parameters of a ball.
 
     They hold on ``range`` of q and ``drive_range`` of u, which is one value where u stands still, None where no guide moves the loops.
-    Where ``turns`` they are trigonometric polynomials over a full turn, else polynomials over the range.  ``violation`` (m, rad) is the
-    largest residual of the cut joints that was found, ``violation_rate`` the largest rate of one at the speed q' = 1.
+    Where ``is_periodic`` they are trigonometric polynomials over a full turn, else polynomials over the range.  ``violation`` (m, rad) is
+    the largest residual of the cut joints that was found, ``violation_rate`` the largest rate of one at the speed q' = 1.
 
     Where the geometry is ``open`` these are the functions of the model's own numbers, and coefficients are found anew when parameters are
     loaded: loops are closed to a violation of ``allowed`` at ``nodes`` values of q.
@@ -362,7 +364,7 @@ class LoopFunctions:
     series: Mapping[str, tuple[Series, ...]]
     range: Interval
     drive_range: Interval | None
-    turns: bool
+    is_periodic: bool
     violation: float
     violation_rate: float
     open: bool = False
@@ -371,11 +373,11 @@ class LoopFunctions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Assembly:
-    """Loops of one degree of freedom whose joints follow a coordinate.
+class EmbeddedLoop:
+    """Loops of one degree of freedom as explicit functions of an independent coordinate.
 
     The scalar coordinate of the joint ``independent`` is q.  The ``drive`` is a guided joint whose scalar coordinate is u, if there is one.
-    ``bodies`` move beside ``carrier``; ``cuts`` are the joints that hold because of the ``functions``.
+    ``bodies`` move relative to ``carrier``; ``cuts`` are the joints that the ``functions`` close.
     """
 
     independent: str
@@ -411,17 +413,17 @@ class Reaction:
 class RodForce:
     """A sensor of a reduced model: the sum over cut distance joints of a weight times the force that pushes their points apart.
 
-    ``pushes`` are names of joints with their weights.
+    ``weights`` are names of joints with their weights.
     """
 
     name: str
-    pushes: tuple[tuple[str, Scalar], ...]
+    weights: tuple[tuple[str, Scalar], ...]
     span: Span
 
 
 @dataclass(frozen=True, kw_only=True)
 class Marker:
-    """A sensor: a point of a body whose position, velocity and acceleration can be asked for."""
+    """A sensor: a point of a body with position, velocity and acceleration as quantities."""
 
     name: str
     body: str
@@ -518,7 +520,7 @@ class Road:
 
     @property
     def parts(self) -> frozenset[str]:
-        """The parts that it has beside its tracks: "surface", "friction"."""
+        """The parts that it has in addition to its tracks: "surface", "friction"."""
         found = {"surface": self.surface is not None, "friction": bool(self.patches)}
         return frozenset(name for name, has in found.items() if has)
 
@@ -714,7 +716,7 @@ class SuppliedFunction:
 
     @property
     def words(self) -> int:
-        """The number of held values that its memory takes: each has four bytes as a whole number, which every double holds to the bit."""
+        """The number of discrete states of its memory: each has four bytes as a whole number, which every double holds to the bit."""
         return -(-self.memory // 4)
 
     @property
@@ -729,8 +731,8 @@ class Model:
 
     Element names are unique over bodies, joints, gears, forces, reactions, markers, states, signals and controllers.  An element of a
     submodel's instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.
-    ``guards`` stand for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism,
-    ``signals`` named expressions of quantities, ``controllers`` hold values between samples.  ``assemblies`` are loops that a pass has
+    ``guards`` stand for forces that a pass took out: a run stops where one of them would act.  ``states`` are first-order states,
+    ``signals`` named expressions of quantities, ``controllers`` have discrete states.  ``embedded_loops`` are loops that a pass has
     replaced by functions.  ``text`` is the model file's, ``files`` are the texts of the files that it names, by their names in places,
     ``notes`` sentences about words of earlier versions in the file, about parameters that nothing uses and outputs
     of forces that are off, and warnings of submodels; ``choices`` have values that submodels call so, by names of instances.
@@ -755,7 +757,7 @@ class Model:
     states: tuple[FirstOrderState, ...] = ()
     signals: tuple[Signal, ...] = ()
     controllers: tuple[Controller, ...] = ()
-    assemblies: tuple[Assembly, ...] = ()
+    embedded_loops: tuple[EmbeddedLoop, ...] = ()
     files: Mapping[str, str] = field(default_factory=dict, repr=False)
     notes: tuple[str, ...] = ()
     choices: Mapping[str, str] = field(default_factory=dict)
@@ -780,14 +782,14 @@ class Model:
         return {element.name: element.span for element in elements}
 
     @property
-    def held(self) -> tuple[HeldValue, ...]:
-        """The values that controllers hold, one controller behind the other."""
-        return tuple(value for controller in self.controllers for value in controller.held)
+    def discrete_states(self) -> tuple[DiscreteState, ...]:
+        """The discrete states of all controllers, in their order."""
+        return tuple(value for controller in self.controllers for value in controller.discrete_states)
 
     @property
-    def following(self) -> Mapping[str, Assembly]:
+    def dependent_joints(self) -> Mapping[str, EmbeddedLoop]:
         """The assembly of each tree joint that follows a coordinate, by the joint's name."""
-        return {joint: assembly for assembly in self.assemblies for joint in assembly.functions.series}
+        return {joint: embedded_loop for embedded_loop in self.embedded_loops for joint in embedded_loop.functions.series}
 
     @property
     def force_elements(self) -> tuple[Force, ...]:

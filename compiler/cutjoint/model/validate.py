@@ -232,7 +232,7 @@ def check_guides(joints: Collection[Joint], note: Callable[[Joint, str, str], No
         guided = sorted((other for other in (*loop, joint) if other.guide is not None), key=lambda other: other.span)
         if loop and guided:
             names = ", ".join(f"'{other.name}'" for other in guided)
-            message = f"it closes a loop without any freedom: the motion of its bodies is given by the guide of {names}"
+            message = f"it closes a loop without a degree of freedom: the motion of its bodies is prescribed by the guide of {names}"
             note(joint, message, "leave a joint of the loop unguided")
         if joint in prescribed:
             held.setdefault(joint.base, []).append((joint.follower, joint))
@@ -241,15 +241,15 @@ def check_guides(joints: Collection[Joint], note: Callable[[Joint, str, str], No
 
 def _path(held: dict[str, list[tuple[str, Joint]]], start: str, end: str) -> list[Joint]:
     """The joints on a path between two bodies; none without one."""
-    ways: dict[str, list[Joint]] = {start: []}
+    paths: dict[str, list[Joint]] = {start: []}
     waiting = [start]
     while waiting:
         body = waiting.pop()
         for other, joint in held.get(body, []):
-            if other not in ways:
-                ways[other] = [*ways[body], joint]
+            if other not in paths:
+                paths[other] = [*paths[body], joint]
                 waiting.append(other)
-    return ways.get(end, [])
+    return paths.get(end, [])
 
 
 def joints_are_known(expansion: Expansion) -> bool:

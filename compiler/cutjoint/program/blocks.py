@@ -212,10 +212,10 @@ class Builder:
         finally:
             self._mark, self._turn = before
 
-    def restrict(self, block: Block, cure: Block | None = None) -> Block:
-        """Note that a law calls a function whose arguments must lie in its domain; ``cure`` is a number of the advice to who left it."""
+    def restrict(self, block: Block, remedy: Block | None = None) -> Block:
+        """Note that a law calls a function whose arguments must lie in its domain; ``remedy`` is a number of the advice to who left it."""
         if block.op == "call":
-            self.restricted[block] = cure
+            self.restricted[block] = remedy
         return block
 
     def label(self, block: Block, name: str, *, rows: tuple[str, ...] = (), columns: tuple[str, ...] = ()) -> Block:

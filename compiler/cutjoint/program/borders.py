@@ -29,7 +29,7 @@ def part(size: int, entries: Iterable[tuple[int, int]], together: Sequence[Colle
 
 
 @dataclass(frozen=True)
-class Sides:
+class AlignedParts:
     """Parts that have the same entries, side by side.
 
     ``parts`` are those of unknowns, numbered so that four, two or one that stand side by side follow each other, the border last;
@@ -41,7 +41,7 @@ class Sides:
     groups: Sequence[Sequence[tuple[tuple[int, int], ...]]]
 
 
-def stand_side_by_side(parts: Sequence[int], entries: Sequence[tuple[int, int]], unknown: Mapping[int, int]) -> Sides:
+def align_parts(parts: Sequence[int], entries: Sequence[tuple[int, int]], unknown: Mapping[int, int]) -> AlignedParts:
     """The parts of `part` side by side; columns that belong to an ``unknown`` are in the matrix."""
     border = max(parts, default=0)
     places = _ranks(enumerate(parts))
@@ -62,7 +62,7 @@ def stand_side_by_side(parts: Sequence[int], entries: Sequence[tuple[int, int]],
         [tuple(found[p][key] for p in row) for key in sorted(found[row[0]]) if all(key in found[p] for p in row)] if len(row) > 1 else []
         for row in rows
     ]
-    return Sides([number[p] for p in parts], [*map(len, rows), 1], [*groups, []])
+    return AlignedParts([number[p] for p in parts], [*map(len, rows), 1], [*groups, []])
 
 
 def _ranks(of_parts: Iterable[tuple[int, int]]) -> dict[int, int]:

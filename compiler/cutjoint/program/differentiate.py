@@ -159,8 +159,8 @@ def _ranges(block: Block) -> tuple[tuple[int, int], tuple[int, int]]:
 def _column(block: Block, place: int) -> Block:
     """The column at a place of columns that stand beside each other; the block itself where it is none of these."""
     data: Any = block.data
-    are_beside = block.op == "stack" and len(data[0]) == 1 and set(data[1]) == {1}
-    return block.args[place] if are_beside else block
+    are_columns = block.op == "stack" and len(data[0]) == 1 and set(data[1]) == {1}
+    return block.args[place] if are_columns else block
 
 
 def _same(block: Block) -> Block:
@@ -204,17 +204,17 @@ class Inputs:
 class Variation:
     """The change of blocks in one direction.
 
-    ``changes`` has the derivative of blocks that are known; ``turns`` those 3x3 rotations whose derivative is w~ R, by their w (3, 1).  A
-    block that depends on none of ``symbols`` does not change.
+    ``changes`` has the derivative of blocks that are known; ``rotations`` 3x3 rotations R with derivative w~ R, by their w (3, 1).
+    A block that depends on none of ``symbols`` does not change.
     """
 
     def __init__(
-        self, builder: Builder, inputs: Inputs, symbols: frozenset[str], changes: Mapping[Block, Block], turns: Mapping[Block, Block]
+        self, builder: Builder, inputs: Inputs, symbols: frozenset[str], changes: Mapping[Block, Block], rotations: Mapping[Block, Block]
     ) -> None:
         self._b = builder
         self._inputs = inputs
         self._symbols = symbols
-        self._turns = dict(turns)
+        self._rotations = dict(rotations)
         self._known = dict(changes)
 
     def of(self, block: Block) -> Block:
@@ -228,8 +228,8 @@ class Variation:
     def _derived(self, block: Block) -> Steps[Block]:
         if not self._inputs.of(block) & self._symbols:
             return self._b.zero(*block.shape)
-        if block in self._turns:
-            return self._b.mul(self._b.skew(self._turns[block]), block)
+        if block in self._rotations:
+            return self._b.mul(self._b.skew(self._rotations[block]), block)
         if block.op in _LINEAR:
             return _LINEAR[block.op](self._b, (yield block.args[0]))
         rule = _VARIED.get(block.op)
@@ -251,10 +251,10 @@ class Variation:
     def _mul(self, block: Block) -> Steps[Block]:
         b, (a, x) = self._b, block.args
         rest = b.mul(a, (yield x))
-        if a in self._turns:
-            return b.add(b.mul(b.skew(self._turns[a]), block), rest)
-        if a.op == "transpose" and a.args[0] in self._turns:
-            return b.mul(a, b.sub((yield x), b.mul(b.skew(self._turns[a.args[0]]), x)))
+        if a in self._rotations:
+            return b.add(b.mul(b.skew(self._rotations[a]), block), rest)
+        if a.op == "transpose" and a.args[0] in self._rotations:
+            return b.mul(a, b.sub((yield x), b.mul(b.skew(self._rotations[a.args[0]]), x)))
         return b.add(b.mul((yield a), x), rest)
 
     def _stack(self, block: Block) -> Steps[Block]:

@@ -45,10 +45,10 @@ class _DependentMembersError(Exception):
 
 @dataclass
 class _Folding:
-    """Families and their blocks in lanes; the members of those ``apart`` are computed one by one."""
+    """Families and their blocks in lanes; the members of those ``separate`` are computed one by one."""
 
     builder: Builder
-    apart: Set[Family]
+    separate: Set[Family]
     plans: dict[Family, _Plan] = field(default_factory=dict)
     place: dict[Block, tuple[Family, int]] = field(default_factory=dict)
     folded: dict[Family, Block] = field(default_factory=dict)
@@ -74,20 +74,20 @@ class _Folding:
             return _Plan("uniform", family)
         if all(b.op == "const" for b in family):
             return _Plan("const", family)
-        if family in self.apart:
+        if family in self.separate:
             return _Plan("gather", family)
         spines, bare = [self._spine(b) for b in family], tuple(b.args[0] if b.op == "neg" else b for b in family)
         signs = tuple(-1.0 if b.op == "neg" else 1.0 for b in family)
         if len({len(spine) for spine in spines}) > 1:
             if len({len(self._spine(b)) for b in bare}) == 1:
                 return _Plan("signed", family, (bare,), signs)  # a sum, and the negation of one
-            return _Plan("sum", family, self._aligned(spines))
+            return _Plan("sum", family, self._termwise(spines))
         if len({(b.op, b.data, len(b.args), tuple(a.shape for a in b.args)) for b in family}) == 1 and first.op != "symbol":
             return _Plan("same", family, tuple(zip(*(b.args for b in family), strict=True)))
         if any(b.op == "neg" for b in family):
             return _Plan("signed", family, (bare,), signs)
         if len(spines[0]) > 1:
-            return _Plan("sum", family, self._aligned(spines))
+            return _Plan("sum", family, self._termwise(spines))
         if len({(b.op, tuple(a.shape for a in b.args)) for b in family}) == 1 and first.args:
             # each on its own, but from arguments in lanes
             return _Plan("gather", family, tuple(zip(*(b.args for b in family), strict=True)))
@@ -101,7 +101,7 @@ class _Folding:
             block = block.args[0]
         return [block, *reversed(terms)]
 
-    def _aligned(self, spines: Sequence[list[Block]]) -> tuple[Family, ...]:
+    def _termwise(self, spines: Sequence[list[Block]]) -> tuple[Family, ...]:
         """The first terms of all members, the second ones, and so on; nothing where a member has no more."""
         longest = max(len(spine) for spine in spines)
         nothing = self.builder.zero(*spines[0][0].shape)
@@ -215,12 +215,12 @@ def _in_lanes(label: Label, lanes: int) -> Label:
 
 def fold(builder: Builder, families: Sequence[Family], results: Mapping[str, Block]) -> dict[str, Block]:
     """The results of a function with the families' common work in lanes; members that depend on each other are computed one by one."""
-    apart: set[Family] = set()
+    separate: set[Family] = set()
     while True:
         try:
-            return _fold(_Folding(builder, apart), families, results)
+            return _fold(_Folding(builder, separate), families, results)
         except _DependentMembersError as error:
-            apart.add(error.family)
+            separate.add(error.family)
 
 
 def _fold(folding: _Folding, families: Sequence[Family], results: Mapping[str, Block]) -> dict[str, Block]:

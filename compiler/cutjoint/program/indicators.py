@@ -15,7 +15,7 @@ from cutjoint.program.lower import reachable_blocks
 class Domain:
     """A ``margin`` that is not negative where a ``function`` of a law has a value, or positive if it is ``strict``.
 
-    ``section`` is that of the program in which the function stands.  ``cure``, a number that is positive, is a domain too, which nothing
+    ``section`` is that of the program in which the function stands.  ``remedy``, a number that is positive, is a domain too, which nothing
     leaves.
     """
 
@@ -23,7 +23,7 @@ class Domain:
     margin: Block
     strict: bool
     section: int
-    cure: Block | None = None
+    remedy: Block | None = None
 
 
 def find_domains(builder: Builder, results: Iterable[Block]) -> list[Domain]:
@@ -35,8 +35,8 @@ def find_domains(builder: Builder, results: Iterable[Block]) -> list[Domain]:
             if domain is not None and domain.margin.binding >= BindingTime.PARAM:
                 found.setdefault(domain.margin, domain)
     for domain in tuple(found.values()):
-        if domain.cure is not None:
-            found.setdefault(domain.cure, replace(domain, margin=domain.cure, strict=False, cure=None))
+        if domain.remedy is not None:
+            found.setdefault(domain.remedy, replace(domain, margin=domain.remedy, strict=False, remedy=None))
     return list(found.values())
 
 
@@ -46,9 +46,9 @@ def _domain(b: Builder, block: Block) -> Domain | None:
     margin = fact(function, "margin")(b, *block.args)
     if margin is None:
         return None
-    cure = b.restricted[block]
-    strict = OPERATIONS[function].strict or cure is not None
-    return Domain(function=function, margin=margin, strict=strict, section=block.section, cure=cure)
+    remedy = b.restricted[block]
+    strict = OPERATIONS[function].strict or remedy is not None
+    return Domain(function=function, margin=margin, strict=strict, section=block.section, remedy=remedy)
 
 
 # Indicators

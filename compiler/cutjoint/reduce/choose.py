@@ -21,7 +21,7 @@ from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Implement
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError, ToolchainError
-from cutjoint.reduce.measure import Truth, distance, find_truth, fraction, time_run
+from cutjoint.reduce.measure import Reference, distance, find_reference, fraction, time_run
 from cutjoint.reduce.sequence import ReducedModel, cheapest_by, reduction_sequence
 from cutjoint.reduce.trials import DERIVING, Steps, Trials, at_step, begin, common_step
 from cutjoint.run.artifact import Artifact
@@ -189,14 +189,14 @@ def _keep(made: Choice, place: Path) -> Choice:
 
 def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Choice:
     reduced_models = _ReducedModels(model, scene)
-    truth = find_truth(model, scene, parameters, when_running=reduced_models.begin)
+    truth = find_reference(model, scene, parameters, when_running=reduced_models.begin)
     steps = _find_steps(reduced_models, scene, parameters, truth)
     compiled = [None if trials is None else trials.compiled for _, trials in steps]  # all of it, before anything is timed
     tried = [timed(candidate, artifact, parameters) for (candidate, _), artifact in zip(steps, compiled, strict=True)]
-    evidence = _timed_in_turns(list(zip(tried, compiled, strict=True)), parameters)
+    evidence = _timed_alternately(list(zip(tried, compiled, strict=True)), parameters)
     good = [c for c in evidence if not c.failure]
     if not good:
-        raise RunError(f"{scene.span}: scene '{scene.name}': nothing keeps the accuracy of {accuracy_of(scene):g}: {_nearest(evidence)}")
+        raise RunError(f"{scene.span}: scene '{scene.name}': no candidate has the accuracy of {accuracy_of(scene):g}: {_nearest(evidence)}")
     picked = min(good, key=lambda c: c.seconds)
     if scene.budget is not None and scene.end / picked.seconds < scene.budget:
         found = f"the fastest that keeps the accuracy is {scene.end / picked.seconds:.3g} times as fast as real time"
@@ -204,7 +204,7 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
     return Choice(picked=picked, evidence=evidence, settled=truth.settled, reduced=_find(picked, reduced_models))
 
 
-def _timed_in_turns(tried: Sequence[tuple[Candidate, Artifact | None]], parameters: Mapping[str, float]) -> tuple[Candidate, ...]:
+def _timed_alternately(tried: Sequence[tuple[Candidate, Artifact | None]], parameters: Mapping[str, float]) -> tuple[Candidate, ...]:
     """The candidates; those that may be the fastest are timed again, in turns, so that all are disturbed alike."""
     fastest = min((c.seconds for c, _ in tried if not c.failure), default=inf)
     close = {
@@ -227,7 +227,7 @@ def _nearest(evidence: Sequence[Candidate]) -> str:
 
 
 def _find_steps(
-    reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Truth
+    reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Reference
 ) -> list[tuple[Candidate, Trials | None]]:  # fmt: skip
     """The candidates, not yet timed, and the runs of those within the accuracy, whose code is being compiled.
 
@@ -246,7 +246,7 @@ def _find_steps(
 
 
 def _search(
-    reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Truth, method: str, fastest: Candidate | None
+    reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Reference, method: str, fastest: Candidate | None
 ) -> list[tuple[Candidate, Trials | None]]:  # fmt: skip
     try:
         variants = reduced_models.of(method)
@@ -287,7 +287,7 @@ def _fastest(found: Sequence[tuple[Candidate, Trials | None]]) -> Candidate | No
 
 
 def find_step(
-    variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Truth, trials: Trials, *,
+    variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Reference, trials: Trials, *,
     ratio: float = RATIO, fastest: Candidate | None = None,
 ) -> Candidate:  # fmt: skip
     """The longest step of a reduced model that keeps the scene's accuracy, by its ``trials``; steps fall by ``ratio``.
@@ -297,12 +297,12 @@ def find_step(
     """
     best = Candidate(variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the accuracy")
     wanted = (replace(best, dt=dt) for dt in _falling(variant.scene, variant.method, ratio))
-    vain = partial(_is_in_vain, "dt", 4), "shorter steps do not lower its error"
+    vain = partial(_cannot_win, "dt", 4), "shorter steps do not lower its error"
     return _first_within(best, wanted, scene, parameters, truth, trials, fastest, vain)
 
 
 def find_tolerated(
-    integrator: str, variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Truth, trials: Trials, *,
+    integrator: str, variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Reference, trials: Trials, *,
     ratio: float = TOLERANCE_RATIO, fastest: Candidate | None = None,
 ) -> Candidate:  # fmt: skip
     """The largest tolerance of an integrator that keeps the scene's accuracy.
@@ -315,17 +315,17 @@ def find_tolerated(
     )  # fmt: skip
     number = round(log(LARGEST_TOLERANCE / SMALLEST_TOLERANCE) / log(ratio)) + 1
     wanted = (replace(best, tolerance=LARGEST_TOLERANCE / ratio**k) for k in range(number))
-    vain = partial(_is_in_vain, "tolerance", 100), "smaller tolerances do not lower its error"
+    vain = partial(_cannot_win, "tolerance", 100), "smaller tolerances do not lower its error"
     return _first_within(best, wanted, scene, parameters, truth, trials, fastest, vain)
 
 
-def _is_in_vain(name: str, share: float, tried: Candidate, best: Candidate) -> bool:
+def _cannot_win(name: str, share: float, tried: Candidate, best: Candidate) -> bool:
     """Return whether a setting has fallen to less than a share of that of the best run."""
     return bool(getattr(tried, name) < getattr(best, name) / share)
 
 
 def _first_within(
-    best: Candidate, wanted: Iterable[Candidate], scene: Scene, parameters: Mapping[str, float], truth: Truth, trials: Trials,
+    best: Candidate, wanted: Iterable[Candidate], scene: Scene, parameters: Mapping[str, float], truth: Reference, trials: Trials,
     fastest: Candidate | None, vain: tuple[Callable[[Candidate, Candidate], bool], str],
 ) -> Candidate:  # fmt: skip
     """The first of the wanted candidates that keeps the accuracy, else the best of them; ``vain`` says of one beside the best whether to

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cutjoint.elements.interaction import Point
 from cutjoint.model.errors import ModelError
-from cutjoint.model.outcome import Note, Outcome, bodies_of, hand_over
+from cutjoint.model.outcome import Note, Outcome, bodies_of, transfer_elements
 from cutjoint.model.records import GROUND, Body, Force, Joint, Marker, Model, Reaction, Scalar, Scene, Vector
 from cutjoint.package.errors import RunError
 from cutjoint.reduce.sampling import Poses, find_poses, numbers
@@ -57,12 +57,12 @@ def _freeze(outcome: Outcome, frozen: "Frozen", moves: Mapping[str, float]) -> O
         model, scene = at_centre(model, scene, body)
     for name in dict.fromkeys(carrier[b.name] for b in gone if carrier[b.name] != GROUND):
         model, scene = at_centre(model, scene, next(b for b in model.bodies if b.name == name))
-    asked = {o.element for o in scene.outputs}
-    forces = tuple(f for f in model.forces if f.name in asked or not _is_inner(f, carrier, inner))
+    requested = {o.element for o in scene.outputs}
+    forces = tuple(f for f in model.forces if f.name in requested or not _is_inner(f, carrier, inner))
     reactions = tuple(r for r in model.reactions if getattr(r, "joint", "") not in inner)
     model = replace(model, forces=forces, reactions=reactions, joints=tuple(j for j in model.joints if j.name not in inner))
     for body in gone:
-        model = _give_over(model, body, frozen)
+        model = _merge_into_carrier(model, body, frozen)
         outputs = tuple(replace(o, element=carrier[body.name], stands_for=o.column) if o.element == body.name else o for o in scene.outputs)
         scene = replace(scene, outputs=outputs)
     if scene.pose == "equilibrium":
@@ -92,7 +92,7 @@ def _is_inner(force: Force, carrier: Mapping[str, str], inner: Collection[str]) 
     return force.joint_of in inner or (len(force.bodies) == 2 and len({carrier[body] for body in force.bodies}) == 1)
 
 
-def _give_over(model: Model, body: Body, frozen: "Frozen") -> Model:
+def _merge_into_carrier(model: Model, body: Body, frozen: "Frozen") -> Model:
     """The model with a body's mass and all that stands on it on its carrier."""
     to, rotation, shift = frozen.carriers[body.name], *frozen.shift(body.name)
     if frozen.is_moved(body.name):
@@ -101,10 +101,10 @@ def _give_over(model: Model, body: Body, frozen: "Frozen") -> Model:
         model, body = replace(model, forces=forces, markers=markers), _moved_body(body, rotation, shift)
     if to != GROUND:
         model = replace(model, bodies=tuple(merged(b, body) if b.name == to else b for b in model.bodies))
-    return hand_over(model, body.name, to)
+    return transfer_elements(model, body.name, to)
 
 
-def _placed(point: Vector, rotation: NDArray[np.float64], shift: NDArray[np.float64]) -> Vector:
+def _moved_point(point: Vector, rotation: NDArray[np.float64], shift: NDArray[np.float64]) -> Vector:
     x, y, z = sympy.Matrix(rotation) * sympy.Matrix(point) + sympy.Matrix(shift)
     return x, y, z
 
@@ -114,11 +114,11 @@ def _moved_body(body: Body, rotation: NDArray[np.float64], shift: NDArray[np.flo
     R = sympy.Matrix(rotation)
     J = R * sympy.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) * R.T
     inertia = (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
-    return replace(body, centre_of_mass=_placed(body.centre_of_mass, rotation, shift), inertia=inertia)
+    return replace(body, centre_of_mass=_moved_point(body.centre_of_mass, rotation, shift), inertia=inertia)
 
 
 def _moved_marker(marker: Marker, body: str, rotation: NDArray[np.float64], shift: NDArray[np.float64]) -> Marker:
-    return replace(marker, point=_placed(marker.point, rotation, shift)) if marker.body == body else marker
+    return replace(marker, point=_moved_point(marker.point, rotation, shift)) if marker.body == body else marker
 
 
 def _moved_force(force: Force, body: str, rotation: NDArray[np.float64], shift: NDArray[np.float64]) -> Force:
@@ -126,7 +126,7 @@ def _moved_force(force: Force, body: str, rotation: NDArray[np.float64], shift: 
     placed: dict[str, Any] = {}
     for place in force.places:
         if place.body(force) == body and not force.has_frame:
-            placed[place.field] = _placed(place.of(force), rotation, shift if isinstance(place, Point) else np.zeros(3))
+            placed[place.field] = _moved_point(place.of(force), rotation, shift if isinstance(place, Point) else np.zeros(3))
     return replace(force, **placed)
 
 
@@ -176,10 +176,10 @@ class Frozen:
                 if carrier[body] != body and self.is_moved(body):
                     return self._body_stays(body, f"'{element.name}' is drawn where '{body}' is not at the start")
         for output in (o for o in scene.outputs if carrier.get(o.element, o.element) == GROUND):
-            return self._body_stays(output.element, f"the output '{output.column}' asks for it")
+            return self._body_stays(output.element, f"the output '{output.column}' needs it")
         for output in (o for o in scene.outputs if o.quantity in _ANGLES and carrier.get(o.element, o.element) != o.element):
             if self.is_moved(output.element):
-                return self._body_stays(output.element, f"the output '{output.column}' asks for its attitude")
+                return self._body_stays(output.element, f"the output '{output.column}' needs its attitude")
         return None
 
     def _stays(self, element: Joint | Body, reason: str) -> Note:
@@ -193,13 +193,13 @@ class Frozen:
         """The joints that hold the two bodies of a joint together: itself, or one path between them."""
         if joint in self.joints:
             return {joint.name}
-        ways: dict[str, set[str]] = {joint.base: set()}
-        while joint.follower not in ways:
+        paths: dict[str, set[str]] = {joint.base: set()}
+        while joint.follower not in paths:
             for j in self.joints:
                 for one, other in ((j.base, j.follower), (j.follower, j.base)):
-                    if one in ways:
-                        ways.setdefault(other, ways[one] | {j.name})
-        return ways[joint.follower]
+                    if one in paths:
+                        paths.setdefault(other, paths[one] | {j.name})
+        return paths[joint.follower]
 
 
 _ANGLES = ("roll", "pitch", "yaw")
@@ -209,8 +209,8 @@ def _need(model: Model, scene: Scene, joint: Joint) -> str:
     """The reason that a joint between frozen bodies is needed, "" if it is not."""
     forces = {f.name for f in model.forces if f.joint_of == joint.name}
     sensors = {r.name for r in model.reactions if getattr(r, "joint", "") == joint.name}
-    asked = next((o.column for o in scene.outputs if o.element in forces | sensors | {joint.name}), "")
-    return f"the output '{asked}' asks for it" if asked else ""
+    requested = next((o.column for o in scene.outputs if o.element in forces | sensors | {joint.name}), "")
+    return f"the output '{requested}' needs it" if requested else ""
 
 
 def _fixed_in(element: Any, inner: Collection[str]) -> set[str]:

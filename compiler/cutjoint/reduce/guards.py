@@ -86,7 +86,7 @@ def _region(force: Force) -> "Region":
 def _reason(force: Force, scene: Scene) -> str:
     """The reason that a force stays, "" if it need not."""
     if not is_active(force, scene):
-        return "stays: it is switched off anyway"
+        return "stays: it is switched off"
     if not force.can_be_guarded:
         return "stays: it has no law over one position"
     region = _region(force)

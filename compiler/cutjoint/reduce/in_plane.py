@@ -84,7 +84,7 @@ class PlaneModel:
         is_moment, direction = reaction_component(reaction, output.quantity)
         if self.plane.along_normal(direction) if is_moment else self.plane.within(direction):
             return output
-        words = f"is asked for its {output.quantity}, which a model in the plane {self.plane} does not determine"
+        words = f"has the output {output.quantity}, which a model in the plane {self.plane} does not determine"
         raise AsymmetryError(reaction.name, words, output.span)
 
     def _joint_output(self, joint: Joint, output: Output) -> Output:
@@ -93,7 +93,7 @@ class PlaneModel:
             quantity, factor = found.kept[output.quantity]
             return _scaled(output, factor, joint.name, quantity)
         if output.quantity in found.unknown:
-            raise AsymmetryError(joint.name, f"is asked for its {output.quantity}, which a plane model does not determine", output.span)
+            raise AsymmetryError(joint.name, f"has the output {output.quantity}, which a plane model does not determine", output.span)
         return self._zero(joint, output)
 
     def _zero(self, joint: Joint, output: Output) -> Output:
@@ -106,7 +106,7 @@ class PlaneModel:
 
     def _force_output(self, force: Force, output: Output) -> Output:
         if force.name in self._idle:
-            raise AsymmetryError(force.name, "is asked for, but acts on what rests in the plane", output.span)
+            raise AsymmetryError(force.name, "is an output, but acts on bodies that rest in the plane", output.span)
         joint = self.in_plane.get(force.joint_of) if output.quantity == "force" else None
         return _scaled(output, joint.kept[force.coordinate_of][1] if joint else 1, force.name)
 

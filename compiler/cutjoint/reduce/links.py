@@ -56,7 +56,7 @@ class _Link:
         if kinds != {JointKind.REVOLUTE, JointKind.SPHERICAL}:
             raise _StaysError(f"stays: it has a {self.cut.kind} and a {self.tree.kind} joint")
         hinge, ball = (self.cut, self.tree) if self.cut.kind is JointKind.REVOLUTE else (self.tree, self.cut)
-        ends = (_beside_circle(hinge, ball.at, side) for side in (1, -1))
+        ends = (_offset_circle(hinge, ball.at, side) for side in (1, -1))
         pairs = (((end, ball.at) if hinge is self.cut else (ball.at, end)) for end in ends)
         return tuple(self._rod(f"{self.body.name}_{i}", *pair) for i, pair in enumerate(pairs, start=1))
 
@@ -67,7 +67,7 @@ class _Link:
         )  # fmt: skip
 
 
-def _beside_circle(hinge: Joint, point: Vector, side: int) -> Vector:
+def _offset_circle(hinge: Joint, point: Vector, side: int) -> Vector:
     """A point of a hinge's axis, as far from the centre of the circle on which ``point`` moves as that is wide."""
     at, axis, p = (sympy.Matrix(v) for v in (hinge.at, hinge.axes[0], point))
     centre = at + axis * (axis.dot(p - at) / axis.dot(axis))
@@ -96,7 +96,7 @@ def _require_idle(outcome: Outcome, link: _Link) -> None:
     """Nothing asks for the link's own motion, prescribes it or couples it to another."""
     names = (link.body.name, link.cut.name, link.tree.name)
     for name in (o.column for o in outcome.scene.outputs if o.element in names):
-        raise _StaysError(f"stays: the output '{name}' asks for it")
+        raise _StaysError(f"stays: the output '{name}' needs it")
     for joint in (link.cut, link.tree):
         if joint.guide is not None:
             raise _StaysError(f"stays: the joint '{joint.name}' is guided")
@@ -110,7 +110,7 @@ def _require_idle(outcome: Outcome, link: _Link) -> None:
         raise _StaysError("stays: it joins a body to itself")
     moments = {r.name for r in outcome.model.reactions if isinstance(r, Reaction) and r.joint == link.cut.name}
     for name in (o.column for o in outcome.scene.outputs if o.element in moments and o.quantity == "moment"):
-        raise _StaysError(f"stays: the output '{name}' asks for a moment in its joint '{link.cut.name}'")
+        raise _StaysError(f"stays: the output '{name}' needs a moment in its joint '{link.cut.name}'")
 
 
 def _moved(force: Force, link: _Link) -> Force:
@@ -159,8 +159,8 @@ def _converted(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint]
     for force in _at_end(forces, link):
         raise _StaysError(f"stays: '{force.name}' and '{reaction.name}' are at the same end")
     sign = 1 if link.cut.follower == link.body.name else -1
-    pushes = tuple((rod.name, sign * _along(rod, reaction.direction)) for rod in rods)
-    return RodForce(name=reaction.name, pushes=pushes, span=reaction.span)
+    weights = tuple((rod.name, sign * _along(rod, reaction.direction)) for rod in rods)
+    return RodForce(name=reaction.name, weights=weights, span=reaction.span)
 
 
 def _at_end(forces: Sequence[Force], link: _Link) -> Iterator[Force]:

@@ -34,14 +34,16 @@ MOST_HALVINGS = 9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Truth:
+class Reference:
     """A run of the full model that halving its step moves by ``settled`` (m, rad) only."""
 
     run: Trajectory
     settled: float
 
 
-def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float], *, when_running: Callable[[], None] | None = None) -> Truth:
+def find_reference(
+    model: Model, scene: Scene, parameters: Mapping[str, float], *, when_running: Callable[[], None] | None = None
+) -> Reference:  # fmt: skip
     """The full model of a scene by the first method that settles.
 
     Methods with a linear system come first: they hold loops by the equations.  ``when_running`` is called as the runs of a method begin,
@@ -57,13 +59,13 @@ def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float], *, w
             trials = Trials(model, with_default_closure(scene, method, DEFAULT_INTEGRATOR), method)
             if when_running is not None:
                 when_running()
-            return _settle(trials, step, scene, parameters)
+            return _converge(trials, step, scene, parameters)
         except (ModelError, RunError, SimulatorError) as error:
             reasons.append(f"{method}: {error}")
-    raise RunError(f"{scene.span}: scene '{scene.name}': no truth to measure by: " + "; ".join(reasons))
+    raise RunError(f"{scene.span}: scene '{scene.name}': no converged reference run: " + "; ".join(reasons))
 
 
-def _settle(trials: Trials, step: float, scene: Scene, parameters: Mapping[str, float]) -> Truth:
+def _converge(trials: Trials, step: float, scene: Scene, parameters: Mapping[str, float]) -> Reference:
     before: Trajectory | None = None
     moved, problem = inf, ""
     for halving in range(MOST_HALVINGS + 1):
@@ -77,7 +79,7 @@ def _settle(trials: Trials, step: float, scene: Scene, parameters: Mapping[str, 
         moved = distance(before, run) if before is not None else inf
         before = run
         if moved <= SETTLED * accuracy_of(scene):
-            return Truth(run=run, settled=moved)
+            return Reference(run=run, settled=moved)
     raise RunError(f"the motion still changes by {moved:.2g} at the smallest step" if moved < inf else problem)
 
 
@@ -104,23 +106,23 @@ class Cost:
     failure: str = ""
 
 
-def distance(run: Trajectory, truth: Trajectory) -> float:
+def distance(run: Trajectory, reference: Trajectory) -> float:
     """The largest difference of a column in m or rad over the rows that both runs have; infinite where there is none.
 
     Raises:
         RunError: no column is a place or an angle.
     """
-    names = [name for name, unit in truth.units.items() if unit in PLACES and name.rpartition(".")[2] not in OTHERS]
+    names = [name for name, unit in reference.units.items() if unit in PLACES and name.rpartition(".")[2] not in OTHERS]
     if not names:
-        raise RunError("no output is a place or an angle to compare runs by; add one to the scene's outputs, such as body.x")
+        raise RunError("no output is a position or an angle, by which runs are compared; add one to the scene's outputs, such as body.x")
     if run.failure is not None:
         return inf
-    apart = truth.t[1] - truth.t[0] if len(truth.t) > 1 else 1.0
-    nearest = np.clip(np.searchsorted(truth.t, run.t - apart / 2), 0, len(truth.t) - 1)
-    same = np.abs(truth.t[nearest] - run.t) < 1e-3 * apart
+    apart = reference.t[1] - reference.t[0] if len(reference.t) > 1 else 1.0
+    nearest = np.clip(np.searchsorted(reference.t, run.t - apart / 2), 0, len(reference.t) - 1)
+    same = np.abs(reference.t[nearest] - run.t) < 1e-3 * apart
     if not same.any():
         return inf
-    return max(float(np.abs(run[name][same] - truth[name][nearest[same]]).max()) for name in names)
+    return max(float(np.abs(run[name][same] - reference[name][nearest[same]]).max()) for name in names)
 
 
 def measure_reduced(
@@ -132,12 +134,12 @@ def measure_reduced(
         RunError: the full model does not run to its end; or as for `distance`.
     """
     costs: list[Cost] = []
-    truth: Trajectory | None = None
+    reference: Trajectory | None = None
     for variant in variants:
         artifact = compile_scene(variant.model, variant.scene, CompileOptions(method=variant.method))
         run = simulate(artifact, dt=dt, parameters=parameters, check=False)
-        truth = truth or _finished(run, variant)
-        costs.append(replace(time_run(artifact, None if dt is None else Steps(dt=dt), parameters), error=distance(run, truth)))
+        reference = reference or _finished(run, variant)
+        costs.append(replace(time_run(artifact, None if dt is None else Steps(dt=dt), parameters), error=distance(run, reference)))
     return costs
 
 

@@ -24,7 +24,7 @@ def require_own_images(model: Model, scene: Scene, plane: Plane, loose: Collecti
     """
     if not plane.within(model.gravity):
         raise AsymmetryError(model.name, f"has gravity that pulls out of the plane {plane}", model.span)
-    elements = _settle(model, scene)
+    elements = _fix_inputs(model, scene)
     joints = tuple(j for j in elements.joints if {j.base, j.follower} & set(loose))
     names = {j.name for j in joints}
     forces = tuple(f for f in elements.forces if f.active and (f.joint_of in names or set(f.bodies) & set(loose)))
@@ -36,7 +36,7 @@ def require_own_images(model: Model, scene: Scene, plane: Plane, loose: Collecti
     _require_forces(forces, mirrored.forces, signs, plane)
 
 
-def _settle(model: Model, scene: Scene) -> Elements:
+def _fix_inputs(model: Model, scene: Scene) -> Elements:
     """The elements as the scene has them, with functions of time in place of inputs."""
     inputs = {
         p.symbol: scene.inputs.get(p.name, sympy.Integer(0) if p.value == 0 else sympy.Float(p.value))

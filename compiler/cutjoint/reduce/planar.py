@@ -21,7 +21,7 @@ from cutjoint.topology.build import build_topology
 #: Sine of the angle within which directions given in digits count as parallel.
 _PARALLEL = 1e-12
 
-_TURNS = (JointKind.REVOLUTE, JointKind.PLANAR)
+_ROTATIONS = (JointKind.REVOLUTE, JointKind.PLANAR)
 
 
 def drop_idle_equations(model: Model, scene: Scene) -> Outcome:
@@ -50,7 +50,7 @@ def _moves_across(joint: Joint, normal: Vector, values: dict[object, float]) -> 
     """Return whether a joint leaves directions along the normal alone: it turns about it or slides across it."""
     if joint.kind is JointKind.FIXED:
         return True
-    if joint.kind in _TURNS:
+    if joint.kind in _ROTATIONS:
         return all(abs(x) <= _PARALLEL for x in _numbers(sympy.Matrix(joint.axes[0]).cross(sympy.Matrix(normal)), values))
     return joint.kind is JointKind.PRISMATIC and abs(_numbers([_dot(joint.axes[0], normal)], values)[0]) <= _PARALLEL
 

@@ -114,7 +114,7 @@ def restrict(joint: Joint, plane: Plane) -> InPlane:
     """
     found = _RULES[joint.kind](joint, plane) if joint.kind in _RULES else None
     if found is None:
-        raise AsymmetryError(joint.name, f"is a {joint.kind} joint that no joint kind stands for in the plane {plane}", joint.span)
+        raise AsymmetryError(joint.name, f"is a {joint.kind} joint without a counterpart in the plane {plane}", joint.span)
     return found
 
 

@@ -92,12 +92,12 @@ def find_poses(model: Model, scene: Scene) -> Mapping[str, Poses] | None:
 
 def _poses(run: Trajectory, body: str, centre: NDArray[np.float64]) -> Poses:
     place = np.stack([run[f"{body}.{name}"] for name in "xyz"], axis=1)
-    x, y, z = (_turn(run[f"{body}.{name}"], axis) for axis, name in enumerate(("roll", "pitch", "yaw")))
+    x, y, z = (_rotation_matrix(run[f"{body}.{name}"], axis) for axis, name in enumerate(("roll", "pitch", "yaw")))
     R = z @ y @ x
     return Poses(R=R, r=place - R @ centre)
 
 
-def _turn(angle: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+def _rotation_matrix(angle: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
     """Rotations about a global axis, (n, 3, 3)."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     R = np.tile(np.eye(3), (len(angle), 1, 1))

@@ -220,7 +220,7 @@ def _count(name: str, outcome: Outcome, method: str, *, motion: str) -> ReducedM
 
 def _refused(notes: Sequence[Note], name: str, method: str) -> list[Note]:
     """The notes of a pass whose result the method does not take."""
-    return [replace(note, words=f"stays: the method {method} does not take what the pass '{name}' leaves") for note in notes]
+    return [replace(note, words=f"stays: the method {method} cannot solve the model after the pass '{name}'") for note in notes]
 
 
 def _dearer(notes: Sequence[Note], name: str, found: int, before: int) -> list[Note]:
@@ -248,5 +248,6 @@ def fix_inputs(outcome: Outcome) -> Outcome:
 
 def _put_in_controller(controller: Controller, laws: Mapping[Scalar, Scalar]) -> Controller:
     return replace(
-        controller, signals=tuple(substitute(s, laws) for s in controller.signals), held=tuple(substitute(h, laws) for h in controller.held)
-    )
+        controller, signals=tuple(substitute(s, laws) for s in controller.signals),
+        discrete_states=tuple(substitute(state, laws) for state in controller.discrete_states),
+    )  # fmt: skip

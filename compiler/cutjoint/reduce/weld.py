@@ -7,7 +7,7 @@ import sympy
 
 from cutjoint.formulate.inputs import input_functions
 from cutjoint.model.expressions.quantities import elements_of
-from cutjoint.model.outcome import Note, Outcome, hand_over
+from cutjoint.model.outcome import Note, Outcome, transfer_elements
 from cutjoint.model.records import GROUND, Body, Joint, Marker, Model, Scene
 
 _MOTION = ("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az")
@@ -40,8 +40,8 @@ def _weld(outcome: Outcome, joint: Joint) -> Outcome:
         whole = merged(bodies[kept], bodies[gone])
         model = replace(model, bodies=tuple(whole if b.name == kept else b for b in model.bodies))
     model, scene = at_centre(model, scene, bodies[gone])
-    idle = {joint.name, *(other.name for other in _beside(model, joint))}
-    model = hand_over(replace(model, joints=tuple(j for j in model.joints if j.name not in idle)), gone, kept)
+    idle = {joint.name, *(other.name for other in _parallel_joints(model, joint))}
+    model = transfer_elements(replace(model, joints=tuple(j for j in model.joints if j.name not in idle)), gone, kept)
     outputs = tuple(replace(o, element=kept, stands_for=o.column) if o.element == gone else o for o in scene.outputs)
     note = Note(element=joint.name, words=f"does not move: '{gone}' becomes a part of '{kept}'", span=joint.span)
     return replace(outcome, model=model, scene=replace(scene, outputs=outputs), done=(*outcome.done, note))
@@ -49,28 +49,28 @@ def _weld(outcome: Outcome, joint: Joint) -> Outcome:
 
 def _obstacle(outcome: Outcome, joint: Joint) -> str:
     """The reason for which the joint stays, "" for none."""
-    for other in _beside(outcome.model, joint):
-        if reason := _asked(outcome, other):
+    for other in _parallel_joints(outcome.model, joint):
+        if reason := _need(outcome, other):
             return f"'{other.name}' joins the same bodies, and {reason}"
-    if reason := _asked(outcome, joint):
+    if reason := _need(outcome, joint):
         return reason
     if GROUND in (joint.base, joint.follower):
         body = joint.follower if joint.base == GROUND else joint.base
         for name in (o.column for o in outcome.scene.outputs if o.element == body):
-            return f"the output '{name}' asks for '{body}', which would be the ground"
+            return f"the output '{name}' needs '{body}', which would be the ground"
     return ""
 
 
-def _beside(model: Model, joint: Joint) -> tuple[Joint, ...]:
+def _parallel_joints(model: Model, joint: Joint) -> tuple[Joint, ...]:
     """The other joints of the same two bodies, which cannot move if that one does not."""
     bodies = {joint.base, joint.follower}
     return tuple(other for other in model.joints if other.name != joint.name and {other.base, other.follower} == bodies)
 
 
-def _asked(outcome: Outcome, joint: Joint) -> str:
+def _need(outcome: Outcome, joint: Joint) -> str:
     """The reason for which the joint itself is needed, "" for none."""
     for name in (o.column for o in outcome.scene.outputs if o.element == joint.name):
-        return f"the output '{name}' asks for it"
+        return f"the output '{name}' needs it"
     for entry in (*outcome.scene.positions, *outcome.scene.rates):
         if entry.rpartition(".")[0] == joint.name:
             return f"the scene gives '{entry}'"
@@ -88,15 +88,15 @@ def _asked(outcome: Outcome, joint: Joint) -> str:
 
 def at_centre(model: Model, scene: Scene, body: Body) -> tuple[Model, Scene]:
     """Reported motion of the body's own centre of mass becomes that of a marker there."""
-    asked = [o for o in scene.outputs if o.element == body.name and o.quantity in _MOTION]
-    if not asked:
+    requested = [o for o in scene.outputs if o.element == body.name and o.quantity in _MOTION]
+    if not requested:
         return model, scene
-    taken = elements_of(model)
+    used = elements_of(model)
     name = f"{body.name}.centre"
-    while name in taken:
+    while name in used:
         name += "_"
     marker = Marker(name=name, body=body.name, point=body.centre_of_mass, span=body.span)
-    outputs = tuple(replace(o, element=name, stands_for=o.column) if o in asked else o for o in scene.outputs)
+    outputs = tuple(replace(o, element=name, stands_for=o.column) if o in requested else o for o in scene.outputs)
     return replace(model, markers=(*model.markers, marker)), replace(scene, outputs=outputs)
 
 

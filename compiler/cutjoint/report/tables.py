@@ -50,7 +50,7 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
         ("joints", f"{len(topology.tree)} in the tree ({guided} guided), {len(topology.cuts)} cut"),
         *((name, str(len(part))) for name, part in _further(model) if part),
         ("loops", f"{len(topology.loops)}, widest couples a body to {widest} other{'s' * (widest != 1)}"),
-        *([("assemblies", _assemblies(model))] if model.assemblies else []),
+        *([("assemblies", _assemblies(model))] if model.embedded_loops else []),
         ("isomorphic subtrees", "; ".join(classes) or "none"),
         ("coordinates", f"{mobility.speeds} relative"),
         (closing_equations(model), f"{mobility.equations}, rank {mobility.rank}"),
@@ -82,10 +82,10 @@ KINEMATIC = "kinematic: guides prescribe all degrees of freedom; runs report gui
 
 def _assemblies(model: Model) -> str:
     """Loops that functions close, with the largest gap and the ranges of the coordinates that lead."""
-    gap = max(assembly.functions.violation for assembly in model.assemblies)
-    found = [(a.independent, a.functions) for a in model.assemblies]
-    ranges = "; ".join(f"{x} {'turns' if f.turns else f'from {f.range.lower:.4g} to {f.range.upper:.4g}'}" for x, f in found)
-    return f"{len(model.assemblies)}, whose loops are closed by functions to within {gap:.1g} m or rad: {ranges}"
+    gap = max(embedded_loop.functions.violation for embedded_loop in model.embedded_loops)
+    found = [(a.independent, a.functions) for a in model.embedded_loops]
+    ranges = "; ".join(f"{x} {'turns' if f.is_periodic else f'from {f.range.lower:.4g} to {f.range.upper:.4g}'}" for x, f in found)
+    return f"{len(model.embedded_loops)}, whose loops are closed by functions to within {gap:.1g} m or rad: {ranges}"
 
 
 def _design_position(mobility: Mobility) -> str:

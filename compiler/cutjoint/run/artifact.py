@@ -202,7 +202,7 @@ def _continuation(
 
     exact = cache(compile_exact)
     return Continuation(
-        guards=tuple(assembly.independent for assembly in model.assemblies),
+        guards=tuple(embedded_loop.independent for embedded_loop in model.embedded_loops),
         prepare=lambda: make_simulator_run(exact(), options, parameters),
         begin=lambda file, kept: state_of_loops(artifact.mechanism, exact().mechanism, kept, file.parameters),
     )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 
 from cutjoint.analysis.linearise import Linearisation, Point, linearise
 from cutjoint.formulate.implicit.equations import ImplicitEquations
-from cutjoint.formulate.inputs import held_name
+from cutjoint.formulate.inputs import discrete_state_name
 from cutjoint.methods import LINEARISED
 from cutjoint.model.ranges import StepsError, count_steps
 from cutjoint.model.records import Scene
@@ -51,8 +51,8 @@ def linearise_at(
     if (failure := failure_of(summary)) is not None:
         raise NotReachedError(failure)
     state = summary["state"]
-    sampled = zip(artifact.topology.model.held, state.get("held") or [], strict=False)
-    held = {held_name(value): number for value, number in sampled if number is not None}
+    sampled = zip(artifact.topology.model.discrete_states, state.get("held") or [], strict=False)
+    held = {discrete_state_name(value): number for value, number in sampled if number is not None}
     if at is None:
         _require_free(equations, read_locking_forces(summary))
     point = Point(

@@ -28,7 +28,7 @@ from cutjoint.run.roads import WheelRoad, road_pieces
 from cutjoint.run.settings import Options, find_settings, with_options
 
 if TYPE_CHECKING:
-    from cutjoint.analysis.trim_equations import Given
+    from cutjoint.analysis.trim_equations import TrimInputs
     from cutjoint.analysis.trims import Trimmed
 
 _NOTHING_ASKED = Options()
@@ -146,7 +146,7 @@ def find_trim(
     return replace(model, parameters=parameters), start, found
 
 
-def _changed(model: Model, scene: Scene, changes: Mapping[str, float], name: str) -> "tuple[float, Given, Given]":
+def _changed(model: Model, scene: Scene, changes: Mapping[str, float], name: str) -> "tuple[float, TrimInputs, TrimInputs]":
     """A small change of a tunable parameter, and the numbers of a scene with less and with more of it."""
     values = parameter_values(model, {**changes, name: changes.get(name, 0.0)})
     value = parameter_values(model, changes).get(name)
@@ -157,18 +157,18 @@ def _changed(model: Model, scene: Scene, changes: Mapping[str, float], name: str
     return step, less, more
 
 
-def make_trim_problem(model: Model, scene: Scene, changes: Mapping[str, float]) -> "Given":
+def make_trim_problem(model: Model, scene: Scene, changes: Mapping[str, float]) -> "TrimInputs":
     """The numbers of a scene that is found."""
     assert scene.trim is not None
-    from cutjoint.analysis.trim_equations import Given  # others do not wait for what this imports
+    from cutjoint.analysis.trim_equations import TrimInputs  # others do not wait for what this imports
 
     values = parameter_values(model, changes)
     value, plain = Evaluator(model, values), replace(scene, trim=None, assemble=())
     parts = find_dependent_parts(model, plain, values, ("positions", "rates", "roads"))
-    return Given(
+    return TrimInputs(
         parameters=values, positions=parts["positions"], rates=parts["rates"],
         roads={tyre: WheelRoad.of(**road, on_it=surface_of(scene.road)) for tyre, road in parts["roads"].items()},
-        held=[value(aim.value, f"{aim.span}: trim: '{aim.name}'") for aim in (*scene.assemble, *scene.trim.hold)],
+        targets=[value(aim.value, f"{aim.span}: trim: '{aim.name}'") for aim in (*scene.assemble, *scene.trim.hold)],
         bounds={u.name: (value(u.bounds[0], u.name), value(u.bounds[1], u.name)) for u in scene.trim.find if u.bounds},
     )  # fmt: skip
 

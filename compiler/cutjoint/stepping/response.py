@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import sympy
 
-from cutjoint.formulate.inputs import held_name
+from cutjoint.formulate.inputs import discrete_state_name
 from cutjoint.model.errors import nearest
 from cutjoint.model.expressions.parse import parameter_symbol, quantity_symbol
 from cutjoint.model.expressions.quantities import QuantityError, elements_of, find_quantity
 from cutjoint.model.expressions.tunable import with_inputs
-from cutjoint.model.records import VALUE, Binding, HeldValue, Model, Output, Parameter, Scalar, Scene, Signal
+from cutjoint.model.records import VALUE, Binding, DiscreteState, Model, Output, Parameter, Scalar, Scene, Signal
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.run_file import find_trim, parameter_values
@@ -76,15 +76,15 @@ def find_scene_linear_model(
         raise RunError(f"{model.span.file}: {words}")
     opened, begun, asked = _with_sampled_inputs(model, scene)
     sim = _begin(opened, begun, parameters, None if at is None else 0.0)
-    held = [_sampled_input(value) for value in model.held]
+    held = [_sampled_input(value) for value in model.discrete_states]
     if at is not None:
-        watched = [_signal(model, f"{name}.held", value.symbol) for name, value in zip(held, model.held, strict=True)]
+        watched = [_signal(model, f"{name}.held", value.symbol) for name, value in zip(held, model.discrete_states, strict=True)]
         watching = replace(model, signals=(*model.signals, *watched))
         run = _begin(watching, replace(scene, outputs=tuple(map(_reported, watched))), parameters, at)
         sim.inputs.update(zip(held, run.outputs.array, strict=True))
         sim.set_state(run.time, run.coordinates.array, run.speeds.array)
     plant = replace(sim.linearise(), places=places).choose((*chosen, *held), outputs=asked)
-    samplers = tuple(Sampler(every=c.every, offset=c.offset, number=len(c.held)) for c in model.controllers)
+    samplers = tuple(Sampler(every=c.every, offset=c.offset, number=len(c.discrete_states)) for c in model.controllers)
     return SampledStateSpace(plant=plant, samplers=samplers, held=np.array([sim.get_input(name) for name in held]))
 
 
@@ -139,25 +139,25 @@ def _with_sampled_inputs(model: Model, scene: Scene) -> tuple[Model, Scene, tupl
     """The model whose controllers' held values are inputs, the scene with their next values as outputs, and the names of outputs."""
     inputs = {
         value.symbol: Parameter(name=name, symbol=parameter_symbol(name), value=0.0, unit=value.unit, binding=Binding.INPUT, span=c.span)
-        for c in model.controllers for value in c.held for name in [_sampled_input(value)]
+        for c in model.controllers for value in c.discrete_states for name in [_sampled_input(value)]
     }  # fmt: skip
     symbols: dict[Scalar, Scalar] = {symbol: parameter.symbol for symbol, parameter in inputs.items()}
     for signal in (signal for c in model.controllers for signal in c.signals):  # each behind those that it reads
         symbols[signal.symbol] = sympy.sympify(signal.value).xreplace(symbols)
     names = {c.name for c in model.controllers}
-    follow = [_signal(model, f"{_sampled_input(v)}.next", sympy.sympify(v.next).xreplace(symbols)) for v in model.held]
+    follow = [_signal(model, f"{_sampled_input(v)}.next", sympy.sympify(v.next).xreplace(symbols)) for v in model.discrete_states]
     asked = {o.column: inputs[quantity_symbol(o.element, o.quantity)] for o in scene.outputs if o.element in names}
     shown = {column: _signal(model, column, held.symbol, held.unit) for column, held in asked.items()}
     plain = _with_symbols(replace(model, controllers=()), symbols)
     opened = replace(plain, parameters=(*model.parameters, *inputs.values()), signals=(*plain.signals, *shown.values(), *follow))
     outputs = (*(_reported(shown[o.column]) if o.column in shown else o for o in scene.outputs), *map(_reported, follow))
-    starts = {_sampled_input(v): v.start for v in model.held}
+    starts = {_sampled_input(v): v.start for v in model.discrete_states}
     return opened, replace(scene, outputs=outputs, inputs={**scene.inputs, **starts}), tuple(o.column for o in outputs)
 
 
-def _sampled_input(value: HeldValue) -> str:
+def _sampled_input(value: DiscreteState) -> str:
     """The name of a held value as an input; those of delays have none in the file."""
-    return held_name(value).replace("-", ".delay")
+    return discrete_state_name(value).replace("-", ".delay")
 
 
 def _signal(model: Model, name: str, value: Scalar, unit: str = "") -> Signal:

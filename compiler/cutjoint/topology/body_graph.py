@@ -167,12 +167,12 @@ class _Search:
 
     def _around_hub(self, carrier: str, roots: Sequence[str]) -> tuple[str, list[list[str]]] | None:
         """The body of some roots that carries nothing and connects parts of the others, each small, and these parts."""
-        beside: dict[str, set[str]] = defaultdict(set)
+        neighbours: dict[str, set[str]] = defaultdict(set)
         for a, b in self._graph.linked[carrier]:
-            beside[a].add(b)
-            beside[b].add(a)
+            neighbours[a].add(b)
+            neighbours[b].add(a)
         for hub in roots:
-            if len(beside[hub] - {hub}) < 2 or self._graph.carried.get(hub):
+            if len(neighbours[hub] - {hub}) < 2 or self._graph.carried.get(hub):
                 continue
             parts = [part for part in self._graph.groups(carrier, without=hub) if part[0] in roots]
             if len(parts) > 1 and all(self._is_small(part) for part in [[hub], *parts]):

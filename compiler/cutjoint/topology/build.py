@@ -20,7 +20,7 @@ def build_topology(model: Model) -> Topology:
         TopologyError: the model's own cuts cannot be honoured.
     """
     tree, closing = span(model).parts
-    closed = {name for assembly in model.assemblies for name in assembly.cuts}
+    closed = {name for embedded_loop in model.embedded_loops for name in embedded_loop.cuts}
     arm = arm_of(model)
     cuts = tuple(replace(joint, arm=arm) for joint in closing if joint.name not in closed)
     coupled = eliminate(tree, cuts)

@@ -13,15 +13,15 @@ from cutjoint.topology.spanning_tree import joints_around
 
 @dataclass(frozen=True, kw_only=True)
 class CutRules:
-    """The rules of cutting: joints without a reason to ``stay`` may be cut if the coordinates in ``uses`` can be measured."""
+    """The rules of cutting: joints without a reason to ``uncuttable`` may be cut if the coordinates in ``uses`` can be measured."""
 
-    stay: Mapping[str, str]
+    uncuttable: Mapping[str, str]
     uses: Mapping[str, tuple[Use, ...]]
 
     def reason(self, cut: Joint, tree: Sequence[TreeJoint]) -> str:
         """The reason that a joint must not be cut beside a tree; "" if it may."""
-        if cut.name in self.stay and cut.cut is not True:
-            return self.stay[cut.name]
+        if cut.name in self.uncuttable and cut.cut is not True:
+            return self.uncuttable[cut.name]
         uses = self.uses.get(cut.name, ())
         return reason_not_to_measure(cut, uses, joints_around(tree, cut)) if uses else ""
 
@@ -36,10 +36,10 @@ class CutRules:
 
 def find_rules(model: Model) -> CutRules:
     """The rules of a model."""
-    return CutRules(stay=reasons_to_stay(model), uses=uses_of_coordinates(model))
+    return CutRules(uncuttable=reasons_not_to_cut(model), uses=uses_of_coordinates(model))
 
 
-def reasons_to_stay(model: Model) -> Mapping[str, str]:
+def reasons_not_to_cut(model: Model) -> Mapping[str, str]:
     """The reasons that joints stay in the tree, by their names.
 
     Free joints stay, since they close nothing, and joints whose coordinates are given or coupled.
@@ -69,25 +69,25 @@ def shortest_paths(joints: Sequence[Joint], bound: Iterable[str]) -> set[str]:
     known: set[str] = set()
     chosen: set[str] = set()
     kept = set(bound)
-    held = [j for j in joints if j.name in kept]
-    queue = deque(sorted(_reach(GROUND, held, known, chosen)))
+    unbroken = [j for j in joints if j.name in kept]
+    queue = deque(sorted(_connected(GROUND, unbroken, known, chosen)))
     while queue:
         body = queue.popleft()
         for joint in joints:
             other = _other(joint, body)
             if other is not None and other not in known:
                 chosen.add(joint.name)
-                queue.extend(_reach(other, held, known, chosen))
+                queue.extend(_connected(other, unbroken, known, chosen))
     return chosen
 
 
-def torn_bodies(bodies: Iterable[Body], joints: Sequence[Joint], chosen: set[str]) -> Iterator[Problem]:
+def disconnected_bodies(bodies: Iterable[Body], joints: Sequence[Joint], chosen: set[str]) -> Iterator[Problem]:
     """The problems of bodies that the ``chosen`` joints do not reach."""
     reached = {GROUND} | {b for j in joints if j.name in chosen for b in (j.base, j.follower)}
     for body in bodies:
         if body.name not in reached:
             yield Problem(
-                span=body.span, element=f"body '{body.name}'", message="the cut joints tear it off the ground",
+                span=body.span, element=f"body '{body.name}'", message="the cut joints disconnect it from the ground",
                 hint="leave one of its joints uncut",
             )  # fmt: skip
 
@@ -104,12 +104,12 @@ def wrong_cuts(rules: CutRules, tree: Sequence[TreeJoint], cuts: Iterable[Joint]
             yield Problem(span=cut.span, element=f"joint '{cut.name}'", message=message, hint=hint)
 
 
-def _reach(body: str, held: Sequence[Joint], known: set[str], chosen: set[str]) -> list[str]:
-    """A body and all that ``held`` joints connect with it, nearest first; they become known and the joints chosen."""
+def _connected(body: str, unbroken: Sequence[Joint], known: set[str], chosen: set[str]) -> list[str]:
+    """A body and all that ``unbroken`` joints connect with it, nearest first; they become known and the joints chosen."""
     known.add(body)
     reached = [body]
     for inner in reached:
-        for joint in held:
+        for joint in unbroken:
             other = _other(joint, inner)
             if other is not None and other not in known:
                 known.add(other)

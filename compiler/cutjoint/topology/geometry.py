@@ -53,7 +53,7 @@ class JointGeometry:
     model: Model
     _shapes: dict[Hashable, Array] = field(default_factory=dict)
 
-    def freed(self, t: TreeJoint) -> Array:
+    def free_twists(self, t: TreeJoint) -> Array:
         """The twists [v0; w] (6, k) of the outer body beside the inner one at unit speeds of the joint; none if it is guided."""
         if degrees(t.joint) == 0:
             return np.zeros((6, 0))
@@ -66,7 +66,7 @@ class JointGeometry:
         centre = _skew(evaluate(self.model, inner_point(t.joint, t.reversed)))
         return np.concatenate([twists[:3] + centre @ twists[3:], twists[3:]])
 
-    def held(self, cut: Joint) -> Array:
+    def constraint_jacobian(self, cut: Joint) -> Array:
         """The Jacobian (m, 6) of a cut joint's equations by the twist [v0; w] of its follower beside its base."""
         key = ("cut", *_shape(cut))
         if key not in self._shapes:
@@ -135,10 +135,10 @@ def design_jacobian(geometry: JointGeometry, loops: Sequence[tuple[Joint, Sequen
             end += degrees(t.joint)
     rows = [np.zeros((0, end))]
     for cut, around in loops:
-        held = geometry.held(cut)
-        rows.append(np.zeros((held.shape[0], end)))
+        constraint_jacobian = geometry.constraint_jacobian(cut)
+        rows.append(np.zeros((constraint_jacobian.shape[0], end)))
         for sign, t in _along(cut, around):
-            rows[-1][:, columns[t.joint.name]] = sign * held @ geometry.freed(t)
+            rows[-1][:, columns[t.joint.name]] = sign * constraint_jacobian @ geometry.free_twists(t)
     return np.concatenate(rows)
 
 

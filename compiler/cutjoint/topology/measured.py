@@ -50,15 +50,15 @@ def uses_of_coordinates(model: Model) -> Mapping[str, tuple[Use, ...]]:
                 coordinate=force.coordinate_of, rate_alone=rate_alone, is_force=True,
                 reason=f"force '{force.name}' acts on its coordinate",
             ))  # fmt: skip
-    asked = [
+    requested = [
         (output, f"scene '{scene.name}' has its coordinate among the outputs")
         for scene in model.scenes.values() for output in scene.outputs
     ]  # fmt: skip
-    asked += [
+    requested += [
         (reading, f"a law, a rate, a signal or an output in {reading.span.seen_from(model.span)} reads its coordinate")
         for reading in readings_of(model)
     ]  # fmt: skip
-    for output, reason in asked:
+    for output, reason in requested:
         if output.element in joints:
             rates = {rate_name(c): c for c in joints[output.element].element.coordinates}
             uses.setdefault(output.element, []).append(Use(
@@ -75,7 +75,7 @@ def reason_not_to_measure(cut: Joint, uses: Iterable[Use], around: Sequence[Tree
     for use in uses:
         if use.coordinate not in cut.element.measurable:
             return f"{use.reason}, which a cut {cut.kind} joint does not have"
-        is_angle = use.coordinate in cut.element.angles and not cut.element.advances
+        is_angle = use.coordinate in cut.element.angles and not cut.element.is_screw
         if is_angle and not use.rate_alone and angles_around(cut, around) is None:
             return f"{use.reason}, an angle whose full turns no pose shows in a loop with more than two directions of axes"
     return ""

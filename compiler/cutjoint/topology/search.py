@@ -11,7 +11,7 @@ from typing import Any
 
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import GROUND, Joint, Model
-from cutjoint.topology.cuts import CutRules, find_rules, shortest_paths, torn_bodies, wrong_cuts
+from cutjoint.topology.cuts import CutRules, disconnected_bodies, find_rules, shortest_paths, wrong_cuts
 from cutjoint.topology.geometry import JointGeometry, loop_condition
 from cutjoint.topology.records import Topology, TreeJoint, degrees
 from cutjoint.topology.spanning_tree import Cost, TopologyError, cost_of, joints_around, split
@@ -28,8 +28,8 @@ def span(model: Model) -> "Spanning":
         TopologyError: the given cuts tear a body off, or joints that must not be cut close a loop.
     """
     joints, rules = [j for j in model.joints if j.cut is not True], find_rules(model)
-    chosen = shortest_paths(joints, [*rules.stay, *rules.uses])
-    if problems := list(torn_bodies(model.bodies, joints, chosen)):
+    chosen = shortest_paths(joints, [*rules.uncuttable, *rules.uses])
+    if problems := list(disconnected_bodies(model.bodies, joints, chosen)):
         raise TopologyError(problems)
     best = Spanning(model=model, cut=frozenset(j.name for j in model.joints if j.name not in chosen))
     if len(chosen) < len(joints):
@@ -81,7 +81,7 @@ class Exchanges:
 
     def around(self, spanning: Spanning, cut: Joint) -> list[Joint]:
         """The joints of a cut joint's loop that have no reason to stay in the tree; `violations` judges the exchange."""
-        return [t.joint for t in joints_around(spanning.tree, cut) if t.joint.name not in self.rules.stay]
+        return [t.joint for t in joints_around(spanning.tree, cut) if t.joint.name not in self.rules.uncuttable]
 
     def violations(self, spanning: Spanning) -> tuple[int, int]:
         """Two counts that come before the cost: cut joints that must not be cut, and forces on cut joints, which cost nothing in the

@@ -55,18 +55,18 @@ def joints_around(tree: Sequence[TreeJoint], cut: Joint) -> list[TreeJoint]:
 
 
 def _around(above: Mapping[str, TreeJoint], cut: Joint) -> list[TreeJoint]:
-    from_follower, from_base = _way_in(above, cut.follower), _way_in(above, cut.base)
+    from_follower, from_base = _path_to_ground(above, cut.follower), _path_to_ground(above, cut.base)
     while from_follower and from_base and from_follower[-1] is from_base[-1]:
         del from_follower[-1], from_base[-1]
     return from_follower + from_base[::-1]
 
 
-def _way_in(above: Mapping[str, TreeJoint], body: str) -> list[TreeJoint]:
-    way: list[TreeJoint] = []
+def _path_to_ground(above: Mapping[str, TreeJoint], body: str) -> list[TreeJoint]:
+    path: list[TreeJoint] = []
     while body != GROUND:
-        way.append(above[body])
+        path.append(above[body])
         body = above[body].parent
-    return way
+    return path
 
 
 def _orient(joints: Sequence[Joint]) -> tuple[TreeJoint, ...]:

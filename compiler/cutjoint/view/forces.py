@@ -87,7 +87,7 @@ class ForceNodes(Placed):
         """A wheel that turns with its body, or as far as it goes where no coordinate of the model says how far it turns."""
         axis, pose = point_of(self.numbers, wheel.axis.of(force)), self.poses[wheel.axis.body(force)]
         radius, centre = self.numbers.number(force.radius), self.point(force, wheel.at)
-        angle = np.zeros(len(centre)) if wheel.turns else self._rolled(centre, pose.rotate(axis), radius)
+        angle = np.zeros(len(centre)) if wheel.rotates else self._rolled(centre, pose.rotate(axis), radius)
         quaternion = np.concatenate([np.sin(angle / 2)[:, np.newaxis] * axis, np.cos(angle / 2)[:, np.newaxis]], axis=1)
         rotation = product(quaternions_of(pose.rotation), quaternion)
         rotated = rotation_to(axis)

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from cutjoint.elements.joint import AXIAL_FRAME, Ball, Direction, Offset, Slide, Turn
+from cutjoint.elements.joint import AXIAL_FRAME, Ball, Direction, Offset, Rotation, Translation
 from cutjoint.export.laws import Array, Triple
 from cutjoint.model.errors import Problem
 from cutjoint.model.records import GROUND, Force
@@ -51,13 +51,13 @@ def chain(joint: PeerJoint) -> tuple[Part, ...]:
     return tuple(map(_opposite, parts[::-1])) if joint.reversed else parts
 
 
-def _part(joint: PeerJoint, motion: Slide | Turn | Ball) -> Part:
+def _part(joint: PeerJoint, motion: Translation | Rotation | Ball) -> Part:
     """A motion of the follower beside the base."""
     if isinstance(motion, Ball):
         return Part(type="ball", point=joint.follower_point)
     kind: Literal["hinge", "slide", "screw"] = "slide"
-    if isinstance(motion, Turn):
-        kind = "screw" if motion.advances else "hinge"
+    if isinstance(motion, Rotation):
+        kind = "screw" if motion.is_screw else "hinge"
     coordinate, pitch = joint.element.coordinates.index(motion.coordinate), joint.pitch if kind == "screw" else 0.0
     return Part(type=kind, point=joint.follower_point, axis=_axis(joint, motion.direction), coordinate=coordinate, pitch=pitch)
 

@@ -20,7 +20,7 @@ from cutjoint.elements.joint import (
     SameDirection,
     SameDistance,
     SamePoint,
-    Slide,
+    Translation,
 )
 from cutjoint.export.laws import Array
 from cutjoint.model.errors import Problem
@@ -114,7 +114,7 @@ def joint_problems(mechanism: Mechanism) -> list[Problem]:
     for joint in (*mechanism.tree, *mechanism.cuts):
         if not all(condition in _LOCKED_BY for condition in joint.element.conditions):
             problems.append(_problem(joint, f"Exudyn has no joint of kind {joint.kind}", "write a revolute or a cylindrical joint"))
-        elif joint.guide and joint.element.chain != (Slide("displacement", Direction.AXIS),):
+        elif joint.guide and joint.element.chain != (Translation("displacement", Direction.AXIS),):
             message = f"a joint of kind {joint.kind} that time moves is not exported to Exudyn"
             problems.append(_problem(joint, message, "guide a prismatic joint, or give its input a constant value"))
     return problems

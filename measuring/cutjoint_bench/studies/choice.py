@@ -27,7 +27,7 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import __version__
 from cutjoint.reduce.choose import Candidate, choose, searches, timed, trials_by
-from cutjoint.reduce.measure import Truth, find_truth, time_run
+from cutjoint.reduce.measure import Reference, find_reference, time_run
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import Steps, at_step
 from cutjoint.run.scenes import find_scene
@@ -78,9 +78,9 @@ class Comparison:
     store: Store
 
     @cached_property
-    def truth(self) -> Truth:
+    def truth(self) -> Reference:
         """The standard for errors."""
-        return find_truth(self.model, self.scene, {})
+        return find_reference(self.model, self.scene, {})
 
     def row(self) -> Record:
         """The picked candidate and the best one, the distance of both from the truth, and their times in s."""

@@ -16,7 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.analysis.embedding.embed import assemble_loops
+from cutjoint.analysis.embedding.embed import embed_loops
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import Loops
 from cutjoint.model.records import Model, Scene
@@ -44,9 +44,9 @@ def compile_pair(model: Model, scene: Scene, loop_tolerance: float) -> Pair | st
     """A scene both ways, or why no loops of it become functions."""
     scene = replace(scene, numerics=replace(scene.numerics, closure=None, integrator="dormand-prince", loop_tolerance=loop_tolerance))
     begin = perf_counter()
-    outcome = assemble_loops(model, scene)
+    outcome = embed_loops(model, scene)
     seconds = perf_counter() - begin
-    if not outcome.model.assemblies:
+    if not outcome.model.embedded_loops:
         return next((note.words for note in outcome.left), "no loops")
     exact, compiled = (compile_scene(model, with_loops(scene, loops)) for loops in (Loops.EXACT, Loops.EMBEDDED))
     return Pair(exact=exact, compiled=compiled, fit=seconds)

@@ -20,7 +20,7 @@ def describe_cut_coordinate(trees: Trees, topology: Topology, cut: Joint, coordi
     return {
         "joint": cut.name, "base": cut.base, "follower": cut.follower, "point": trees.all(cut.at), "axis": trees.all(axis),
         "angle": is_angle,
-        "turns": _turns(topology, cut) if is_angle and not cut.element.advances else None,
+        "turns": _turns(topology, cut) if is_angle and not cut.element.is_screw else None,
         "pitch": None if cut.pitch is None else trees.one(cut.pitch),
     }  # fmt: skip
 

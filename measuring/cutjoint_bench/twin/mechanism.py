@@ -19,12 +19,12 @@ from cutjoint.elements.joint import (
     Offset,
     Product,
     Products,
+    Rotation,
     SameAttitude,
     SameDirection,
     SameDistance,
     SamePoint,
-    Slide,
-    Turn,
+    Translation,
     rate_name,
 )
 from cutjoint.elements.joint import Motion as ChainMotion
@@ -141,11 +141,11 @@ def _geometry(trees: Trees, joint: Joint) -> Json:
 
 def _motion_of_chain(joint: Joint, motion: ChainMotion) -> Json:
     match motion:
-        case Slide():
+        case Translation():
             return {"kind": "slide", "direction": motion.direction, "coordinate": joint.element.coordinates.index(motion.coordinate)}
-        case Turn():
+        case Rotation():
             coordinate = joint.element.coordinates.index(motion.coordinate)
-            more = {"share": float(motion.share), "advances": motion.advances}
+            more = {"share": float(motion.share), "advances": motion.is_screw}
             return {"kind": "turn", "direction": motion.direction, "coordinate": coordinate, **more}
         case Offset():
             return {"kind": "offset", "direction": motion.direction}

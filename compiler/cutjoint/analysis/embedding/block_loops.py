@@ -18,7 +18,7 @@ from cutjoint.topology.geometry import TOLERANCE
 from cutjoint.topology.records import Topology
 
 
-class NoAssemblyError(Exception):
+class NoEmbeddingError(Exception):
     """A block that functions cannot close; the text is the reason."""
 
 
@@ -70,7 +70,7 @@ class BlockLoops:
         return sum(len(chart.speed_names) for chart in self.own)
 
     @cached_property
-    def turning(self) -> Array:
+    def is_rotation(self) -> Array:
         """Flags of the block's speeds that turn."""
         joints = {joint.name: joint for joint in self.block.joints}
         elements = [joints[c.joint].element for c in self.own]
@@ -79,7 +79,7 @@ class BlockLoops:
     @cached_property
     def scales(self) -> Array:
         """A scale of each speed of the block: 1 of turns, the block's size of slides."""
-        return np.asarray(np.where(self.turning, 1.0, size_of(self.block)))
+        return np.asarray(np.where(self.is_rotation, 1.0, size_of(self.block)))
 
     @cached_property
     def cuts(self) -> tuple[Joint, ...]:
@@ -127,26 +127,26 @@ class BlockLoops:
             whole[:, chart.v : chart.v + n] = step[:, first : first + n]
         return retract(self, q, whole)
 
-    def close(self, q: Array, u: Array, held: int | None, across: Array | None = None, enough: float = 0.0) -> Poses | None:
-        """Poses near coordinates that close the loops with the speed of the number ``held`` not moved, or by steps ``across`` a direction
-        of speeds, until no gap is larger than ``enough`` or it is rounding; None where one does not close."""
+    def close(self, q: Array, u: Array, locked: int | None, across: Array | None = None, tolerance: float = 0.0) -> Poses | None:
+        """Poses near coordinates that close the loops with the speed of the number ``locked`` not moved, or by steps ``across`` a direction
+        of speeds, until no residual is larger than ``tolerance`` or it is rounding; None where one does not close."""
         best = np.inf
         for left in reversed(range(25)):
             residual, jacobian = self.evaluate(q, u)
             error = float(np.abs(residual).max(initial=0.0))
             if not np.isfinite(error):
                 return None
-            if error < enough or (error < 1e-12 and (error >= best / 2 or not left)):
+            if error < tolerance or (error < 1e-12 and (error >= best / 2 or not left)):
                 return Poses(q=q, jacobian=jacobian, residual=residual)
             best = min(best, error)
-            free = _without(jacobian, held)
+            free = _without(jacobian, locked)
             if across is not None:
                 free = np.concatenate([free, np.broadcast_to(across / np.linalg.norm(across), (len(q), 1, self.size))], axis=1)
                 residual = np.concatenate([residual, np.zeros((len(q), 1))], axis=1)
             step = -(np.linalg.pinv(free, rcond=TOLERANCE) @ residual[:, :, np.newaxis])[:, :, 0]
             if np.abs(step).max(initial=0.0) > 3.0:
                 return None
-            q = self.moved(q, _with_zero(step, held))
+            q = self.moved(q, _with_zero(step, locked))
         return None
 
     def derivatives(self, poses: Poses, independent: int) -> Array:

@@ -11,9 +11,9 @@ import numpy as np
 import sympy
 
 from cutjoint.analysis.body_poses import find_dependent_joints
-from cutjoint.analysis.embedding.block_loops import BlockLoops, NoAssemblyError
+from cutjoint.analysis.embedding.block_loops import BlockLoops, NoEmbeddingError
 from cutjoint.analysis.embedding.fits import Ranges, Wanted, accuracy, fit
-from cutjoint.analysis.embedding.independent import NO_INDEPENDENT, Followed, fastest_joints, find_independent, follow, spanning_cuts
+from cutjoint.analysis.embedding.independent import NO_INDEPENDENT, Traced, fastest_joints, find_independent, spanning_cuts, trace
 from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.layout import Chart
@@ -24,7 +24,7 @@ from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.formulate.translate import Translator
 from cutjoint.methods import DEFAULT_METHOD, METHODS, join_and
 from cutjoint.model.outcome import Note, Outcome
-from cutjoint.model.records import Assembly, Interval, Joint, Model, Scalar, Scene
+from cutjoint.model.records import EmbeddedLoop, Interval, Joint, Model, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.blocks import Block, find_blocks
@@ -32,14 +32,14 @@ from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology, degrees
 from cutjoint.topology.spanning_tree import split
 
-#: The last results of `assemble_loops`, by what they follow from: a run, its report and its view ask for the same.
+#: The last results of `embed_loops` by their inputs: a run, its report and its view need the same.
 _KEPT: dict[bytes, Outcome] = {}
 _MOST_KEPT = 8
 
 
-def assemble_loops(model: Model, scene: Scene, *, measure: bool = False) -> Outcome:
+def embed_loops(model: Model, scene: Scene, *, measure: bool = False) -> Outcome:
     """Replace the loops of each block that has one degree of freedom, to the tolerance of functions that the scene has; with ``measure``
-    notes tell the accuracy of functions at random coordinates."""
+    notes report the accuracy of functions at random coordinates."""
     how = scene.numerics
     parts = scene.positions, scene.rates, scene.inputs, scene.switches, scene.pose, scene.trim, scene.end
     asked = how.closure, how.loop_tolerance, how.loop_terms, measure
@@ -47,27 +47,27 @@ def assemble_loops(model: Model, scene: Scene, *, measure: bool = False) -> Outc
     if key not in _KEPT:
         while len(_KEPT) >= _MOST_KEPT:
             del _KEPT[next(iter(_KEPT))]
-        _KEPT[key] = _assemble_loops(model, scene, measure)
+        _KEPT[key] = _embed_loops(model, scene, measure)
     found = _KEPT[key]
-    closed = replace(model, joints=found.model.joints, assemblies=found.model.assemblies)
+    closed = replace(model, joints=found.model.joints, embedded_loops=found.model.embedded_loops)
     return replace(found, model=closed, scene=scene)
 
 
-def _assemble_loops(model: Model, scene: Scene, measure: bool) -> Outcome:
-    topology, done, left, seen = build_topology(model), list[_Assembled](), list[Note](), _Seen(measure=measure)
+def _embed_loops(model: Model, scene: Scene, measure: bool) -> Outcome:
+    topology, done, left, seen = build_topology(model), list[_Embedded](), list[Note](), _Seen(measure=measure)
     rubbed = {force.joint_of for force in model.forces if force.by_load}
     for block in find_blocks(topology):
         if any(joint.name in rubbed for joint in block.joints):
-            left.append(_stays(block, "friction needs what its joints carry"))
+            left.append(_stays(block, "its joint friction needs their loads"))
             continue
         try:
-            done.append(_assemble(model, topology, block, scene, seen))
-        except NoAssemblyError as error:
+            done.append(_embed_block(model, topology, block, scene, seen))
+        except NoEmbeddingError as error:
             left.append(_stays(block, str(error)))
     while True:
         whole = _put_in(model, done)
         branched = {body for branch in build_topology(whole).branches for body in branch.bodies}
-        inside = [found for found in done if branched & set(found.assembly.bodies)]
+        inside = [found for found in done if branched & set(found.embedded_loop.bodies)]
         if not inside:
             break
         left += [_stays(found.block, "it hangs on other loops that are eliminated at once") for found in inside]
@@ -75,7 +75,7 @@ def _assemble_loops(model: Model, scene: Scene, measure: bool) -> Outcome:
     if done and build_topology(whole).closing:
         before, after = (_operations(one, scene) for one in (model, whole))
         if after >= before:
-            words = f"beside loops that stay, functions would take {after} operations an evaluation in place of {before}"
+            words = f"with the loops that stay, an evaluation with functions would take {after} operations instead of {before}"
             left, done, whole = [*left, *(_stays(found.block, words) for found in done)], [], model
     return Outcome(model=whole, scene=scene, done=tuple(_embedded(found) for found in done), left=tuple(left))
 
@@ -89,84 +89,84 @@ def _operations(model: Model, scene: Scene) -> int:
 
 @dataclass(frozen=True)
 class _Seen:
-    """Findings of other blocks of the model, which equal ones take over: how they move, and how far functions reach; whether to
+    """Findings of other blocks of the model, which equal ones reuse: how they move, and how far functions reach; whether to
     ``measure`` their accuracy."""
 
     measure: bool
-    curves: Followed = field(default_factory=list)
+    curves: Traced = field(default_factory=list)
     ranges: Ranges = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Assembled:
+class _Embedded:
     block: Block
-    assembly: Assembly
+    embedded_loop: EmbeddedLoop
     accuracy: tuple[float, float] | None
 
 
-def _put_in(model: Model, found: Sequence[_Assembled]) -> Model:
+def _put_in(model: Model, found: Sequence[_Embedded]) -> Model:
     """The model with assemblies, whose joints are cut as these say."""
-    cut = {joint.name: joint.name in each.assembly.cuts for each in found for joint in each.block.joints}
+    cut = {joint.name: joint.name in each.embedded_loop.cuts for each in found for joint in each.block.joints}
     joints = tuple(replace(joint, cut=cut.get(joint.name, joint.cut)) for joint in model.joints)
-    return replace(model, joints=joints, assemblies=tuple(each.assembly for each in found))
+    return replace(model, joints=joints, embedded_loops=tuple(each.embedded_loop for each in found))
 
 
 def _stays(block: Block, reason: str) -> Note:
     return Note(element=block.joints[0].name, words=f"stays in a loop: {reason}", span=block.joints[0].span)
 
 
-def _embedded(found: _Assembled) -> Note:
-    functions = found.assembly.functions
+def _embedded(found: _Embedded) -> Note:
+    functions = found.embedded_loop.functions
     words = f"embeds {len(found.block.joints) - 1} other joints as functions of its coordinate, violation {functions.violation:.1g}"
     if found.accuracy is not None:
-        derivatives, bends = found.accuracy
-        words += f"; at 1000 random coordinates speeds are {derivatives:.1g} off at q' = 1, accelerations {bends:.1g}"
-    return Note(element=found.assembly.independent, words=words, span=found.assembly.span)
+        derivatives, curvatures = found.accuracy
+        words += f"; at 1000 random coordinates speeds are {derivatives:.1g} off at q' = 1, accelerations {curvatures:.1g}"
+    return Note(element=found.embedded_loop.independent, words=words, span=found.embedded_loop.span)
 
 
-def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, seen: _Seen) -> _Assembled:
+def _embed_block(model: Model, topology: Topology, block: Block, scene: Scene, seen: _Seen) -> _Embedded:
     """A block as an assembly."""
     _require_simple(model, block)
     names = {joint.name for joint in block.joints}
     given = sorted({key.rpartition(".")[0] for key in (*scene.positions, *scene.rates)} & names)
     if len(given) > 1:
-        raise NoAssemblyError(f"the scene gives {join_and(given)}, and one of them may be independent")
+        raise NoEmbeddingError(f"the scene gives {join_and(given)}, of which only one can be independent")
     drive = block.drives[0] if block.drives else None
     motion = _drive_motion(model, drive, scene.end, input_functions(model, scene)) if drive is not None else None
     u = motion.range if motion is not None else Interval(lower=0.0, upper=0.0)
     moved = drive.name if drive is not None else None
     first = BlockLoops(driven_by_time(topology, moved), block)
     if first.open and u.half > 0:
-        raise NoAssemblyError("its geometry has tunable parameters, and its guide moves")
+        raise NoEmbeddingError("its geometry has tunable parameters, and its guide moves")
     if not given and scene.pose != "equilibrium" and scene.trim is None:
         _require_closed(first, motion)
     if motion is not None and motion.rate != 0 and not {key.rpartition(".")[0] for key in scene.rates} & names:
-        raise NoAssemblyError("its guide moves at the start, where the scene gives no speed of it")
+        raise NoEmbeddingError("its guide moves at the start, where the scene gives no speed of it")
     joint, tried = _first_independent(fastest_joints(first, u.middle), given), list[str]()
     used = [force.joint_of for force in model.forces if force.joint_of]
     while True:
         cuts = spanning_cuts(block, joint, used)
         tree, closing = split(model, {cut.name for cut in topology.cuts} - names | cuts)
         loops = BlockLoops(driven_by_time(replace(topology, tree=tree, cuts=closing), moved), block)
-        candidates = find_independent(loops, follow(loops, u.middle, seen.curves))
+        candidates = find_independent(loops, trace(loops, u.middle, seen.curves))
         best = next((independent for independent in candidates if not given or independent.joint.name in given), None)
         own = next((independent for independent in candidates if independent.joint is joint), None)
         tried.append(joint.name)
         if best is not None and own is not None and own.travel >= best.travel / 2:
             break
         if best is None or best.joint.name in tried:
-            raise NoAssemblyError(f"the scene gives {given[0]}, which cannot be independent" if given else NO_INDEPENDENT)
+            raise NoEmbeddingError(f"the scene gives {given[0]}, which cannot be independent" if given else NO_INDEPENDENT)
         joint = best.joint
     functions = fit(loops, own, u, Wanted(tolerance=scene.numerics.loop_tolerance, terms=scene.numerics.loop_terms), seen.ranges)
     terms = sum(coefficient != 0 for found in functions.series.values() for one in found for row in one.coefficients for coefficient in row)
     if u.half > 0 and terms > DEAREST:
-        raise NoAssemblyError(f"its guide moves, and functions of two numbers with {terms} terms take longer than its loops")
-    assembly = Assembly(
+        raise NoEmbeddingError(f"its guide moves, and functions of two numbers with {terms} terms take longer than its loops")
+    embedded_loop = EmbeddedLoop(
         independent=joint.name, drive=moved, carrier=block.carrier,
         bodies=tuple(t.child for t in tree if t.child in block.bodies), cuts=tuple(j.name for j in block.joints if j.name in cuts),
         functions=functions if drive is not None else replace(functions, drive_range=None), span=joint.span,
     )  # fmt: skip
-    return _Assembled(block=block, assembly=assembly, accuracy=accuracy(loops, own, functions, u) if seen.measure else None)
+    return _Embedded(block=block, embedded_loop=embedded_loop, accuracy=accuracy(loops, own, functions, u) if seen.measure else None)
 
 
 #: The most terms of all functions of a block whose guide moves.  Measured: with 1900 terms in each front suspension the Iltis took 59 ms in
@@ -181,34 +181,34 @@ def _require_closed(loops: BlockLoops, motion: "_DriveMotion | None") -> None:
     """Refuse a block that its start would move: the loops' equations share such a motion out among all bodies."""
     violation = np.abs(loops.evaluate(loops.design(), np.full(1, motion.start if motion is not None else 0.0))[0]).max(initial=0.0)
     if violation > _CLOSED:
-        raise NoAssemblyError(f"its loops stand open by {violation:.1g} at the start, in the design position")
+        raise NoEmbeddingError(f"its loops are violated by {violation:.1g} at the start, in the design position")
 
 
 def _first_independent(fastest: Sequence[Joint], given: Sequence[str]) -> Joint:
-    """The joint that the scene gives, or else the one that turns or slides fastest where the scene has the block."""
+    """The joint that the scene gives, or else the fastest rotation or displacement at the block's start."""
     return next((joint for joint in fastest if not given or joint.name in given), fastest[0])
 
 
 def _require_simple(model: Model, block: Block) -> None:
     names, bodies = {joint.name for joint in block.joints}, set(block.bodies)
     if len(block.drives) > 1:
-        raise NoAssemblyError(f"{len(block.drives)} guides move it")
+        raise NoEmbeddingError(f"{len(block.drives)} guides move it")
     if any(len(drive.guide or ()) > 1 for drive in block.drives):
-        raise NoAssemblyError(f"'{block.drives[0].name}' moves it by several guided coordinates")
+        raise NoEmbeddingError(f"'{block.drives[0].name}' moves it by several guided coordinates")
     for joint in (j for j in model.joints if not degrees(j) and {j.base, j.follower} & bodies):
         does = "guides one of its bodies" if joint.guide is not None else "fixes a body to one of its bodies: make the two one body"
-        raise NoAssemblyError(f"'{joint.name}' {does}")
+        raise NoEmbeddingError(f"'{joint.name}' {does}")
     if any(joint.armature != 0 for joint in block.joints):
-        raise NoAssemblyError("a joint in it has an armature")
+        raise NoEmbeddingError("a joint in it has an armature")
     if any(names & set(gear.joints) for gear in model.gears):
-        raise NoAssemblyError("a gear couples its joints")
+        raise NoEmbeddingError("a gear couples its joints")
     if all(body.is_massless for body in model.bodies if body.name in bodies):
-        raise NoAssemblyError("its bodies have no mass")
+        raise NoEmbeddingError("its bodies have no mass")
 
 
 @dataclass(frozen=True, kw_only=True)
 class _DriveMotion:
-    """The motion of a guide in a scene: its ``range``, a tenth wider on both sides, or one value where it stands still; its value and rate
+    """The motion of a guide in a scene: its ``range``, a tenth wider on both sides, or one value where it is at rest; its value and rate
     at the start."""
 
     range: Interval
@@ -232,16 +232,16 @@ def _drive_motion(model: Model, drive: Joint, end: float, laws: Mapping[Scalar, 
 
 
 def without_functions(topology: Topology) -> Model:
-    """The model with the equations of all loops, cut where it is cut beside its functions: the joints of the tree stay the same."""
+    """The model with the equations of all loops, with the same cuts as with its functions: the joints of the tree stay the same."""
     cut = {joint.name for joint in (*topology.cuts, *topology.embedded)}
     joints = tuple(replace(joint, cut=joint.name in cut) for joint in topology.model.joints)
-    return replace(topology.model, joints=joints, assemblies=())
+    return replace(topology.model, joints=joints, embedded_loops=())
 
 
 def state_of_loops(
     functions: RecursiveEquations, loops: RecursiveEquations, kept: Mapping[str, Any], parameters: Mapping[str, float]
 ) -> dict[str, Any]:  # fmt: skip
-    """The state (``begin`` of a run file) from which a run goes on by the equations of ``loops``: one that a run with ``functions`` has
+    """The state (``begin`` of a run file) from which a run continues by the equations of ``loops``: one that a run with ``functions`` has
     ``kept``, with open ``parameters`` (SI units)."""
     t, q, v = (np.array([kept[name]], dtype=float) for name in ("t", "q", "v"))
     places = dict(zip(functions.coordinate_names, q[0], strict=True))

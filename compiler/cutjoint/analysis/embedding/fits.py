@@ -13,11 +13,11 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from cutjoint.analysis.closing import Array
-from cutjoint.analysis.embedding.block_loops import BlockLoops, NoAssemblyError, Poses
-from cutjoint.analysis.embedding.independent import STEP, Independent, turns_of
+from cutjoint.analysis.embedding.block_loops import BlockLoops, NoEmbeddingError, Poses
+from cutjoint.analysis.embedding.independent import STEP, Independent, full_turns
 from cutjoint.formulate.layout import Chart
-from cutjoint.formulate.recursive.embedding.open_geometry import driven_by_time, joints_of, without_assemblies
-from cutjoint.model.records import Assembly, Interval, LoopFunctions, Series
+from cutjoint.formulate.recursive.embedding.open_geometry import driven_by_time, joints_of, without_embedded_loops
+from cutjoint.model.records import EmbeddedLoop, Interval, LoopFunctions, Series
 from cutjoint.program.series import (
     chebyshev_integral,
     chebyshev_series,
@@ -36,8 +36,8 @@ MOST_ACROSS, NODES_ACROSS = 20, 24
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """The wanted functions: their ``tolerance`` (m, rad), and the most ``terms`` on a range, which may be fewer than those on a turn; they
-    have ``spare`` ones besides."""
+    """The wanted functions: their ``tolerance`` (m, rad), and the most ``terms`` on a range, which may be fewer than those on a full turn;
+    ``spare`` ones are added."""
 
     tolerance: float
     terms: int
@@ -63,7 +63,7 @@ class Wanted:
 #: the longest function's terms: with n nodes the coefficient of order 2n - k adds to that of order k.
 SPARE, SPARE_NODES = 2, 4
 
-#: The ranges that functions reached, by the ways of the independent coordinate: an equal or mirrored block reaches as far.
+#: The ranges that functions reached, by the curves of the independent coordinate: equal and mirrored blocks share them.
 Ranges: TypeAlias = dict[tuple[float, ...], Interval]
 
 
@@ -71,30 +71,30 @@ def fit(loops: BlockLoops, independent: Independent, u: Interval, wanted: Wanted
     """Series as they are wanted on the largest range that they reach, which joins the ``known`` ones.
 
     Raises:
-        NoAssemblyError: no range is long enough.
+        NoEmbeddingError: no range is long enough.
     """
     if loops.open:
         wanted = replace(wanted, terms=wanted.terms - SPARE, spare=SPARE)
-    way = *(round(x, 9) for x in (independent.lower, independent.upper, independent.value)), *(u.lower, u.upper)
-    if (found := known.get(way)) is not None:
-        with suppress(NoAssemblyError):
-            return _fit(loops, replace(independent, turns=independent.turns and found.half > 3), found, u, wanted)
+    key = *(round(x, 9) for x in (independent.lower, independent.upper, independent.value)), *(u.lower, u.upper)
+    if (found := known.get(key)) is not None:
+        with suppress(NoEmbeddingError):
+            return _fit(loops, replace(independent, is_periodic=independent.is_periodic and found.half > 3), found, u, wanted)
     functions = _fit_longest(loops, independent, u, wanted)
-    known[way] = functions.range
+    known[key] = functions.range
     return functions
 
 
 def _fit_longest(loops: BlockLoops, independent: Independent, u: Interval, wanted: Wanted) -> LoopFunctions:
     whole = Interval(lower=independent.lower, upper=independent.upper)
-    if independent.turns:
-        with suppress(NoAssemblyError):
+    if independent.is_periodic:
+        with suppress(NoEmbeddingError):
             return _fit(loops, independent, whole, u, wanted)
-        independent = replace(independent, turns=False)
+        independent = replace(independent, is_periodic=False)
     middle = Interval(lower=u.middle, upper=u.middle)
     length = _terms(loops, independent, whole, middle, wanted)
     while length > wanted.terms:
         if whole.half < 0.5 * STEP * loops.scales[independent.place]:
-            raise NoAssemblyError(f"a function would need more than {wanted.terms} terms")
+            raise NoEmbeddingError(f"a function would need more than {wanted.terms} terms")
         shorter = _shorter(whole, independent.value, length > wanted.nodes)
         lengths = [_terms(loops, independent, one, middle, wanted) for one in shorter]
         length = min(lengths)
@@ -102,7 +102,7 @@ def _fit_longest(loops: BlockLoops, independent: Independent, u: Interval, wante
     while True:
         try:
             return _fit(loops, independent, whole, u, wanted)
-        except NoAssemblyError:
+        except NoEmbeddingError:
             lower, upper = (independent.value + _SHORTER * (end - independent.value) for end in (whole.lower, whole.upper))
             whole = Interval(lower=lower, upper=upper)
             if u.half == 0 or whole.half < 0.5 * STEP * loops.scales[independent.place]:
@@ -111,7 +111,7 @@ def _fit_longest(loops: BlockLoops, independent: Independent, u: Interval, wante
 
 #: The part of a side of the range that is left where functions would need too many terms.
 _SHORTER = 0.85
-#: The least side beside the whole range that is made shorter still.
+#: The smallest share of the whole range to which a side is shortened.
 _LEAST_SIDE = 0.05
 
 
@@ -127,10 +127,10 @@ def _shorter(whole: Interval, value: float, unresolved: bool) -> list[Interval]:
 
 
 def _terms(loops: BlockLoops, independent: Independent, interval: Interval, u: Interval, wanted: Wanted) -> float:
-    """The length of the longest series over a range, between whole numbers by the size of what is left out."""
+    """The length of the longest series over a range, interpolated between whole numbers by the truncation error."""
     try:
         _, derivatives = _sampled(loops, independent, interval, u, wanted)
-    except NoAssemblyError:
+    except NoEmbeddingError:
         return np.inf
     longest = 0.0
     for _, rates in derivatives.values():
@@ -150,12 +150,13 @@ def _fit(loops: BlockLoops, independent: Independent, interval: Interval, u: Int
         shape = (len(nodes), across, places.shape[-1])
         place, derivative = places.reshape(shape), derivatives.reshape(shape)
         series[joint] = tuple(_series(place[..., i], derivative[..., i], interval, u, independent, nodes, wanted) for i in range(shape[2]))
-    found = LoopFunctions(series=series, range=interval, drive_range=u, turns=independent.turns, violation=0.0, violation_rate=0.0)
+    periodic = independent.is_periodic
+    found = LoopFunctions(series=series, range=interval, drive_range=u, is_periodic=periodic, violation=0.0, violation_rate=0.0)
     violation, violation_rate = _violations(loops, independent, found, wanted)
     if not violation < _ALLOWED * wanted.tolerance or not violation_rate < _ALLOWED * wanted.tolerance * _largest_derivative(found):
-        raise NoAssemblyError(f"its functions leave a violation of {violation:.1g}, with the rate {violation_rate:.1g}")
+        raise NoEmbeddingError(f"its functions leave a violation of {violation:.1g}, with the rate {violation_rate:.1g}")
     terms = max((len(s.coefficients) for each in series.values() for s in each), default=1)
-    enough = len(nodes) if independent.turns else min(len(nodes), terms + SPARE_NODES)
+    enough = len(nodes) if independent.is_periodic else min(len(nodes), terms + SPARE_NODES)
     found = replace(found, violation=violation, violation_rate=violation_rate, open=loops.open)
     return replace(found, nodes=enough, allowed=_ALLOWED * wanted.tolerance)
 
@@ -164,7 +165,7 @@ def _sampled(
     loops: BlockLoops, independent: Independent, interval: Interval, u: Interval, wanted: Wanted
 ) -> tuple[Array, dict[str, tuple[Array, Array]]]:  # fmt: skip
     """The nodes, and by joint the coordinates and derivatives at them, those of the drive next to each other, (nodes, k)."""
-    nodes = _nodes(interval, wanted.nodes_around if independent.turns else wanted.nodes, turns=independent.turns)
+    nodes = _nodes(interval, wanted.nodes_around if independent.is_periodic else wanted.nodes, is_periodic=independent.is_periodic)
     values = np.full(1, u.middle)
     if u.half > 0:
         values = u.middle + u.half * np.cos(np.pi * (np.arange(NODES_ACROSS) + 0.5) / NODES_ACROSS)[::-1]
@@ -173,9 +174,9 @@ def _sampled(
     return nodes, {chart.joint: _coordinates(loops, chart, grid, independent.place) for chart in others}
 
 
-def _nodes(interval: Interval, count: int, *, turns: bool) -> Array:
+def _nodes(interval: Interval, count: int, *, is_periodic: bool) -> Array:
     """Chebyshev nodes on a range, or equidistant ones on a full turn about its middle."""
-    if turns:
+    if is_periodic:
         return np.asarray(interval.middle + (2 * np.arange(count) / count - 1) * np.pi)
     return np.asarray(interval.middle + interval.half * np.cos(np.pi * (np.arange(count) + 0.5) / count)[::-1])
 
@@ -190,7 +191,7 @@ def _grid(loops: BlockLoops, independent: Independent, nodes: Array, values: Arr
         for i in part:
             closed = loops.close(q, np.full(len(nodes), values[i]), independent.place)
             if closed is None:
-                raise NoAssemblyError("its loops do not close over its range")
+                raise NoEmbeddingError("its loops do not close over its range")
             columns[i], q = closed, closed.q
     stacked = [np.stack([getattr(columns[i], name) for i in range(len(values))], axis=1) for name in ("q", "jacobian", "residual")]
     q, jacobian, residual = (x.reshape(-1, *x.shape[2:]) for x in stacked)
@@ -202,7 +203,7 @@ def _guess(loops: BlockLoops, independent: Independent, chart: Chart, nodes: Arr
     curve = independent.curve
     along = curve[:, chart.q]
     if independent.closes:  # on with the turn before and the one after, for nodes beyond the ends of the curve
-        turned = turns_of(curve)
+        turned = full_turns(curve)
         curve = np.concatenate([curve[:-1] - turned, curve, curve[1:] + turned])
         along = curve[:, chart.q]
         keep = np.concatenate([[True], np.diff(np.maximum.accumulate(along)) > 1e-9])
@@ -225,7 +226,7 @@ def _coordinates(loops: BlockLoops, chart: Chart, poses: Poses, independent: int
     if chart.ball:
         e = poses.q[:, chart.q + chart.scalars : chart.q + chart.scalars + 4]
         if np.abs(e[:, 0]).min() < _LEAST:
-            raise NoAssemblyError(f"'{chart.joint}' turns by more than its functions can")
+            raise NoEmbeddingError(f"'{chart.joint}' rotates by more than its functions represent")
         g = e[:, 1:] / e[:, :1]
         w = derivatives[:, first + chart.scalars : first + chart.scalars + 3]
         places.append(g)
@@ -241,13 +242,13 @@ def _series(
     places: Array, derivatives: Array, interval: Interval, u: Interval, independent: Independent, nodes: Array, wanted: Wanted
 ) -> Series:
     """A series through values and derivatives (nodes, nodes across)."""
-    if independent.turns:
-        return _turning_series(places, derivatives, nodes, wanted)
+    if independent.is_periodic:
+        return _fourier_series(places, derivatives, nodes, wanted)
     whole = chebyshev_integral(derivatives, interval.half)
     set_constants(whole, places, (nodes - interval.middle) / interval.half)
     size = _length(whole, interval.half, wanted.tolerance)
     if size > wanted.terms:
-        raise NoAssemblyError(f"a function would need more than {wanted.terms} terms")
+        raise NoEmbeddingError(f"a function would need more than {wanted.terms} terms")
     return Series(coefficients=_rows(_across(whole[: size + wanted.spare], u, interval.half, wanted.tolerance)))
 
 
@@ -256,15 +257,15 @@ def _across(whole: Array, u: Interval, half: float, tolerance: float) -> Array:
     if whole.shape[1] == 1:
         return whole
     found = chebyshev_series(whole.T)
-    size = _length(found, 1.0, tolerance)  # derivatives by the drive beside half of its range: in a second it moves about so far
+    size = _length(found, 1.0, tolerance)  # derivatives by the drive, relative to half of its range: it moves about as far in a second
     if size > MOST_ACROSS:
-        raise NoAssemblyError(f"a function would need more than {MOST_ACROSS} terms of the drive")
+        raise NoEmbeddingError(f"a function would need more than {MOST_ACROSS} terms of the drive")
     return _trimmed(found[:size].T, half, tolerance)
 
 
 def _trimmed(c: Array, half: float, tolerance: float) -> Array:
-    """Coefficients (n, m) with zeros where those of a power of u matter less than the tolerance, in value, derivatives and tenths of bends:
-    the higher one of them is, the lower may the other be."""
+    """Coefficients (n, m) with zeros where those of a power of u matter less than the tolerance, in value, first derivatives and tenths of
+    second derivatives: the higher one of them is, the lower may the other be."""
     k, j = (np.arange(size, dtype=float) for size in c.shape)
     along = (np.ones_like(k), k**2 / half, k**2 * (k**2 - 1) / (3 * half**2))
     across = (np.ones_like(j), j**2, j**2 * (j**2 - 1) / 3)
@@ -278,8 +279,8 @@ _ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 
 def _length(c: Array, half: float, tolerance: float) -> int:
-    """The least number of terms by which value and derivative are good to the tolerance, and the bend to ten times that, beside their
-    sizes.
+    """The least number of terms by which value and derivative are good to the tolerance, and the second derivative to ten times that,
+    relative to their sizes.
 
     What is left out is bounded by the largest values 1, k^2 and k^2 (k^2 - 1)/3 of polynomial k and its derivatives.  Coefficients that
     are the rounding of derivatives count as nothing.
@@ -296,11 +297,11 @@ def _length(c: Array, half: float, tolerance: float) -> int:
     return longest
 
 
-def _turning_series(places: Array, derivatives: Array, nodes: Array, wanted: Wanted) -> Series:
+def _fourier_series(places: Array, derivatives: Array, nodes: Array, wanted: Wanted) -> Series:
     """A trigonometric series through values and derivatives at equidistant nodes."""
     if derivatives.shape[1] > 1:
-        raise NoAssemblyError("it makes full turns, and a drive moves it")
-    growth = float(np.round(derivatives.mean())) + 0.0  # full turns; what slides comes back
+        raise NoEmbeddingError("it makes full turns and has a drive")
+    growth = float(np.round(derivatives.mean())) + 0.0  # full turns; displacements return
     whole = fourier_integral(places, derivatives, nodes, growth)
     order = np.arange(1, len(nodes) // 2)
     amplitude = np.abs(whole[1::2]) + np.abs(whole[2::2])
@@ -309,7 +310,7 @@ def _turning_series(places: Array, derivatives: Array, nodes: Array, wanted: Wan
     small = tail <= 10 * wanted.tolerance * max(1.0, float(bent[1:].max(initial=0.0)))
     harmonics = int(np.argmax(small)) if small.any() else len(small)
     if harmonics > wanted.harmonics:
-        raise NoAssemblyError("a function would need too many harmonics")
+        raise NoEmbeddingError("a function would need too many harmonics")
     return Series(coefficients=_rows(whole[: 2 * max(harmonics, 2) - 1 + 2 * wanted.spare]), growth=growth)
 
 
@@ -321,9 +322,9 @@ def evaluate(series: Series, functions: LoopFunctions, q: Array, u: Array, order
     """A series, or its derivative of that ``order`` by q, at coordinates (n,) and values of the drive (n,)."""
     c, growth = np.array(series.coefficients), series.growth * (q if order == 0 else float(order == 1))
     for _ in range(order):
-        c = fourier_derivative(c) if functions.turns else derivative(c, functions.range.half)
+        c = fourier_derivative(c) if functions.is_periodic else derivative(c, functions.range.half)
     x = (q - functions.range.middle) / functions.range.half
-    basis = harmonics(q, len(c)) if functions.turns else np.asarray(chebyshev.chebvander(x, len(c) - 1))
+    basis = harmonics(q, len(c)) if functions.is_periodic else np.asarray(chebyshev.chebvander(x, len(c) - 1))
     across, drive = np.ones((len(q), 1)), functions.drive_range
     if drive is not None and drive.half > 0:
         across = np.asarray(chebyshev.chebvander((u - drive.middle) / drive.half, c.shape[1] - 1))
@@ -351,13 +352,13 @@ def place(loops: BlockLoops, independent: str, functions: LoopFunctions, q: Arra
     return whole, rates
 
 
-#: The violation that is allowed beside the tolerance of a function: several functions and arms have a part in it.
+#: The allowed violation as a multiple of the tolerance of a function: several functions and arms contribute.
 _ALLOWED = 10.0
 
 
 def _violations(loops: BlockLoops, independent: Independent, functions: LoopFunctions, wanted: Wanted) -> tuple[float, float]:
     """The largest residual, and the largest rate of one at q' = 1, on a grid four times finer than the nodes."""
-    nodes = wanted.nodes_around if functions.turns else wanted.nodes
+    nodes = wanted.nodes_around if functions.is_periodic else wanted.nodes
     q, u = np.linspace(functions.range.lower, functions.range.upper, 4 * nodes + 1), functions.drive_range
     across = np.zeros(1) if u is None else np.linspace(u.lower, u.upper, 4 * NODES_ACROSS + 1) if u.half > 0 else np.full(1, u.middle)
     qs, us = (x.ravel() for x in np.meshgrid(q, across, indexing="ij"))
@@ -371,60 +372,61 @@ def _violations(loops: BlockLoops, independent: Independent, functions: LoopFunc
     return violation, violation_rate
 
 
-#: The number of random coordinates at which functions are beside closed loops, and the way to the neighbours, beside half the range.
+#: The number of random coordinates at which functions are compared with closed loops, and the distance of neighbours as a share of half the
+#: range.
 _RANDOM, _NEIGHBOUR = 1000, 1e-4
 
 
 def accuracy(loops: BlockLoops, independent: Independent, functions: LoopFunctions, u: Interval) -> tuple[float, float]:
-    """The largest differences of derivatives and of bends by q from those of closed loops, at random coordinates: of speeds and
+    """The largest differences of first and second derivatives by q from those of closed loops, at random coordinates: of speeds and
     accelerations at q' = 1 (1/s)."""
-    random, way = np.random.default_rng(0), _NEIGHBOUR * functions.range.half
-    q = functions.range.middle + (functions.range.half - way) * random.uniform(-1, 1, _RANDOM)
+    random, key = np.random.default_rng(0), _NEIGHBOUR * functions.range.half
+    q = functions.range.middle + (functions.range.half - key) * random.uniform(-1, 1, _RANDOM)
     values = u.middle + u.half * random.uniform(-1, 1, _RANDOM)
     derivatives = []
-    for step in (-way, 0.0, way):
+    for step in (-key, 0.0, key):
         whole, made = place(loops, independent.joint.name, functions, q + step, values)
         closed = loops.close(whole, values, independent.place)
         if closed is None:
-            raise NoAssemblyError("its loops do not close over its range")
+            raise NoEmbeddingError("its loops do not close over its range")
         derivatives.append(made - loops.derivatives(closed, independent.place))
-    return float(np.abs(derivatives[1]).max()), float(np.abs(derivatives[2] - derivatives[0]).max() / (2 * way))
+    return float(np.abs(derivatives[1]).max()), float(np.abs(derivatives[2] - derivatives[0]).max() / (2 * key))
 
 
 #: The number of places at which derivatives are looked at.
-_LOOKS = 40
+_SAMPLES = 40
 
 
 def _largest_derivative(functions: LoopFunctions) -> float:
     """The largest derivative of a function over the range, or 1 if that is larger."""
-    q = np.linspace(functions.range.lower, functions.range.upper, _LOOKS)
-    u = np.full(_LOOKS, functions.drive_range.middle if functions.drive_range is not None else 0.0)
+    q = np.linspace(functions.range.lower, functions.range.upper, _SAMPLES)
+    u = np.full(_SAMPLES, functions.drive_range.middle if functions.drive_range is not None else 0.0)
     derivatives = [evaluate(s, functions, q, u, 1) for found in functions.series.values() for s in found]
     return max([1.0, *(float(np.abs(derivative).max()) for derivative in derivatives)])
 
 
-def refit(topology: Topology, assembly: Assembly, parameters: Mapping[str, float]) -> LoopFunctions:
+def refit(topology: Topology, embedded_loop: EmbeddedLoop, parameters: Mapping[str, float]) -> LoopFunctions:
     """The functions of an assembly with open geometry by other ``parameters`` (SI units), as core/mechanism/loop_fits.hpp finds them; its
     own where its loops do not close over the range."""
-    model, functions, moved = topology.model, assembly.functions, assembly.drive
+    model, functions, moved = topology.model, embedded_loop.functions, embedded_loop.drive
     model = replace(model, parameters=tuple(replace(p, value=parameters.get(p.name, p.value)) for p in model.parameters))
-    block = Block(carrier=assembly.carrier, bodies=assembly.bodies, joints=joints_of(model, assembly), drives=())
-    loops = BlockLoops(driven_by_time(without_assemblies(replace(topology, model=model)), moved), block)
-    independent, interval = loops.speeds[assembly.independent], functions.range
-    nodes = _nodes(interval, functions.nodes, turns=functions.turns)
+    block = Block(carrier=embedded_loop.carrier, bodies=embedded_loop.bodies, joints=joints_of(model, embedded_loop), drives=())
+    loops = BlockLoops(driven_by_time(without_embedded_loops(replace(topology, model=model)), moved), block)
+    independent, interval = loops.speeds[embedded_loop.independent], functions.range
+    nodes = _nodes(interval, functions.nodes, is_periodic=functions.is_periodic)
     u = np.full(len(nodes), functions.drive_range.middle if functions.drive_range is not None else 0.0)
-    poses = loops.close(place(loops, assembly.independent, functions, nodes, u)[0], u, independent)
+    poses = loops.close(place(loops, embedded_loop.independent, functions, nodes, u)[0], u, independent)
     if poses is None:
         return functions
     series = {}
     for chart in loops.own:
-        if chart.joint == assembly.independent:
+        if chart.joint == embedded_loop.independent:
             continue
         found = []
         whole_values, whole_derivatives = _coordinates(loops, chart, poses, independent)
         for i, one in enumerate(functions.series[chart.joint]):
             values, derivatives = whole_values[:, i : i + 1], whole_derivatives[:, i : i + 1]
-            if functions.turns:
+            if functions.is_periodic:
                 whole = fourier_integral(values, derivatives, nodes, one.growth)
             else:
                 whole = chebyshev_integral(derivatives, interval.half)

@@ -1,7 +1,7 @@
 """The motion of a block with one degree of freedom, and the coordinates that can be its independent one.
 
-A block is followed both ways from where the scene has it, until its equations come near to depending on each other.  A coordinate is
-independent on the part of this curve around the start on which it moves one way, and not much slower than the fastest one.
+A block is traced in both directions from its pose in the scene, until its equations come near to depending on each other.  A coordinate is
+independent on the part of this curve around the start on which it is monotone, and not much slower than the fastest one.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from cutjoint.analysis.closing import Array
-from cutjoint.analysis.embedding.block_loops import BlockLoops, NoAssemblyError, Poses
+from cutjoint.analysis.embedding.block_loops import BlockLoops, NoEmbeddingError, Poses
 from cutjoint.formulate.layout import Chart
 from cutjoint.model.records import Joint
 from cutjoint.topology.blocks import Block
@@ -20,16 +20,16 @@ from cutjoint.topology.records import degrees
 
 #: Why a block has no functions.
 NO_INDEPENDENT = "no joint with one coordinate can be independent in it"
-#: The step along a motion: the largest turn, or slide beside the block's size; and the most steps one way.
+#: The step along a motion, the largest rotation or the largest displacement by the block's size; and the most steps in one direction.
 STEP, STEPS = 0.15, 150
-#: The largest condition of the equations beside that of the start, and of all.
+#: The largest condition of the equations relative to that of the start, and absolutely.
 _WORSE, _WORST = 10.0, 1e3
 
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """Closed poses of a block in the order in which it moves: ``q`` (n, coordinates), tangents ``speeds`` (n, speeds), the largest 1 beside
-    the scale of each.  ``start`` is the place of the scene's pose.  A curve that ``closes`` ends at the pose with which it begins."""
+    """Closed poses of a block in the order in which it moves: ``q`` (n, coordinates), tangents ``speeds`` (n, speeds), the largest 1 in
+    units of its scale. ``start`` is the place of the scene's pose. A curve that ``closes`` ends at the pose with which it begins."""
 
     q: Array
     speeds: Array
@@ -38,24 +38,24 @@ class Curve:
 
 
 #: Blocks that were followed, and how they move.
-Followed: TypeAlias = list[tuple[BlockLoops, Curve]]
+Traced: TypeAlias = list[tuple[BlockLoops, Curve]]
 
 
-def follow(loops: BlockLoops, u: float, known: Followed) -> Curve:
-    """Follow a block from where the scene has it, both ways, until its equations come near to depending on each other; an equal block or a
-    mirrored one moves as a ``known`` one, which it joins.
+def trace(loops: BlockLoops, u: float, known: Traced) -> Curve:
+    """Trace a block from its pose in the scene in both directions until its equations come near to depending on each other; an equal block
+    or a mirrored one moves as a ``known`` one, which it joins.
 
     Raises:
-        NoAssemblyError: the block does not close, or has another number of degrees of freedom than one.
+        NoEmbeddingError: the block does not close, or has another number of degrees of freedom than one.
     """
     start, rank = _start(loops, u)
-    alike = (_as_another(loops, other, curve, u, mirrored) for other, curve in known for mirrored in (False, True))
-    found = next((curve for curve in alike if curve is not None), None) or _follow(loops, start, rank, u)
+    alike = (_copied_from(loops, other, curve, u, mirrored) for other, curve in known for mirrored in (False, True))
+    found = next((curve for curve in alike if curve is not None), None) or _trace_branch(loops, start, rank, u)
     known.append((loops, found))
     return found
 
 
-def _as_another(loops: BlockLoops, other: BlockLoops, curve: Curve, u: float, mirrored: bool) -> Curve | None:
+def _copied_from(loops: BlockLoops, other: BlockLoops, curve: Curve, u: float, mirrored: bool) -> Curve | None:
     """The motion of another block as that of this one, or of one ``mirrored`` in y, if it closes this one's loops from where it is."""
     kinds = [[(chart.scalars, chart.ball) for chart in block.own] for block in (loops, other)]
     if kinds[0] != kinds[1]:
@@ -64,21 +64,21 @@ def _as_another(loops: BlockLoops, other: BlockLoops, curve: Curve, u: float, mi
     for own, theirs in zip(loops.own, other.own, strict=True):
         n, m = len(own.coordinate_names), len(own.speed_names)
         signs = np.array([1.0] * own.scalars + ([1.0, -1.0, 1.0, -1.0] if mirrored else [1.0] * 4) * own.ball)
-        turns = np.array([1.0] * own.scalars + ([-1.0, 1.0, -1.0] if mirrored else [1.0] * 3) * own.ball)
+        mirror = np.array([1.0] * own.scalars + ([-1.0, 1.0, -1.0] if mirrored else [1.0] * 3) * own.ball)
         first, there = loops.speeds[own.joint], other.speeds[theirs.joint]
         q[:, own.q : own.q + n] = signs * curve.q[:, theirs.q : theirs.q + n]
-        speeds[:, first : first + m] = turns * curve.speeds[:, there : there + m]
+        speeds[:, first : first + m] = mirror * curve.speeds[:, there : there + m]
     residual, jacobian = loops.evaluate(q, np.full(len(q), u))
     drift = np.abs(np.einsum("nij,nj->ni", jacobian, speeds)).max(initial=0.0)
     begins = np.abs(q[curve.start] - loops.design()[0]).max() < _ALIKE
     return replace(curve, q=q, speeds=speeds) if begins and max(np.abs(residual).max(initial=0.0), drift) < _ALIKE else None
 
 
-#: The largest gap, and drift of one at unit speeds, of a motion that is taken over.
+#: The largest residual, and rate of one at unit speeds, of a motion that is copied from another block.
 _ALIKE = 1e-7
 
 
-def _follow(loops: BlockLoops, start: Poses, rank: int, u: float) -> Curve:
+def _trace_branch(loops: BlockLoops, start: Poses, rank: int, u: float) -> Curve:
     tangent, condition = _tangent(loops, start, rank, None)
     limit = min(_WORST, _WORSE * max(condition, 3.0))
     forth, closes = _march(loops, start, rank, tangent, u, limit)
@@ -88,23 +88,23 @@ def _follow(loops: BlockLoops, start: Poses, rank: int, u: float) -> Curve:
     if not closes:
         return Curve(q=q, speeds=speeds, start=len(back), closes=False)
     half = len(q) // 2  # the second half leads up to the start
-    q = np.concatenate([q[half:] - turns_of(q), q[:half]])
+    q = np.concatenate([q[half:] - full_turns(q), q[:half]])
     return Curve(q=q, speeds=np.concatenate([speeds[half:], speeds[:half]]), start=len(q) - half, closes=True)
 
 
-def turns_of(q: Array) -> Array:
+def full_turns(q: Array) -> Array:
     """The full turns by which coordinates differ at the end of a curve that closes."""
     return np.asarray(2 * np.pi * np.round((q[-1] - q[0]) / (2 * np.pi)))
 
 
 def fastest_joints(loops: BlockLoops, u: float) -> list[Joint]:
-    """The joints with one coordinate, the fastest where the scene has the block first; errors as of `follow`."""
+    """The joints with one coordinate, the fastest where the scene has the block first; errors as of `trace`."""
     start, rank = _start(loops, u)
     tangent = np.abs(_tangent(loops, start, rank, None)[0] / loops.scales)
     joints = {joint.name: joint for joint in loops.block.joints}
     single = [chart.joint for chart in loops.own if len(chart.speed_names) == 1]
     if not single:
-        raise NoAssemblyError(NO_INDEPENDENT)
+        raise NoEmbeddingError(NO_INDEPENDENT)
     return [joints[name] for name in sorted(single, key=lambda name: -float(f"{tangent[loops.speeds[name]]:.2g}"))]
 
 
@@ -112,17 +112,17 @@ def _start(loops: BlockLoops, u: float) -> tuple[Poses, int]:
     """The pose in which the scene has a block, and the rank of its equations there."""
     start = loops.close(loops.design(), np.full(1, u), None)
     if start is None:
-        raise NoAssemblyError("it does not close where the scene has it")
+        raise NoEmbeddingError("it does not close where the scene has it")
     values = np.linalg.svd(start.jacobian[0], compute_uv=False)
     rank = int(np.sum(values > TOLERANCE * values.max(initial=0.0)))
     freedom = loops.size - rank
     if freedom != 1:
-        raise NoAssemblyError(f"it has {freedom} degrees of freedom beside '{loops.block.carrier}', and one is wanted")
+        raise NoEmbeddingError(f"it has {freedom} degrees of freedom relative to '{loops.block.carrier}' instead of one")
     return start, rank
 
 
 def _march(loops: BlockLoops, start: Poses, rank: int, tangent: Array, u: float, limit: float) -> tuple[list[tuple[Poses, Array]], bool]:
-    """Poses one way from the start, with their tangents; and whether they come back to it."""
+    """Poses in one direction from the start, with their tangents; and whether they return to it."""
     found: list[tuple[Poses, Array]] = []
     poses, before = start, None
     while len(found) < STEPS:
@@ -143,7 +143,7 @@ def _march(loops: BlockLoops, start: Poses, rank: int, tangent: Array, u: float,
 
 
 def _tangent(loops: BlockLoops, poses: Poses, rank: int, like: Array | None) -> tuple[Array, float]:
-    """The motion that the equations leave free, turned like another one, and the condition of the equations."""
+    """The motion that the equations leave free, with the sign of another one, and the condition of the equations."""
     scales = loops.scales
     _, values, rows = np.linalg.svd(poses.jacobian[0] * scales)
     free = rows[-1] / np.abs(rows[-1]).max()
@@ -153,15 +153,15 @@ def _tangent(loops: BlockLoops, poses: Poses, rank: int, like: Array | None) -> 
 
 
 def _apart(loops: BlockLoops, one: Array, other: Array) -> float:
-    """The largest distance of two poses, full turns left out, beside the scales."""
+    """The largest distance of two poses in units of the scales, without full turns."""
     found = 0.0
     for chart in loops.own:
         a, b = one[chart.q : chart.q + len(chart.coordinate_names)], other[chart.q : chart.q + len(chart.coordinate_names)]
         first = loops.speeds[chart.joint]
-        ways = a[: chart.scalars] - b[: chart.scalars]
-        turning = loops.turning[first : first + chart.scalars]
-        ways = np.where(turning, np.abs(np.exp(1j * ways) - 1), np.abs(ways) / loops.scales[first : first + chart.scalars])
-        found = max(found, float(ways.max(initial=0.0)))
+        differences = a[: chart.scalars] - b[: chart.scalars]
+        own = slice(first, first + chart.scalars)
+        differences = np.where(loops.is_rotation[own], np.abs(np.exp(1j * differences) - 1), np.abs(differences) / loops.scales[own])
+        found = max(found, float(differences.max(initial=0.0)))
         if chart.ball:
             found = max(found, 2 * max(0.0, 1 - float(a[-4:] @ b[-4:]) ** 2) ** 0.5)
     return found
@@ -177,7 +177,7 @@ class Independent:
     value: float
     lower: float
     upper: float
-    turns: bool
+    is_periodic: bool
     travel: float
     curve: Array
     closes: bool
@@ -187,7 +187,7 @@ def find_independent(loops: BlockLoops, curve: Curve) -> list[Independent]:
     """The coordinates that can be independent in a block, the one that gets farthest first.
 
     Raises:
-        NoAssemblyError: there is none.
+        NoEmbeddingError: there is none.
     """
     candidates = []
     joints = {joint.name: joint for joint in loops.block.joints}
@@ -197,11 +197,11 @@ def find_independent(loops: BlockLoops, curve: Curve) -> list[Independent]:
             if independent is not None:
                 candidates.append(independent)
     if not candidates:
-        raise NoAssemblyError(NO_INDEPENDENT)
+        raise NoEmbeddingError(NO_INDEPENDENT)
     return sorted(candidates, key=lambda independent: -independent.travel)
 
 
-#: The least speed of an independent coordinate beside the fastest of all.
+#: The least speed of an independent coordinate as a share of the largest of all.
 _SLOWEST = 0.08
 
 
@@ -218,9 +218,9 @@ def _lead(loops: BlockLoops, joint: Joint, chart: Chart, curve: Curve) -> Indepe
     while last < len(good) - 1 and good[last + 1]:
         last += 1
     values = curve.q[first : last + 1, chart.q]
-    turns = bool(curve.closes and good.all() and loops.turning[place])
+    is_periodic = bool(curve.closes and good.all() and loops.is_rotation[place])
     value = float(curve.q[curve.start, chart.q])
-    if turns:
+    if is_periodic:
         lower, upper = value - np.pi, value + np.pi
         if abs(abs(values[-1] - values[0]) - 2 * np.pi) > 2 * STEP:
             return None
@@ -230,8 +230,8 @@ def _lead(loops: BlockLoops, joint: Joint, chart: Chart, curve: Curve) -> Indepe
         return None
     poses = curve.q[first : last + 1]
     return Independent(
-        joint=joint, place=place, value=value, lower=lower, upper=upper, turns=turns, travel=STEP * (last - first),
-        curve=poses if sign > 0 else poses[::-1], closes=turns,
+        joint=joint, place=place, value=value, lower=lower, upper=upper, is_periodic=is_periodic, travel=STEP * (last - first),
+        curve=poses if sign > 0 else poses[::-1], closes=is_periodic,
     )  # fmt: skip
 
 
@@ -243,13 +243,13 @@ def spanning_cuts(block: Block, independent: Joint, used: Sequence[str]) -> froz
     distance = {body: 0.0 for body in ends if body not in block.bodies}
     chosen: set[str] = set()
     while len(distance) < len(ends):
-        ways = [
+        differences = [
             (distance[a] + weight[j.name], 0 if j.element.closes else -1, n, j.name, c)
             for n, j in enumerate(block.joints)
             for a, c in ((j.base, j.follower), (j.follower, j.base))
             if a in distance and c not in distance
         ]
-        length, _, _, name, body = min(ways)
+        length, _, _, name, body = min(differences)
         distance[body] = length
         chosen.add(name)
     return frozenset(j.name for j in block.joints if j.name not in chosen)

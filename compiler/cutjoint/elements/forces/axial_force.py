@@ -15,9 +15,8 @@ _LAW = Law({"travel": "m", "rate": "m/s"}, "N")
 class AxialForce(LawForce):
     """Force along ``axis``, fixed in ``base``, that pushes ``point`` of ``follower`` in the axis' direction.
 
-    ``law`` is that push in N over ``travel`` (m), the component along the axis of the way from ``origin`` on
-    ``base`` to ``point``, its ``rate`` (m/s), ``t`` and parameters.  The reaction acts on ``base`` on the
-    same line.
+    ``law`` is that push in N over ``travel`` (m), the component along the axis of the vector from ``origin`` on ``base`` to ``point``, its
+    ``rate`` (m/s), ``t`` and parameters. The reaction acts on ``base`` on the same line.
     """
 
     element: ClassVar[ForceElement] = ForceElement(
@@ -42,7 +41,7 @@ class AxialForce(LawForce):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of what a reader reads."""
+        """The record of an element in a model file."""
         return cls(
             **reader.common(), origin=reader.point("origin"), point=reader.point("point"),
             axis=reader.direction("axis"), law=reader.law("law", law=_LAW),

@@ -52,7 +52,7 @@ class BodyLoad(Force):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of what a reader reads."""
+        """The record of an element in a model file."""
         is_force = reader.given("force") is not None
         name, law = ("force", _FORCE) if is_force else ("torque", _TORQUE)
         components = reader.triple(name, law, let="let")
@@ -68,12 +68,12 @@ class BodyLoad(Force):
 
     @property
     def has_frame(self) -> bool:
-        """Return whether the load counts along axes of the body."""
+        """Return whether the load has components along axes of the body."""
         return self.in_body
 
     @property
     def needs_attitude(self) -> bool:
-        """Return whether the load has components in the body's axes, or turns the body."""
+        """Return whether the load has components in the body's axes, or a torque."""
         return self.in_body or self.point is None
 
     @property

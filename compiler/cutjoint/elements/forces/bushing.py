@@ -25,11 +25,11 @@ def _problem(part: Any) -> tuple[str, ...]:
 class Bushing(Force):
     """Six forces between two bodies at ``point``, common to both in the design position, along and about ``axes`` of ``base``.
 
-    With E the axes carried by the base and G those carried by the follower, the three displacements are E^T times the way from
-    the base's to the follower's point, the three rotations half the sum of the vector products of e_k and g_k (in E): for a small
-    angle the angle, for a large one its sine.  ``laws`` are six expressions over ``position`` (m, rad), its ``rate``, ``t`` and
-    parameters: forces on the follower at its point (N) and what works on its rotations (N m).  The base has the opposite
-    wrench at the same point, so that the power of the pair is the sum of law times rate.
+    With E the axes carried by the base and G those carried by the follower, the three displacements are E^T times the vector from the
+    base's to the follower's point, the three rotations half the sum of the vector products of e_k and g_k (in E): for a small angle the
+    angle, for a large one its sine. ``laws`` are six expressions over ``position`` (m, rad), its ``rate``, ``t`` and parameters: forces on
+    the follower at its point (N) and what works on its rotations (N m). The base has the opposite wrench at the same point, so that the
+    power of the pair is the sum of law times rate.
     """
 
     element: ClassVar[ForceElement] = ForceElement(
@@ -61,7 +61,7 @@ class Bushing(Force):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of what a reader reads."""
+        """The record of an element in a model file."""
         axes = reader.frame()
         return cls(
             **reader.common(), point=reader.point("at"), axes=axes,

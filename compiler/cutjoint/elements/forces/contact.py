@@ -13,7 +13,7 @@ from cutjoint.elements.terms import Scalar, Vector
 _MOTION = {"deflection": "m", "deflection_rate": "m/s", "vx": "m/s", "vy": "m/s", "turn": "rad/s"}
 _FORCE = Law(_MOTION, "N")
 
-#: The motion that counts the other way in the image.
+#: The motion that changes its sign in the image.
 _SIDEWAYS = ("vy", "turn")
 
 
@@ -69,7 +69,7 @@ class Contact(Force):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of what a reader reads."""
+        """The record of an element in a model file."""
         is_plane = reader.given("normal") is not None
         normal = reader.direction("normal") if is_plane else None
         return cls(
@@ -85,7 +85,7 @@ class Contact(Force):
         return frozenset(_MOTION)
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
-        """The image of the contact, whose second direction counts the other way."""
+        """The image of the contact, whose second direction has the opposite sign."""
         x, y, z = (mirror.opposite(part, _SIDEWAYS) for part in self.force)
         return replace(super().mirrored(mirror, signs), force=(x, -y, z))
 

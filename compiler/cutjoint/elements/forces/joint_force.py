@@ -1,4 +1,4 @@
-"""Forces on the coordinates of a joint, and on all turns of a ball."""
+"""Forces on the coordinates of a joint, and on all rotations of a ball."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ class JointForce(OnJoint, LawForce):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of what a reader reads."""
+        """The record of an element in a model file."""
         joint, coordinate, unit = reader.coordinate("joint", "coordinate")
         return cls(**reader.common(), joint=joint, coordinate=coordinate, unit=unit, law=reader.law("law", law=law_on(unit)))
 
@@ -46,17 +46,17 @@ class JointForce(OnJoint, LawForce):
         return law_on(self.unit)
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
-        """The image of the force: its law counts the other way where its coordinate does."""
+        """The image of the force: its law has the sign of its coordinate."""
         return replace(self, law=mirror.reflected(self.law, signs.get(self.joint, {}).get(self.coordinate, 1)))
 
 
 @dataclass(frozen=True, kw_only=True)
 class BallSpring(Force):
-    """The spring and the damper of a joint that leaves all turns free, the field ``spring`` of a spherical joint.
+    """The spring and the damper of a joint with three rotational degrees of freedom, the field ``spring`` of a spherical joint.
 
-    The torque on ``follower`` is -``stiffness`` (N m) times the rotation vector by which it is turned out of rest, less ``damping`` (N m s)
-    times its angular velocity beside ``base``.  The base has the reaction.  At rest the follower's design axes stand as ``axes`` of the
-    base.  ``of`` is the joint's name.
+    The torque on ``follower`` is -``stiffness`` (N m) times its rotation vector from the attitude of rest, less ``damping`` (N m s) times
+    its angular velocity relative to ``base``. The base has the reaction. At rest the follower's design axes stand as ``axes`` of the base.
+    ``of`` is the joint's name.
     """
 
     element: ClassVar[ForceElement] = ForceElement(

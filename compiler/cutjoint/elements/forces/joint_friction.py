@@ -1,4 +1,4 @@
-"""Friction in a joint that follows from what the joint carries."""
+"""Friction in a joint that depends on the joint's load."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from cutjoint.elements.force import Bristle, ForceElement, ForceField, Mirror, O
 from cutjoint.elements.interactions import CoordinateFriction
 from cutjoint.elements.terms import Scalar
 
-#: Fields of what the joint's load is, beside the coefficients and the bristle's.
+#: Fields of the joint's load; the others are coefficients and those of the bristle.
 _OF_LOAD = {"preload": "N", "radius": "m", "arm": "m", "thrust_radius": "m"}
 
 
@@ -56,7 +56,7 @@ class JointFriction(OnJoint):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of what a reader reads."""
+        """The record of an element in a model file."""
         joint, coordinate, unit = reader.coordinate("joint", "coordinate")
         law, bristle = reader.friction(unit)
         preload, radius, arm, thrust_radius = (
@@ -74,9 +74,9 @@ class JointFriction(OnJoint):
 
     @property
     def by_load(self) -> bool:
-        """Return whether it follows from what its joint carries."""
+        """Return whether it depends on the load of its joint."""
         return self.carried
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
-        """The force itself: it is the same both ways."""
+        """The force itself: it has no direction."""
         return self

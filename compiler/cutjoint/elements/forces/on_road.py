@@ -1,4 +1,4 @@
-"""The common part of wheels on the road: the ground that a wheel has under it beside the scene's road."""
+"""The common part of wheels on the road: terrain under a wheel in addition to the scene's road."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -41,17 +41,17 @@ class OnRoad(Force):
 
     @property
     def terrain_reads_elements(self) -> bool:
-        """Return whether the ground under the wheel follows from other elements."""
+        """Return whether the terrain under the wheel depends on other elements."""
         return any(map(reads_elements, self.terrain.values()))
 
     def with_added_terrain(self, added: Mapping[str, Scalar]) -> Self:
-        """The wheel with ground that is ``added``, by the names of the fields: heights and slopes are summed, frictions multiplied."""
+        """The wheel with ``added`` terrain, by the names of the fields: heights and slopes are summed, frictions multiplied."""
         own = self.terrain
         both = {name: own[name] * x if name == "friction" else own[name] + x for name, x in added.items() if name in own}
         return replace(self, **{**added, **both})
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
-        """The image: the ground falls the other way along the mirrored axis."""
+        """The image: the slope along the mirrored axis changes its sign."""
         along, across, _ = mirror.signs
         slope, bank = (
             None if value is None else sign * value for value, sign in ((self.terrain_slope, along), (self.terrain_bank, across))

@@ -16,7 +16,7 @@ CALSPAN = ("A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2")
 #: Numbers that are fields of their own, with units.
 _UNITS = {"stiffness": "N/m", "radius": "m", "spin_inertia": "kg*m^2"}
 
-#: Quantities that count the same way on the other side.
+#: Quantities that keep their sign on the other side.
 _EVEN = ("Fz", "deflection")
 
 
@@ -50,7 +50,7 @@ class Tyre(OnRoad):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of what a reader reads."""
+        """The record of an element in a model file."""
         constants = {name: reader.number(name, unit=unit) for name, unit in _UNITS.items()}
         constants |= {name: reader.number("calspan", name, unit="") for name in CALSPAN}
         return cls(

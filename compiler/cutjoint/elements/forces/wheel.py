@@ -17,7 +17,7 @@ _MOTION = {
 }  # fmt: skip
 _FORCE, _MOMENT = Law(_MOTION, "N"), Law(_MOTION, "N*m")
 
-#: The motion that counts the other way on the other side of a vehicle.
+#: The motion that changes its sign on the other side of a vehicle.
 _SIDEWAYS = ("vy", "camber", "turn")
 
 
@@ -53,7 +53,7 @@ class Wheel(OnRoad):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of what a reader reads."""
+        """The record of an element in a model file."""
         return cls(
             **reader.common(), body=reader.body("body"), centre=reader.point("centre"), axis=reader.direction("axis"),
             free_radius=reader.number("radius", unit="m"), force=reader.triple("force", _FORCE, let="let"),
@@ -76,7 +76,7 @@ class Wheel(OnRoad):
         return frozenset() if self.terrain_reads_elements else frozenset(_MOTION)
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
-        """The image of the wheel, whose sideways motion and forces count the other way."""
+        """The image of the wheel, whose lateral motion and forces change their sign."""
         (fx, fy, fz), (mx, my, mz) = (tuple(mirror.opposite(part, _SIDEWAYS) for part in parts) for parts in (self.force, self.moment))
         return replace(super().mirrored(mirror, signs), force=(fx, -fy, fz), moment=(-mx, my, -mz))
 

@@ -28,7 +28,7 @@ _NEAR, _SERIES = 1e-3, (1 / 9, -1 / 7, 1 / 5, -1 / 3, 1.0)
 
 @dataclass(frozen=True, kw_only=True)
 class AttitudeForce(Interaction):
-    """A torque over the rotation vector between ``frame``, the axes of rest that the base carries, and the follower's axes."""
+    """A torque over the rotation vector between ``frame``, the axes of rest fixed in the base, and the follower's axes."""
 
     frame: Frame
     needs_attitude: ClassVar[bool] = True

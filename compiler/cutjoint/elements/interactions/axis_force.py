@@ -1,4 +1,4 @@
-"""A force along an axis that a body carries."""
+"""A force along a body-fixed axis."""
 
 from __future__ import annotations
 

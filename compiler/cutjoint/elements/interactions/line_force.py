@@ -25,7 +25,7 @@ class LineForce(Interaction):
     equation_of_points: ClassVar[str] = "n = (p_end - p_start)/length,  Q = -law(length, rate) n on the way between the points"
 
     def act(self, force: LawForce, m: Mechanics) -> dict[str, Block]:
-        """The tension draws both points together."""
+        """The tension pulls both points together."""
         n, values = self._stretch(m)
         law = m.law(force.law, values, self.position)
         m.apply_force_pair(self.start, self.end, m.b.neg(m.b.scale(law["force"], n)))

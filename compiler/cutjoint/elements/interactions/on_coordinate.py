@@ -41,7 +41,7 @@ class CoordinateFriction(Interaction):
     equation: ClassVar[str] = "tau = load law(rate, s) of one coordinate, with the share s of the bristle's deflection"
 
     def act(self, force: JointFriction, m: Mechanics) -> dict[str, Block]:
-        """The law waits for a load that the joint carries."""
+        """The law is applied when the joint's load is known."""
         law = m.scalar(force.law, {"rate": m.coordinate()["rate"]})
         if force.carried:
             m.apply_joint_friction(law)

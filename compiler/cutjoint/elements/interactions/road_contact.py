@@ -29,17 +29,17 @@ STANDING = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class WheelContact(Interaction):
-    """A wheel on the road, which has a track of its own in the runtime; ``turns`` where its body turns with it."""
+    """A wheel on the road, which has a track of its own in the runtime; ``rotates`` if its body does."""
 
     centre: Point
     axis: Axis
     needs_attitude: ClassVar[bool] = True
     has_road: ClassVar[bool] = True
-    turns: ClassVar[bool]
+    rotates: ClassVar[bool]
 
     def visuals(self) -> tuple[Visual, ...]:
         """A wheel."""
-        return (Wheel(self.centre, self.axis, self.turns),)
+        return (Wheel(self.centre, self.axis, self.rotates),)
 
     def meet(self, force: Any, m: Mechanics) -> Ground:
         """The road under the wheel."""
@@ -54,11 +54,11 @@ class WheelContact(Interaction):
 class RoadContact(WheelContact):
     """A wheel that rolls without a coordinate of its own."""
 
-    turns: ClassVar[bool] = False
+    rotates: ClassVar[bool] = False
     equation: ClassVar[str] = "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model"
 
     def act(self, force: Tyre, m: Mechanics) -> dict[str, Block]:
-        """The road pushes the wheel at the contact; spin and road turn it."""
+        """The road acts on the wheel at the contact, and on its attitude by the spin's angular momentum and the road's moment."""
         contact = self._contact(force, m)
         m.apply_force_at_offset(self.centre, contact.arm, contact.force, contact.moment)
         return contact.quantities
@@ -98,7 +98,7 @@ class Ground:
     upright: Block
 
     def camber(self, b: Builder) -> Block:
-        """The inclination of the wheel against the road, rad, positive where its top leans to the right."""
+        """The inclination of the wheel against the road, rad, positive if its top is inclined to the right."""
         return b.call("atan", b.call("div", b.dot(self.n, self.axis), b.dot(self.n, self.e_z)))
 
     def distance(self, b: Builder) -> Block:

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class RollingContact(WheelContact):
-    """A wheel on the road whose body turns with it."""
+    """A wheel on the road whose body rotates with it."""
 
-    turns: ClassVar[bool] = True
+    rotates: ClassVar[bool] = True
     equation: ClassVar[str] = "forces and moments of the contact by its motion, where the wheel's plane meets the road"
 
     def act(self, force: forces.Wheel, m: Mechanics) -> dict[str, Block]:
-        """The road pushes the wheel at the contact and turns it."""
+        """The road acts on the wheel at the contact."""
         b, (road, values) = m.b, self._contact(force, m)
         touches = b.call("lt", b.zero(1), values["deflection"])
         components = [
@@ -48,12 +48,12 @@ class RollingContact(WheelContact):
         return self._contact(force, m)[1]
 
     def _contact(self, force: forces.Wheel, m: Mechanics) -> tuple[Ground, dict[str, Block]]:
-        b, centre, axis, (w, beside) = m.b, m.point(self.centre), m.direction(self.axis), m.spin_and_relative_rate(self.centre.carrier)
+        b, centre, axis, (w, wheel_rate) = m.b, m.point(self.centre), m.direction(self.axis), m.spin_and_relative_rate(self.centre.carrier)
         road = meet_road(m, force, centre.x, axis.x)
         n, y, spin = road.n, road.axis, b.dot(road.axis, w)
-        lean, per_upright = b.dot(n, y), b.call("div", b.number(1.0), b.letter(road.upright, "u"))
+        inclination, per_upright = b.dot(n, y), b.call("div", b.number(1.0), b.letter(road.upright, "u"))
         distance = b.mul(b.mul(road.clearance, road.n_z), per_upright)
-        tilt = b.mul(lean, per_upright)
+        tilt = b.mul(inclination, per_upright)
         sinking = b.add(b.dot(n, centre.v), b.mul(distance, b.mul(tilt, b.dot(n, axis.v))))
         return road, {
             "deflection": b.sub(m.scalar(force.free_radius, {}), distance),
@@ -61,8 +61,8 @@ class RollingContact(WheelContact):
             "loaded_radius": distance,
             "vx": b.dot(road.e_x, centre.v),
             "vy": b.dot(road.e_y, b.sub(centre.v, b.scale(distance, b.cross(w, road.e_z)))),
-            "spin": b.add(spin, beside),
+            "spin": b.add(spin, wheel_rate),
             "camber": b.call("atan", tilt),
-            "turn": b.sub(b.dot(n, w), b.mul(spin, lean)),
+            "turn": b.sub(b.dot(n, w), b.mul(spin, inclination)),
             "road_friction": road.friction,
         }

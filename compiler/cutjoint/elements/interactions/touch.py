@@ -64,12 +64,12 @@ class Touch(Interaction):
     def _contact(self, force: forces.Contact, m: Mechanics) -> tuple[_Surface, dict[str, Block]]:
         b, displacement, turning = m.b, m.displacement(self.start, self.centre), m.spin(Carrier.BASE)
         at = self._meet(force, m, b.letter(displacement.x, "w"))
-        beside = b.letter(b.sub(displacement.v, b.cross(turning, displacement.x)), "u")
+        relative_velocity = b.letter(b.sub(displacement.v, b.cross(turning, displacement.x)), "u")
         spin = b.sub(m.spin(Carrier.FOLLOWER), turning)
-        v = b.letter(b.sub(beside, b.scale(b.letter(at.distance, "l"), b.cross(spin, b.letter(at.n, "n")))), "v")
+        v = b.letter(b.sub(relative_velocity, b.scale(b.letter(at.distance, "l"), b.cross(spin, b.letter(at.n, "n")))), "v")
         return at, {
             "deflection": b.sub(m.scalar(force.ball, {}), at.distance),
-            "deflection_rate": b.neg(b.dot(at.n, beside)),
+            "deflection_rate": b.neg(b.dot(at.n, relative_velocity)),
             "vx": b.dot(at.e_x, v),
             "vy": b.dot(b.cross(at.n, at.e_x), v),
             "turn": b.dot(at.n, spin),
@@ -88,7 +88,7 @@ class Touch(Interaction):
         )
 
     def swapped(self, force: forces.Contact) -> Mapping[str, Any]:
-        """Base and follower are not alike."""
+        """Base and follower are different shapes."""
         return {}
 
     def arrow(self, force: forces.Contact, context: VisualContext) -> Arrow:

@@ -176,7 +176,7 @@ def _view(standalone: Standalone, interface: Interface, version: int, kind: str,
         "functions": sorted(set(re.findall(rf"\b{name}_(\w+)\(", standalone.files[header]))),
         "stops": stops, "missing": missing_functions(exchanges=exchanges, stops_at_events=stops),
         "adaptive": steps.adaptive, "iterated": steps.is_iterated, "has_poses": bool(standalone.poses),
-        "starts": interface.starts, "rated": interface.rated, "samples": bool(standalone.parts.stepped.held),
+        "starts": interface.starts, "rated": interface.rated, "samples": bool(standalone.parts.stepped.discrete_states),
         "mark": sha256(f"{standalone.digest} {standalone.integrator} {interface!r}".encode()).hexdigest()[:16],
         **{kind: [repr(v.start) for v in getattr(interface, kind)] for kind in ("parameters", "settings", "inputs")},
     }  # fmt: skip

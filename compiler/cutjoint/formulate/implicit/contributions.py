@@ -100,7 +100,7 @@ class SharedForces(BodySystem):
 
 
 def paths(motions: Motions, wrenches: Mapping[str, Block]) -> Iterator[tuple[str, Block, list[Motion]]]:
-    """Body, wrench, and the motions on the path from it to what the element's bodies are carried by in common."""
+    """Body, wrench, and the motions on the path from it to the common carrier of the element's bodies."""
     chains = [motions.chains.get(body, ()) for body in wrenches]
     common = set(chains[0]).intersection(*chains[1:]) if len(chains) > 1 else set()
     for body, wrench in wrenches.items():
@@ -111,7 +111,7 @@ def paths(motions: Motions, wrenches: Mapping[str, Block]) -> Iterator[tuple[str
 def wrench_tangent(
     motions: Motions, variations: Mapping[tuple[int, int], Variation], wrenches: Mapping[str, Block], *, sees: bool = False
 ) -> Iterator[tuple[Motion, Motion, Block]]:
-    """The entries that the change of one element's wrenches makes, to be taken from the tangent: row, column, value.
+    """The entries of the change of one element's wrenches, to be subtracted from the tangent: row, column, value.
 
     Where the element ``sees`` more than its own bodies, all motions may change it.
     """
@@ -131,7 +131,7 @@ def wrench_tangent(
 
 @dataclass(frozen=True, kw_only=True)
 class Composite:
-    """A body and all that it carries: M (6, 6), the columns B (6, 3) by an angular change, F (6, 1)."""
+    """A body and all bodies that it carries: M (6, 6), the columns B (6, 3) by an angular change, F (6, 1)."""
 
     M: Block
     B: Block
@@ -178,7 +178,7 @@ def _turning(k: Kinematics, body: Body) -> Block:
 
 
 def force_cross(b: Builder, motion: Block, force: Block) -> Block:
-    """The rate of a force carried by a twist: [w x f; v x f + w x n] (Featherstone 2008, eq. 2.32)."""
+    """The rate of a force moving with a twist: [w x f; v x f + w x n] (Featherstone 2008, eq. 2.32)."""
     (v, w), (f, n) = halves(b, motion), halves(b, force)
     return b.stack([[b.cross(w, f)], [b.add(b.cross(v, f), b.cross(w, n))]])
 

@@ -66,20 +66,20 @@ from cutjoint.formulate.records import (
     energy_slots,
     system_functions,
 )
-from cutjoint.formulate.recursive.embedding.elimination import close_held, range_margins
+from cutjoint.formulate.recursive.embedding.elimination import embedded_reactions, range_margins
 from cutjoint.formulate.recursive.embedding.open_geometry import fit_slots, loop_fits
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.friction import add_friction, load_frictions
 from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, LoopClosure, constraint_wrenches, derive_loops, loop_errors, transport
-from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
+from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, prescribed_accelerations
 from cutjoint.formulate.recursive.quantities import Forces
 from cutjoint.formulate.states import placed_states, sample_function, sample_slots, state_residuals, state_tangent, still_states
 from cutjoint.methods import DEFAULT_CLOSURE
 from cutjoint.model.expressions.dependencies import seeing_forces
 from cutjoint.model.expressions.quantities import unit_of
-from cutjoint.model.records import GROUND, Assembly, Output
+from cutjoint.model.records import GROUND, EmbeddedLoop, Output
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.program.indicators import find_domains, find_indicators
 
@@ -101,7 +101,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     numbers = Numbers(penalties={}, damping_ratio=still, frequency=still)
     loops, gears = derive_loops(k, topology.cuts, numbers), derive_gears(k, model.gears, numbers)
     penalty = b.symbol("penalty", 1, BindingTime.ITERATION)
-    closed, Zdd, acting = tuple(close(k, loop, penalty) for loop in loops), given_accelerations(k), system
+    closed, Zdd, acting = tuple(close(k, loop, penalty) for loop in loops), prescribed_accelerations(k), system
     reactions = Reactions(kinematics=k, loops=loops, M=masses, Q=system.Q, Zdd=Zdd, acting=system.cut_joint_wrenches)
     if frictions := load_frictions(model, system):
         acting = system.copy()
@@ -114,13 +114,13 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         gear_multipliers=tuple(augmented_multipliers(k, gear, penalty) for gear in gears), Zdd=Zdd, M=masses, Q=weights_of_masses,
     )  # fmt: skip
     if topology.embedded:
-        held = close_held(k, derive_loops(k, topology.embedded, numbers), reactions.carried, acting.joint_forces)
+        held = embedded_reactions(k, derive_loops(k, topology.embedded, numbers), reactions.carried, acting.joint_forces)
         reactions = replace(reactions, loops=(*loops, *held))
     reporter = Reporter(
         model=model, kinematics=k, forces=forces, loops=reactions.loops, gears=gears, Zdd=system_of.Zdd, reactions=reactions
     )  # fmt: skip
     dynamic_residual = system_of.dynamic_residual()
-    switching = [*dynamic_residual.values(), *k.guided_rates]  # a jump of a guide that no force feels has work too
+    switching = [*dynamic_residual.values(), *k.guided_rates]  # a jump of a guide does work even if no force depends on it
     laws = derive_scene_inputs(b, model, scene, switching)
     fits = loop_fits(b, topology)
     indicators = [*find_indicators(b, switching), *laws.indicators]
@@ -159,7 +159,7 @@ def formulate_residual(start: RecursiveEquations, closure: str = DEFAULT_CLOSURE
     add_bodies(system, k, model)
     masses, weights_of_masses = dict(system.M), dict(system.Q)
     add_forces(system, k, model, scene, ())
-    Zdd, numbers = given_accelerations(k), make_numbers(b, topology.closing, closure)
+    Zdd, numbers = prescribed_accelerations(k), make_numbers(b, topology.closing, closure)
     loops, gears = derive_loops(k, topology.cuts, numbers), derive_gears(k, model.gears, numbers)
     if frictions := load_frictions(model, system):
         add_friction(frictions, system, k, Forces(), Reactions(
@@ -206,19 +206,19 @@ class _System:
         results: dict[str, Block] = {}
         for body, value in self.unbalanced.items():
             joint = k.motions[body].tree_joint.joint
-            if joint.name in k.topology.model.following:
+            if joint.name in k.topology.model.dependent_joints:
                 continue
-            for assembly in k.topology.model.assemblies:
-                if assembly.independent == joint.name:
+            for embedded_loop in k.topology.model.embedded_loops:
+                if embedded_loop.independent == joint.name:
                     with b.section("force_residual", joint.name, "sum of slope (S^T F^c - tau)", joint.span.place):
-                        value = b.total([value, *self._followers_share(assembly)])
+                        value = b.total([value, *self._followers_share(embedded_loop)])
             results[f"force_residual:{joint.name}"] = b.record(value, "force_residual", joint.name)
         closing: tuple[Closing, ...] = (*self.loops, *self.gears)
         results |= state_residuals(b, k.translator, self.start.topology.model)
         return results | {f"residual:{c.element.name}": b.record(c.residual, "residual", c.element.name) for c in closing}
 
-    def _followers_share(self, assembly: Assembly) -> Iterator[Block]:
-        for body in assembly.bodies:
+    def _followers_share(self, embedded_loop: EmbeddedLoop) -> Iterator[Block]:
+        for body in embedded_loop.bodies:
             derivative = self.k.motions[body].derivative
             if derivative is not None and body in self.unbalanced:
                 yield self.b.dot(derivative, self.unbalanced[body])
@@ -361,7 +361,7 @@ class _System:
                 x = b.symbol(f"vdot:{motion.chart.joint}", len(motion.chart.speed_names), BindingTime.ITERATION)
                 moved[body] = b.add(moved[body], b.mul(motion.b, x))
             elif motion.follows is not None:
-                independent = self.k.topology.model.following[motion.tree_joint.joint.name].independent
+                independent = self.k.topology.model.dependent_joints[motion.tree_joint.joint.name].independent
                 x = b.symbol(f"vdot:{independent}", 1, BindingTime.ITERATION)
                 moved[body] = b.add(moved[body], b.mul(motion.follows, x))
         for loop in self.loops:
@@ -386,7 +386,7 @@ class _System:
                 for body in dict.fromkeys(m.body for m in path):
                     motion = self.k.motions[body]
                     joint = motion.tree_joint.joint.name
-                    following, S = self.k.topology.model.following.get(joint), motion.b if motion.b is not None else motion.follows
+                    following, S = self.k.topology.model.dependent_joints.get(joint), motion.b if motion.b is not None else motion.follows
                     assert S is not None
                     joint = following.independent if following else joint
                     forces[joint] = b.sub(forces[joint], b.mul(b.transpose(S), wrench))

@@ -29,7 +29,7 @@ from cutjoint.program.differentiate import Inputs, Variation
 
 @dataclass(frozen=True, kw_only=True)
 class StepWeights:
-    """Blocks of the weights of a tangent: what multiplies dQ/dv, dQ/dq and the equations' penalty."""
+    """Blocks of the weights of a tangent: the factors of dQ/dv, dQ/dq and the equations' penalty."""
 
     damping: Block
     stiffness: Block
@@ -64,7 +64,7 @@ class Motion:
 
     @property
     def key(self) -> tuple[int, int]:
-        """A pair of numbers that distinguishes the motion from all others; those of an assembly, which change at once, have one."""
+        """A pair of numbers that distinguishes the motion from all others; those of an embedded loop, which change together, have one."""
         return self.row, -1 if self.is_embedded else self.group
 
 
@@ -89,7 +89,7 @@ class Motions:
         return k.body in self.chains[j.body]
 
     def columns(self) -> dict[tuple[int, int], list[Motion]]:
-        """The motions that change at once, by their key."""
+        """The motions that change together, by their key."""
         found: dict[tuple[int, int], list[Motion]] = {}
         for motion in self.all():
             found.setdefault(motion.key, []).append(motion)
@@ -144,14 +144,14 @@ def derive_motions(k: Kinematics, Zdd: Mapping[str, Block], weights: StepWeights
     """The motions of all joints with unknowns; ``Zdd`` are the bodies' accelerations, less that of gravity."""
     chains: dict[str, tuple[str, ...]] = {}
     of_body: dict[str, tuple[Motion, ...]] = {}
-    assemblies = _Assemblies(k=k, weights=weights)
+    embedded_loops = _EmbeddedLoops(k=k, weights=weights)
     for body, motion in k.motions.items():
         chains[body] = (body, *chains.get(motion.tree_joint.parent, ()))
         joint = motion.tree_joint.joint
         with k.builder.section(
             "tangent", joint.name, "DV = damping s + V x xi, c = s + damping V_b x s - xi x A - DV x V", joint.span.place
         ):
-            speeds = assemblies.speeds(motion)
+            speeds = embedded_loops.speeds(motion)
             of_body[body] = tuple(_motions(k, body, motion, Zdd, speeds)) if speeds else ()
     return Motions(k=k, weights=weights, of_body=of_body, chains=chains)
 
@@ -175,7 +175,7 @@ class _Speed:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Assemblies:
+class _EmbeddedLoops:
     """The joints of assemblies, which follow the coordinates of others."""
 
     k: Kinematics
@@ -189,7 +189,7 @@ class _Assemblies:
         if motion.chart is not None:
             size = len(motion.chart.speed_names)
             vdot = b.symbol(f"vdot:{joint.name}", size, BindingTime.ITERATION)
-            is_independent = any(assembly.independent == joint.name for assembly in model.assemblies)
+            is_independent = any(embedded_loop.independent == joint.name for embedded_loop in model.embedded_loops)
             return [
                 _Speed(
                     row=motion.chart.v + i, derivative=None, derivative_change=None, position_change=self.weights.stiffness,
@@ -200,19 +200,19 @@ class _Assemblies:
             ]  # fmt: skip
         if motion.own is None or motion.derivative is None:
             return []
-        independent = model.following[joint.name].independent
+        independent = model.dependent_joints[joint.name].independent
         chart = next(m.chart for m in self.k.motions.values() if m.chart is not None and m.chart.joint == independent)
         vdot, change = b.symbol(f"vdot:{independent}", 1, BindingTime.ITERATION), self._change(independent)
         found = []
-        for i, (rate, bend) in enumerate(zip(motion.rate, motion.acceleration, strict=True)):
+        for i, (rate, second_rate) in enumerate(zip(motion.rate, motion.acceleration, strict=True)):
             derivative = b.element(motion.derivative, i)
             derivative_change = change.of(derivative)
-            acceleration_change = b.total([derivative, change.of(bend), b.mul(vdot, derivative_change)])
+            acceleration_change = b.total([derivative, change.of(second_rate), b.mul(vdot, derivative_change)])
             found.append(
                 _Speed(
                     row=chart.v, derivative=derivative, derivative_change=derivative_change, velocity_change=change.of(rate),
                     position_change=b.mul(self.weights.stiffness, derivative), acceleration_change=acceleration_change,
-                    acceleration=b.add(b.mul(derivative, vdot), bend), is_embedded=True,
+                    acceleration=b.add(b.mul(derivative, vdot), second_rate), is_embedded=True,
                 )
             )  # fmt: skip
         return found
@@ -314,7 +314,7 @@ def change(k: Kinematics, gear: GearClosure, x: Mapping[str, Block]) -> Block:
 
 
 def speed_inputs(k: Kinematics) -> dict[str, Block]:
-    """The accelerations, or what stands in their place, by joint."""
+    """The accelerations, or their substitutes, by joint."""
     b, charts = k.builder, [motion.chart for motion in k.motions.values() if motion.chart is not None]
     return {c.joint: b.symbol(f"vdot:{c.joint}", len(c.speed_names), BindingTime.ITERATION) for c in charts}
 

@@ -1,8 +1,8 @@
 """The constraint equations of natural coordinates: products of points and unit vectors, and a few linear ones.
 
-Each has its residual Phi, the gradient of Phi by the nodes, its rate Phid = Phi_q qd + Phi_t, and the drift
-(d/dt Phi_q) qd + (d/dt Phi_t), so that Phidd = Phi_q qdd + drift.  A product of two displacements between points is divided by the longer
-way, so that every residual is in metres or, of two directions, in radians, times the arm of a mechanism far from a metre long.
+Each has its residual Phi, the gradient of Phi by the nodes, its rate Phid = Phi_q qd + Phi_t, and the drift (d/dt Phi_q) qd + (d/dt Phi_t),
+so that Phidd = Phi_q qdd + drift. A product of two displacements between points is divided by the longer displacement, so that every
+residual is in metres or, of two directions, in radians, times the arm of a mechanism far from a metre long.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -28,7 +28,7 @@ class Constraint:
     """Equations of one body, joint or gear: columns (m, 1), and the gradient (m, size) by node.
 
     ``by_use`` has the gradient (m, 3) by each body's part with its sign, ``by_displacement`` that by the displacement between a joint's
-    points, None where an equation of the joint does not hold that way.
+    points, None where an equation of the joint has none.
     """
 
     element: str
@@ -88,7 +88,7 @@ class _Row:
         )  # fmt: skip
 
     def add_gradient(self, uses: Uses, row: Block) -> None:
-        """Add a gradient (1, size) by what bodies have."""
+        """Add a gradient (1, size) by the bodies' uses of nodes."""
         for use in uses:
             signed = row if use.sign > 0 else self.b.neg(row)
             self.by_use.append((use, row))
@@ -110,7 +110,7 @@ class _Row:
             self.add_gradient(u, b.transpose(b.scale(weight, q.x)))
             self.add_gradient(w, b.transpose(b.scale(weight, p.x)))
 
-    def known(self, position: Block, rate: Block, acceleration: Block) -> None:
+    def subtract(self, position: Block, rate: Block, acceleration: Block) -> None:
         """Subtract a function of time."""
         b = self.b
         self.residual, self.rate, self.drift = (
@@ -176,12 +176,12 @@ class ConstraintMaker:
         )  # fmt: skip
 
     def _body(self, group: Group) -> Iterator[Constraint]:
-        """The constraints that keep a group rigid and hold it to shared nodes outside its basis."""
+        """The constraints that keep a group rigid and tie it to shared nodes outside its basis."""
         for u, w in group.pairs:
             name = _displacement_name(u) if u == w else f"{_displacement_name(u)}*{_displacement_name(w)}"
             yield self._stacked(group.name, [name], [self._remaining_row(group.name, u, w)])
         for node in group.surplus:
-            yield from self._held(group, node)
+            yield from self._surplus_node(group, node)
 
     def _remaining_row(self, group: str, u: Form, w: Form) -> _Row:
         """The product of two displacements keeps its design value."""
@@ -191,14 +191,14 @@ class ConstraintMaker:
         first, row.is_length = (Use(1, group, u),), len(u) == 2 or len(w) == 2
         row.product(weight, first, first if u == w else (Use(1, group, w),))
         constant = self._b.mul(weight, self._m.translator.scalar(p.dot(q)))
-        row.known(constant, self._b.zero(1), self._b.zero(1))
+        row.subtract(constant, self._b.zero(1), self._b.zero(1))
         return row
 
-    def _held(self, group: Group, node: Node) -> Iterator[Constraint]:
+    def _surplus_node(self, group: Group, node: Node) -> Iterator[Constraint]:
         """A group's own combination equals a shared node: three equations of a point, of a direction two, if the
         body has all directions and their own are numbers."""
         shared = (Use(1, node.body, {node: 1}),)
-        across = held_across(self._layout, group, node)
+        across = surplus_tangents(self._layout, group, node)
         if across is None:
             node_use = Use(-1, group.name, combination(group, node.kind, node.place))
             yield self._equal(group.name, node.name, (*shared, node_use))
@@ -234,12 +234,12 @@ class ConstraintMaker:
             case SumRow():
                 return self._sum(joint, row)
             case AngleRow(guide=None):
-                return self._measured(row, self._layout.angles[joint.name, row.coordinate])
+                return self._angle_equation(row, self._layout.angles[joint.name, row.coordinate])
             case AngleRow():
-                return self._turned(row, *self._guided_motion(row.guide))
+                return self._angle_terms(row, *self._guided_motion(row.guide))
         guided = self._row()
         guided.angle(self._layout.angles[joint.name, row.coordinate], sympy.Integer(-1))
-        guided.known(*self._guided_motion(row.guide))
+        guided.subtract(*self._guided_motion(row.guide))
         return guided
 
     def _sum(self, joint: Joint, row: SumRow) -> _Row:
@@ -247,12 +247,12 @@ class ConstraintMaker:
         for term in row.terms:
             self._add_term(found, self._m.translator.scalar(term.weight), *self._factors(joint, term))
         if row.constant is not None:
-            found.known(self._m.translator.scalar(row.constant), b.zero(1), b.zero(1))
+            found.subtract(self._m.translator.scalar(row.constant), b.zero(1), b.zero(1))
         if row.pitch is not None:
             (angle,) = joint.element.coordinates
             found.angle(self._layout.angles[joint.name, angle], row.pitch)
         if row.guide is not None:
-            found.known(*self._guided_motion(row.guide))
+            found.subtract(*self._guided_motion(row.guide))
         return found
 
     def _factors(self, joint: Joint, term: Term) -> tuple[Uses, Uses, bool]:
@@ -282,29 +282,29 @@ class ConstraintMaker:
         start = self._layout.point(joint.base, joint.at)
         return self._layout.use(joint.follower, end), self._layout.use(joint.base, start, -1)
 
-    def _measured(self, angle: AngleRow, node: Node) -> _Row:
+    def _angle_equation(self, angle: AngleRow, node: Node) -> _Row:
         """f . (b_2 cos angle - b_1 sin angle) = 0 for an angle that is a coordinate."""
         b, motion = self._b, self._m.node(node)
-        row = self._turned(angle, motion.x, motion.v, b.zero(1))
+        row = self._angle_terms(angle, motion.x, motion.v, b.zero(1))
         pointer, first, second = (self._m.direction(arm.body, arm.place).x for arm in (angle.pointer, angle.first, angle.second))
         products = b.dot(pointer, first), b.dot(pointer, second)
         reach = b.add(b.mul(b.call("cos", motion.x), products[0]), b.mul(b.call("sin", motion.x), products[1]))
         row.add_gradient((Use(-1, node.body, {node: 1}),), reach)
         return row
 
-    def _turned(self, row: AngleRow, angle: Block, rate: Block, acceleration: Block) -> _Row:
+    def _angle_terms(self, row: AngleRow, angle: Block, rate: Block, acceleration: Block) -> _Row:
         """f . (b_2 cos angle - b_1 sin angle) with its rate and drift, without a gradient by the angle."""
         b, found, pointer = self._b, self._row(), self._direction(row.pointer)
         sin, cos = b.call("sin", angle), b.call("cos", angle)
-        for weight, turned, arm in ((cos, b.neg(sin), row.second), (b.neg(sin), b.neg(cos), row.first)):
+        for weight, rate_factor, arm in ((cos, b.neg(sin), row.second), (b.neg(sin), b.neg(cos), row.first)):
             base = self._direction(arm)
             u, w = self._m.of(total(pointer)), self._m.of(total(base))
             found.product(weight, pointer, base)
             product = b.dot(u.x, w.x)
             change = b.add(b.dot(u.x, w.v), b.dot(w.x, u.v))
-            found.rate = b.add(found.rate, b.mul(b.mul(turned, rate), product))
-            twice = b.mul(b.mul(b.number(2.0), b.mul(turned, rate)), change)
-            second = b.mul(b.sub(b.mul(turned, acceleration), b.mul(weight, b.mul(rate, rate))), product)
+            found.rate = b.add(found.rate, b.mul(b.mul(rate_factor, rate), product))
+            twice = b.mul(b.mul(b.number(2.0), b.mul(rate_factor, rate)), change)
+            second = b.mul(b.sub(b.mul(rate_factor, acceleration), b.mul(weight, b.mul(rate, rate))), product)
             found.drift = b.add(found.drift, b.add(twice, second))
         return found
 
@@ -317,7 +317,7 @@ class ConstraintMaker:
             self._add_terms(inner, ((gear.second, 1),))
             law, derivative, second = gear_derivatives(gear, self._m.translator, inner.residual)
             drift = b.add(b.mul(derivative, inner.drift), b.mul(second, b.mul(inner.rate, inner.rate)))
-            row.known(law, b.mul(derivative, inner.rate), drift)
+            row.subtract(law, b.mul(derivative, inner.rate), drift)
             for use, gradient in inner.by_use:
                 row.add_gradient((use,), b.neg(b.mul(derivative, gradient)))
         return row
@@ -332,7 +332,7 @@ class ConstraintMaker:
             elif joint.guide is not None:
                 guide, weight = joint.guide[joint.element.coordinates.index(coordinate.name)], self._m.translator.scalar(-factor)
                 position, rate, acceleration = (b.mul(weight, part) for part in self._guided_motion(guide))
-                row.known(position, rate, acceleration)
+                row.subtract(position, rate, acceleration)
             else:
                 row.product(self._m.translator.scalar(factor), *self._slide(joint, coordinate.name))
                 row.is_length = True
@@ -345,21 +345,21 @@ class ConstraintMaker:
         return (self._layout.use(follower, end), self._layout.use(base, start, -1)), (self._layout.use(base, axis),)
 
     def _guided_motion(self, guide: Scalar) -> tuple[Block, Block, Block]:
-        """A guide's position, rate and acceleration; the latter are nought where the mechanism is held at rest."""
+        """A guide's position, rate and acceleration; the latter are zero while the equilibrium is sought."""
         b, motion = self._b, self._b.symbol("motion", 1, BindingTime.STEP)
         place, rate, acceleration = (self._m.translator.scalar(e) for e in guide_rates(guide, self._model))
         return place, b.mul(motion, rate), b.mul(motion, acceleration)
 
 
 def _stacked_displacements(b: Builder, displacements: Sequence[Block | None]) -> Block | None:
-    """The gradients by a way of all rows; None if no row has one."""
+    """The gradients by a displacement of all rows; None if no row has one."""
     if all(displacement is None for displacement in displacements):
         return None
     return b.stack([[b.zero(1, 3) if displacement is None else displacement] for displacement in displacements])
 
 
-def held_across(layout: Layout, group: Group, node: Node) -> tuple[Vector, Vector] | None:
-    """The directions of a group across a shared one that it holds; None where it holds all three components instead."""
+def surplus_tangents(layout: Layout, group: Group, node: Node) -> tuple[Vector, Vector] | None:
+    """The directions of a group perpendicular to a shared one that it constrains; None where it constrains all three components."""
     if node.kind is not NodeKind.VECTOR or len(group.basis) < 4 or any(sympy.sympify(x).free_symbols for x in node.place):
         return None
     return tangents_of(tuple(layout.value(x) for x in node.place))
@@ -388,5 +388,5 @@ def _design(form: Form) -> list[Scalar]:
 
 
 def _displacement_name(form: Form) -> str:
-    """A way by the name of its end."""
+    """A displacement by the name of its end."""
     return next(iter(form)).name

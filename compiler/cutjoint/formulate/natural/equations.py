@@ -71,7 +71,7 @@ def formulate_lagrangian(
     """The functions of a system in natural coordinates, see runtime/include/cutjoint/lagrangian/system.hpp.
 
     ``start`` are the recursive equations of the same model and scene; ``method`` is "augmented" or "classical"; equations named in
-    ``left_out`` are not held; if they are ``watched``, guards stop a run in which they stand open.
+    ``left_out`` are not enforced; if they are ``watched``, guards stop a run that violates them.
 
     Raises:
         ModelError: outputs that natural coordinates do not determine.
@@ -139,14 +139,14 @@ def without(equations: "LagrangianEquations", left_out: Collection[str], *, watc
     return formulate_lagrangian(equations.start, equations.method, equations.outputs, left_out, watched=watched)
 
 
-#: The size of a residual, of lengths of vectors near 1 and of m, beyond which an equation that is left out stands open.
+#: The residual, of lengths of vectors near 1 and of m, beyond which an equation that is left out is violated.
 _OPEN = 1e-5
 
 
 def _unheld(
     b: Builder, topology: Topology, constraints: Iterable[Constraint], left_out: Collection[str]
 ) -> Iterator[tuple[LeftOut, Block]]:  # fmt: skip
-    """The equations that are left out, with their margins: negative where one stands open."""
+    """The equations that are left out, with their margins: negative where one is violated."""
     for c in constraints if left_out else ():
         for i, name in enumerate(c.names):
             if (full := f"{c.element}.{name}") in left_out:
@@ -364,7 +364,7 @@ class _System:
         return forces | still_states(b, self.start.topology.model, "force")
 
     def energy(self) -> dict[str, Block]:
-        """T = 1/2 qd^T M qd, and P = Q . qd + lambda . Phi_t of what guides move; Phi_q qd = -Phi_t there."""
+        """T = 1/2 qd^T M qd, and P = Q . qd + lambda . Phi_t with guides; Phi_q qd = -Phi_t there."""
         b, speed = self.b, self.motions
         with b.section("energy", "", "T = 1/2 qd^T M qd,  P = Q . qd + lambda . Phi_t", ""):
             masses = [speed.times(mass, b.dot(speed.node(i).v, speed.node(j).v)) for i, j, mass in self.masses]

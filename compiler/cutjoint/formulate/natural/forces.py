@@ -49,7 +49,7 @@ class Action:
 class Element:
     """A force element: its actions on forms, its reported quantities, and the forms ``by`` whose motion it depends on.
 
-    These are in the order in which they are asked for, each by its body and its value.  One whose law ``sees`` other bodies depends on any
+    These are in the order of their first use, each by its body and its value.  One whose law ``sees`` other bodies depends on any
     coordinate.
     """
 
@@ -77,7 +77,7 @@ class Element:
 
 
 class ForceMaker:
-    """Derives the force elements of a scene; ``quantities`` are those of forces by their names, as far as they are derived."""
+    """Derives the force elements of a scene; ``quantities`` are those of forces by their names, of those derived so far."""
 
     def __init__(self, motions: NodeMotions, model: Model, scene: Scene, outputs: tuple[Output, ...]) -> None:
         self._b = motions.builder
@@ -88,7 +88,7 @@ class ForceMaker:
         self.quantities: dict[str, Mapping[str, Block]] = {}
 
     def all(self) -> list[Element]:
-        """The force elements that the scene has switched on, each behind those whose quantities its law reads."""
+        """The force elements that the scene has switched on, each after those whose quantities its law reads."""
         elements, seeing = list[Element](), seeing_forces(self._model)
         let_laws_read(self._m, self._model, self.quantities)
         for force, names in measured_forces(self._model, self._scene, self._outputs):
@@ -138,7 +138,7 @@ _At: TypeAlias = tuple[str, Vector]
 
 @dataclass(frozen=True, kw_only=True)
 class NodalMechanics(Laws):
-    """The mechanics of a force on forms of points and directions: ``element`` gets its actions, and the forms that it asks for."""
+    """The mechanics of a force on forms of points and directions: ``element`` gets its actions, and the forms that it uses."""
 
     motions: NodeMotions
     model: Model
@@ -164,7 +164,7 @@ class NodalMechanics(Laws):
         return self._of(end[0], difference(point(*end), point(*start)))
 
     def _directions(self, body: str, direction: Axis | Frame) -> list[tuple[Form, Motion]]:
-        """A direction, or the axes of a frame, as a body carries them."""
+        """A body-fixed direction, or the axes of a body-fixed frame."""
         axes = direction.of(self.force)
         return [self._direction(body, axis) for axis in (axes if isinstance(direction, Frame) else (axes,))]
 
@@ -194,7 +194,7 @@ class NodalMechanics(Laws):
         return self.motions.spin(self._body(carrier), (x, y, z))
 
     def spin_and_relative_rate(self, carrier: Carrier) -> tuple[Block, Block]:
-        """The angular velocity of the wheel, and none beside it."""
+        """The angular velocity of the wheel, which has no rate relative to it."""
         return self.spin(carrier), self.b.zero(1)
 
     def in_body(self, carrier: Carrier, vector: Block) -> Block:
@@ -265,7 +265,7 @@ class NodalMechanics(Laws):
         self._act(at.body(self.force), self._displacement(_ORIGIN, self._at(at))[0], force)
 
     def apply_force_at_offset(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
-        """A force on the point, and the torque of what is beside it."""
+        """A force on the point, and the torque of its offset and of the moment."""
         self.apply_force(at, force)
         self.apply_torque(at.carrier, self.b.add(self.b.cross(arm, force), moment))
 

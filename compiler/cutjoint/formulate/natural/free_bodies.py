@@ -18,18 +18,18 @@ from cutjoint.model.records import Force, Joint, Model, Reaction, Scalar
 class FreeBody:
     """The group of bodies on one side of a joint, and the ``node`` at which the joint's force acts on it.
 
-    ``sign`` is 1 for the follower's group and -1 for the base's.  If ``held``, the group has equations that hold a combination of its
+    ``sign`` is 1 for the follower's group and -1 for the base's.  If ``is_surplus``, the group has equations that hold a combination of its
     basis to the node; otherwise the node is part of its basis.
     """
 
     group: str
     node: Node
     sign: int
-    held: bool
+    is_surplus: bool
 
 
 def require_force(model: Model, reaction: Reaction, joint: Joint, quantity: str) -> None:
-    """Refuse what points and unit vectors do not say of a joint.
+    """Refuse a quantity of a joint that points and unit vectors do not determine.
 
     Raises:
         ModelError: a moment, or the force of a joint along whose displacement a gear acts.
@@ -68,9 +68,9 @@ def find_free_body(layout: Layout, model: Model, reaction: Reaction, joint: Join
         if group is None or node is None:
             continue
         if node in group.surplus:
-            return FreeBody(group=group.name, node=node, sign=sign, held=True)
+            return FreeBody(group=group.name, node=node, sign=sign, is_surplus=True)
         if node in group.basis and _meets_alone(layout, model, joint, node, group.name) and not _is_constrained_twice(layout, node):
-            return FreeBody(group=group.name, node=node, sign=sign, held=False)
+            return FreeBody(group=group.name, node=node, sign=sign, is_surplus=False)
     message = f"natural coordinates do not give the force of joint '{joint.name}': {_reason(joint)}"
     raise ModelError([_refusal(reaction, message)])
 
@@ -78,11 +78,11 @@ def find_free_body(layout: Layout, model: Model, reaction: Reaction, joint: Join
 def _reason(joint: Joint) -> str:
     if joint.element.is_rigid:
         return "it is fixed, so that both bodies are one there"
-    return "another joint shares its point, or both bodies share a further point" if joint.element.shares_point else "it holds no point"
+    return "another joint shares its point, or both bodies share a second point" if joint.element.shares_point else "it constrains no point"
 
 
 def _meets_alone(layout: Layout, model: Model, joint: Joint, node: Node, group: str) -> bool:
-    """Return whether no other joint shares the node with the group."""
+    """Return whether only this joint shares the node with the group."""
     others = (j for j in model.joints if j is not joint and j.element.shares_point)
     bodies = (body for j in others for body in (j.base, j.follower) if layout.find(body, NodeKind.POINT, j.at) is node)
     return all(layout.group_of[body] != group for body in bodies)

@@ -14,11 +14,11 @@ from cutjoint.model.records import Joint, Scalar, Vector
 
 @dataclass(frozen=True, kw_only=True)
 class Arm:
-    """A direction that a body carries, in the design position, and its meaning for the joint."""
+    """A body-fixed direction in the design position, and its role in the joint."""
 
     body: str
     place: Vector
-    carried: BodyDirection
+    body_direction: BodyDirection
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,9 +98,9 @@ def _factor(joint: Joint, factor: BodyDirection | JointDisplacement) -> Arm | Jo
     return factor if isinstance(factor, JointDisplacement) else _arm(joint, factor)
 
 
-def _arm(joint: Joint, carried: BodyDirection) -> Arm:
-    body = joint.base if carried.end is End.BASE else joint.follower
-    return Arm(body=body, place=direction_of(joint, carried.direction), carried=carried)
+def _arm(joint: Joint, body_direction: BodyDirection) -> Arm:
+    body = joint.base if body_direction.end is End.BASE else joint.follower
+    return Arm(body=body, place=direction_of(joint, body_direction.direction), body_direction=body_direction)
 
 
 def angle_arms(joint: Joint, coordinate: str) -> tuple[Arm, Arm, Arm]:
@@ -118,7 +118,7 @@ def _angle_row(joint: Joint, name: str, coordinate: str, guide: Scalar | None) -
 
 def _guided(joint: Joint, coordinate: str, guide: Scalar) -> JointRow:
     name = f"{coordinate}_guide"
-    if joint.element.advances:
+    if joint.element.is_screw:
         return GuidedNode(name=name, coordinate=coordinate, guide=guide)
     if coordinate in joint.element.measures:
         return _angle_row(joint, name, coordinate, guide)

@@ -34,7 +34,8 @@ _SPAN = 1e-7
 class Group:
     """Rigidly joined bodies: ``basis`` spans them, a point of the group is ``inverse`` (k, 4) times [place; 1] of it.
 
-    ``pairs`` are the ways from the first node whose products this group must keep, ``surplus`` shared nodes that the basis does not have.
+    ``pairs`` are the displacements from the first node whose products this group must keep, ``surplus`` shared nodes that the basis does
+    not have.
     """
 
     name: str
@@ -93,7 +94,7 @@ class Layout:
         return self.group_of[body], kind, tuple(round(float(x), 11) + 0.0 if x.is_number else x for x in exact)
 
     def find(self, body: str, kind: NodeKind, place: Vector) -> Node | None:
-        """The node that a body carries there."""
+        """The node of a body there."""
         return self._places.get(self._key(body, kind, place))
 
     def node(self, body: str, kind: NodeKind, place: Vector, title: NodeName) -> Node:
@@ -121,9 +122,9 @@ class Layout:
 
     def free_title(self, title: NodeName, group: str, chosen: Iterable[Node] = ()) -> NodeName:
         """A title as whose text no node is called, nor one of the ``chosen`` that are not laid out yet."""
-        taken = self._names | {node.name for node in chosen}
+        used_names = self._names | {node.name for node in chosen}
         candidates = chain([title], (replace(title, group=group, number=i) for i in count(1)))
-        return next(c for c in candidates if str(c) not in taken)
+        return next(c for c in candidates if str(c) not in used_names)
 
     def carry(self, body: str, node: Node) -> None:
         """A further body carries the node."""
@@ -203,7 +204,7 @@ class _Builder:
         self._value = value
         order = {body: i for i, body in enumerate(_outwards(topology))}
         self.group_of = _join((j for j in model.joints if j.element.is_rigid), order)
-        self._attitude_of = _join((j for j in model.joints if j.element.keeps_directions), order)
+        self._attitude_of = _join((j for j in model.joints if j.element.constrains_attitude), order)
         self._done: set[str] = set()
         self._first_of_attitude: dict[str, str] = {}
         self._bodies_of: dict[str, list[str]] = defaultdict(list)
@@ -227,7 +228,7 @@ class _Builder:
         for joint, coordinate in requested_angles(self._model, scene, outputs):
             collector.angle(joint, coordinate)
         for joint in joints:
-            collector.joint(joint, idle=joint.element.holds_one_turn)
+            collector.joint(joint, idle=joint.element.constrains_one_rotation)
         for force in self._model.force_elements:
             if needs_place(force, self._model, scene, outputs):
                 collector.force(force)
@@ -238,18 +239,18 @@ class _Builder:
             collector.output(output)
         self.layout.idle = frozenset(j.name for j in joints if self._is_idle(j, collector))
         for joint in joints:
-            if joint.element.holds_one_turn and joint.name not in self.layout.idle:
+            if joint.element.constrains_one_rotation and joint.name not in self.layout.idle:
                 collector.joint(joint, idle=False)
         self._needs = collector.needs
 
     def _is_idle(self, joint: Joint, collector: Collector) -> bool:
         """Return whether a joint that holds one turn only keeps a massless rod from turning about itself."""
-        if not joint.element.holds_one_turn or joint.guide is not None:
+        if not joint.element.constrains_one_rotation or joint.guide is not None:
             return False
         for body in {self.group_of[joint.base], self.group_of[joint.follower]} - {GROUND}:
             needs = collector.needs[body]
             others = [j for j in self._model.joints if j is not joint and body in (self.group_of[j.base], self.group_of[j.follower])]
-            balls = all(j.element.holds_points_alone for j in others)
+            balls = all(j.element.constrains_points_only for j in others)
             span = _span([self._column(n) for n in (*needs.shared, *needs.spanned)])
             if balls and span <= 2 and all(n.kind is NodeKind.POINT for n in (*needs.shared, *needs.spanned)):
                 return True

@@ -62,22 +62,22 @@ def require_coordinates(model: Model, scene: Scene, outputs: Sequence[Output]) -
         ModelError: an output, a law, a force, a gear or a guide asks for one that they do not have.
     """
     kinds = {j.name: j.kind for j in model.joints if not j.element.is_measured}
-    asked = [(kinds[o.element], o.span, f"output '{o.column}'") for o in outputs if o.element in kinds]
-    asked += [(kinds[o.element], o.span, f"quantity '{o.column}' of a law or signal") for o in readings_of(model) if o.element in kinds]
+    requested = [(kinds[o.element], o.span, f"output '{o.column}'") for o in outputs if o.element in kinds]
+    requested += [(kinds[o.element], o.span, f"quantity '{o.column}' of a law or signal") for o in readings_of(model) if o.element in kinds]
     forces = [f for f in model.force_elements if f.joint_of in kinds and is_active(f, scene)]
-    asked += [(kinds[f.joint_of], f.span, f"force '{f.name}'") for f in forces]
-    asked += [(kinds[name], g.span, f"gear '{g.name}'") for g in model.gears for name in g.joints if name in kinds]
-    asked += [(j.kind, j.span, f"joint '{j.name}'") for j in model.joints if j.guide is not None and j.name in kinds]
+    requested += [(kinds[f.joint_of], f.span, f"force '{f.name}'") for f in forces]
+    requested += [(kinds[name], g.span, f"gear '{g.name}'") for g in model.gears for name in g.joints if name in kinds]
+    requested += [(j.kind, j.span, f"joint '{j.name}'") for j in model.joints if j.guide is not None and j.name in kinds]
     if rotors := [joint for joint in model.joints if joint.armature != 0]:
         message, hint = "natural coordinates have no armatures of joints", "use --method recursive"
         raise ModelError([Problem(span=j.span, element=f"joint '{j.name}'", message=message, hint=hint) for j in rotors])
-    if asked:
+    if requested:
         raise ModelError([
             Problem(
                 span=span, element=element, message=f"natural coordinates do not have the coordinates of a {kind} joint",
                 hint="use --method recursive",
             )
-            for kind, span, element in asked
+            for kind, span, element in requested
         ])  # fmt: skip
 
 
@@ -87,10 +87,10 @@ def requested_angles(model: Model, scene: Scene, outputs: Sequence[Output]) -> l
     wanted = {(o.element, o.quantity.removesuffix("_rate")) for o in outputs if o.element in joints}
     wanted |= {(f.joint_of, f.coordinate_of) for f in model.force_elements if f.joint_of and is_active(f, scene)}
     wanted |= {(c.joint, c.name) for gear in model.gears for c in gear.coordinates}
-    wanted |= {(j.name, name) for j in model.joints if j.element.advances for name in j.element.measures}
+    wanted |= {(j.name, name) for j in model.joints if j.element.is_screw for name in j.element.measures}
     return [
         (joint, name) for joint in model.joints for name in joint.element.measures
-        if (joint.name, name) in wanted and (joint.guide is None or joint.element.advances)
+        if (joint.name, name) in wanted and (joint.guide is None or joint.element.is_screw)
     ]  # fmt: skip
 
 

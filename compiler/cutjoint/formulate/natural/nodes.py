@@ -21,7 +21,7 @@ class NodeKind(StrEnum):
 class NodeName:
     """The name of a node: ``which`` of an element's points and directions.
 
-    ``group`` is the rigid group that tells it apart, with a ``number``, where another node has the plain name.  As text
+    ``group`` and ``number`` are those of its rigid group, where another node has the plain name.  As text
     ``group.element.which_number``.
     """
 

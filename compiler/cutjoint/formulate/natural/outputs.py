@@ -39,7 +39,7 @@ class ReactionMaker:
         if forces:
             return b.sub(self._spring_force(joint), b.total(forces))
         free_body = find_free_body(self.motions.layout, self.model, reaction, joint)
-        force = self._holding(free_body) if free_body.held else self._moved(free_body)
+        force = self._holding(free_body) if free_body.is_surplus else self._moved(free_body)
         return force if free_body.sign > 0 else b.neg(force)
 
     def _spring_force(self, joint: Joint) -> Block:
@@ -125,5 +125,5 @@ class NaturalReporter(NaturalQuantities):
     def _rods(self, sensor: RodForce) -> Block:
         """The residual of a distance is in m: its multiplier is the tension."""
         b, of = self.motions.builder, {c.element: c for c in self.constraints}
-        forces = [b.scale(self.motions.translator.scalar(weight), multipliers(b, of[rod])) for rod, weight in sensor.pushes]
+        forces = [b.scale(self.motions.translator.scalar(weight), multipliers(b, of[rod])) for rod, weight in sensor.weights]
         return b.neg(b.total(forces))

@@ -24,7 +24,7 @@ class Mark:
 
 @dataclass(frozen=True, kw_only=True)
 class Span:
-    """The span of a body: a point of it, and ways from that one or directions as its ``arms``."""
+    """The span of a body: a point of it, and displacements from that one or directions as its ``arms``."""
 
     point: Mark
     arms: tuple[Mark, ...]
@@ -87,9 +87,10 @@ def _place(k: Kinematics, node: Node) -> tuple[Block, Block]:
 
 
 def _angle(k: Kinematics, topology: Topology, name: str, coordinate: str) -> tuple[Block, Block]:
-    """The joint's own coordinate; an angle that advances, by the way; of a cut joint whose turns cannot be counted, within half a turn."""
+    """The joint's own coordinate; an angle of a screw, from the displacement; of a cut joint whose turns cannot be counted, within half a
+    turn."""
     joint = next(j for j in topology.model.joints if j.name == name)
-    if joint.element.advances:
+    if joint.element.is_screw:
         return _advanced_angle(k, joint)
     measured = measure(k, name, coordinate)
     if measured.position is not None:

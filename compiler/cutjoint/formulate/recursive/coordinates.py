@@ -1,11 +1,11 @@
 """Coordinates of joints as forces and outputs see them: coordinates of a tree joint are its unknowns, coordinates of a cut joint are
 measured.
 
-A displacement s of a cut joint along the direction e of its base, an angle a about its axis e, with the way d from the base's point to the
-follower's and the angular velocities w::
+A displacement s of a cut joint along the direction e of its base, an angle a about its axis e, with the vector d from the base's point to
+the follower's and the angular velocities w::
 
     s = e . d            s' = e . (v_f - v_b)           both velocities at the follower's point
-    a = sum of +- q      a' = sum of +- q'              over the turns around a loop whose axes are parallel
+    a = sum of +- q      a' = sum of +- q'              over the rotations around a loop whose axes are parallel
     a = e . d/pitch      a' = e . (w_f - w_b)           of a screw; the rate alone in other loops
 """
 
@@ -47,11 +47,12 @@ def measure(k: Kinematics, joint: str, coordinate: str) -> Measured:
 def travel(
     k: Kinematics, ends: tuple[str, str], points: tuple[Vector, Vector], axis: Vector
 ) -> tuple[Block, Block, Measured]:  # fmt: skip
-    """Axis, follower's point, and the way of the follower's point along the base's axis; ``ends`` and ``points`` are base's, follower's."""
+    """Axis, follower's point, and the displacement of the follower's point along the base's axis; ``ends`` and ``points`` are base's,
+    follower's."""
     b, (base, follower), (origin, outer) = k.builder, ends, points
     direction, point = k.direction(base, axis), k.point(follower, outer)
-    way = k.between(follower, point, base, k.point(base, origin))
-    position = b.dot(direction, way)
+    displacement = k.between(follower, point, base, k.point(base, origin))
+    position = b.dot(direction, displacement)
     on_base = b.add(point, k.pole_step(base, follower))
     rate = b.dot(direction, b.sub(k.velocity(follower, point), k.velocity(base, on_base)))
     return direction, point, Measured(position=position, rate=rate)
@@ -71,11 +72,11 @@ def _displacement(k: Kinematics, cut: Joint, axis: Vector) -> Measured:
 
 def _angle(k: Kinematics, cut: Joint) -> Measured:
     around = angles_around(cut, joints_around(k.topology.tree, cut))
-    if around is not None and not cut.element.advances:
-        turns = [(measure(k, turn.joint.name, turn.coordinate), turn.sign) for turn in around]
-        positions = _signed_sum(k.builder, [(turn.position, sign) for turn, sign in turns if turn.position is not None])
-        return Measured(position=positions, rate=_signed_sum(k.builder, [(turn.rate, sign) for turn, sign in turns]))
-    return Measured(position=_advance(k, cut), rate=_turn_rate(k, cut))
+    if around is not None and not cut.element.is_screw:
+        measured = [(measure(k, angle.joint.name, angle.coordinate), angle.sign) for angle in around]
+        positions = _signed_sum(k.builder, [(angle.position, sign) for angle, sign in measured if angle.position is not None])
+        return Measured(position=positions, rate=_signed_sum(k.builder, [(angle.rate, sign) for angle, sign in measured]))
+    return Measured(position=_advance(k, cut), rate=_rotation_rate(k, cut))
 
 
 def _signed_sum(b: Builder, parts: Iterable[tuple[Block, int]]) -> Block:
@@ -84,11 +85,11 @@ def _signed_sum(b: Builder, parts: Iterable[tuple[Block, int]]) -> Block:
 
 def _advance(k: Kinematics, cut: Joint) -> Block | None:
     """The angle of a screw."""
-    way = _displacement(k, cut, direction_of(cut, Direction.AXIS)).position
-    return None if cut.pitch is None or way is None else k.builder.call("div", way, k.translator.scalar(cut.pitch))
+    displacement = _displacement(k, cut, direction_of(cut, Direction.AXIS)).position
+    return None if cut.pitch is None or displacement is None else k.builder.call("div", displacement, k.translator.scalar(cut.pitch))
 
 
-def _turn_rate(k: Kinematics, cut: Joint) -> Block:
+def _rotation_rate(k: Kinematics, cut: Joint) -> Block:
     b = k.builder
     spins = [halves(b, k.frames[body].Z)[1] for body in (cut.follower, cut.base)]
     return b.dot(k.direction(cut.base, direction_of(cut, Direction.AXIS)), b.sub(*spins))

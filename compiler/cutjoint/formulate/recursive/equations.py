@@ -15,14 +15,14 @@ from cutjoint.formulate.inputs import (
 )
 from cutjoint.formulate.layout import Closure, relative_layout
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, energy_slots
-from cutjoint.formulate.recursive.embedding.elimination import close_held, range_margins
+from cutjoint.formulate.recursive.embedding.elimination import embedded_reactions, range_margins
 from cutjoint.formulate.recursive.embedding.open_geometry import fit_slots, loop_fits
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards, find_contacts, find_rotors
 from cutjoint.formulate.recursive.friction import FrictionMotion, add_friction, load_frictions
 from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, corrections, derive_loops
-from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
+from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, prescribed_accelerations
 from cutjoint.formulate.recursive.quantities import pose_slots, poses_function
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
@@ -45,7 +45,7 @@ def resolving_body(topology: Topology) -> str:
         return GROUND
     root = roots[0]
     inside = {body for branch in topology.branches for body in branch.bodies}
-    inside |= {body for assembly in topology.model.assemblies for body in assembly.bodies}
+    inside |= {body for embedded_loop in topology.model.embedded_loops for body in embedded_loop.bodies}
     element = root.joint.element
     turns = element.angles or element.has_ball
     if not turns or root.joint.guide is not None or root.child in inside:
@@ -84,7 +84,7 @@ def formulate_recursive(
     loops = closing.all()
     masses, Q, frictions, refinements = dict(system.M), dict(system.Q), load_frictions(model, system), CLOSURES[closure].refinements
     begun = replace(system, M=dict(masses), Q=dict(Q), C=dict(system.C), joint_forces=dict(system.joint_forces))
-    acting, (own_masses, own_forces) = replace(system, Q=Q), system.as_they_are()
+    acting, (own_masses, own_forces) = replace(system, Q=Q), system.uneliminated()
     solution = solve(topology, system, k, closing, numbers)
     solution = refine(topology, masses, k, closing, numbers, solution, refinements)
     kinks: list[EventIndicator] = []
@@ -99,13 +99,13 @@ def formulate_recursive(
     correction = corrections(b, loops, numbers, solution.errors)
     violations = {x.element.name: b.symbol(f"gap:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
     step = respond(topology, masses, k, closing, numbers, violations, mark="p", origin="of gaps alone").vdot
-    Zdd = given_accelerations(k)
+    Zdd = prescribed_accelerations(k)
     reactions = Reactions(
         kinematics=k, loops=closing.loops, M=own_masses, Q=own_forces, Zdd=Zdd, acting=system.cut_joint_wrenches
     )  # fmt: skip
     reactions = add_friction(frictions, acting, k, forces, reactions) if frictions else reactions
     if topology.embedded:
-        held = close_held(k, derive_loops(k, topology.embedded, numbers), reactions.carried, system.joint_forces)
+        held = embedded_reactions(k, derive_loops(k, topology.embedded, numbers), reactions.carried, system.joint_forces)
         reactions = replace(reactions, loops=(*closing.loops, *held))
     reporter = Reporter(
         model=model, kinematics=k, forces=forces, loops=reactions.loops, gears=closing.gears, Zdd=Zdd, reactions=reactions
@@ -113,7 +113,7 @@ def formulate_recursive(
     layout = relative_layout(charts, _closures(loops), model.states)
     accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}
     accelerations |= {f"vdot:{name}": rate for name, rate in state_rates(b, k.translator, model).items()}
-    switching = [*accelerations.values(), *k.guided_rates]  # a jump of a guide that no acceleration feels has work too
+    switching = [*accelerations.values(), *k.guided_rates]  # a jump of a guide does work even if no acceleration depends on it
     laws = derive_scene_inputs(b, model, scene, switching)
     fits = loop_fits(b, topology)
     indicators = [*find_indicators(b, switching), *laws.indicators, *kinks]

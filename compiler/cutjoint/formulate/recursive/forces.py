@@ -229,10 +229,10 @@ class WrenchMechanics(Laws):
         return Lazy(place=lambda: self.k.absolute(body, point), rate=lambda: self.k.velocity(body, point))
 
     def displacement(self, start: Point, end: Point) -> Measured:
-        """The way between two points."""
+        """The displacement between two points."""
         (follower, last), (base, first) = ((at.body(self.force), self._point(at)) for at in (end, start))
-        way = self.k.between(follower, last, base, first)
-        return Measured(x=way, v=self.b.sub(self.k.velocity(follower, last), self.k.velocity(base, first)))
+        displacement = self.k.between(follower, last, base, first)
+        return Measured(x=displacement, v=self.b.sub(self.k.velocity(follower, last), self.k.velocity(base, first)))
 
     def direction(self, axis: Axis) -> Lazy:
         """A direction, which turns with its body."""
@@ -278,7 +278,7 @@ class WrenchMechanics(Laws):
         return base, follower
 
     def along(self, start: Point, end: Point, direction: Axis | Frame) -> Measured | Lazy:
-        """The way along directions; its rate is that of the bodies' points at the end."""
+        """The displacement along directions; its rate is that of the bodies' points at the end."""
         b, k, base, follower = self.b, self.k, start.body(self.force), end.body(self.force)
         if isinstance(direction, Axis):
             measured = travel(k, (base, follower), (start.of(self.force), end.of(self.force)), direction.of(self.force))[2]
@@ -286,10 +286,10 @@ class WrenchMechanics(Laws):
             return Measured(x=measured.position, v=measured.rate)
         E, point = self._axes(direction)[0], self._point(end)
         to_base = b.transpose(E)
-        way = k.between(follower, point, base, self._point(start))
+        displacement = k.between(follower, point, base, self._point(start))
         on_base = b.add(point, k.pole_step(base, follower))
         speed = b.sub(k.velocity(follower, point), k.velocity(base, on_base))
-        return Lazy(place=lambda: b.mul(to_base, way), rate=lambda: b.mul(to_base, speed))
+        return Lazy(place=lambda: b.mul(to_base, displacement), rate=lambda: b.mul(to_base, speed))
 
     def rotation(self, frame: Frame) -> LazyRotation:
         """Half the sum of e_k x S e_k, with S = E^T G."""
@@ -336,7 +336,7 @@ class WrenchMechanics(Laws):
         apply_at(self.system, self.k, at.body(self.force), self._point(at), force)
 
     def apply_force_at_offset(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
-        """The wrench of a force beside a point, and of a moment."""
+        """The wrench of a force at an offset from a point, and of a moment."""
         b = self.b
         torque = b.add(b.cross(b.add(self._point(at), arm), force), moment)
         self.system.add_force(at.body(self.force), b.stack([[force], [torque]]))

@@ -12,7 +12,7 @@ there may be none or several (Painleve, Comptes Rendus 121 (1895) 112-115): the 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from cutjoint.elements.joint import Direction, Slide
+from cutjoint.elements.joint import Direction, Translation
 from cutjoint.formulate.events import FRICTION
 from cutjoint.formulate.inputs import Numbers
 from cutjoint.formulate.recursive.forces import WrenchMechanics
@@ -36,9 +36,9 @@ _ROUNDING = 1e-24
 _FOUND = 1e-8
 #: The load (N) below which that share is one of it.
 _NEAR = 1e-3
-#: Powers of I + C by which the largest eigenvalue of C is told.
+#: Powers of I + C by which the largest eigenvalue of C is estimated.
 _POWERS = 24
-#: The share of its limit within which friction tells nothing of what it would be there.
+#: The share of its limit within which friction says nothing about the load that it would have at the limit.
 _AT_REST = 1e-6
 
 
@@ -75,8 +75,8 @@ class LoadFriction:
 def directions(joint: Joint, coordinate: str) -> tuple[Direction, list[Direction], list[Direction]]:
     """The direction of a coordinate, the directions of the joint's slides, and the axes of its turns."""
     motions = tuple(joint.element.scalar_motions)
-    slides = [m.direction for m in motions if isinstance(m, Slide)]
-    turns = [m.direction for m in motions if not isinstance(m, Slide)]
+    slides = [m.direction for m in motions if isinstance(m, Translation)]
+    turns = [m.direction for m in motions if not isinstance(m, Translation)]
     return next(m.direction for m in motions if m.coordinate == coordinate), slides, turns
 
 
@@ -250,9 +250,9 @@ class _Loads:
                     changes = [self.by_unit[i][j][n] for i in self._numbers]
                     r = self.vector(j, n, loads)
                     length = _length(b, r)
-                    way = b.scale(b.call("div", b.number(1.0), length), r)
+                    unit = b.scale(b.call("div", b.number(1.0), length), r)
                     lengths.append(length)
-                    derivatives = [b.add(derivative, b.dot(way, change)) for derivative, change in zip(derivatives, changes, strict=True)]
+                    derivatives = [b.add(derivative, b.dot(unit, change)) for derivative, change in zip(derivatives, changes, strict=True)]
                 found.append((b.total(lengths), derivatives))
         return found
 
@@ -282,10 +282,10 @@ class _Loads:
             matrix = [[b.sub(b.number(float(i == j)), value) for i, value in enumerate(row)] for j, row in enumerate(C)]
         pivots, _, _ = _eliminate(b, matrix, [b.zero(1) for _ in self._numbers])
         ones = []
-        cure = b.call("div", b.number(1.0), _largest_eigenvalue(b, [self._at_limits(row) for row in C]))
+        remedy = b.call("div", b.number(1.0), _largest_eigenvalue(b, [self._at_limits(row) for row in C]))
         for each, pivot in zip(self.frictions, pivots, strict=True):
             with b.section(FRICTION, each.force.name, "1 where the pivot of I - C is positive", each.force.span.place):
-                ones.append(_positive(b, pivot, cure))
+                ones.append(_positive(b, pivot, remedy))
         return ones
 
     def _at_limits(self, row: Sequence[Block]) -> list[Block]:
@@ -324,11 +324,11 @@ def _largest_eigenvalue(b: Builder, C: Sequence[Sequence[Block]]) -> Block:
     return b.sub(largest, b.number(1.0))
 
 
-def _positive(b: Builder, value: Block, cure: Block | None = None) -> Block:
-    """1 if a value is positive, else no number: a domain of the motion, with its ``cure``."""
+def _positive(b: Builder, value: Block, remedy: Block | None = None) -> Block:
+    """1 if a value is positive, else no number: a domain of the motion, with its ``remedy``."""
     if value.op == "const":
         return b.number(1.0)
-    root = b.restrict(b.call("sqrt", value), cure)
+    root = b.restrict(b.call("sqrt", value), remedy)
     return b.call("div", b.mul(root, root), value)
 
 

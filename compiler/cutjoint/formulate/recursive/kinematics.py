@@ -15,10 +15,10 @@ import sympy
 
 from cutjoint.formulate.inputs import derive_scene_inputs, guide_rates, make_charts, make_translator, reference_point, tunable_parameters
 from cutjoint.formulate.layout import Chart
-from cutjoint.formulate.recursive.embedding.dependent import Following, follow
+from cutjoint.formulate.recursive.embedding.dependent import DependentMotion, dependent_motion
 from cutjoint.formulate.translate import Translator
 from cutjoint.kernels.joints import QUATERNION, JointKernel, derive_joint, inner_point
-from cutjoint.model.records import GROUND, Assembly, Model, Parameter, Scalar, Scene, Vector
+from cutjoint.model.records import GROUND, EmbeddedLoop, Model, Parameter, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.topology.records import Topology, TreeJoint
 
@@ -87,7 +87,7 @@ class Rotor:
 class Kinematics:
     """All frames and joint motions, and the geometry that forces and closures ask for.
 
-    Vectors are resolved in the axes of the body ``axes``, whose turn from the global ones is ``turn`` (3, 3), or in global ones.
+    Vectors are resolved in the axes of the body ``axes``, whose turn from the global ones is ``axes_rotation`` (3, 3), or in global ones.
     ``rotors`` are wheels whose mass moves with their carriers.
     """
 
@@ -95,7 +95,7 @@ class Kinematics:
     translator: Translator
     topology: Topology
     axes: str = GROUND
-    turn: Block | None = None
+    axes_rotation: Block | None = None
     frames: dict[str, Frame] = field(default_factory=dict)
     motions: dict[str, JointMotion] = field(default_factory=dict)
     rotors: dict[str, Rotor] = field(default_factory=dict)
@@ -119,11 +119,11 @@ class Kinematics:
 
     def in_global(self, vectors: Block) -> Block:
         """Columns (3, n) of vectors in global axes."""
-        return vectors if self.turn is None else self.builder.mul(self.turn, vectors)
+        return vectors if self.axes_rotation is None else self.builder.mul(self.axes_rotation, vectors)
 
     def from_global(self, vectors: Block) -> Block:
         """Columns (3, n) of vectors that are given in global axes."""
-        return vectors if self.turn is None else self.builder.mul(self.builder.transpose(self.turn), vectors)
+        return vectors if self.axes_rotation is None else self.builder.mul(self.builder.transpose(self.axes_rotation), vectors)
 
     def direction(self, body: str, direction: Vector) -> Block:
         """A body-fixed direction."""
@@ -145,12 +145,12 @@ class Kinematics:
         return b.add(v0, b.cross(w, point))
 
     def between(self, body: str, point: Block, other: str, other_point: Block) -> Block:
-        """The way from ``other_point`` of ``other`` to ``point`` of ``body``."""
+        """The displacement from ``other_point`` of ``other`` to ``point`` of ``body``."""
         b = self.builder
         return b.add(b.sub(point, other_point), self.pole_step(other, body))
 
     def pole_step(self, start: str, end: str) -> Block:
-        """The way from the pole of ``start`` to the pole of ``end``; zero when they share it."""
+        """The displacement from the pole of ``start`` to that of ``end``; zero when they share it."""
         first, second = self.frames[start], self.frames[end]
         return self.builder.zero(3) if first.root == second.root else self.from_global(self.builder.sub(second.pole, first.pole))
 
@@ -163,7 +163,7 @@ class Kinematics:
         return b.stack([[b.add(v0, b.cross(w, step))], [w]])
 
     def armature(self, body: str) -> Block | None:
-        """The inertia of a joint's only coordinate beside that of the bodies, None if there is none."""
+        """The inertia of a joint's only coordinate in addition to that of the bodies, None if there is none."""
         armature = self.motions[body].tree_joint.joint.armature
         return self.translator.scalar(armature) if armature != 0 else None
 
@@ -180,7 +180,9 @@ class Kinematics:
     def twists_from_global(self, twists: Block) -> Block:
         """Columns (6, n) of twists that are given in global axes."""
         b, n = self.builder, twists.shape[1]
-        return b.stack([[self.from_global(b.take(twists, rows, (0, n)))] for rows in ((0, 3), (3, 6))]) if self.turn is not None else twists
+        if self.axes_rotation is None:
+            return twists
+        return b.stack([[self.from_global(b.take(twists, rows, (0, n)))] for rows in ((0, 3), (3, 6))])
 
     def _is_free_root(self, body: str) -> bool:
         return body == self.axes and next(t for t in self.topology.tree if t.child == body).joint.element.is_free
@@ -207,7 +209,7 @@ def derive_kinematics(
     zero, still = b.zero(3), b.zero(6)
     origin = (sympy.Integer(0),) * 3
     if axes != GROUND:
-        k.turn = _pole_rotation(k, next(t for t in topology.tree if t.child == axes), charts)
+        k.axes_rotation = _axes_rotation(k, next(t for t in topology.tree if t.child == axes), charts)
     k.frames[GROUND] = Frame(R=k.from_global(b.identity(3)), r=zero, origin=origin, Z=still, pole=zero, root=GROUND)
     for t in topology.tree:
         equation = "R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)"
@@ -223,15 +225,15 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -
     position, quaternion, rate, acceleration = following.motion if following else _coordinates(k, t, kernel, model, chart)
     local = k.translator.with_values(dict(zip((*kernel.q, *QUATERNION), (*position, *quaternion), strict=False)))
     local = local.with_values(dict(zip(kernel.u, rate, strict=True)))
-    turn = local.matrix(kernel.rotation)
+    local_rotation = local.matrix(kernel.rotation)
     if t.child == k.axes:
-        turn = b.identity(3)  # its own axes
-    b.name(turn, "R", t.joint.name)
+        local_rotation = b.identity(3)  # its own axes
+    b.name(local_rotation, "R", t.joint.name)
     shift = local.matrix(kernel.displacement)
     if t.parent == GROUND:
-        frame, motion = _add_root(k, t, kernel, local, turn, shift, rate)
+        frame, motion = _add_root(k, t, kernel, local, local_rotation, shift, rate)
     else:
-        frame, motion = _add_branch(k, t, kernel, local, turn, shift, rate)
+        frame, motion = _add_branch(k, t, kernel, local, local_rotation, shift, rate)
     for block, symbol in ((frame.R, "R"), (frame.r, "r"), (frame.Z, "Z"), (motion[0], "b"), (motion[1], "d")):
         if block is not None:
             b.name(block, symbol, t.child, columns=chart.speed_names if chart is not None and symbol == "b" else ())
@@ -249,7 +251,7 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -
     )  # fmt: skip
 
 
-def _pole_rotation(k: Kinematics, t: TreeJoint, charts: Mapping[str, Chart]) -> Block:
+def _axes_rotation(k: Kinematics, t: TreeJoint, charts: Mapping[str, Chart]) -> Block:
     """The rotation of a body next to the ground from its own axes to global ones."""
     kernel = derive_joint(t.joint, t.reversed)
     with k.builder.section("kinematics", t.joint.name, "R, from the axes in which all vectors are resolved", t.joint.span.place):
@@ -259,20 +261,20 @@ def _pole_rotation(k: Kinematics, t: TreeJoint, charts: Mapping[str, Chart]) -> 
         return k.builder.name(rotation, "R", "global")
 
 
-def _following(k: Kinematics, t: TreeJoint, model: Model) -> Following | None:
+def _following(k: Kinematics, t: TreeJoint, model: Model) -> DependentMotion | None:
     """The motion of a joint that follows the coordinate of an assembly."""
-    assembly = model.following.get(t.joint.name)
-    if assembly is None:
+    embedded_loop = model.dependent_joints.get(t.joint.name)
+    if embedded_loop is None:
         return None
-    driven = assembly.functions.drive_range
-    drive = drive_of(k, assembly) if driven is not None and driven.half > 0 else None
+    driven = embedded_loop.functions.drive_range
+    drive = drive_of(k, embedded_loop) if driven is not None and driven.half > 0 else None
     with k.builder.section("functions", t.joint.name, "s = sum of c f(q), s' = s_q q', s'' = s_q q'' + s_qq q'^2", t.joint.span.place):
-        return follow(k.builder, t.joint, assembly, drive)
+        return dependent_motion(k.builder, t.joint, embedded_loop, drive)
 
 
-def drive_of(k: Kinematics, assembly: Assembly) -> tuple[Block, Block, Block]:
+def drive_of(k: Kinematics, embedded_loop: EmbeddedLoop) -> tuple[Block, Block, Block]:
     """The guided coordinate of an assembly with its rate and acceleration."""
-    joint = next(joint for joint in k.topology.model.joints if joint.name == assembly.drive)
+    joint = next(joint for joint in k.topology.model.joints if joint.name == embedded_loop.drive)
     assert joint.guide is not None
     return _guided(k, joint.guide[0], k.topology.model)
 
@@ -300,7 +302,7 @@ def _coordinates(
 
 
 def _guided(k: Kinematics, guide: Scalar, model: Model) -> tuple[Block, Block, Block]:
-    """A guided coordinate with its rate and acceleration, which are nought where the mechanism is held at rest."""
+    """A guided coordinate with its rate and acceleration, which are zero while the equilibrium is sought."""
     b = k.builder
     motion = b.symbol("motion", 1, BindingTime.STEP)
     place, rate, acceleration = (k.translator.scalar(e) for e in guide_rates(guide, model))
@@ -311,7 +313,7 @@ _Motion = tuple[Block | None, Block, Block | None]
 
 
 def _add_root(
-    k: Kinematics, t: TreeJoint, kernel: JointKernel, local: Translator, turn: Block, shift: Block, rate: tuple[Block, ...]
+    k: Kinematics, t: TreeJoint, kernel: JointKernel, local: Translator, local_rotation: Block, shift: Block, rate: tuple[Block, ...]
 ) -> tuple[Frame, _Motion]:
     """A body next to the ground.  A free one carries its pole along, so that its b is the unit matrix and d = [-w x v; 0]."""
     b = k.builder
@@ -320,23 +322,23 @@ def _add_root(
     if t.joint.element.is_free:
         Z = k.for_subspace(t.child, b.column(rate))
         v, w = halves(b, Z)
-        frame = Frame(R=turn, r=b.zero(3), origin=origin, Z=Z, pole=b.add(inner, shift), root=t.child)
+        frame = Frame(R=local_rotation, r=b.zero(3), origin=origin, Z=Z, pole=b.add(inner, shift), root=t.child)
         return frame, (b.identity(6), b.stack([[b.cross(v, w)], [b.zero(3)]]), None)
     subspace = k.twists_from_global(local.matrix(kernel.subspace)) if kernel.u else None
     Z = b.mul(subspace, b.column(rate)) if subspace is not None else b.zero(6)
-    frame = Frame(R=turn, r=k.from_global(shift), origin=origin, Z=Z, pole=inner, root=t.child)
+    frame = Frame(R=local_rotation, r=k.from_global(shift), origin=origin, Z=Z, pole=inner, root=t.child)
     centre = b.zero(3) if t.joint.element.is_ball else None
     return frame, (subspace, k.twists_from_global(local.matrix(kernel.drift)), centre)
 
 
 def _add_branch(
-    k: Kinematics, t: TreeJoint, kernel: JointKernel, local: Translator, turn: Block, shift: Block, rate: tuple[Block, ...]
+    k: Kinematics, t: TreeJoint, kernel: JointKernel, local: Translator, local_rotation: Block, shift: Block, rate: tuple[Block, ...]
 ) -> tuple[Frame, _Motion]:
     """A body that another carries."""
     b, parent = k.builder, k.frames[t.parent]
     at = b.name(k.point(t.parent, inner_point(t.joint, t.reversed)), "p", t.joint.name)
     origin = reference_point(t.joint, t.reversed)
-    R = b.mul(parent.R, turn)
+    R = b.mul(parent.R, local_rotation)
     r = b.add(at, b.mul(parent.R, shift))
     if not kernel.u:
         return Frame(R=R, r=r, origin=origin, Z=parent.Z, pole=parent.pole, root=parent.root), (None, b.zero(6), None)

@@ -94,13 +94,13 @@ def _distance(k: Kinematics, joint: Joint) -> _Terms:
     point, start = k.point(joint.follower, joint.to), k.point(joint.base, joint.at)
     length = k.translator.scalar(sympy.Matrix(rod_of(joint)).norm())
     share = b.call("div", b.number(1.0), length)
-    way = b.name(k.between(joint.follower, point, joint.base, start), "way", name)
-    n = b.name(b.scale(share, way), "n", name)
+    displacement = b.name(k.between(joint.follower, point, joint.base, start), "way", name)
+    n = b.name(b.scale(share, displacement), "n", name)
     speeds = (k.velocity(joint.follower, point), k.velocity(joint.base, start))
     turned = (b.cross(halves(b, k.frames[body].Z)[1], v) for body, v in zip((joint.follower, joint.base), speeds, strict=True))
     speed, drift = b.name(b.sub(*speeds), "speed", name), b.sub(*turned)
     return _Terms(
-        residual=b.mul(b.number(0.5), b.sub(b.dot(n, way), length)), rate=b.dot(n, speed),
+        residual=b.mul(b.number(0.5), b.sub(b.dot(n, displacement), length)), rate=b.dot(n, speed),
         A=b.stack([[b.transpose(n), b.transpose(b.cross(point, n))]]),
         gamma=b.add(b.mul(share, b.dot(speed, speed)), b.dot(n, drift)),
     )  # fmt: skip

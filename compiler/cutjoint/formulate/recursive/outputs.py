@@ -121,10 +121,10 @@ class Reporter(Quantities):
         """The residual of a distance is in m: its multiplier is the tension."""
         k, b = self.kinematics, self.kinematics.builder
         loops = {loop.joint.name: loop for loop in self.loops}
-        return b.neg(b.total([b.scale(k.translator.scalar(weight), loops[rod].multipliers) for rod, weight in sensor.pushes]))
+        return b.neg(b.total([b.scale(k.translator.scalar(weight), loops[rod].multipliers) for rod, weight in sensor.weights]))
 
 
-def given_accelerations(k: Kinematics) -> dict[str, Block]:
+def prescribed_accelerations(k: Kinematics) -> dict[str, Block]:
     """Zdd of every body when the joints' accelerations are inputs."""
     speeds = {motion.chart.joint: len(motion.chart.speed_names) for motion in k.motions.values() if motion.chart is not None}
     return accelerations_of(k, lambda joint: k.builder.symbol(f"vdot:{joint}", speeds[joint], BindingTime.ITERATION))
@@ -139,7 +139,7 @@ def accelerations_of(k: Kinematics, vdot: Callable[[str], Block]) -> dict[str, B
         if motion.b is not None and motion.chart is not None:
             above = b.add(above, b.mul(motion.b, k.for_subspace(body, vdot(motion.chart.joint))))
         if motion.follows is not None:
-            independent = k.topology.model.following[motion.tree_joint.joint.name].independent
+            independent = k.topology.model.dependent_joints[motion.tree_joint.joint.name].independent
             above = b.add(above, b.scale(vdot(independent), motion.follows))
         Zdd[body] = above
     return Zdd
@@ -168,12 +168,12 @@ def _is_guided(motion: JointMotion) -> bool:
 
 def _guides(k: Kinematics, reactions: Reactions) -> Iterator[Block]:
     """W . (Z - Z_p) of guided joints, but for those that stand still as long as the functions of assemblies hold."""
-    ranges = {a.drive: a.functions.drive_range for a in k.topology.model.assemblies}
+    ranges = {a.drive: a.functions.drive_range for a in k.topology.model.embedded_loops}
     still = {drive for drive, found in ranges.items() if found is not None and found.half == 0}
     for body, motion in k.motions.items():
         if _is_guided(motion) and motion.tree_joint.joint.name not in still:
-            way = k.builder.sub(k.frames[body].Z, k.frames[motion.tree_joint.parent].Z)
-            yield k.builder.dot(way, reactions.carried[body])
+            twist = k.builder.sub(k.frames[body].Z, k.frames[motion.tree_joint.parent].Z)
+            yield k.builder.dot(twist, reactions.carried[body])
 
 
 def _teeth(k: Kinematics, gears: Sequence[GearClosure]) -> Iterator[Block]:

@@ -97,7 +97,7 @@ NUMBERS_PER_POSE = 16
 
 
 def digest_of_poses(model: str, names: Sequence[str]) -> int:
-    """A number of 64 bits that tells the poses of a model, of elements with these names, from those of others."""
+    """A 64-bit digest of the poses of a model and of elements with these names."""
     return int.from_bytes(sha256("\n".join((model, *names)).encode()).digest()[:8], "little")
 
 
@@ -109,8 +109,8 @@ def posed_elements(model: Model) -> tuple[str, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class ContactFrame:
-    """The contact of a wheel, where its plane meets the road: the wheel's ``body``, the way ``at`` (3, 1) there from its pole, and ``axes``
-    (3, 3) in columns, along the rolling direction, to the left in the road's plane, and along the road's normal."""
+    """The contact of a wheel, where its plane meets the road: the wheel's ``body``, its position ``at`` (3, 1) from the body's pole, and
+    ``axes`` (3, 3) in columns, along the rolling direction, to the left in the road's plane, and along the road's normal."""
 
     body: str
     at: Block

@@ -29,7 +29,7 @@ from cutjoint.program.blocks import Block, Builder
 
 @dataclass(frozen=True, kw_only=True)
 class Pivot:
-    """The terms of an eliminated joint that the way back needs: zdd = L^-T D^-1 (g - sum_j Y_j Zdd_j).
+    """The terms of an eliminated joint that the back substitution needs: zdd = L^-T D^-1 (g - sum_j Y_j Zdd_j).
 
     A spherical joint has its centre's rows of the body's own matrix in ``centre``, and the same formula with ``- centre a_P`` gives the
     absolute angular acceleration.
@@ -85,7 +85,7 @@ class BodySystem:
         """The bodies that body i is coupled to, in the order in which they were."""
         return [b if a == i else a for a, b in self.C if i in (a, b)]
 
-    def as_they_are(self) -> tuple[dict[str, Block], dict[str, Block]]:
+    def uneliminated(self) -> tuple[dict[str, Block], dict[str, Block]]:
         """M and Q of all bodies, those of rotors and their carriers their own."""
         masses = {body: self.own[body][0] if body in self.own else M for body, M in self.M.items()}
         return masses, {body: self.builder.add(Q, self.own[body][1]) if body in self.own else Q for body, Q in self.Q.items()}
@@ -120,7 +120,7 @@ def add_to(b: Builder, sums: dict[str, Block], name: str, block: Block) -> None:
 
 @dataclass(kw_only=True)
 class KnownMotions:
-    """The accelerations a of bodies beside a carrier by the known motions: sums of d."""
+    """The accelerations a of bodies relative to a carrier by the known motions: sums of d."""
 
     k: Kinematics
     carrier: str
@@ -309,7 +309,7 @@ def _mass_at(builder: Builder, a: Block, arm: Block) -> Block:
 def expand(
     kinematics: Kinematics, pivots: dict[str, Pivot], builder: Builder, branches: Mapping[str, Branched]
 ) -> tuple[dict[str, Block], dict[str, Block]]:
-    """The way back, from the ground outwards: Zdd of every body outside branches, and zdd of every joint with unknowns."""
+    """The back substitution, from the ground outwards: Zdd of every body outside branches, and zdd of every joint with unknowns."""
     b = builder
     Zdd: dict[str, Block] = {GROUND: b.zero(6)}
     zdd: dict[str, Block] = {}

@@ -112,14 +112,14 @@ class Visual(Part):
         if self.mesh is not None:
             _require_mesh(self.mesh)
         if self.colour is not None and not re.fullmatch("#[0-9a-fA-F]{6}", self.colour):
-            raise shape_error(f"colour '{printable(self.colour)}' is none", "write red, green and blue as \"#d9480f\", in quotes")
+            raise shape_error(f"'{printable(self.colour)}' is no colour", "write red, green and blue as \"#d9480f\", in quotes")
         if self.scale is not None and not 1e-9 <= self.scale <= 1e9:
             raise shape_error("scale is not between 1e-9 and 1e9")
         return self
 
 
 def _require_mesh(mesh: str) -> None:
-    """Check that a text names a mesh in the model file's folder or below it."""
+    """Check that a text names a mesh in the folder of the model file or below it."""
     if not mesh.lower().endswith(MESHES):
         raise shape_error(f"mesh '{printable(mesh)}' is of no kind that is known", f"name a file that ends in {', '.join(MESHES)}")
     parts = mesh.split("/")

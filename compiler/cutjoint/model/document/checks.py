@@ -1,4 +1,4 @@
-"""Checks a document's shape with pydantic, and words what is wrong for the user.
+"""Checks a document's shape with pydantic, and describes what is wrong for the user.
 
 Elements of the wrong shape are left out, and references to them are not judged, so that the problems of the others come in the same go.
 """

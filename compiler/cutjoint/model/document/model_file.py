@@ -99,7 +99,7 @@ Lookup: TypeAlias = Annotated[
 
 
 class FirstOrderState(Part):
-    """A number beside the mechanism: its value where a run begins, its rate of change, and how large it usually is."""
+    """A state in addition to the mechanism's: its value where a run begins, its rate of change, and how large it usually is."""
 
     start: Number
     rate: Lookup
@@ -146,7 +146,7 @@ SampledSignalEntry: TypeAlias = Annotated[
 
 
 class Controller(Part):
-    """Values that are computed at equal intervals and held in between; ``delay`` is how much later others see its signals."""
+    """Values that are computed at equal intervals and constant in between; ``delay`` is how much later others see its signals."""
 
     every: Number
     offset: Number = 0
@@ -218,7 +218,7 @@ class Submodel(Elements):
     """Elements to be used several times, or ``include``, the file that has them instead.
 
     ``defaults`` are parameters that instances may leave out, ``accepts`` has keys of their properties with the values that it is made for.
-    ``choices`` are parameters whose values `cutjoint check` tells, ``warns`` has sentences about parameters that are not zero.
+    ``choices`` are parameters whose values `cutjoint check` reports, ``warns`` has sentences about parameters that are not zero.
     """
 
     include: StrictStr | None = None
@@ -408,8 +408,8 @@ class Plot(Part):
 
 
 class Trim(Part):
-    """A steady start: ``find`` are unknowns beside the free coordinates and states, ``hold`` values of expressions, ``unsteady`` speeds and
-    states that may change, ``bounds`` those of unknowns."""
+    """A steady start: ``find`` are unknowns in addition to the free coordinates and states, ``hold`` values of expressions, ``unsteady``
+    speeds and states that may change, ``bounds`` those of unknowns."""
 
     find: tuple[StrictStr, ...] = ()
     hold: dict[StrictStr, Number] = Field(default={})

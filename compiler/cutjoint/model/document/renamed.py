@@ -1,4 +1,4 @@
-"""Fields and words of earlier versions in files: they still work, and the new ones are told."""
+"""Fields and words of earlier versions in files: they still work, and the new ones are reported."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

@@ -154,7 +154,7 @@ Coefficients = Annotated[tuple[Number, ...], Field(min_length=1, max_length=MAX_
 
 
 class Midpoint(Part):
-    """Half way between two points."""
+    """The midpoint of two points."""
 
     midpoint: Pair
 
@@ -231,7 +231,8 @@ Order = Literal["xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xyx", "xzx", "yxy", "
 
 
 class Attitude(Part):
-    """The attitude of a joint's follower beside its base, in one of three forms; ``order`` names the axes of the Euler angles in turn."""
+    """The attitude of a joint's follower relative to its base, in one of three forms; ``order`` names the axes of the Euler angles in turn.
+    """
 
     rotation_vector: Triple | None = None
     euler: Triple | None = None

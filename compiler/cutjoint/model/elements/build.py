@@ -156,8 +156,8 @@ def _check_fields(element: Element, kind: JointElement, vectors: Mapping[str, Ve
     """Note what is wrong between fields by the checks of a kind; returns whether nothing is."""
     is_sound = True
     for name, check in ((field.name, field.check) for field in kind.fields if field.name in vectors):
-        if check is not None and _FAULTS[check.fault](element, vectors[check.beside], vectors[name]):
-            element.fail(f"{check.beside} and {name} {check.fault}", check.hint, (name,))
+        if check is not None and _FAULTS[check.fault](element, vectors[check.other_field], vectors[name]):
+            element.fail(f"{check.other_field} and {name} {check.fault}", check.hint, (name,))
             is_sound = False
     return is_sound
 

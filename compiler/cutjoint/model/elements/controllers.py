@@ -1,7 +1,7 @@
 """Controllers: from the document to records.
 
-A controller computes its signals at a sample, each behind those that it reads, then its memory.  Others read the held values.  A delay of n
-samples is a row of n values behind each signal, which move on by one at each sample.
+A controller computes its signals at a sample, each behind those that it reads, then its memory. Others read the discrete states. A delay of
+n samples is a row of n values behind each signal, which shift by one at each sample.
 """
 
 import math
@@ -18,10 +18,10 @@ from cutjoint.model.expressions.operations import ExpressionError, Term
 from cutjoint.model.expressions.parse import quantity_symbol, sample_symbol, symbols_of, with_terms
 from cutjoint.model.expressions.scope import FAILED_TERM, Element
 from cutjoint.model.expressions.units import NONE, TIME, Dimension
-from cutjoint.model.records import Controller, HeldValue, Signal
+from cutjoint.model.records import Controller, DiscreteState, Signal
 
 #: The most values that a controller holds, those of its delays included.
-MAX_HELD = 1000
+MAX_STATES = 1000
 
 
 def require_free_name(element: Element) -> None:
@@ -41,7 +41,7 @@ def read_controller(element: Element, part: model_file.Controller) -> Controller
     _require_names(element, part)
     every, offset, samples = _read_times(element, part)
     terms, order = _local_terms(element, part)
-    signals, held = [], []
+    signals = []
     for name in order:
         value, keys = _entry(part, name)
         term = terms[name]
@@ -52,14 +52,16 @@ def read_controller(element: Element, part: model_file.Controller) -> Controller
                 unit=unit_text(term.dimension), span=element.scope.source.key_span((*element.path, "signals", name)),
             )
         )  # fmt: skip
-    delayed = {name: list(_held_signal(element, part, name, samples, terms[name])) for name in part.signals}
-    held = [values[0] for values in delayed.values()] + list(_memory(element, part, terms))
-    held += [value for values in delayed.values() for value in values[1:]]
+    delayed = {name: list(_sampled_signal(element, part, name, samples, terms[name])) for name in part.signals}
+    states = [values[0] for values in delayed.values()] + list(_memory(element, part, terms))
+    states += [value for values in delayed.values() for value in values[1:]]
     if not part.memory and not part.signals:
         element.fail("it computes nothing", "give it signals or memory")
-    if len(held) > MAX_HELD:
-        element.fail(f"delay: it holds {len(held)} values", f"at most {MAX_HELD}: delay fewer signals, or by fewer samples", ("delay",))
-    return Controller(name=element.name, every=every, offset=offset, signals=tuple(signals), held=tuple(held), span=element.span)
+    if len(states) > MAX_STATES:
+        element.fail(f"delay: it holds {len(states)} values", f"at most {MAX_STATES}: delay fewer signals, or by fewer samples", ("delay",))
+    return Controller(
+        name=element.name, every=every, offset=offset, signals=tuple(signals), discrete_states=tuple(states), span=element.span
+    )  # fmt: skip
 
 
 def dimension_of_sample(element: Element, part: model_file.Controller, value: str) -> Dimension | None:
@@ -73,14 +75,14 @@ def _require_names(element: Element, part: model_file.Controller) -> None:
     for section, names in (("signals", part.signals), ("memory", part.memory)):
         for name in names:
             if name in element.scope.names:
-                taken = "a parameter"
+                meaning = "a parameter"
             elif name in element.scope.own:
-                taken = "a state or a signal"
+                meaning = "a state or a signal"
             elif section == "memory" and name in part.signals:
-                taken = "a signal of it"
+                meaning = "a signal of it"
             else:
                 continue
-            element.fail(f"'{name}' is {taken} already", "choose another name", (section, name), at_key=True)
+            element.fail(f"'{name}' is {meaning} already", "choose another name", (section, name), at_key=True)
 
 
 def _read_times(element: Element, part: model_file.Controller) -> tuple[float, float, int]:
@@ -103,8 +105,8 @@ def _read_times(element: Element, part: model_file.Controller) -> tuple[float, f
             f"write {near}; there is no continuous delay, and a shorter every has finer ones", ("delay",),
         )  # fmt: skip
         return every, offset, 0
-    if samples * max(len(part.signals), 1) > MAX_HELD:
-        element.fail(f"delay: it is {samples} samples long", f"all delayed signals together hold at most {MAX_HELD} values", ("delay",))
+    if samples * max(len(part.signals), 1) > MAX_STATES:
+        element.fail(f"delay: it is {samples} samples long", f"all delayed signals together hold at most {MAX_STATES} values", ("delay",))
         return every, offset, 0
     return every, offset, samples
 
@@ -155,18 +157,18 @@ def memory_term(controller: str, name: str, memory: model_file.FunctionMemory) -
 def _note_circle(element: Element, circle: Sequence[str]) -> None:
     lines = {name: element.scope.source.key_span((*element.path, "signals", name)).line for name in circle}
     first = circle[0]
-    way = ", which reads ".join(f"'{name}' (line {lines[name]})" for name in (*circle[1:], first))
+    chain = ", which reads ".join(f"'{name}' (line {lines[name]})" for name in (*circle[1:], first))
     local = str(element.path[-1])
     element.fail(
-        f"signal '{first}' follows from itself at one sample: it reads {way}",
+        f"signal '{first}' depends on itself at one sample: it reads {chain}",
         f"read '{local}.{first}', which is its value of the sample before, or a memory", ("signals", first), at_key=True,
     )  # fmt: skip
 
 
-def _held_signal(
+def _sampled_signal(
     element: Element, part: model_file.Controller, name: str, samples: int, term: Term
-) -> Iterator[HeldValue]:  # fmt: skip
-    """The held value of a signal, then the values that wait to be read, the latest first."""
+) -> Iterator[DiscreteState]:  # fmt: skip
+    """The discrete state of a signal, then the values of its delay, the latest first."""
     entry, dimension = part.signals[name], term.dimension
     start = (
         element.scalar(entry.start, dimension, ("signals", name, "start"))
@@ -175,20 +177,20 @@ def _held_signal(
     )
     waiting = [quantity_symbol(element.name, f"{name}-{i}") for i in range(1, samples + 1)]
     unit, computed = unit_text(dimension), term.value  # which is that at a sample, unless it could not be read
-    yield HeldValue(
+    yield DiscreteState(
         name=name, symbol=quantity_symbol(element.name, name), start=start, next=waiting[-1] if waiting else computed, unit=unit
     )  # fmt: skip
     for symbol, before in zip(waiting, (computed, *waiting), strict=False):
-        yield HeldValue(name="", symbol=symbol, start=start, next=before, unit=unit)
+        yield DiscreteState(name="", symbol=symbol, start=start, next=before, unit=unit)
 
 
-def _memory(element: Element, part: model_file.Controller, terms: Mapping[str, Term]) -> Iterator[HeldValue]:
+def _memory(element: Element, part: model_file.Controller, terms: Mapping[str, Term]) -> Iterator[DiscreteState]:
     for name, memory in part.memory.items():
         if isinstance(memory, model_file.FunctionMemory):
             yield from _function_memory(element, name, memory, terms)
             continue
         dimension = terms[name].dimension
-        yield HeldValue(
+        yield DiscreteState(
             name=name, symbol=quantity_symbol(element.name, name), unit=unit_text(dimension),
             start=element.scalar(memory.start, None, ("memory", name, "start")),
             next=sympy.sympify(element.scalar(memory.next, dimension, ("memory", name, "next"), _names(element, terms))),
@@ -197,8 +199,8 @@ def _memory(element: Element, part: model_file.Controller, terms: Mapping[str, T
 
 def _function_memory(
     element: Element, name: str, memory: model_file.FunctionMemory, terms: Mapping[str, Term]
-) -> Iterator[HeldValue]:  # fmt: skip
-    """The held values of the memory of a function, zero before the first sample."""
+) -> Iterator[DiscreteState]:  # fmt: skip
+    """The discrete states of the memory of a function, zero before the first sample."""
     keys, functions = ("memory", name), element.scope.functions
     if memory.function not in functions:
         element.fail(f"there is no function '{memory.function}'", nearest(memory.function, functions, "functions"), (*keys, "function"))
@@ -211,4 +213,4 @@ def _function_memory(
         element.fail(f"memory {name}: {error.message}", error.hint, (*keys, "arguments"))
         return
     for own, value in zip(words_of(symbol, len(following)), following, strict=True):
-        yield HeldValue(name="", symbol=own, start=sympy.Integer(0), next=value, unit="")
+        yield DiscreteState(name="", symbol=own, start=sympy.Integer(0), next=value, unit="")

@@ -72,7 +72,7 @@ def _own(scope: Scope, part: model_file.Elements) -> frozenset[str]:
 
 
 def _read(scope: Scope, model: model_file.Document, machine: Machine) -> Elements:
-    """The elements of the model and of its instances; the machine knows of all signals before it is asked for one."""
+    """The elements of the model and of its instances; the machine knows all signals before one is read."""
     machine.expect(scope, model)
     inner: dict[str, list[_Scoped]] = {}
     for use in _uses(scope, model, machine):

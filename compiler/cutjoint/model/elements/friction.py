@@ -33,7 +33,7 @@ from cutjoint.model.records import VALUE, FirstOrderState, Model, Scalar
 
 #: The square of the share of the limit up to which the bristle is a spring.
 BREAKAWAY = 0.5
-#: The speed within which the bristle's way of sliding turns round, as a share of the damping's.
+#: The speed within which the bristle's direction of sliding reverses, as a share of the damping's.
 REVERSAL = 1e-3
 
 #: The share of the limit within which the bristle begins to give way beyond it, and how much slower than it settles: steps that settle
@@ -83,7 +83,7 @@ def _check_fields(element: Element, part: Any, unit: str) -> None:
             element.fail(f"{name} belongs to friction on an angle", "remove it", (name,))
     for name in ("arm", "thrust_radius") if not part.carried else ():
         if getattr(part, name) is not None:
-            element.fail(f"{name} belongs to friction by what a joint carries", "remove it, or carried: false", (name,))
+            element.fail(f"{name} belongs to load-dependent friction", "remove it, or carried: false", (name,))
     if part.static is not None and part.stribeck_speed is None:
         element.fail("static needs the speed at which friction has come down from it", "write stribeck_speed: 0.01 m/s", ("static",))
     if part.static is None and part.stribeck_speed is not None:
@@ -154,6 +154,6 @@ def refuse_friction(model: Model, names: Collection[str], message: str, hint: st
 def refuse_method(model: Model, names: Collection[str]) -> ModelError:
     """The error that natural coordinates do not have friction by load."""
     return refuse_friction(
-        model, names, "equations of this kind do not have friction by what a joint carries",
+        model, names, "equations of this kind do not support load-dependent friction",
         "use --method recursive or recursive-newton, or switch the force off in the scene: switches: {name: off}",
     )  # fmt: skip

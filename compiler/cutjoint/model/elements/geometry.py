@@ -21,14 +21,14 @@ GLOBAL_AXES: tuple[Vector, Vector, Vector] = (
     (sympy.Integer(0), sympy.Integer(1), sympy.Integer(0)),
     (sympy.Integer(0), sympy.Integer(0), sympy.Integer(1)),
 )
-#: Added to the square of a turn, rad, so that none has a direction.
+#: Added to the square of an angle, rad, so that a rotation by zero has a direction.
 _TINY = 1e-300
 #: Directions shorter than this are zero.
 SHORTEST = 1e-12
 
 
 def read_point(element: Element, point: Any, keys: Path) -> Vector:
-    """A point: three numbers in m, a point's name, half way between two, or the sum of a point and vectors."""
+    """A point: three numbers in m, a point's name, the midpoint of two, or the sum of a point and vectors."""
     if isinstance(point, values.Midpoint):
         p, q = (_named_point(element, name, (*keys, "midpoint", i)) for i, name in enumerate(point.midpoint))
         return _vector((a + b) / 2 for a, b in zip(p, q, strict=True))
@@ -165,15 +165,15 @@ def read_axes(element: Element, part: Any, keys: Path) -> tuple[Vector, Vector, 
     return (axes["x"], axes["y"], axes["z"])
 
 
-def rotated_axes(turn: Vector) -> tuple[Vector, Vector, Vector]:
-    """The directions x, y, z turned by a rotation vector, rad (Rodrigues); that of no turn may depend on parameters."""
-    angle = sympy.sqrt(sum(part**2 for part in turn) + _TINY)
+def rotated_axes(rotation_vector: Vector) -> tuple[Vector, Vector, Vector]:
+    """The directions x, y, z rotated by a rotation vector, rad (Rodrigues); a zero vector may depend on parameters."""
+    angle = sympy.sqrt(sum(part**2 for part in rotation_vector) + _TINY)
     first, second = sympy.sin(angle) / angle, 2 * (sympy.sin(angle / 2) / angle) ** 2
-    along = [_vector(turn[i] * part for part in turn) for i in range(3)]
+    along = [_vector(rotation_vector[i] * part for part in rotation_vector) for i in range(3)]
     x, y, z = (
         _vector(
             (sympy.cos(angle) if i == k else 0) + first * part + second * along[k][i]
-            for i, part in enumerate(cross(turn, GLOBAL_AXES[k]))
+            for i, part in enumerate(cross(rotation_vector, GLOBAL_AXES[k]))
         )
         for k in range(3)
     )

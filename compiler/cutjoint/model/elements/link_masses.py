@@ -71,7 +71,7 @@ def _points(joint: Joint, body: str) -> list[Vector]:
 
 
 def _rod(body: Body, mass: float, ends: tuple[Vector, Vector] | None) -> Body:
-    """J = m/12 (L^2 1 - (1 - AXIAL) d d^T), d the way of length L between the ends."""
+    """J = m/12 (L^2 1 - (1 - AXIAL) d d^T), d the vector of length L between the ends."""
     assert ends is not None
     start, end = ends
     d = [b - a for a, b in zip(start, end, strict=True)]

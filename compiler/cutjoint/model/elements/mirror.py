@@ -7,7 +7,7 @@ so that a positive angle of the image is the image of a positive angle.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from cutjoint.elements.joint import DESIGN_FRAME, Direction, Slide
+from cutjoint.elements.joint import DESIGN_FRAME, Direction, Translation
 from cutjoint.model.elements.build import Elements
 from cutjoint.model.elements.geometry import least_component
 from cutjoint.model.expressions.parse import POSITION, variable
@@ -35,7 +35,7 @@ class Mirror:
         return (-a, -b, -c)
 
     def frame(self, axes: tuple[Vector, Vector, Vector]) -> tuple[Vector, Vector, Vector]:
-        """The image of a frame, right-handed: its axis along which the mirror reflects counts the other way."""
+        """The image of a frame, right-handed: its axis along which the mirror reflects is reversed."""
         x, y, z = (self._times(sign, self.vector(axis)) for sign, axis in zip(self.signs, axes, strict=True))
         return x, y, z
 
@@ -50,7 +50,7 @@ class Mirror:
         return self.opposite(expression, turned)
 
     def opposite(self, expression: Scalar, names: Sequence[str]) -> Scalar:
-        """An expression whose variables of some names count the other way."""
+        """An expression with the sign of some variables changed."""
         return expression.xreplace({variable(name): -variable(name) for name in names})
 
     def reflected(self, law: Scalar, sign: int) -> Scalar:
@@ -135,12 +135,13 @@ def _visual(mirror: Mirror, visual: Visual) -> Visual:
 
 
 def coordinate_signs(mirror: Mirror, joint: Joint) -> Mapping[str, int]:
-    """For each coordinate of a joint whether it counts the same way in the image.
+    """For each coordinate of a joint whether it keeps its sign in the image.
 
-    A displacement along a direction is a vector, a turn about it a pseudo-vector.
+    A displacement along a direction is a vector, a rotation about it a pseudovector.
     """
     return {
-        m.coordinate: _image_sign(mirror, joint, m.direction) * (1 if isinstance(m, Slide) else -1) for m in joint.element.scalar_motions
+        m.coordinate: _image_sign(mirror, joint, m.direction) * (1 if isinstance(m, Translation) else -1)
+        for m in joint.element.scalar_motions
     }
 
 
@@ -197,7 +198,7 @@ def _gear(gear: Gear, signs: Mapping[str, Mapping[str, int]]) -> Gear:
 
 
 def reflected_law(law: Scalar, sign: int) -> Scalar:
-    """A law over ``position`` and ``rate``, which with its force count the other way where ``sign`` is -1."""
+    """A law over ``position`` and ``rate``; these and its force change their sign where ``sign`` is -1."""
     if sign > 0:
         return law
     return -law.xreplace({variable(name): -variable(name) for name in ("position", "rate")})

@@ -94,7 +94,7 @@ def bottom_up(expression: Scalar) -> Iterator[Scalar]:
 
 def _extent(node: Scalar, parts: list[Extent]) -> Extent:
     if not parts:
-        varies = node.is_Symbol and ":" not in node.name  # the values of a function's memory, "@keeper.kept:3", are held
+        varies = node.is_Symbol and ":" not in node.name  # the values of a function's memory, "@keeper.kept:3", are discrete states
         return _SYMBOL if varies else _NUMBER
     nodes = 1 + sum(part.nodes for part in parts)
     first, second = sum(part.first for part in parts), sum(part.second for part in parts)

@@ -69,12 +69,12 @@ def _slopes(points: Sequence[float], ordinates: Sequence[Scalar]) -> list[Scalar
 
 
 def _butland(steps: Sequence[float], secants: Sequence[Scalar]) -> Scalar:
-    goes_on = _is_above(secants[0] * secants[1], 0)
-    if goes_on is False:
+    is_monotone = _is_above(secants[0] * secants[1], 0)
+    if is_monotone is False:
         return 0.0
     left, right = steps[0] + 2 * steps[1], 2 * steps[0] + steps[1]
-    first, second = (_either(goes_on, secant, sympy.Integer(1)) for secant in secants)  # divisors where the curve turns, too
-    return _either(goes_on, (left + right) / (right / second + left / first), 0.0)
+    first, second = (_either(is_monotone, secant, sympy.Integer(1)) for secant in secants)  # divisors where the curve turns, too
+    return _either(is_monotone, (left + right) / (right / second + left / first), 0.0)
 
 
 def _is_above(value: Scalar, limit: Scalar) -> Any:
@@ -89,9 +89,9 @@ def _end_slope(steps: Sequence[float], secants: Sequence[Scalar]) -> Scalar:
     """The three-point slope at an end, limited so that the curve stays monotone."""
     slope = ((2 * steps[0] + steps[1]) * secants[0] - steps[0] * secants[1]) / (steps[0] + steps[1])
     first, most = secants[0], 3 * secants[0]
-    agrees, goes_on = _is_above(slope * first, 0), _is_above(first * secants[1], 0)
+    agrees, is_monotone = _is_above(slope * first, 0), _is_above(first * secants[1], 0)
     is_steep = _is_above((slope - most) * first, 0)  # where slope and first agree in sign
-    return _either(agrees, _either(goes_on, slope, _either(is_steep, most, slope)), 0.0)
+    return _either(agrees, _either(is_monotone, slope, _either(is_steep, most, slope)), 0.0)
 
 
 def _either(condition: Any, yes: Scalar, no: Scalar) -> Scalar:

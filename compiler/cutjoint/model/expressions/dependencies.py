@@ -104,13 +104,13 @@ def check_loops(forces: Sequence[Force], signals: Sequence[Signal], problems: Pr
     elements = {element.name: element for element in both}
     for circle in in_order(_uses(forces, signals))[1]:
         first, *others = (elements[name] for name in (*circle, circle[0]))
-        way = ", which reads ".join(f"{_kind(element)} '{element.name}' ({element.span.seen_from(first.span)})" for element in others)
+        chain = ", which reads ".join(f"{_kind(element)} '{element.name}' ({element.span.seen_from(first.span)})" for element in others)
         label = f"{_kind(first)} '{first.name}'"
         remedy = (
             f"a state breaks it: one whose rate reads '{first.name}', and which '{circle[-1]}' reads instead of '{first.name}'; "
             f"so does a controller that samples '{first.name}'"
         )
-        problems.add(first.span, label, f"an algebraic loop: it reads {way}", remedy)
+        problems.add(first.span, label, f"an algebraic loop: it reads {chain}", remedy)
 
 
 def _kind(element: Force | Signal) -> str:

@@ -76,7 +76,7 @@ class SuppliedCall(sympy.Expr):  # type: ignore[misc]
 
     def _eval_derivative(self, x: Scalar) -> Scalar:
         name, by, has_partials = self.args[:3]
-        # a memory is held: it has no derivative
+        # a memory is a discrete state: it has no derivative
         derivatives = [argument.diff(x) for argument in self.arguments[: len(self.arguments) - self._memory]]
         if all(derivative == 0 for derivative in derivatives):
             return sympy.Integer(0)
@@ -192,7 +192,7 @@ def update_supplied(function: SuppliedFunction, terms: Sequence[Term], memory: S
 
 
 def words_of(memory: Scalar, words: int) -> list[Scalar]:
-    """The symbols of the values that hold a memory."""
+    """The symbols of the values of a memory."""
     return [sympy.Symbol(f"{memory}:{word}", real=True) for word in range(words)]
 
 

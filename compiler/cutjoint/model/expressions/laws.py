@@ -18,7 +18,7 @@ from cutjoint.model.expressions.scope import FAILED, Element
 from cutjoint.model.expressions.units import Dimension, Quantity, described
 from cutjoint.model.records import Scalar
 
-#: The word for the length or position in the design position.
+#: The keyword for the length or position in the design position.
 DRAWN = "drawn"
 
 
@@ -149,7 +149,7 @@ class _Law:
         if last or piece.below is None:
             if last != (piece.below is None):
                 message = "the last piece has no 'below'" if last else "only the last piece has no 'below'"
-                self.element.fail(message, "it holds beyond the last limit", keys)
+                self.element.fail(message, "it applies beyond the last limit", keys)
             return sympy.true
         below = self.element.scalar(piece.below, self.kind.variables[of], (*keys, "below"))
         limits.append(self.element.value(below))

@@ -20,7 +20,7 @@ from cutjoint.model.records import VALUE, Controller, Joint, Signal
 
 @dataclass
 class Machine:
-    """The elements of a model, which ``survey`` finds when the first of their quantities is asked for; ``scopes`` by their prefixes."""
+    """The elements of a model, which ``survey`` finds when the first of their quantities is read; ``scopes`` by their prefixes."""
 
     survey: Callable[[], Mapping[str, Element]]
     scopes: dict[str, Scope] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class Machine:
         if not reported and not scope.sampled and follows_from_forces(elements[found[0]], found[1]):
             reason = "accelerations and reactions follow from all forces, and so from what reads them"
             hint = "use positions and speeds, or let a controller sample it"
-            raise ExpressionError(f"the quantity '{name}' cannot stand here: {reason}", hint)
+            raise ExpressionError(f"the quantity '{name}' cannot be used here: {reason}", hint)
         return found
 
     def _term(self, name: str, quantity: str) -> Term:

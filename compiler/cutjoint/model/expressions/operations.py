@@ -37,7 +37,7 @@ class Exponential(sympy.Function):  # type: ignore[misc]
         return sympy.exp(argument)
 
     def fdiff(self, argindex: int = 1) -> Scalar:
-        """The slope, which is the function itself."""
+        """The derivative, which is the function itself."""
         return self
 
     def _eval_is_extended_real(self) -> bool | None:

@@ -269,7 +269,7 @@ class _Parser:
     def quantity(self, name: str) -> Term:
         if isinstance(self.names, Names):
             return self.known(self.names[name])
-        raise ExpressionError(f"the quantity '{name}' cannot stand here", READERS)
+        raise ExpressionError(f"the quantity '{name}' cannot be used here", READERS)
 
     def known(self, term: Term) -> Term:
         self.has_failed = self.has_failed or term.value is sympy.nan

@@ -223,6 +223,6 @@ def _bodies(element: Element, joints: dict[str, Joint]) -> Iterator[str]:
         case Gear():
             yield from (body for name in element.joints for body in _bodies(joints[name], joints))
         case RodForce():
-            yield from (body for name, _ in element.pushes for body in _bodies(joints[name], joints))
+            yield from (body for name, _ in element.weights for body in _bodies(joints[name], joints))
         case Joint():
             yield from (element.base, element.follower)

@@ -34,8 +34,8 @@ UNKNOWN = ""
 class Directory:
     """All bodies and joints of the model by full name, known before any of them is read.
 
-    ``broken`` names elements and instances that could not be read; what is asked of them is not reported
-    again.  ``signals`` are the states and signals of the model itself, and ``points`` its points, which submodels do not see.
+    ``broken`` names elements and instances that could not be read; references to them are not reported again. ``signals`` are the states
+    and signals of the model itself, and ``points`` its points, which submodels do not see.
     """
 
     bodies: frozenset[str]
@@ -164,7 +164,7 @@ class Element:
         """Message and hint; a parameter that is known elsewhere is named as such."""
         for name in self.scope.own:
             if error.message == f"unknown symbol '{name}'":
-                return f"the quantity '{name}' cannot stand here", READERS
+                return f"the quantity '{name}' cannot be used here", READERS
         for name in self.scope.functions:
             if error.message == f"unknown function '{name}'":
                 return f"the function '{name}' cannot be called here", READERS.replace("have", "call")
@@ -175,8 +175,8 @@ class Element:
                 takes_parameters = names or not self.scope.constants()
                 if takes_parameters and self.scope.moves(self.scope.names[name]):
                     remedy = "" if not self.scope.prefix else ", or give the submodel a value that does not change with time"
-                    return f"the input '{name}' cannot stand here, it may change with time", f"use binding: param{remedy}"
-                return f"the parameter '{name}' cannot stand here", "write a number"
+                    return f"the input '{name}' cannot be used here, it may change with time", f"use binding: param{remedy}"
+                return f"the parameter '{name}' cannot be used here", "write a number"
         for name in self.scope.directory.signals if self.scope.prefix else ():
             if error.message == f"unknown symbol '{name}'":
                 return f"'{name}' is the model's, and a submodel does not see it", f"give it as a parameter: parameters: [..., {name}]"

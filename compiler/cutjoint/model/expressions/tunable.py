@@ -57,9 +57,9 @@ class TunableNumbers:
         self.parameters[name] = added
         return added
 
-    def problems(self, asked: Sequence[str], span: Span) -> list[Problem]:
-        """Patterns that no number has."""
-        idle = [pattern for pattern in asked if not any(fnmatchcase(name, pattern) for name in self.names)]
+    def problems(self, requested: Sequence[str], span: Span) -> list[Problem]:
+        """The patterns that match no number."""
+        idle = [pattern for pattern in requested if not any(fnmatchcase(name, pattern) for name in self.names)]
         return [
             Problem(
                 span=span, element="model", message=f"no constant that could be tunable is called '{pattern}'",
@@ -88,7 +88,8 @@ def with_inputs(model: Model, *, external_wrenches: Sequence[str] = (), terrain:
 
 
 def with_terrain(model: Model, patterns: Sequence[str]) -> Model:
-    """The model whose wheels of names that match a pattern, with * for any text, have ground from a host beside their own and the road's.
+    """The model whose wheels of names that match a pattern, with * for any text, have terrain from a host in addition to their own and the
+    road's.
 
     Each has the inputs ``NAME.terrain_height`` (m), ``NAME.terrain_slope`` and ``NAME.terrain_bank``, of value 0 where nobody gives one,
     which are added, and ``NAME.friction``, a factor of value 1.
@@ -137,14 +138,14 @@ def with_external_wrenches(model: Model, names: Sequence[str]) -> Model:
 
 
 def _faults(model: Model, names: Sequence[str], places: dict[str, Body | Marker]) -> Iterator[Problem]:
-    taken = {force.name for force in model.forces}
+    used_names = {force.name for force in model.forces}
     for number, name in enumerate(names):
         fault = ""
         if name not in places:
             fault, hint = "the model has no body or marker of this name", nearest(name, places)
         elif name in names[:number]:
             fault, hint = "is given twice", "write it once"
-        elif taken & {f"{name}.wrench", f"{name}.torque"}:
+        elif used_names & {f"{name}.wrench", f"{name}.torque"}:
             fault, hint = "the model has a force of its own that is called so", "give that another name"
         if fault:
             yield Problem(span=model.span, element=f"external wrench on '{name}'", message=fault, hint=hint)

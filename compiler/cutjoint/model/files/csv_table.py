@@ -18,7 +18,7 @@ from cutjoint.model.text import is_number
 
 #: Rows of a table below its names.
 MAX_ROWS = 50_000
-#: Problems of one table that are told.
+#: Problems of one table that are reported.
 _MAX_REPORTED = 20
 
 _HEADER = re.compile(r"([^\[\]]+?)\s*(?:\[\s*([^\[\]]*?)\s*\])?")

@@ -35,7 +35,7 @@ _SETTING = re.compile(rf"([a-z_]\w*)\s*=\s*([-+]?{UNSIGNED})(?:\s.*)?", re.IGNOR
 _SAME = 1e-8
 #: The largest number of a header and of the data; the least distance of cross sections and of long ones, m.
 _LARGEST, _LEAST = 1e9, 1e-6
-#: The largest gap of a line that closes the wrong way, m, as the format's ``check_tol`` has it.
+#: The largest gap at the ends of a line that closes, m, as the format's ``check_tol`` has it.
 _CLOSE = 1e-4
 
 
@@ -52,14 +52,14 @@ class _Strip:
     grid: _Array
 
     def at(self, u: float, v: float) -> tuple[float, float, float, float]:
-        """Place, heading and height at a way from the line's begin and a distance to its left; beyond the edges the height stays."""
+        """Position, heading and height at a distance along the line and a distance to its left; beyond the edges the height stays."""
         k = int(np.clip(np.floor(u / self.step), 0, len(self.x) - 2))
-        cosine, sine, length, lean, spread = cross_sections(self.x, self.y)[k]
+        cosine, sine, length, skew, spread = cross_sections(self.x, self.y)[k]
         t = u / self.step - k
         if not 0 <= t <= 1:
-            lean, spread, length = 0.0, 0.0, self.step
+            skew, spread, length = 0.0, 0.0, self.step
             k, t = (k, t) if t < 0 else (k + 1, t - 1)
-        along = t * (length + spread * v) + lean * v
+        along = t * (length + spread * v) + skew * v
         across = [np.interp(v, self.v, row) for row in self.heights()]
         x, y = float(self.x[k] + along * cosine - v * sine), float(self.y[k] + along * sine + v * cosine)
         return x, y, atan2(sine, cosine), float(np.interp(u, self.step * np.arange(len(self.x)), across))
@@ -68,10 +68,10 @@ class _Strip:
         """All heights, (n, m)."""
         return self.grid + self.z[:, None] + self.banking[:, None] * self.v
 
-    def moved(self, turn: float, about: tuple[float, float], to: tuple[float, float, float]) -> "_Strip":
+    def moved(self, rotation: float, about: tuple[float, float], to: tuple[float, float, float]) -> "_Strip":
         """The strip turned about a place, which is then at another and higher."""
         x, y = self.x - about[0], self.y - about[1]
-        c, s = cos(turn), sin(turn)
+        c, s = cos(rotation), sin(rotation)
         return replace(self, x=to[0] + c * x - s * y, y=to[1] + s * x + c * y, z=self.z + to[2])
 
 
@@ -309,8 +309,8 @@ class OpenCrg:
         if curvature != 1:
             headings = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
             headings = headings[0] + curvature * (headings - headings[0])
-            ways = strip.step * length * np.array([np.cos(headings), np.sin(headings)])
-            x, y = (places[0] + np.concatenate([[0.0], np.cumsum(way)]) for places, way in zip((x, y), ways, strict=True))
+            extensions = strip.step * length * np.array([np.cos(headings), np.sin(headings)])
+            x, y = (places[0] + np.concatenate([[0.0], np.cumsum(distance)]) for places, distance in zip((x, y), extensions, strict=True))
         z = strip.z[0] + slope * length * (strip.z - strip.z[0])
         return replace(strip, step=strip.step * length, v=strip.v * width, x=x, y=y, z=z, banking=strip.banking * banking)
 
@@ -319,8 +319,8 @@ class OpenCrg:
         modifiers = self.settings.get("ROAD_CRG_MODS", {"refpoint_phi": (0.0, 0)})
         if not any(key in _POINT for key in modifiers):
             about = self._modifier("refline_rotcenter_x", strip.x[0]), self._modifier("refline_rotcenter_y", strip.y[0])
-            dx, dy, dz, turn = (self._modifier(key, 0.0) for key in _SHIFTS[:4])
-            return strip.moved(turn, about, (about[0] + dx, about[1] + dy, dz))
+            dx, dy, dz, rotation = (self._modifier(key, 0.0) for key in _SHIFTS[:4])
+            return strip.moved(rotation, about, (about[0] + dx, about[1] + dy, dz))
         ends = {"u": (begin, begin + strip.step * (len(strip.x) - 1)), "v": (strip.v[0], strip.v[-1])}
         point = []
         for axis, (first, last) in ends.items():
@@ -333,8 +333,8 @@ class OpenCrg:
         options = {key: self._value("ROAD_CRG_OPTS", key, value) for key, value in _OPTIONS.items()}
         if not inside and any(options[key] != _OPTIONS[key] for key in _BORDERS):
             self._fail(f"the reference point is beyond the road's edges, at u = {point[0]:g}, v = {point[1]:g}", "choose one on the road")
-        for key, way, end in (("ubeg", point[0] - ends["u"][0], 0), ("uend", ends["u"][1] - point[0], -1)):
-            if (reach := options[f"border_smooth_{key}"]) > (inner := max(way, 0.0)):
+        for key, distance, end in (("ubeg", point[0] - ends["u"][0], 0), ("uend", ends["u"][1] - point[0], -1)):
+            if (reach := options[f"border_smooth_{key}"]) > (inner := max(distance, 0.0)):
                 height = float(strip.z[end]) + inner / reach * (height - float(strip.z[end]))
         wanted = {name: self._modifier(f"refpoint_{name}", 0.0) for name in ("x", "y", "z", "phi")}
         return strip.moved(wanted["phi"] - heading, (x, y), (wanted["x"], wanted["y"], wanted["z"] - height))
@@ -345,13 +345,13 @@ class OpenCrg:
         first, last = cross_sections(strip.x, strip.y)[[0, -1], :2]
         gap, along = begin - end, float(first @ last)
         across = float(first[0] * last[1] - first[1] * last[0])
-        ways = np.array([last @ gap, first @ gap]) / 2
+        extensions = np.array([last @ gap, first @ gap]) / 2
         if abs(across) > _SAME:
             meet = np.array([last[0] * gap[1] - last[1] * gap[0], first[0] * gap[1] - first[1] * gap[0]]) / across
-            ways = np.array([-meet[0], meet[1]]) if meet[0] <= _CLOSE and meet[1] >= -_CLOSE else ways
-        if along < 0.5 or (ways < -_CLOSE).any():
-            self._refuse("ROAD_CRG_OPTS", "refline_continuation", "leave it out: the line's ends do not lead to each other")
-        return -float(ways[0]) / strip.step, len(strip.x) - 1 + float(ways.sum()) / strip.step
+            extensions = np.array([-meet[0], meet[1]]) if meet[0] <= _CLOSE and meet[1] >= -_CLOSE else extensions
+        if along < 0.5 or (extensions < -_CLOSE).any():
+            self._refuse("ROAD_CRG_OPTS", "refline_continuation", "leave it out: the line's ends do not meet")
+        return -float(extensions[0]) / strip.step, len(strip.x) - 1 + float(extensions.sum()) / strip.step
 
     def _refuse(self, block: str, key: str, hint: str = "leave it out, or apply it and save the road so") -> Never:
         value, number = self.settings.get(block, {}).get(key, (0.0, 1))
@@ -375,8 +375,8 @@ def cross_sections(x: _Array, y: _Array) -> _Array:
     for end, here in ((0, slice(1, None)), (1, slice(None, -1))):
         cx, cy = x[2:] - x[:-2], y[2:] - y[:-2]
         along[end, here], across[end, here] = cx * c[here] + cy * s[here], cy * c[here] - cx * s[here]
-    lean = -across / along
-    pieces = np.column_stack([c, s, length, lean[0], lean[1] - lean[0]])
+    skew = -across / along
+    pieces = np.column_stack([c, s, length, skew[0], skew[1] - skew[0]])
     return np.concatenate([pieces, [[c[-1], s[-1], length[-1], 0.0, 0.0]]])
 
 

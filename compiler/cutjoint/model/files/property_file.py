@@ -12,10 +12,10 @@ from cutjoint.model.errors import ModelError, Problem, nearest
 from cutjoint.model.records import Span
 from cutjoint.model.text import is_number
 
-#: Lines of a file, and problems of one that are told.
+#: Lines of a file, and problems of one that are reported.
 _MAX_LINES, _MAX_REPORTED = 10_000, 20
 
-#: The words of the section UNITS, with their sizes in SI, by what they measure.
+#: The keywords of the section UNITS, with their sizes in SI, by what they measure.
 _UNITS: Mapping[str, Mapping[str, float]] = {
     "LENGTH": {
         **dict.fromkeys(("meter", "metre", "m"), 1.0), **dict.fromkeys(("millimeter", "millimetre", "mm"), 1e-3),

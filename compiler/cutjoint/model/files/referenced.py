@@ -143,9 +143,9 @@ class _Files:
         if name.text.lower().endswith(".crg") and keys[-3:-1] == ("road", "surface"):
             return self._with_opencrg(source, keys, name, place)
         table = self._table(name, place)
-        asked = {key: column for key, column in source.part(keys).items() if key != "file"}
+        requested = {key: column for key, column in source.part(keys).items() if key != "file"}
         columns: dict[str, Column] = {}
-        for key, column in asked.items():
+        for key, column in requested.items():
             if not isinstance(column, str):
                 raise _Fault(f"'{key}' is the name of a column of '{name.text}'", "remove the list, or the file")
             columns[key] = self._column(table, column, source.value_span((*keys, key)), name)

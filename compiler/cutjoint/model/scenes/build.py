@@ -22,7 +22,7 @@ from cutjoint.model.expressions.scope import FAILED, Element, element
 from cutjoint.model.expressions.units import NONE, TIME, Dimension
 from cutjoint.model.ranges import RANGES, SOLVER_TOLERANCE, StepsError, count_steps
 from cutjoint.model.records import STEP, Binding, Joint, Numerics, Output, Plot, Scalar, Scene, Signal
-from cutjoint.model.scenes.joints import held_where_it_starts, read_drives, read_locks, with_guides
+from cutjoint.model.scenes.joints import locked_at_start, read_drives, read_locks, with_guides
 from cutjoint.model.scenes.roads import read_road
 from cutjoint.model.scenes.starts import read_aims, read_near, read_starts, read_states, read_trim
 from cutjoint.model.validate import check_guides, joints_are_known
@@ -63,7 +63,7 @@ def _read_scene(where: Element, scene: model_file.Scene, stage: _Stage) -> Scene
     stage = replace(stage, joints=with_guides(stage.joints, {**guides, **{joint.name: None for joint in locked}}))
     positions = read_states(where, scene.positions, "positions", stage.joints)
     rates = read_states(where, scene.rates, "rates", stage.joints)
-    guides |= {joint.name: held_where_it_starts(joint, positions) for joint in locked}
+    guides |= {joint.name: locked_at_start(joint, positions) for joint in locked}
     stage = replace(stage, joints=with_guides(stage.joints, guides))
     if guides and joints_are_known(stage.expansion):
         check_guides(stage.joints.values(), lambda joint, message, hint: where.fail(f"joint '{joint.name}': {message}", hint))
@@ -206,7 +206,7 @@ def _require_value(where: Element, key: str, law: Scalar, dt: float) -> None:
 
 #: Settings with two bounds, and what they do near them.
 _BETWEEN = {
-    "spectral_radius": "1 damps nothing, 0 all that is fast beside a step",
+    "spectral_radius": "1 adds no damping, 0 damps all motion that is fast compared with a step",
     "loop_tolerance": "loop embeddings err by as many m and rad at most",
     "loop_terms": "more terms make the range of loop embeddings longer, and each evaluation dearer",
 }

@@ -57,7 +57,7 @@ def read_locks(where: Element, scene: model_file.Scene, joints: Mapping[str, Joi
             yield joint
 
 
-def held_where_it_starts(joint: Joint, positions: Mapping[str, Scalar]) -> tuple[Scalar, ...]:
+def locked_at_start(joint: Joint, positions: Mapping[str, Scalar]) -> tuple[Scalar, ...]:
     """The guide of a locked joint: its positions at the start, else those of the design position."""
     return tuple(sympy.sympify(positions.get(f"{joint.name}.{name}", 0)) for name in joint.element.coordinates)
 

@@ -77,8 +77,8 @@ def _sections(where: Element, surface: model_file.Sections, keys: Path, span: Sp
     if any(mode not in (1, 2, 3, 4) for mode in pairs["border"]) or any(a >= b for a, b in pairwise(across)):
         where.fail("a border is not 1 to 4, or places across do not rise", "name a file in OpenCRG", keys)
         return None
-    ways = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(zip(lines["x"], lines["y"], strict=True))]
-    if any(first[0] * second[0] + first[1] * second[1] <= 0 for first, second in pairwise([*ways, ways[-1]])):
+    chords = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(zip(lines["x"], lines["y"], strict=True))]
+    if any(first[0] * second[0] + first[1] * second[1] <= 0 for first, second in pairwise([*chords, chords[-1]])):
         where.fail("the line stands still, or turns by a right angle or more from one cross section to the next", "a road leads on", part)
         return None
     return CurvedGrid(

@@ -194,7 +194,7 @@ def read_near(where: Element, scene: model_file.Scene, positions: Mapping[str, S
         components = [f"{joint}.{e}" for e in ATTITUDE] if component == "attitude" else [name]
         if name not in scene.positions:
             hint = nearest(name, scene.positions, "positions") or "write it there too"
-            where.fail(f"near: '{name}' is none of the positions", hint, ("near", index))
+            where.fail(f"near: '{name}' is not among the positions", hint, ("near", index))
         found += [c for c in components if c in positions]
     if found and scene.assemble:
         where.fail("near: where 'assemble' is, all that has no position may move", "remove 'near' and its positions", ("near",))

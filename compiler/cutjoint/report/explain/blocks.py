@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cutjoint.elements.interaction import Carrier
-from cutjoint.formulate.inputs import HELD, INPUTS, held_name, input_parameters, input_symbols, tunable_parameters
+from cutjoint.formulate.inputs import DISCRETE_STATES, INPUTS, discrete_state_name, input_parameters, input_symbols, tunable_parameters
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.records import Model
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_identity, is_zero
@@ -140,7 +140,7 @@ def print_residuals(residual: Block, names: Sequence[str], model: Model) -> Iter
     b, arrays = Letters(), dict[str, list[str]]({
         "parameters": [p.name for p in tunable_parameters(model)],
         INPUTS: [name for p in input_parameters(model) for name in (p.name, *map(str, input_symbols(p)[1:]))],
-        HELD: [held_name(value) for value in model.held],
+        DISCRETE_STATES: [discrete_state_name(value) for value in model.discrete_states],
     })  # fmt: skip
     rows = residual.args if residual.op == "stack" and len(residual.args) == len(names) else (residual,)
     for block in _Names(b, [residual]).reached:

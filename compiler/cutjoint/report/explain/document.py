@@ -94,7 +94,8 @@ def explain_signals(model: Model) -> tuple[Chapter, ...]:
 def _explain_controller(controller: Controller, symbols: Mapping[Scalar, str]) -> Chapter:
     times = f"Samples at {controller.offset:.9g} s + k {controller.every:.9g} s. {_SAMPLES}"
     computed = [f"{symbols[s.symbol]} = {latex(s.value, symbols)}" for s in controller.signals]
-    held = dict.fromkeys(rf"{symbols[h.symbol]} \leftarrow {latex(h.next, symbols)}" for h in controller.held)  # a memory is one line
+    # a memory is one line
+    held = dict.fromkeys(rf"{symbols[h.symbol]} \leftarrow {latex(h.next, symbols)}" for h in controller.discrete_states)
     return Chapter(title=f"Controller {controller.name}", notes=(times,), formulas=(*computed, *held), entries=())
 
 
@@ -144,7 +145,7 @@ def _entries(model: Model, scene: Scene, done: Sequence[Note]) -> Iterator[Entry
         yield _entry("Guards", words, make_table(("force", "line", "margins"), cells))
     rods = [r for r in model.reactions if isinstance(r, RodForce)]
     if rods:
-        sums = ((code(r.name), line_of(r), " + ".join(f"{text(w, model)} {code(rod)}" for rod, w in r.pushes)) for r in rods)
+        sums = ((code(r.name), line_of(r), " + ".join(f"{text(w, model)} {code(rod)}" for rod, w in r.weights)) for r in rods)
         words = "Reactions of links that distances stand for: the forces that push the distances' points apart, each times its share."
         yield _entry("Sensors of rods", words, make_table(("sensor", "line", "sum"), sums))
     others = [o for o in scene.outputs if o.stands_for]

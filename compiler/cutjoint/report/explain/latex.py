@@ -150,7 +150,7 @@ def parameter_symbols(model: Model) -> dict[Scalar, str]:
     symbols |= {element.symbol: words(element.name) for group in (model.states, model.signals) for element in group}
     for controller in model.controllers:
         symbols |= {signal.symbol: f"{words(signal.name)}^{{+}}" for signal in controller.signals}
-        symbols |= {value.symbol: words(str(value.symbol).removeprefix("@").partition(":")[0]) for value in controller.held}
+        symbols |= {value.symbol: words(str(value.symbol).removeprefix("@").partition(":")[0]) for value in controller.discrete_states}
     return symbols | {quantity_symbol(o.element, o.quantity): words(o.column) for o in readings_of(model)}
 
 

@@ -327,7 +327,7 @@ def _part(model: Model, values: Values, bodies: set[str], chassis: str, steering
     return replace(
         model, parameters=values.parameters, bodies=tuple(b for b in model.bodies if b.name in bodies), joints=tuple(joints), forces=(),
         reactions=(), markers=(), gears=tuple(g for g in model.gears if kept >= set(g.joints)), states=(), signals=(), scenes={}, guards=(),
-        assemblies=(),
+        embedded_loops=(),
     )  # fmt: skip
 
 

@@ -106,7 +106,7 @@ class Reports:
             forces = [[i, [pushes[force.name], 0]] for i, force in enumerate(self.forces) if force.name in pushes]
             return {**direction, "sign": -1, "rows": rows, "masses": [], "forces": forces, "weight": 0}
         free_body = find_free_body(layout, model, reaction, joint)
-        if not free_body.held:
+        if not free_body.is_surplus:
             return {**direction, "sign": free_body.sign, **self._of_free_body(free_body)}
         rows = [
             [i, [1]] for i, row in enumerate(self.rows)

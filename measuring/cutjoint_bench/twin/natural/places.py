@@ -26,7 +26,7 @@ class Marks:
             return {"mark": self._mark(node.kind, node.body, node.place)}
         name, coordinate = self._angles[node]
         joint = self._joints[name]
-        if joint.element.advances:
+        if joint.element.is_screw:
             return self._advance(joint)
         return {"body": self._tree[name], "index": joint.element.coordinates.index(coordinate)}
 

@@ -16,7 +16,7 @@ import sympy
 
 from cutjoint.elements.gear import NAMES as GEAR_NAMES
 from cutjoint.elements.joint import JointDisplacement
-from cutjoint.formulate.natural.constraints import held_across, row_scale
+from cutjoint.formulate.natural.constraints import row_scale, surplus_tangents
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.natural.joint_rows import AngleRow, JointRow, SumRow, joint_rows
 from cutjoint.formulate.natural.layout import Group, combination
@@ -78,7 +78,7 @@ class _Rows:
     def _held(self, group: Group, node: Node) -> Iterator[Row]:
         """A shared node that the basis of a group does not have."""
         shared = Use(1, node.body, {node: 1})
-        directions = held_across(self._layout, group, node)
+        directions = surplus_tangents(self._layout, group, node)
         if directions is not None:
             for i, across in enumerate(directions, start=1):
                 body_use = Use(1, group.name, combination(group, NodeKind.VECTOR, across))

@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from cutjoint.model.records import Assembly, Interval, Joint, LoopFunctions, Series
+from cutjoint.model.records import EmbeddedLoop, Interval, Joint, LoopFunctions, Series
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.series import Array, derivative, fourier_derivative
 
@@ -24,7 +24,7 @@ Drive: TypeAlias = tuple[Block, Block, Block]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Following:
+class DependentMotion:
     """The motion of a joint that follows: its coordinates, quaternion, speeds and the accelerations that q'' has no part in, as
     `JointMotion` has them; ``derivative`` (k, 1) are the speeds by q'."""
 
@@ -39,35 +39,35 @@ class _Value:
     place: Block
     derivative: Block
     rate: Block
-    bend: Block
+    second_rate: Block
 
 
-def follow(b: Builder, joint: Joint, assembly: Assembly, drive: Drive | None) -> Following:
+def dependent_motion(b: Builder, joint: Joint, embedded_loop: EmbeddedLoop, drive: Drive | None) -> DependentMotion:
     """The motion of a joint of an assembly; ``drive`` has u with its rate and acceleration."""
     values = [
-        _evaluate(b, assembly, series, coefficients, drive)
-        for series, coefficients in zip(assembly.functions.series[joint.name], _tunable(b, assembly, joint), strict=True)
+        _evaluate(b, embedded_loop, series, coefficients, drive)
+        for series, coefficients in zip(embedded_loop.functions.series[joint.name], _tunable(b, embedded_loop, joint), strict=True)
     ]
     scalars = values[: len(joint.element.coordinates)]
     place, derivative = [x.place for x in scalars], [x.derivative for x in scalars]
-    rate, bend = [x.rate for x in scalars], [x.bend for x in scalars]
+    rate, second_rate = [x.rate for x in scalars], [x.second_rate for x in scalars]
     quaternion: tuple[Block, ...] = ()
     if joint.element.has_ball:
-        quaternion, turned = _turn(b, values[len(scalars) :])
-        for whole, part in zip((derivative, rate, bend), turned, strict=True):
+        quaternion, turned = _ball_motion(b, values[len(scalars) :])
+        for whole, part in zip((derivative, rate, second_rate), turned, strict=True):
             whole += [b.element(part, i) for i in range(3)]
     which = joint.element.speeds if len(joint.element.speeds) > 1 else ("",)
-    for blocks, symbol in ((rate, "v"), (derivative, "slope"), (bend, "bend")):
+    for blocks, symbol in ((rate, "v"), (derivative, "slope"), (second_rate, "bend")):
         for block, name in zip(blocks, which, strict=True):
             b.name(block, symbol, joint.name, which=(name,) if name else ())
-    return Following(motion=(tuple(place), quaternion, tuple(rate), tuple(bend)), derivative=b.column(derivative))
+    return DependentMotion(motion=(tuple(place), quaternion, tuple(rate), tuple(second_rate)), derivative=b.column(derivative))
 
 
-def _turn(b: Builder, values: Sequence[_Value]) -> tuple[tuple[Block, ...], tuple[Block, Block, Block]]:
+def _ball_motion(b: Builder, values: Sequence[_Value]) -> tuple[tuple[Block, ...], tuple[Block, Block, Block]]:
     """The quaternion of a ball; its angular velocity by q', the whole one, and the angular acceleration without q''."""
-    g, derivative, rate, bend = (b.column([getattr(x, name) for x in values]) for name in ("place", "derivative", "rate", "bend"))
+    g, derivative, rate, second_rate = (b.column([getattr(x, name) for x in values]) for name in ("place", "derivative", "rate", "bend"))
     quaternion = quaternion_of(b, g)
-    turned = [turned_by(b, g, x) for x in (derivative, rate, bend)]
+    turned = [angular_velocity_of(b, g, x) for x in (derivative, rate, second_rate)]
     slowed = b.scale(b.mul(_share(b, g), b.dot(g, rate)), turned[1])
     return quaternion, (turned[0], turned[1], b.sub(turned[2], slowed))
 
@@ -83,7 +83,7 @@ def quaternion_of(b: Builder, g: Block) -> tuple[Block, Block, Block, Block]:
     return root, x, y, z
 
 
-def turned_by(b: Builder, g: Block, rate: Block) -> Block:
+def angular_velocity_of(b: Builder, g: Block, rate: Block) -> Block:
     """The angular velocity (3, 1) of Rodrigues parameters and their rates (3, 1)."""
     return b.scale(_share(b, g), b.add(rate, b.cross(g, rate)))
 
@@ -93,58 +93,58 @@ def coefficients_of(functions: LoopFunctions) -> int:
     return sum(len(row) for series in functions.series.values() for one in series for row in one.coefficients)
 
 
-def fitted_inputs(assemblies: Iterable[Assembly]) -> dict[str, Array]:
+def fitted_inputs(embedded_loops: Iterable[EmbeddedLoop]) -> dict[str, Array]:
     """The coefficients of assemblies with open geometry, and a margin, by their symbols, as `fitted` has them."""
     return {
         f"series:{a.independent}": np.array([*(row[0] for each in a.functions.series.values() for x in each for row in x.coefficients), 1])
-        for a in assemblies if a.functions.open
+        for a in embedded_loops if a.functions.open
     }  # fmt: skip
 
 
-def _tunable(b: Builder, assembly: Assembly, joint: Joint) -> Iterator[Block | None]:
+def _tunable(b: Builder, embedded_loop: EmbeddedLoop, joint: Joint) -> Iterator[Block | None]:
     """The coefficients of a joint's series where they are loaded with parameters."""
-    functions, first = assembly.functions, 0
+    functions, first = embedded_loop.functions, 0
     for name, found in functions.series.items():
         for series in found:
             size = len(series.coefficients)
             if name == joint.name:
-                yield b.take(fitted(b, assembly), (first, first + size)) if functions.open else None
+                yield b.take(fitted(b, embedded_loop), (first, first + size)) if functions.open else None
             first += size
 
 
-def fitted(b: Builder, assembly: Assembly) -> Block:
+def fitted(b: Builder, embedded_loop: EmbeddedLoop) -> Block:
     """The coefficients of all series of an assembly with open geometry, one behind the other, and the margin of its fit."""
-    return b.symbol(f"series:{assembly.independent}", coefficients_of(assembly.functions) + 1, BindingTime.PARAM)
+    return b.symbol(f"series:{embedded_loop.independent}", coefficients_of(embedded_loop.functions) + 1, BindingTime.PARAM)
 
 
-def _evaluate(b: Builder, assembly: Assembly, series: Series, tunable: Block | None, drive: Drive | None) -> _Value:
-    q, rate = leading(b, assembly)
+def _evaluate(b: Builder, embedded_loop: EmbeddedLoop, series: Series, tunable: Block | None, drive: Drive | None) -> _Value:
+    q, rate = independent_motion(b, embedded_loop)
     c = np.array(series.coefficients)
-    functions = assembly.functions
-    basis = _turning_basis(b, q, len(c)) if functions.turns else _basis(b, q, functions.range, len(c))
-    b.label(basis, f"T_{assembly.independent}".replace(".", "_"), rows=tuple(map(str, range(len(c)))))
+    functions = embedded_loop.functions
+    basis = _fourier_basis(b, q, len(c)) if functions.is_periodic else _basis(b, q, functions.range, len(c))
+    b.label(basis, f"T_{embedded_loop.independent}".replace(".", "_"), rows=tuple(map(str, range(len(c)))))
     if tunable is not None:
-        place, derivative, bend = (b.dot(_derived(b, tunable, functions, order), basis) for order in range(3))
+        place, derivative, second_rate = (b.dot(_derived(b, tunable, functions, order), basis) for order in range(3))
     else:
-        place, derivative, bend = (_value(b, c, functions, basis, drive, (order, 0)) for order in range(3))
+        place, derivative, second_rate = (_value(b, c, functions, basis, drive, (order, 0)) for order in range(3))
     if series.growth:
         growth = b.number(series.growth)
         place, derivative = b.add(place, b.mul(growth, q)), b.add(derivative, growth)
-    speed, bent = b.mul(derivative, rate), b.mul(bend, b.mul(rate, rate))
+    speed, bent = b.mul(derivative, rate), b.mul(second_rate, b.mul(rate, rate))
     if drive is not None:
         _, ud, udd = drive
         driven, mixed, across = (_value(b, c, functions, basis, drive, orders) for orders in ((0, 1), (1, 1), (0, 2)))
         crossed = b.mul(b.number(2.0), b.mul(mixed, b.mul(rate, ud)))
         speed = b.add(speed, b.mul(driven, ud))
         bent = b.total([bent, crossed, b.mul(across, b.mul(ud, ud)), b.mul(driven, udd)])
-    return _Value(place=place, derivative=derivative, rate=speed, bend=bent)
+    return _Value(place=place, derivative=derivative, rate=speed, second_rate=bent)
 
 
 def _value(b: Builder, c: Array, functions: LoopFunctions, basis: Block, drive: Drive | None, orders: tuple[int, int]) -> Block:
     """A derivative of given orders by q and u."""
     if drive is None or functions.drive_range is None:
         for _ in range(orders[0]):
-            c = fourier_derivative(c) if functions.turns else derivative(c, functions.range.half)
+            c = fourier_derivative(c) if functions.is_periodic else derivative(c, functions.range.half)
         return b.mul(b.const([list(c[:, 0])]), basis)
     for _ in range(orders[1]):
         c = derivative(c.T, functions.drive_range.half).T
@@ -157,7 +157,7 @@ def _value(b: Builder, c: Array, functions: LoopFunctions, basis: Block, drive: 
 def _derived(b: Builder, column: Block, functions: LoopFunctions, order: int) -> Block:
     """The coefficients of a derivative by q."""
     for _ in range(order):
-        if functions.turns:
+        if functions.is_periodic:
             whole = fourier_derivative(np.eye(column.shape[0]))
             column = b.mul(b.const([list(row) for row in whole]), column)
         else:
@@ -174,9 +174,9 @@ def _derivatives(b: Builder, column: Block, half: float) -> Block:
     return b.column([b.mul(b.number(0.5), found[0]), *found[1:n]])
 
 
-def leading(b: Builder, assembly: Assembly) -> tuple[Block, Block]:
+def independent_motion(b: Builder, embedded_loop: EmbeddedLoop) -> tuple[Block, Block]:
     """The coordinate of an assembly and its rate."""
-    q, v = (b.symbol(f"{name}:{assembly.independent}", 1, BindingTime.ITERATION) for name in ("q", "v"))
+    q, v = (b.symbol(f"{name}:{embedded_loop.independent}", 1, BindingTime.ITERATION) for name in ("q", "v"))
     return q, v
 
 
@@ -190,7 +190,7 @@ def _basis(b: Builder, q: Block, interval: Interval, size: int) -> Block:
     return b.column(found[:size])
 
 
-def _turning_basis(b: Builder, q: Block, size: int) -> Block:
+def _fourier_basis(b: Builder, q: Block, size: int) -> Block:
     """1, cos q, sin q, cos 2q, sin 2q, ... as a column of odd length."""
     cosine, sine = b.call("cos", q), b.call("sin", q)
     twice = b.mul(b.number(2.0), cosine)

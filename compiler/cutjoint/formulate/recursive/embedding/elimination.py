@@ -1,6 +1,6 @@
-"""Assemblies are eliminated at once: all their bodies move by one coordinate q.
+"""Embedded loops are eliminated at once: all their bodies move by one coordinate q.
 
-With the carrier's acceleration Zdd_P, a_i that of body i beside it by the known motions, and B_i the motion of body i by q'::
+With the carrier's acceleration Zdd_P, a_i that of body i relative to it by the known motions, and B_i the motion of body i by q'::
 
     Zdd_i = Zdd_P + a_i + B_i qdd
     H = sum of B_i^T M_i B_i        G = sum of M_i B_i        F_i = Q_i - M_i a_i        h = sum of B_i^T F_i + derivative . tau
@@ -17,34 +17,34 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 
-from cutjoint.formulate.recursive.embedding.dependent import fitted, leading
+from cutjoint.formulate.recursive.embedding.dependent import fitted, independent_motion
 from cutjoint.formulate.recursive.kinematics import Kinematics, drive_of
 from cutjoint.formulate.recursive.loops import LoopClosure, by_joint, transport
 from cutjoint.formulate.recursive.recursion import BodySystem, KnownMotions
-from cutjoint.model.records import GROUND, Assembly
+from cutjoint.model.records import GROUND, EmbeddedLoop
 from cutjoint.program.blocks import Block, is_zero
 
 
 @dataclass(kw_only=True)
-class AssemblySystem:
+class EmbeddedLoopSystem:
     """The equation of an assembly in its coordinate."""
 
-    assembly: Assembly
+    embedded_loop: EmbeddedLoop
     system: BodySystem
     k: Kinematics
     _columns: dict[str, Block] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.known = KnownMotions(k=self.k, carrier=self.assembly.carrier)
+        self.known = KnownMotions(k=self.k, carrier=self.embedded_loop.carrier)
 
     @property
     def independent(self) -> str:
         """The body that the leading joint carries."""
-        return next(body for body, m in self.k.motions.items() if m.tree_joint.joint.name == self.assembly.independent)
+        return next(body for body, m in self.k.motions.items() if m.tree_joint.joint.name == self.embedded_loop.independent)
 
     def column(self, body: str) -> Block:
         """B of a body, (6, 1)."""
-        if body in (GROUND, self.assembly.carrier):
+        if body in (GROUND, self.embedded_loop.carrier):
             return self.k.builder.zero(6)
         if body not in self._columns:
             motion = self.k.motions[body]
@@ -56,11 +56,11 @@ class AssemblySystem:
 
     def eliminate(self) -> None:
         """Pass on to the carrier what is left of the bodies."""
-        b, system, carrier = self.k.builder, self.system, self.assembly.carrier
+        b, system, carrier = self.k.builder, self.system, self.embedded_loop.carrier
         system.source = self.independent
-        with b.section("condensation", self.assembly.independent, _EQUATION, self.assembly.span.place):
+        with b.section("condensation", self.embedded_loop.independent, _EQUATION, self.embedded_loop.span.place):
             zero = b.zero(1)
-            heavy = [body for body in self.assembly.bodies if not (is_zero(system.M[body]) and is_zero(system.Q[body]))]
+            heavy = [body for body in self.embedded_loop.bodies if not (is_zero(system.M[body]) and is_zero(system.Q[body]))]
             forces, moments = {}, {}
             for body in heavy:
                 forces[body] = b.name(b.sub(system.Q[body], b.mul(system.M[body], self.known(body))), "F", body)
@@ -76,12 +76,12 @@ class AssemblySystem:
                     system.add_force(carrier, forces[body])
                 system.add_mass(carrier, b.neg(b.gram(b.transpose(self._G), self._inverse)))
                 system.add_force(carrier, b.neg(b.scale(b.mul(self._inverse, self._h), self._G)))
-        for body in self.assembly.bodies:
+        for body in self.embedded_loop.bodies:
             system.release(body)
 
     def _joint_forces(self) -> list[Block]:
         b, found = self.k.builder, []
-        for body in self.assembly.bodies:
+        for body in self.embedded_loop.bodies:
             if body in self.system.joint_forces:
                 derivative, force = self.k.motions[body].derivative, self.system.joint_forces[body]
                 found.append(force if derivative is None else b.dot(derivative, force))
@@ -89,12 +89,12 @@ class AssemblySystem:
 
     def solve(self, Zdd: dict[str, Block]) -> dict[str, Block]:
         """The acceleration of the coordinate by the leading body; the bodies' own join ``Zdd``."""
-        b, carrier, independent = self.k.builder, self.assembly.carrier, self.assembly.independent
+        b, carrier, independent = self.k.builder, self.embedded_loop.carrier, self.embedded_loop.independent
         equation = "qdd = H^-1 (h - G^T Zdd_P),  Zdd = Zdd_P + a + B qdd"
-        with b.section("accelerations", independent, equation, self.assembly.span.place):
+        with b.section("accelerations", independent, equation, self.embedded_loop.span.place):
             right = self._h if carrier == GROUND else b.sub(self._h, b.dot(self._G, Zdd[carrier]))
             unknown = b.name(b.mul(self._inverse, right), "vdot", independent)
-            for body in self.assembly.bodies:
+            for body in self.embedded_loop.bodies:
                 moved = b.add(self.known(body), b.scale(unknown, self.column(body)))
                 Zdd[body] = b.name(b.add(Zdd[carrier], moved), "Zdd", body)
         return {self.independent: unknown}
@@ -103,48 +103,49 @@ class AssemblySystem:
 _EQUATION = "H = sum B^T M B,  M_P += sum M - G H^-1 G^T,  Q_P += sum F - G H^-1 h"
 
 
-def assembly_systems(system: BodySystem, k: Kinematics) -> Mapping[str, AssemblySystem]:
+def embedded_loop_systems(system: BodySystem, k: Kinematics) -> Mapping[str, EmbeddedLoopSystem]:
     """The systems of a model's assemblies by all their bodies."""
-    found = [AssemblySystem(assembly=assembly, system=system, k=k) for assembly in k.topology.model.assemblies]
-    return {body: one for one in found for body in one.assembly.bodies}
+    found = [EmbeddedLoopSystem(embedded_loop=embedded_loop, system=system, k=k) for embedded_loop in k.topology.model.embedded_loops]
+    return {body: one for one in found for body in one.embedded_loop.bodies}
 
 
 def range_margins(k: Kinematics) -> dict[str, Block]:
     """By assembly a number that is negative outside of the ranges of its functions, 1 in their middle."""
     b, margins = k.builder, {}
-    for assembly in k.topology.model.assemblies:
-        sides, functions = [], assembly.functions
-        if not functions.turns:
-            sides.append((leading(b, assembly)[0], functions.range))
+    for embedded_loop in k.topology.model.embedded_loops:
+        sides, functions = [], embedded_loop.functions
+        if not functions.is_periodic:
+            sides.append((independent_motion(b, embedded_loop)[0], functions.range))
         if functions.drive_range is not None:
-            sides.append((drive_of(k, assembly)[0], functions.drive_range))
-        with b.section("guard", assembly.independent, "functions of its loops hold while the margin is not negative", assembly.span.place):
+            sides.append((drive_of(k, embedded_loop)[0], functions.drive_range))
+        equation = "functions of its loops hold while the margin is not negative"
+        with b.section("guard", embedded_loop.independent, equation, embedded_loop.span.place):
             found = []
             for place, side in sides:
-                x = b.mul(b.number(1 / max(side.half, STILL)), b.sub(place, b.number(side.middle)))
+                x = b.mul(b.number(1 / max(side.half, LEAST_HALF_RANGE)), b.sub(place, b.number(side.middle)))
                 found.append(b.sub(b.number(1.0), b.mul(x, x)))
             if functions.open:
-                column = fitted(b, assembly)
+                column = fitted(b, embedded_loop)
                 found.append(b.element(column, column.shape[0] - 1))
             if found:
                 smallest = reduce(lambda one, other: b.call("where", b.call("lt", one, other), one, other), found)
-                margins[assembly.independent] = b.name(smallest, "margin", assembly.independent)
+                margins[embedded_loop.independent] = b.name(smallest, "margin", embedded_loop.independent)
     return margins
 
 
 #: A guide that moves by less, m or rad, stands still.
-STILL = 1e-9
+LEAST_HALF_RANGE = 1e-9
 
 
-def close_held(
+def embedded_reactions(
     k: Kinematics, held: Sequence[LoopClosure], carried: Mapping[str, Block], joint_forces: Mapping[str, Block]
 ) -> tuple[LoopClosure, ...]:  # fmt: skip
-    """The joints that functions close, with their multipliers; ``carried`` are the wrenches of the tree's joints without them."""
+    """The closures of embedded loops with their multipliers; ``carried`` are the wrenches of the tree's joints without them."""
     found: dict[str, LoopClosure] = {}
-    for assembly in k.topology.model.assemblies:
-        loops = [loop for loop in held if loop.joint.name in assembly.cuts]
+    for embedded_loop in k.topology.model.embedded_loops:
+        loops = [loop for loop in held if loop.joint.name in embedded_loop.cuts]
         first = 0
-        multipliers = _multipliers(k, assembly, loops, carried, joint_forces)
+        multipliers = _multipliers(k, embedded_loop, loops, carried, joint_forces)
         for loop in loops:
             found[loop.joint.name] = replace(loop, multipliers=k.builder.take(multipliers, (first, first + len(loop.names))))
             first += len(loop.names)
@@ -157,17 +158,18 @@ _SHARE, _CORRECTIONS = 1e-9, 2
 
 
 def _multipliers(
-    k: Kinematics, assembly: Assembly, loops: Sequence[LoopClosure], carried: Mapping[str, Block], joint_forces: Mapping[str, Block]
+    k: Kinematics, embedded_loop: EmbeddedLoop, loops: Sequence[LoopClosure], carried: Mapping[str, Block],
+    joint_forces: Mapping[str, Block],
 ) -> Block:  # fmt: skip
     """The shortest lambda with J^T lambda = tau - S^T W."""
     b = k.builder
-    with b.section("multipliers", assembly.independent, "J^T lambda = tau - S^T W", assembly.span.place):
+    with b.section("multipliers", embedded_loop.independent, "J^T lambda = tau - S^T W", embedded_loop.span.place):
         rows, left, ends, steps = [], [], {}, {}
         for loop in loops:
             base, follower = loop.joint.base, loop.joint.follower
             ends[loop.joint.name] = k.carriers(base), k.carriers(follower)
             steps[loop.joint.name] = transport(b, k.pole_step(base, follower))
-        for body in assembly.bodies:
+        for body in embedded_loop.bodies:
             motion = k.motions[body]
             S = motion.b if motion.b is not None else motion.own
             if S is None:
@@ -184,7 +186,7 @@ def _multipliers(
         lower, inverse = b.ldl(b.add(gram, b.scale(b.mul(b.number(_SHARE / size), trace), b.identity(size))))
         projected = b.mul(b.transpose(transposed), right)
         for block, symbol in ((transposed, "J"), (lower, "L"), (inverse, "Dinv"), (projected, "right")):
-            b.name(block, symbol, assembly.independent)
+            b.name(block, symbol, embedded_loop.independent)
 
         def solved(values: Block) -> Block:
             return b.backward(lower, b.weigh(inverse, b.forward(lower, values)))
@@ -192,5 +194,5 @@ def _multipliers(
         found = solved(projected)
         for _ in range(_CORRECTIONS):
             found = b.add(found, solved(b.sub(projected, b.mul(gram, found))))
-        return b.name(found, "multipliers", assembly.independent)
+        return b.name(found, "multipliers", embedded_loop.independent)
 

@@ -17,11 +17,11 @@ from typing import cast
 from cutjoint.formulate.inputs import TIME, make_charts, make_numbers, make_translator, tunable_parameters
 from cutjoint.formulate.layout import Chart, Slot
 from cutjoint.formulate.records import CLOSE, Function, LoopFit
-from cutjoint.formulate.recursive.embedding.dependent import coefficients_of, quaternion_of, turned_by
+from cutjoint.formulate.recursive.embedding.dependent import angular_velocity_of, coefficients_of, quaternion_of
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import derive_loops
 from cutjoint.methods import PLAIN_CLOSURE
-from cutjoint.model.records import GROUND, Assembly, Joint, Model, Series
+from cutjoint.model.records import GROUND, EmbeddedLoop, Joint, Model, Series
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.topology.records import Topology
@@ -59,14 +59,14 @@ def driven_by_time(topology: Topology, drive: str | None) -> Topology:
     return topology if drive is None else replace(topology, tree=tuple(tree))
 
 
-def without_assemblies(topology: Topology) -> Topology:
+def without_embedded_loops(topology: Topology) -> Topology:
     """The spanning tree with the joints that functions close among its cut joints."""
-    return replace(topology, model=replace(topology.model, assemblies=()), cuts=(*topology.cuts, *topology.embedded), embedded=())
+    return replace(topology, model=replace(topology.model, embedded_loops=()), cuts=(*topology.cuts, *topology.embedded), embedded=())
 
 
-def joints_of(model: Model, assembly: Assembly) -> tuple[Joint, ...]:
+def joints_of(model: Model, embedded_loop: EmbeddedLoop) -> tuple[Joint, ...]:
     """The joints of an assembly's block, in the order of the model."""
-    names = {assembly.independent, *assembly.functions.series, *assembly.cuts}
+    names = {embedded_loop.independent, *embedded_loop.functions.series, *embedded_loop.cuts}
     return tuple(joint for joint in model.joints if joint.name in names)
 
 
@@ -74,10 +74,10 @@ def loop_fits(b: Builder, topology: Topology) -> tuple[LoopFit, ...]:
     """The fits of all assemblies with open geometry."""
     fits: list[LoopFit] = []
     first = 0
-    for assembly in topology.model.assemblies:
-        if assembly.functions.open:
-            fits.append(_fit(b, topology, assembly, first, len(fits)))
-            first += coefficients_of(assembly.functions) + 1
+    for embedded_loop in topology.model.embedded_loops:
+        if embedded_loop.functions.open:
+            fits.append(_fit(b, topology, embedded_loop, first, len(fits)))
+            first += coefficients_of(embedded_loop.functions) + 1
     return tuple(fits)
 
 
@@ -86,21 +86,22 @@ def fit_slots(fits: Sequence[LoopFit]) -> dict[str, Slot]:
     return {symbol: slot for fit in fits for symbol, slot in fit.slots.items()}
 
 
-def _fit(b: Builder, topology: Topology, assembly: Assembly, first: int, number: int) -> LoopFit:
-    own, whole = Builder(), driven_by_time(without_assemblies(topology), assembly.drive)
-    joints = joints_of(topology.model, assembly)
-    cuts = tuple(joint for joint in topology.embedded if joint.name in assembly.cuts)
+def _fit(b: Builder, topology: Topology, embedded_loop: EmbeddedLoop, first: int, number: int) -> LoopFit:
+    own, whole = Builder(), driven_by_time(without_embedded_loops(topology), embedded_loop.drive)
+    joints = joints_of(topology.model, embedded_loop)
+    cuts = tuple(joint for joint in topology.embedded if joint.name in embedded_loop.cuts)
     equations = derive_block(own, whole, joints, cuts)
-    functions, independent = assembly.functions, assembly.independent
+    functions, independent = embedded_loop.functions, embedded_loop.independent
     count = 1 + sum(map(len, functions.series.values()))
     place = b.symbol(f"place:{independent}", count, BindingTime.ITERATION)
-    with b.section("functions", independent, "residual and Jacobian of the joints that functions close, by the place", assembly.span.place):
-        known = _places(b, equations.charts, assembly, place)
+    equation = "residual and Jacobian of the joints that functions close, by the place"
+    with b.section("functions", independent, equation, embedded_loop.span.place):
+        known = _places(b, equations.charts, embedded_loop, place)
         parameters = tunable_parameters(topology.model)
         known["parameters"] = b.symbol(f"fitted:{independent}", len(parameters), BindingTime.ITERATION)
         known["t"] = b.number(functions.drive_range.middle if functions.drive_range is not None else 0.0)
         residual = _substituted(b, equations.residuals, known)
-        columns = [_substituted(b, equations.rates, known | moved) for moved in _moved(b, equations.charts, assembly, place)]
+        columns = [_substituted(b, equations.rates, known | moved) for moved in _moved(b, equations.charts, embedded_loop, place)]
     rows = residual.shape[0]
     slots = {
         f"fitted:{independent}": Slot(array="parameters", offset=0, names=tuple(p.name for p in parameters)),
@@ -113,24 +114,24 @@ def _fit(b: Builder, topology: Topology, assembly: Assembly, first: int, number:
         name=f"{CLOSE}{number}", arguments=("const Real* parameters", "const Real* place", "Real* opening", "Real* by_place"),
         results={f"opening:{independent}": residual, f"by_place:{independent}": b.stack([[column] for column in columns])},
     )  # fmt: skip
-    return LoopFit(assembly=assembly, function=function, slots=slots, rows=rows, first=first)
+    return LoopFit(embedded_loop=embedded_loop, function=function, slots=slots, rows=rows, first=first)
 
 
 def _named(series: Mapping[str, Sequence[Series]]) -> tuple[str, ...]:
     return tuple(f"{joint}_{i}" if len(found) > 1 else joint for joint, found in series.items() for i in range(len(found)))
 
 
-def _places(b: Builder, charts: Sequence[Chart], assembly: Assembly, place: Block) -> dict[str, Block]:
-    """The coordinates of all joints of a tree by the place; those beside the block are in the design position."""
+def _places(b: Builder, charts: Sequence[Chart], embedded_loop: EmbeddedLoop, place: Block) -> dict[str, Block]:
+    """The coordinates of all joints of a tree by the place; those outside of the block are in the design position."""
     known, first = {}, 1
     for chart in charts:
-        series = assembly.functions.series.get(chart.joint)
-        if chart.joint == assembly.independent:
+        series = embedded_loop.functions.series.get(chart.joint)
+        if chart.joint == embedded_loop.independent:
             known[f"q:{chart.joint}"] = b.element(place, 0)
         elif series is None:
             ball = [b.number(float(i == 0)) for i in range(4)] if chart.ball else []
             known[f"q:{chart.joint}"] = b.column([*[b.number(0.0)] * chart.scalars, *ball])
-    for joint, series in assembly.functions.series.items():
+    for joint, series in embedded_loop.functions.series.items():
         chart = next(chart for chart in charts if chart.joint == joint)
         scalars = [b.element(place, first + i) for i in range(chart.scalars)]
         turned = quaternion_of(b, b.take(place, (first + chart.scalars, first + len(series)))) if chart.ball else ()
@@ -139,26 +140,26 @@ def _places(b: Builder, charts: Sequence[Chart], assembly: Assembly, place: Bloc
     return known
 
 
-def _moved(b: Builder, charts: Sequence[Chart], assembly: Assembly, place: Block) -> Iterator[dict[str, Block]]:
+def _moved(b: Builder, charts: Sequence[Chart], embedded_loop: EmbeddedLoop, place: Block) -> Iterator[dict[str, Block]]:
     """The speeds of all joints of a tree at a unit rate of each element of the place in turn."""
     still = {f"v:{c.joint}": b.zero(len(c.speed_names)) for c in charts}
-    yield still | {f"v:{assembly.independent}": b.number(1.0)}
+    yield still | {f"v:{embedded_loop.independent}": b.number(1.0)}
     first = 1
-    for joint, series in assembly.functions.series.items():
+    for joint, series in embedded_loop.functions.series.items():
         chart = next(chart for chart in charts if chart.joint == joint)
         for i in range(len(series)):
             unit = b.identity(len(series))
             column = b.take(unit, (0, len(series)), (i, i + 1))
             if i >= chart.scalars:
                 g = b.take(place, (first + chart.scalars, first + len(series)))
-                turned = turned_by(b, g, b.take(column, (chart.scalars, len(series))))
+                turned = angular_velocity_of(b, g, b.take(column, (chart.scalars, len(series))))
                 column = b.stack([[b.zero(chart.scalars)], [turned]]) if chart.scalars else turned
             yield still | {f"v:{joint}": column}
         first += len(series)
 
 
 def _substituted(b: Builder, blocks: Sequence[Block], known: Mapping[str, Block]) -> Block:
-    """Blocks of another builder beneath each other, made again with other inputs; inputs that are not ``known`` are nought."""
+    """Blocks of another builder beneath each other, made again with other inputs; inputs that are not ``known`` are zero."""
     made: dict[Block, Block] = {}
     for block in reachable_blocks(blocks):
         if block.op == "symbol":

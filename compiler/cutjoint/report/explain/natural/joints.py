@@ -71,7 +71,7 @@ def shared_nodes(layout: Layout, joint: Joint) -> tuple[Node, ...]:
         places.append((NodeKind.POINT, joint.at))
     if element.shared_direction is not None:
         places.append((NodeKind.VECTOR, direction_of(joint, element.shared_direction)))
-    if element.keeps_directions:
+    if element.constrains_attitude:
         places += [(NodeKind.VECTOR, axis) for axis in GLOBAL_AXES]
     pairs = [[layout.find(body, kind, place) for body in (joint.base, joint.follower)] for kind, place in places]
     return tuple(base for base, follower in pairs if base is not None and base is follower)
