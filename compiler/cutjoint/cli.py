@@ -4,6 +4,7 @@ import ast
 import errno
 import gc
 import os
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -48,7 +49,8 @@ class _Commands(click.Group):
         """Call a command; a signal that ends it is no error, and its message names the partial results."""
         gc.set_threshold(_COLLECTION)
         try:
-            with ended_by_signals(), _plain_errors():
+            with ended_by_signals(), _plain_errors(), warnings.catch_warnings():
+                warnings.showwarning = lambda message, *_, **__: click.echo(str(message), err=True)
                 return super().invoke(ctx)
         except (KeyboardInterrupt, Terminated) as stop:
             click.echo("\n".join([str(stop) or "interrupted", *getattr(stop, "__notes__", ())]), err=True)

@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import re
+import warnings
+from pathlib import Path
 
+import numpy as np
 import pytest
+from click.testing import CliRunner
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from cutjoint.analysis.mobility import find_mobility
-from cutjoint.analysis.shaky import ShakyError, describe_misfit
+from cutjoint.analysis.shaky import ShakyError, mend_misfit
 from cutjoint.analysis.skew import describe_geometry
+from cutjoint.cli import main
 from cutjoint.compile.derivation import schedule_method
+from cutjoint.compile.options import CompileOptions
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
 from tests.analysis.formulated import formulated
-from tests.conftest import MODELS
-from tests.mechanisms.overconstrained import parallel_cranks_text
+from tests.conftest import MODELS, needs_cpp
+from tests.mechanisms.overconstrained import BENNETT, parallel_cranks_text, skew_chain_text
+from tests.physics.simulation import compile_scene, completed, simulate
 
 PRESS = (MODELS / "press.yaml").read_text(encoding="utf-8")
 DOOR = """\
@@ -67,21 +76,81 @@ def test_a_mechanism_that_a_guide_drives_is_meant_to_have_no_freedom() -> None:
     assert said(dead_centre.replace(rail, f"{rail}, guide: t")) == ""
 
 
-@pytest.mark.parametrize("off", [1e-9, 1e-8, 1e-7, 1e-6, 1e-5])
-def test_what_rounded_numbers_hold_is_refused_by_all_methods(off: float) -> None:
-    """A pin slightly off neither locks three parallel cranks nor leaves them free, whatever method or length."""
-    for at in (f"[2, {off}, 0]", f"[{2 + off!r}, 0, 0]"):
-        text = parallel_cranks_text(3, (0.6, 0.8)).replace("at: [2, 0, 0]", f"at: {at}")
-        for scale, methods in ((1.0, METHODS), (1e-4, ["recursive"]), (1e4, ["recursive"])):
-            model = read_model_text(_scaled(text, scale), "cranks.yaml")
-            for method in methods:
-                with pytest.raises(ShakyError, match=r"cranks.yaml:\d+:\d+: '\w+': only rounded numbers lock this mechanism"):
-                    schedule_method(model, find_scene(model, None), (), method=method)
+def _off(off: float, scene: str = "{end: 0.3, output_step: 0.1}") -> str:
+    """Three parallel cranks, a pin of the last one off."""
+    text = parallel_cranks_text(3, (0.6, 0.8)).replace("at: [2, 0, 0]", f"at: [2, {off}, 0]")
+    return f"{text}outputs: [coupler.x, coupler.y]\nscenes: {{fall: {scene}}}\n"
+
+
+@pytest.mark.parametrize(("off", "scale"), [(1e-9, 1.0), (1e-8, 1e-3), (1e-6, 1.0), (1e-4, 1.0)])
+def test_a_misfit_within_the_accuracy_is_taken_out(off: float, scale: float) -> None:
+    """A shift of the middle crank by half does as much as one of the last crank to first order."""
+    equations = formulated(_scaled(_off(off), scale))
+    model, (words, exact) = equations.topology.model, mend_misfit(equations, 1e-4)
+    joint, size = re.fullmatch(
+        r"model.yaml:\d+:3: '(\w+)' is off by (\S+) m, which would lock the loops; within the accuracy of 0.0001 .*", words
+    ).groups()  # type: ignore[union-attr]
+    assert 0.49 * off * scale < float(size) < 1.01 * off * scale
+    assert exact is not None
+    moved = {a.name: np.abs(np.array(a.at, float) - np.array(b.at, float)).max() for a, b in zip(exact.joints, model.joints, strict=True)}
+    assert max(moved, key=lambda name: moved[name]) == joint
+    assert mend_misfit(formulated(exact), 1e-4) == ("", None)
+    assert find_mobility(formulated(exact)).degrees_of_freedom == 1
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_larger_misfit_is_refused_by_all_methods(method: str) -> None:
+    """Where the scene asks for more, and where a pin of cranks of ten kilometres is a centimetre off."""
+    for text in (_off(1e-6, "{end: 1, accuracy: 1e-7}"), _scaled(_off(1e-6), 1e4)):
+        model = read_model_text(text, "cranks.yaml")
+        with pytest.raises(ShakyError, match=r"cranks.yaml:\d+:3: '\w+' is off by \S+ m, more than the accuracy of \S+, and locks loops"):
+            schedule_method(model, find_scene(model, None), (), method=method)
+
+
+@needs_cpp
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("off", "scale"), [(1e-10, 1.0), (1e-8, 1.0), (1e-5, 1.0), (1e-4, 1.0), (1e-6, 1e-3)])
+def test_cranks_with_a_misfit_move_as_exact_ones(method: str, off: float, scale: float) -> None:
+    """The pendulum of the parallelogram by SciPy: every crank turns by an angle x, and the coupler moves along a circle."""
+    model = read_model_text(_scaled(_off(off), scale), "cranks.yaml")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        artifact = compile_scene(model, find_scene(model, None), CompileOptions(method=method))
+    assert [str(w.message).count(" m, which would lock the loops") for w in caught] == ([1] if off > 1e-10 else [])
+    run = completed(simulate(artifact, dt=1e-3, error=False, check=False))
+    inertia, weight = 3 * (0.1 + scale**2 / 4) + scale**2, 9.81 * 2.5 * scale
+    begin = [np.arctan2(0.8, 0.6), 0.0]
+    swing = solve_ivp(lambda _, y: [y[1], -weight * np.cos(y[0]) / inertia], (0, 0.3), begin, "DOP853", run.t, rtol=1e-11, atol=1e-11)
+    places = scale * np.array([1 + np.cos(swing.y[0]), np.sin(swing.y[0])])
+    assert np.abs([run["coupler.x"], run["coupler.y"]] - places).max() < 2 * off * scale + 2e-6 * scale
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_turned_bennett_linkage_with_rounded_corners_moves(seed: int) -> None:
+    """Six digits of its corners hold it: its loop has more equations than it needs in no plane."""
+    turn = Rotation.random(rng=seed).as_matrix()
+    corners = tuple(tuple(np.round(turn @ np.array(corner), 6).tolist()) for corner in BENNETT)
+    words, exact = mend_misfit(formulated(skew_chain_text(corners, "{end: 1, output_step: 0.1}")), 1e-4)
+    assert "would lock the loops" in words
+    assert find_mobility(formulated(exact)).degrees_of_freedom == 1  # type: ignore[arg-type]
+
+
+@needs_cpp
+def test_the_command_line_warns_each_time(tmp_path: Path) -> None:
+    file = tmp_path / "cranks.yaml"
+    file.write_text(_off(1e-7), encoding="utf-8")
+    run = ["simulate", str(file), "--implementation", "interpreted", "--no-error", "--out", str(tmp_path / "run.csv")]
+    for asked in (["check", str(file)], run, run):
+        done = CliRunner().invoke(main, asked)
+        assert " ".join(done.output.split()).count("m, which would lock the loops; within the accuracy of 0.0001") == 1, done.output
+    done = CliRunner().invoke(main, [*run, "--accuracy", "1e-8"])
+    assert done.exit_code == 1
+    assert "more than the accuracy of 1e-08, and locks loops" in " ".join(done.output.split())
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-12, 1e-3])
-def test_what_moves_or_locks_is_not(off: float) -> None:
-    assert describe_misfit(formulated(parallel_cranks_text(3, (0.6, 0.8)).replace("at: [2, 0, 0]", f"at: [2, {off}, 0]"))) == ""
+def test_what_moves_or_locks_has_no_misfit(off: float) -> None:
+    assert mend_misfit(formulated(_off(off)), 1e-4) == ("", None)
 
 
 def _scaled(text: str, scale: float) -> str:

@@ -1,6 +1,7 @@
 """Loops that neither hold a motion nor leave it free: by numbers that are slightly off, or to second order only.
 
-A pin that is 1e-8 m off one of three parallel cranks is such a number.  Whether the cranks move would depend on the tolerances of a method.
+A pin that is 1e-8 m off one of three parallel cranks is such a number.  Whether the cranks move would depend on the tolerances of a method,
+so they move as the nearest cranks that do where these are within the accuracy of the scene, and are refused where they are farther off.
 
 A structure that loops hold to second order only has one pose, in which some speeds are free, and no motion follows them.
 
@@ -16,6 +17,7 @@ import numpy as np
 from cutjoint.analysis.closing import CLOSED, Array, design_coordinates, evaluate_closures, explore, retract, speed_scales
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import METHODS, join_or, names_of
+from cutjoint.model.records import Model
 from cutjoint.package.errors import EquationsError
 from cutjoint.topology.geometry import TOLERANCE, balanced
 
@@ -42,13 +44,11 @@ class Shakiness:
 
 
 def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEquations:
-    """The equations, unless loops nearly leave a motion free, or a method cannot solve them in the one pose of a structure.
+    """The equations, unless a method cannot solve them in the one pose of a structure.
 
     Raises:
-        ShakyError: they do, or the loops hold the design position, where the scene begins, to second order only.
+        ShakyError: the loops hold the design position, where the scene begins, to second order only.
     """
-    if off := describe_misfit(equations):
-        raise ShakyError(off)
     elsewhere = equations.scene.positions or equations.scene.assemble or equations.scene.trim
     found = None if METHODS[method].supports_shaky or elsewhere else find_shakiness(equations)
     if found is None:
@@ -56,30 +56,49 @@ def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEqu
     raise ShakyError(describe_shakiness(equations, found))
 
 
-def describe_misfit(equations: RecursiveEquations) -> str:
-    """The fault of loops that lock a motion by rounded numbers alone, at the line of a joint or gear, and what to do; "" of others.
+def mend_misfit(equations: RecursiveEquations, accuracy: float) -> tuple[str, Model | None]:
+    """What holds a motion of loops by rounded numbers alone, at the line of a joint, and the model without it.
 
-    They do in all poses near the design position; a mechanism whose guides prescribe the whole motion may have small singular values.
+    The words are a warning where joints move by at most ``accuracy`` (m, rad), else a fault, without a model.  Other loops have neither.
+    They hold it in all poses near the design position; the motion of a mechanism that guides drive whole may be held by little.
     """
     if not equations.closures or not equations.speeds:
-        return ""
+        return "", None
     jacobian, sizes = evaluate_closures(equations, design_coordinates(equations))[1], speed_scales(equations)
     values = _shares(jacobian * sizes)
     rank = int(np.sum(values > _FREE_BELOW))
     if not rank or values[rank - 1] > _LOCKED_ABOVE:
-        return ""
+        return "", None
     poses, guides = explore(equations), any(t.joint.guide is not None for t in equations.topology.tree)
     if any(_shares(pose.jacobian * sizes)[rank - 1] > _LOCKED_ABOVE for pose in poses) or (guides and not poses[0].free.size):
-        return ""
+        return "", None
+    from cutjoint.analysis.misfit import find_misfit  # others do not wait for what this imports
+
+    found = find_misfit(equations, _LOCKED_ABOVE, _FREE_BELOW)
+    if found is None:
+        return _describe_holding(equations, jacobian, sizes, rank), None
+    spans, off = equations.topology.model.constraint_spans, f"{found.off:.2g} {'rad' if found.turns else 'm'}"
+    joint = f"{spans.get(found.joint, equations.scene.span)}: '{found.joint}'"
+    if found.off <= accuracy:
+        words = f"within the accuracy of {accuracy:g} they move as with exact joints"
+        return f"{joint} is off by {off}, which would lock the loops; {words}", found.model
+    return (
+        f"{joint} is off by {off}, more than the accuracy of {accuracy:g}, and locks loops that move with exact joints; "
+        "write points and axes exactly, such as by expressions, give the scene an accuracy that is not finer, or move it farther off"
+    ), None
+
+
+def _describe_holding(equations: RecursiveEquations, jacobian: Array, sizes: Array, rank: int) -> str:
+    """The fault of loops that hold a motion by little, where no exact ones are near."""
     right = sizes * np.linalg.svd(balanced(jacobian * sizes))[2][rank - 1]
     speed = int(np.abs(right).argmax())
-    tunable = np.abs(jacobian @ right / right[speed])
-    row = int(tunable.argmax())
+    opening = np.abs(jacobian @ right / right[speed])
+    row = int(opening.argmax())
     joint = next(c.joint for c in equations.closures if c.first <= row < c.first + len(c.names))
     span = equations.topology.model.constraint_spans.get(joint, equations.scene.span)
     return (
         f"{span}: '{joint}': only rounded numbers lock this mechanism: at a speed of 1 of '{equations.speed_names[speed]}' the rate "
-        f"of violation is {tunable[row]:.2g} m/s or rad/s, most at '{equations.equation_names[row]}', too small to lock it, "
+        f"of violation is {opening[row]:.2g} m/s or rad/s, most at '{equations.equation_names[row]}', too small to lock it, "
         "too large to leave it free; write points and axes exactly, such as by expressions, or farther off"
     )
 

@@ -7,13 +7,14 @@ from cutjoint.analysis.embedding.embed import embed_loops
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.redundancy import find_indeterminate, find_redundancy, reaction_outputs
-from cutjoint.analysis.shaky import describe_misfit, describe_shakiness, find_shakiness
+from cutjoint.analysis.shaky import describe_shakiness, find_shakiness, mend_misfit
 from cutjoint.analysis.skew import describe_geometry, rate_choices
 from cutjoint.commands import options, table
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import Loops
 from cutjoint.report import tables
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.settings import accuracy_of
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model
 from cutjoint.topology.search import rank_cuts
@@ -56,7 +57,7 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], view: Path
             options.out.print(tables.indeterminate_reactions(indeterminate), markup=False)
     for motion in find_momentary_motions(equations, poses):
         options.out.print(describe_momentary(checked, motion), markup=False)
-    if misfit := describe_misfit(equations):
+    if misfit := mend_misfit(equations, accuracy_of(chosen))[0]:
         options.out.print(misfit, markup=False)
     if shaky := find_shakiness(equations):
         options.out.print(describe_shakiness(equations, shaky), markup=False)

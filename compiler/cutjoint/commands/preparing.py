@@ -75,6 +75,8 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
         words = f"only generated and interpreted programs of the methods {join_and(able)} have it"
         raise RunError(f"--loops embedded: {words}; use --loops exact")
     scene = with_loops(scene, request.loops)
+    if request.options.accuracy is not None:
+        scene = replace(scene, accuracy=request.options.accuracy)
     if request.closure is None:
         if request.implementation == Implementation.GENERIC:
             return model, scene, method
@@ -103,7 +105,8 @@ def prepare_and_run(
             return _run_meanwhile(request, model, scene, method, parameters, execute, compiling)
         artifact = compiling.wait()
     prepared = prepare(artifact, request.options)
-    cache_run(request, model.text, prepared)
+    if artifact.topology.model.joints == model.joints:  # each run warns of a misfit that was taken out
+        cache_run(request, model.text, prepared)
     if parameters:
         prepared = replace(prepared, run=make_simulator_run(artifact, request.options, parameters))
     return prepared, execute(prepared)

@@ -1,10 +1,11 @@
 """Model -> Topology -> Equations -> Program -> Source: the symbolic half of every way to compile."""
 
 from collections.abc import Callable, Sequence
+from warnings import warn
 
 from cutjoint.analysis.mobility import require_soundness
 from cutjoint.analysis.redundancy import require_loads
-from cutjoint.analysis.shaky import require_firmness
+from cutjoint.analysis.shaky import ShakyError, mend_misfit, require_firmness
 from cutjoint.emit.simulator import emit
 from cutjoint.emit.source import Source
 from cutjoint.formulate.lanes import schedule_recursive
@@ -15,7 +16,7 @@ from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import with_loops
-from cutjoint.run.settings import find_closure
+from cutjoint.run.settings import accuracy_of, find_closure
 from cutjoint.topology.build import build_topology
 
 
@@ -52,10 +53,16 @@ def derive(
     load_events: bool = False,
 ) -> RecursiveEquations:  # fmt: skip
     """The recursive equations of a model, which start the runs of every method, with loops as the scene has them; errors as in
-    `compile_scene`."""
+    `compile_scene`.  A misfit within the scene's accuracy that would lock loops is taken out, with a warning."""
     topology = require_loads(build_topology(with_requested_loops(model, scene, DEFAULT_METHOD)), scene)
     equations = formulate_recursive(topology, scene, tuple(outputs), closure=closure, poses=poses, load_events=load_events)
-    return require_soundness(equations)
+    words, exact = mend_misfit(require_soundness(equations), accuracy_of(scene))
+    if not words:
+        return equations
+    if exact is None:
+        raise ShakyError(words)
+    warn(words, stacklevel=2)
+    return derive(exact, scene, outputs, closure=closure, poses=poses, load_events=load_events)
 
 
 def with_requested_loops(model: Model, scene: Scene, method: str) -> Model:

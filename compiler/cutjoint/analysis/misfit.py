@@ -1,0 +1,171 @@
+"""Loops that points and axes slightly off keep from moving: the nearest geometry with which they move.
+
+In poses q_k along a motion that the loops nearly leave free, the left null space U_k of their Jacobian has the equations that are redundant
+but for the misfit.  Joints that are moved and turned by p close the loops in all these poses where U_k^T (Phi + Phi_p p) = 0.  Of the
+solutions the one that moves fewest joints is taken, by least squares with weights that follow from the one before.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from cutjoint.analysis.closing import Array, design_coordinates, evaluate_closures, flat_roads, make_inputs, retract, speed_scales
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.model.records import Binding, Joint, Model, Parameter, Vector
+from cutjoint.program.tangents import interpret_tangents
+from cutjoint.topology.build import build_topology
+from cutjoint.topology.geometry import balanced
+from cutjoint.topology.spanning_tree import loops_of
+
+#: Poses, the largest step to one (arms, rad), steps of Newton's method, and weightings of joints.
+_POSES, _STEP, _NEWTON, _WEIGHTINGS = 14, 0.6, 16, 12
+_PROJECTIONS = 12
+#: Singular values of the conditions below this share of the largest are rounding.
+_NOISE = 1e-8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Misfit:
+    """The joint that is ``off`` most (m, or rad if it ``turns``) from a geometry with which loops move, and the ``model`` that has it."""
+
+    joint: str
+    off: float
+    turns: bool
+    model: Model
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Space:
+    """The Jacobian of the loops in a pose, its rows balanced by ``lengths``: its range and the null spaces on both sides."""
+
+    lengths: Array
+    left: Array
+    values: Array
+    right: Array
+
+
+def find_misfit(equations: RecursiveEquations, held: float, free: float) -> Misfit | None:
+    """The misfit of loops whose singular values below a share ``held`` of the largest would be nought, below ``free``, if joints were moved
+    and turned a little; None if no geometry nearby lets the loops move.
+    """
+    topology, model = equations.topology, equations.topology.model
+    cuts = {cut.name for cut in topology.cuts}
+    within = cuts | {t.joint.name for tree in loops_of(topology.tree, topology.cuts).values() for t in tree}
+    names = [joint.name for joint in model.joints if joint.name in within]
+    trial = formulate_recursive(build_topology(_movable(model, names, cuts)), equations.scene, ())
+    scale, total, weights = np.array([topology.arm] * 3 + [1.0] * 3), np.zeros((len(names), 6)), 1 + 0.1 * np.arange(len(names))
+    for _ in range(_NEWTON):
+        found = _linearised(_with_last(trial, total.ravel()), held, free, total.size)
+        if found is None:
+            return None
+        matrix, right, done = found
+        if done:
+            worst = int(np.linalg.norm(total / scale, axis=1).argmax())
+            way, angle = np.linalg.norm(total[worst, :3]), 2 * np.linalg.norm(total[worst, 3:])
+            turns = bool(angle * topology.arm > way)
+            return Misfit(joint=names[worst], off=float(angle if turns else way), turns=turns, model=_moved(model, names, total))
+        left, values, rows = np.linalg.svd(matrix * np.tile(scale, len(names)), full_matrices=False)
+        kept = values > max(_NOISE * values[0], 10 * np.abs(right).max())  # others are as inexact as the geometry
+        wanted = (left.T @ right)[kept] / values[kept]
+        for _ in range(_WEIGHTINGS):
+            by = np.repeat(weights, 6)
+            change = scale * (by * np.linalg.lstsq(rows[kept] * by, wanted)[0]).reshape(-1, 6)
+            size = np.linalg.norm((total + change) / scale, axis=1)
+            weights = size / size.max() + 1e-4
+        total += change
+    return None
+
+
+def _with_last(equations: RecursiveEquations, values: Array) -> RecursiveEquations:
+    """The equations with other values of the last parameters."""
+    first = len(equations.parameters) - len(values)
+    last = (replace(p, value=float(value)) for p, value in zip(equations.parameters[first:], values, strict=True))
+    return replace(equations, parameters=(*equations.parameters[:first], *last))
+
+
+def _linearised(equations: RecursiveEquations, held: float, free: float, count: int) -> tuple[Array, Array, bool] | None:
+    """The conditions on ``count`` changes of joints in poses of the motion, and whether it is free already; None if there is no motion."""
+    design, sizes = design_coordinates(equations), speed_scales(equations)
+    first = _space(evaluate_closures(equations, design)[1] * sizes)
+    rank = int(np.sum(first.values > held * first.values[0]))
+    close = next(f for f in equations.functions if f.name == "constraint_residual").results
+    blocks = [close[f"residual:{c.joint}"] for c in equations.closures]
+    n, rng = len(equations.parameters), np.random.default_rng(0)
+    seeds = np.eye(n)[n - count :]
+    rows, right, done = [], [], bool((first.values[rank:] <= free * first.values[0]).all())
+    for _ in range(_POSES):
+        direction = first.right[rank:].T @ rng.standard_normal(equations.speeds - rank)
+        direction *= rng.uniform(-_STEP, _STEP) / np.abs(direction).max()
+        q = _projected(equations, retract(equations, design, sizes * direction), rank)
+        if q is None:
+            continue
+        residual, jacobian = evaluate_closures(equations, q)
+        space = _space(jacobian * sizes)
+        across = np.linalg.qr(space.left[:, rank:] / space.lengths[:, np.newaxis])[0].T / equations.topology.arm
+        changes = interpret_tangents(
+            blocks, make_inputs(equations, q, np.zeros(equations.speeds)), {"parameters": seeds}, flat_roads(equations)
+        )[1]
+        still = [np.zeros((count, block.shape[0], 1)) for block in blocks]
+        moving = [np.broadcast_to(changes.get(x, none), none.shape)[..., 0] for x, none in zip(blocks, still, strict=True)]
+        rows.append(across @ np.concatenate(moving, axis=1).T)
+        right.append(-across @ residual)
+        done = done and bool((space.values[rank:] <= free * space.values[0]).all())
+    if len(rows) < _POSES / 2:
+        return None
+    return np.concatenate(rows), np.concatenate(right), done
+
+
+def _space(jacobian: Array) -> _Space:
+    lengths = np.linalg.norm(jacobian, axis=1)
+    left, values, right = np.linalg.svd(balanced(jacobian))
+    shares = np.zeros(max(jacobian.shape))
+    shares[: len(values)] = values
+    return _Space(lengths=np.maximum(lengths, 1e-4 * lengths.max()), left=left, values=shares, right=right)
+
+
+def _projected(equations: RecursiveEquations, q: Array, rank: int) -> Array | None:
+    """The pose near coordinates in which equations that hold the motion are met; None if steps to it do not end."""
+    sizes = speed_scales(equations)
+    for _ in range(_PROJECTIONS):
+        residual, jacobian = evaluate_closures(equations, q)
+        space = _space(jacobian * sizes)
+        step = -space.right[:rank].T @ ((space.left[:, :rank].T @ (residual / space.lengths)) / space.values[:rank])
+        q = retract(equations, q, sizes * step)
+        if np.abs(step).max() < 1e-12:
+            return q
+    return None
+
+
+def _movable(model: Model, names: Sequence[str], cuts: Collection[str]) -> Model:
+    """The model with joints that six tunable parameters each move and turn, the tree as ``cuts`` have it."""
+    added = [
+        Parameter(name=name, symbol=sympy.Symbol(name, real=True), value=0.0, unit="", binding=Binding.PARAM, span=model.span)
+        for name in (f"{joint}@{k}" for joint in names for k in range(6))
+    ]
+    moved = _moved(model, names, np.array([p.symbol for p in added], dtype=object).reshape(-1, 6))
+    joints = (replace(joint, cut=joint.name in cuts) for joint in moved.joints)
+    return replace(moved, joints=tuple(joints), parameters=(*model.parameters, *added))
+
+
+def _moved(model: Model, names: Sequence[str], changes: NDArray[Any]) -> Model:
+    """The model with joints that are moved by three numbers and turned by Rodrigues' parameters, the next three."""
+    places = {name: sympy.Matrix(change) for name, change in zip(names, changes.tolist(), strict=True) if any(change)}
+
+    def point(at: Vector, name: str) -> Vector:
+        return tuple(sympy.Matrix(at) + places[name][:3, 0])
+
+    def axis(a: Vector, name: str) -> Vector:
+        s, along = places[name][3:, 0], sympy.Matrix(a)
+        across = s.cross(along)
+        return tuple(along + 2 * (across + s.cross(across)) / (1 + s.dot(s)))
+
+    def moved(joint: Joint) -> Joint:
+        to, axes = joint.to and point(joint.to, joint.name), tuple(axis(a, joint.name) for a in joint.axes)
+        return replace(joint, at=point(joint.at, joint.name), to=to, axes=axes)
+
+    return replace(model, joints=tuple(moved(joint) if joint.name in places else joint for joint in model.joints))
