@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 
 import cutjoint
+from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.export.fmu.description import write_description
+from cutjoint.model.read import read_model_text
+from cutjoint.reduce.guards import guard_forces
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.mechanisms.driven import DRIVEN, LIFT, PUSH
+from tests.reduce.test_guards import TEXT as HAMMER
 
 from .slaves import DISCARD, OK, Slave, advanced, fmu_of, started
 
@@ -207,6 +211,30 @@ def test_a_step_that_fails_leaves_the_instance_as_it_was(version: int) -> None:
     assert slave.set(stiffness=2000.0) == OK
     known = advanced(undisturbed, 5, 0.01, 0.05)
     assert np.array(advanced(slave, 5, 0.01, 0.05)) == pytest.approx(np.array(known), rel=1e-12)
+
+
+@versions
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
+def test_a_step_of_fixed_length_that_fails_at_its_end_leaves_the_instance_as_it_was(version: int, method: str) -> None:
+    model = read_model_text(HAMMER, "hammer.yaml")
+    reduced = guard_forces(model, model.scenes["swing"], ("floor",))
+    fmu = make_fmu(reduced.model, reduced.scene, version=version, integrator="trapezoidal", method=method)
+    slave, undisturbed, step, steps = Slave(fmu), Slave(fmu), 1e-3, 0
+    for each in (slave, undisturbed):
+        assert each.set(depth=0.1, integrator__step=step) == each.initialise() == OK
+    before = slave.get("time", *(v.name for v in fmu.interface.outputs))
+    while (status := slave.step(steps * step, step)) == OK:
+        steps, before = steps + 1, slave.get("time", *(v.name for v in fmu.interface.outputs))
+    assert steps > 50
+    assert status == DISCARD
+    assert "a guard is violated" in slave.log[-1]
+    assert slave.get("time", *(v.name for v in fmu.interface.outputs)) == before
+    assert slave.step(steps * step, step) == DISCARD
+    advanced(undisturbed, steps, step)
+    for each in (slave, undisturbed):
+        assert each.set(depth=1.0) == OK
+    known = advanced(undisturbed, 20, step, steps * step)
+    assert advanced(slave, 20, step, steps * step) == known
 
 
 @versions

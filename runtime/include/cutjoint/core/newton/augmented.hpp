@@ -92,16 +92,16 @@ class AugmentedBase : public Newton<Own, S, Solver> {
   }
 
   /// By stored products, so that results do not depend on contraction by the compiler.
-  void correct_start() {
+  void correct_start(Real alpha) {
     for (std::size_t i = 0; i < m_; ++i) {
-      weight_[i] = start_alpha_ * phidd_[i];
+      weight_[i] = alpha * phidd_[i];
       lambda_[i] += weight_[i];
     }
   }
 
-  /// (M + alpha Phi_q^T Phi_q) dvdot = -(M vdot + Phi_q^T (lambda + alpha Phidd) - Q) with the alpha of the start
-  void right_of_start(const StateOf<S>& state) {
-    for (std::size_t i = 0; i < m_; ++i) weight_[i] = start_alpha_ * phidd_[i];
+  /// (M + alpha Phi_q^T Phi_q) dvdot = -(M vdot + Phi_q^T (lambda + alpha Phidd) - Q) with the alpha of the start, or with dt^2/4 times that of a step
+  void right_of_start(const StateOf<S>& state, Real alpha) {
+    for (std::size_t i = 0; i < m_; ++i) weight_[i] = alpha * phidd_[i];
     system_.apply_jacobian_transposed(state.q.data(), weight_.data(), x_.data());
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -f_[i] - x_[i];
   }

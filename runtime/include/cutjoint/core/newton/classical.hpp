@@ -78,9 +78,9 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
   }
 
   /// [M, Phi_q^T; Phi_q, 0] (dvdot; dlambda) = -(M vdot + Phi_q^T lambda - Q; Phidd)
-  void right_of_start(const StateOf<S>&) {
+  void right_of_start(const StateOf<S>&, Real weight) {
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -f_[i];
-    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -mass_ * phidd_[i];
+    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -weight * phidd_[i];
   }
 
   /// f_x (dq; dlambda) = -dt^2/4 (M vdot + Phi_q^T lambda - Q; Phi)                                          [eqs. 18-20]
@@ -90,12 +90,8 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -k_ * mass_ * phi_[i];
   }
 
-  void take_multipliers() {
-    for (std::size_t i = 0; i < m_; ++i) lambda_[i] += mass_ * x_[n_ + i];
-  }
-
-  void take_jump(StateOf<S>& state) {
-    for (std::size_t i = 0; i < m_; ++i) state.lambda[i] += k_ * mass_ * x_[n_ + i];
+  void take_multipliers(Real weight) {
+    for (std::size_t i = 0; i < m_; ++i) lambda_[i] += weight * x_[n_ + i];
   }
 
   Fault update_multipliers(StateOf<S>& state) {

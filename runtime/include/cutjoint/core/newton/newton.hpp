@@ -55,7 +55,8 @@ class Newton : public Workspace<S, Solver> {
       : Base(system, solver), settings_(settings), length_(settings.dt), dt_(length_),
         share_(Real(1 - settings.rule.alpha_f) / Real(1 - settings.rule.alpha_m)), speed_(dt_ * Real(settings.rule.gamma) * share_),
         k_(dt_ * dt_ * Real(settings.rule.beta) * share_), turns_(unit_turns(system)), lambda_before_(m_), vdot_before_(n_),
-        predicted_(n_), before_(design_state(system)), whole_(before_), mean_(n_), whole_mean_(n_), delta_(n_), kept_now_(m_), kept_before_(m_) {}
+        predicted_(n_), before_(design_state(system)), whole_(before_), mean_(n_), whole_mean_(n_), delta_(n_), full_(x_.size()), kept_now_(m_),
+        kept_before_(m_) {}
 
   /// Accelerations and multipliers of a start, whose coordinates and rates satisfy the equations.
   Fault begin(StateOf<S>& state, Real motion) {
@@ -72,31 +73,23 @@ class Newton : public Workspace<S, Solver> {
     return fault;
   }
 
-  /// Forces have jumped: accelerations of a state, by the factors of the step that ended there, or anew where there are none.  A singular pose keeps
-  /// those that it has.
+  /// Forces have jumped: accelerations and multipliers of a state, by the factors of the step that ended there while these converge quickly.
   void follow_jump(StateOf<S>& state) {
-    if (!factored_) {
-      whole_ = state;
-      if (!go_on(whole_)) state = whole_;
-      return;
-    }
+    if (!factored_) return follow_sample(state);
+    whole_ = state;
     system_.begin_step(state.t, Real(1));
     time_ = state.t;
     lambda_ = state.lambda;
-    this->dynamic_residual(state, Real(0));
-    std::fill(x_.begin(), x_.end(), Real(0));
-    for (std::size_t i = 0; i < n_; ++i) x_[i] = -this->f_[i];
-    if (this->solve()) return;
-    for (std::size_t i = 0; i < n_; ++i) state.vdot[i] += x_[i];
-    own().take_jump(state);
+    if (iterate_accelerations(whole_, own().weights().constraint, true)) return follow_sample(state);
+    state = whole_;
+    state.lambda = lambda_;
     stay(state);
   }
 
-  /// A controller has changed forces: accelerations of a tangent of their own, as the errors of `follow_jump` would add up over many samples.
+  /// A controller has changed forces: accelerations by a tangent of their own.  A singular pose keeps those that it has.
   void follow_sample(StateOf<S>& state) {
     whole_ = state;
-    if (go_on(whole_)) follow_jump(state);
-    else state = whole_;
+    if (!go_on(whole_)) state = whole_;
   }
 
   /// Go on from a state that has accelerations and multipliers, with a tangent of its own.
@@ -112,6 +105,7 @@ class Newton : public Workspace<S, Solver> {
     this->number_ = number;
     const Fault fault = advance(state);
     if (!fault || (own().halves() && advance_by_parts(state))) return {};
+    if (m_ == 0 && has_lost_its_way(fault) && advance_damped(state)) return {};
     system_.begin_step(state.t, Real(1));
     return fault;
   }
@@ -187,13 +181,12 @@ class Newton : public Workspace<S, Solver> {
   void choose_weights(const StateOf<S>&) {}                              ///< of the equations against the masses
   void weigh() {}                                                   ///< the same for another length of the step
   Fault examine() { return {}; }                                    ///< whether the matrix of the start is singular without its solver having noticed
-  void correct_start() {}                                           ///< multipliers from Phidd
+  void correct_start(Real) {}                                       ///< multipliers from Phidd
   bool renews_always() const { return true; }                       ///< whether each iteration has a tangent of its own
   bool halves() const { return false; }                             ///< whether a step that fails is taken in halves
   bool extrapolates() const { return true; }                        ///< whether multipliers go on as in the step before
   bool may_end() const { return true; }                             ///< whether a step may end with this iteration
-  void take_multipliers() {}                                        ///< those of the solution
-  void take_jump(StateOf<S>&) {}                                    ///< multipliers of a solution whose right-hand side was not scaled by k
+  void take_multipliers(Real) {}                                    ///< those of the solution, by their weight in the tangent
   Fault explain(const Fault& fault) { return fault; }               ///< what more there is to say of an iteration without end
   Real negligible(Real size) const { return rounding_like(1e-11) * size; }  ///< the violation beside a quantity of this size that a projection may leave
 
@@ -278,7 +271,7 @@ class Newton : public Workspace<S, Solver> {
     this->linearise(state, Real(0), own().start_weights());
     if (const Fault fault = this->factor()) return fault;
     if (const Fault fault = own().examine()) return fault;
-    if (const Fault fault = iterate_start(state)) return fault;
+    if (const Fault fault = iterate_accelerations(state, own().start_weights().constraint, false)) return fault;
     lambda_before_ = lambda_;
     state.lambda = lambda_;
     take_means(state.vdot);
@@ -286,18 +279,21 @@ class Newton : public Workspace<S, Solver> {
     return {};
   }
 
-  Fault iterate_start(StateOf<S>& state) {
-    bool converged = false;
+  /// Accelerations by the factors at hand, which have this weight of the equations; `impatient` where other factors would converge sooner.
+  Fault iterate_accelerations(StateOf<S>& state, Real weight, bool impatient) {
+    bool converged = false, slow = false;
     for (int iteration = 0;; ++iteration) {
       this->constraint_residual(state);
-      if (iteration > 0) own().correct_start();
+      if (iteration > 0) own().correct_start(weight);
       if (converged) return {};
-      if (iteration == 200) return this->fault_in_row(Cause::start_not_converged, static_cast<int>(worst()), change_);
+      if (iteration == 200 || slow) return this->fault_in_row(Cause::start_not_converged, static_cast<int>(worst()), change_);
       this->dynamic_residual(state, Real(0));
-      own().right_of_start(state);
+      own().right_of_start(state, weight);
       if (const Fault fault = this->solve()) return fault;
-      take(Real(1), state);
+      take(Real(1), weight, state);
+      const Real last = change_;
       converged = start_converged(state, iteration);
+      slow = impatient && iteration > 0 && !(change_ <= last / 10);
     }
   }
 
@@ -369,7 +365,7 @@ class Newton : public Workspace<S, Solver> {
     slow_ = false;
     for (int iteration = 1;; ++iteration) {
       follow(state);
-      const bool renewed = own().renews_always() || wary_ || !factored_ || slow_;
+      const bool renewed = own().renews_always() || wary_ || damped_ || !factored_ || slow_;
       if (renewed) turn();
       own().approach(state, iteration, renewed);
       if (renewed && iteration > 1 && !finite(largest_move())) return give_up(Cause::newton_infinite, iteration);
@@ -377,11 +373,14 @@ class Newton : public Workspace<S, Solver> {
         if (const Fault fault = this->factor()) return fault;
       factored_ = true;
       if (const Fault fault = this->solve()) return fault;
-      take(Real(1) / k_, state);
+      if (damped_) whole_.vdot = state.vdot;
+      take(Real(1) / k_, own().start_weights().constraint, state);
       ++iterations_;
       if (converged(state, iteration) && own().may_end()) break;
+      if (damped_)
+        if (const Fault fault = shorten(state)) return fault;
       if (!finite(change_)) return give_up(Cause::newton_infinite, iteration);
-      if (growing_ >= 5 && change_ > Real(1e3) * smallest_) return give_up(Cause::newton_diverging, iteration);
+      if (!damped_ && growing_ >= 5 && change_ > Real(1e3) * smallest_) return give_up(Cause::newton_diverging, iteration);
       if (iteration >= settings_.iterations) return give_up(Cause::newton_not_converged, iteration);
     }
     follow(state);
@@ -400,6 +399,44 @@ class Newton : public Workspace<S, Solver> {
       if (const Fault fault = iterate(state)) return fault;
     }
     wary_ = false;
+    return {};
+  }
+
+  /// Whether a step has failed since its iteration went astray, which damping may mend.
+  static bool has_lost_its_way(const Fault& fault) {
+    return fault.cause == Cause::newton_not_converged || fault.cause == Cause::newton_diverging || fault.cause == Cause::newton_infinite ||
+           fault.cause == Cause::forces_not_finite || fault.cause == Cause::tangent_not_finite;
+  }
+
+  /// A step whose iteration is damped, with a tangent in each iteration, from the accelerations before it.  Equations of loops have other solutions
+  /// nearby, with links turned over, to which a damped iteration may go: this is for systems without any.
+  [[gnu::noinline, gnu::cold]] bool advance_damped(StateOf<S>& state) {
+    stay(state);
+    damped_ = true;
+    const Fault fault = advance(state);
+    damped_ = false;
+    return !fault;
+  }
+
+  /// Shorten the change of a damped iteration to a share t = 1, 1/2, 1/4 .. where the same factors would ask for a change that is smaller by t/4 of it:
+  /// the monotonicity test of Deuflhard (Newton Methods for Nonlinear Problems, 2004, section 3.3), which does not depend on units of the equations.
+  /// Where no share passes the change stays whole.
+  [[gnu::noinline, gnu::cold]] Fault shorten(StateOf<S>& state) {
+    const Real move = largest_move();
+    full_ = x_;
+    Real share(1);
+    for (;; share /= 2) {
+      const bool last = share < Real(1e-5);
+      if (last) share = Real(1);
+      for (std::size_t i = 0; i < full_.size(); ++i) x_[i] = share * full_[i];
+      state.vdot = whole_.vdot;
+      take(Real(1) / k_, own().start_weights().constraint, state);
+      if (last) break;
+      follow(state);
+      own().approach(state, 2, false);
+      if (const Fault fault = this->solve()) return fault;
+      if (largest_move() <= (1 - share / 4) * move) break;
+    }
     return {};
   }
 
@@ -438,9 +475,9 @@ class Newton : public Workspace<S, Solver> {
     }
   }
 
-  void take(Real scale, StateOf<S>& state) {
+  void take(Real scale, Real weight, StateOf<S>& state) {
     for (std::size_t i = 0; i < n_; ++i) state.vdot[i] += scale * x_[i];
-    own().take_multipliers();
+    own().take_multipliers(weight);
   }
 
   /// The accelerations changed by at most the tolerance; or the coordinates by no more than their rounding, and that falls no more: with
@@ -520,8 +557,10 @@ class Newton : public Workspace<S, Solver> {
   Speeds<S> delta_;                    ///< the integrals of the speeds over a step
   Residuals residuals_;
   Real change_{0}, smallest_{0}, size_{1}, rounding_{0};  ///< the last: of coordinates
+  Rows<S> full_;                                          ///< the change of a damped iteration, before it is shortened
   Equations<S> kept_now_, kept_before_;                   ///< multipliers at the start of a step and before it
   bool wary_ = false;                                     ///< whether each iteration has a tangent of its own after all
+  bool damped_ = false;                                   ///< whether its changes are shortened too
   bool factored_ = false;                                 ///< whether there are factors of a step
   bool slow_ = false;            ///< whether the factors in use would not end the step with its third iteration, or then with the next
   Real contraction_{1};          ///< the share of a change that the next one has, as last seen

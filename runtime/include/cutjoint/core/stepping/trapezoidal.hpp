@@ -5,8 +5,10 @@
 #include <cmath>
 #include <cstddef>
 #include <span>
+#include <type_traits>
 
 #include "cutjoint/core/numbers/arrays.hpp"
+#include "cutjoint/core/numbers/damped_newton.hpp"
 #include "cutjoint/core/stepping/extrapolation.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/numbers/largest.hpp"
@@ -56,12 +58,13 @@ class Trapezoidal {
   Trapezoidal(M& mechanism, Real dt, FixedPoint fixed_point)
       : mechanism_(mechanism), dt_(dt), fixed_point_(fixed_point), v_hat_(sizes_of(mechanism).speeds), z_hat_(v_hat_.size()),
         delta_(v_hat_.size()), vdot_(v_hat_.size()), difference_(v_hat_.size()), correction_(sizes_of(mechanism).equations),
-        before_(design_state(mechanism)), expected_(v_hat_.size()), mixing_(v_hat_.size()), projection_(mechanism) {}
+        before_(design_state(mechanism)), expected_(v_hat_.size()), mixing_(v_hat_.size()), damped_(v_hat_.size()),
+        projection_(mechanism) {}
 
   /// One step of a mechanism alone; `state` is that at its end.  Fault: the iteration diverges or does not converge, or loops
   /// stay open; `state` is then the last converged one, and the mechanism is at its time.
   [[gnu::noinline]] Fault step(StateOf<M>& state, long number) {
-    if (!step_of(state, true)) return {};
+    if (!step_of(state, true) || advance_damped(state)) return {};
     mechanism_.begin_step(state.t, Real(1));
     return fault(0, number);
   }
@@ -102,6 +105,11 @@ class Trapezoidal {
   void reset_count() { evaluations_ = typename Instances::Count{}; }
 
  private:
+  /// Instances side by side are not damped.
+  struct None {
+    explicit None(std::size_t) {}
+  };
+
   /// Advance without the projection of the proximal closure.
   ///
   ///     v = dt/2 vdot + v_hat           v_hat = v_n + dt/2 vdot_n
@@ -143,6 +151,24 @@ class Trapezoidal {
     state.t = t;
     restore(state, Instances::without(Instances::all_if(true), Instances::without(running, failed)));
     return failed;
+  }
+
+  /// The step of a mechanism alone whose fixed point was not found, again by Newton's iteration; the state stays where it fails.  Not where there are
+  /// loops, which it may turn over.
+  [[gnu::noinline, gnu::cold]] bool advance_damped(StateOf<M>& state) {
+    const Cause cause = faults_[0].cause;
+    if (fixed_point_.fixed_cost || !correction_.empty() || (cause != Cause::not_converged && cause != Cause::diverged)) return false;
+    const bool found = damped_.solve(state.vdot, nominals_of(mechanism_), Real(fixed_point_.tolerance), fixed_point_.iterations, [&](Speeds<M>& residual) {
+      follow(state);
+      mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), vdot_.data(), correction_.data());
+      Instances::count(true, evaluations_);
+      for (std::size_t i = 0; i < vdot_.size(); ++i) residual[i] = vdot_[i] - state.vdot[i];
+    });
+    follow(state);
+    state.t = before_.t + dt_;
+    restore(state, !found);
+    if (found) expected_.keep(state.vdot, true);
+    return found;
   }
 
   /// Coordinates and velocities from the state's accelerations.
@@ -206,6 +232,7 @@ class Trapezoidal {
   StateOf<M> before_;
   Extrapolation<M> expected_;
   Mixing<M> mixing_;
+  [[no_unique_address]] std::conditional_t<Instances::number == 1, DampedNewton<M>, None> damped_;
   Projection<M> projection_;
   Real change_{0}, size_{1};
   typename Instances::Count evaluations_{};
