@@ -83,7 +83,6 @@ _FULL: Mapping[str, tuple[str, ...]] = {
     "tests/reduce/test_choose.py": (
         "test_an_impossible_accuracy_says_what_came_nearest", "test_the_chain_keeps_its_tolerance_across_its_singular_pose",
     ),
-    "tests/report/test_explain_natural.py": ("test_the_same_bytes_under_any_hash_seed",),
     "tests/run/test_batch_files.py": ("test_a_batch_on_a_full_disk_keeps_what_was_done",),
     "tests/runtime/test_dense.py": ("test_least_squares",),
     "tests/runtime/test_no_allocation.py": ("test_steps_in_parts_do_not_allocate", "test_steps_of_the_vehicle_do_not_allocate"),

@@ -199,5 +199,6 @@ def test_explain_has_gears_and_what_follows_from_them(method: str) -> None:
     text = TEXT.replace("  mesh: GEAR", gears)
     model = read_model_text(text + "scenes: {run: {end: 1}}\n", "gears.yaml")
     page = explain(model, model.scenes["run"], method)
-    assert "| `mesh` | gears.yaml:21 | `pinion.angle` | `slide.angle` | 2 |" in page
-    assert ("| `again.ratio` | gears.yaml:22 |" in page) == (method == "classical")
+    assert "| `mesh` | gears.yaml:21 | `pinion.angle`, `slide.angle` |" in page
+    assert ("| left out, since others imply them | `again.ratio` |" in page) == (method == "classical")
+    assert "`Phi = q_a - ratio q_b" in page

@@ -67,7 +67,7 @@ def problems(**how):
 from cutjoint.compile.pipeline import generate
 from cutjoint.model.expressions.quantities import unit_of
 from cutjoint.package.extensions import EXPORTERS
-from cutjoint.report.explain.joints import coordinate_symbol
+from cutjoint.report.explain.document import explain
 
 model = read()
 scene = model.scenes["still"]
@@ -79,7 +79,7 @@ print(json.dumps({
         method: "coil" in "".join(generate(model, scene, scene.outputs, method=method)[2].files.values())
         for method in ("recursive", "recursive-newton", "augmented")
     },
-    "symbols": [coordinate_symbol(JOINTS["twister"], name) for name in JOINTS["twister"].coordinates],
+    "page": explain(model, scene),
     "exudyn": "".join(EXPORTERS.load("exudyn").export(model, scene, {}, []).files.values()),
 }))
 """
@@ -118,8 +118,10 @@ def test_every_formulation_takes_the_kind(seen: dict[str, Any]) -> None:
     assert seen["sources"] == {"recursive": True, "recursive-newton": True, "augmented": True}
 
 
-def test_explain_names_coordinates_by_their_units(seen: dict[str, Any]) -> None:
-    assert seen["symbols"] == ["s", r"\varphi"]
+def test_explain_names_its_coordinates(seen: dict[str, Any]) -> None:
+    (row,) = (line for line in seen["page"].splitlines() if "| twister |" in line)
+    assert row.endswith("| `angle_of_nothing`, `turn` |")
+    assert r"\cos \left(q_{\text{ pin },2}\right)" in seen["page"]
 
 
 def test_exports_turn_where_the_coordinate_is_an_angle(seen: dict[str, Any]) -> None:

@@ -265,7 +265,6 @@ class JointElement:
     motions, unless ``from_inner`` says that its motions count from the body nearer to the ground, whichever that is.  With
     ``axis_is_bisector`` its axis is the bisector of the two axes in the file.  ``conditions`` are the equations of the cut joint, none for
     a joint that closes nothing.  ``measures`` says how natural coordinates read its angles; angles without one they do not have.
-    ``note`` is what `explain` says of a tree joint of the kind.
     """
 
     kind: str
@@ -277,7 +276,6 @@ class JointElement:
     from_inner: bool = False
     axis_is_bisector: bool = False
     measures: Mapping[str, Measure] = field(default_factory=dict)
-    note: str = ""
 
     # Consequences of the chain
 

@@ -144,7 +144,6 @@ _SPHERICAL = JointElement(
     chain=(Ball(),),
     conditions=(SamePoint(),),
     operations=Operations(placing=(26, 125), closing=(115, 190, 280)),
-    note="It is eliminated about its centre in global axes, where it passes on a force only.",
 )
 
 # A ball in a slot.
@@ -201,8 +200,6 @@ _FREE = JointElement(
     from_inner=True,
     conditions=(),
     operations=Operations(placing=(38, 265)),
-    note="A free body next to the ground carries its pole along: there "
-    r"$b = \mathbf{1}$ and $d = (v \times \omega, 0)$ take the place of $X S$ and $X c$.",
 )
 
 #: The record of each kind by its name, in the order of the documentation.

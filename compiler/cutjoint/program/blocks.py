@@ -188,6 +188,7 @@ class Builder:
         self.restricted: dict[Block, Block | None] = {}
         self.sections: list[Section] = [Section(stage="inputs", element="", equation="", source="")]
         self.labels: dict[Block, Label] = {}
+        self.letters: dict[Block, str] = {}
         self.quantities: dict[Quantity, Block] = {}
         self._counts: Counter[tuple[str, tuple[str, ...], tuple[str | int, ...]]] = Counter()
 
@@ -225,6 +226,7 @@ class Builder:
 
     def letter(self, block: Block, name: str) -> Block:
         """Note the LaTeX of a block for the formulas that `explain` prints; nothing that is generated has it."""
+        self.letters.setdefault(block, name)
         return block
 
     def record(self, block: Block, symbol: str, *parts: str, which: tuple[str | int, ...] = ()) -> Block:

@@ -129,14 +129,14 @@ def _values(k: Kinematics, joint: Joint, kernel: ClosureKernel, twist: Block, st
     """The blocks of the kernel's symbols; both points from the follower's pole."""
     b = k.builder
     columns = [
-        (closures.P, k.point(joint.follower, joint.at)),
-        (closures.P0, b.sub(k.point(joint.base, joint.at), step)),
-        (closures.V, b.take(twist, (0, 3))),
-        (closures.W, b.take(twist, (3, 6))),
-        *((closures.B[i], k.direction(joint.base, d)) for i, d in enumerate(kernel.base_directions)),
-        *((closures.F[i], k.direction(joint.follower, d)) for i, d in enumerate(kernel.follower_directions)),
+        ("p", closures.P, k.point(joint.follower, joint.at)),
+        ("p0", closures.P0, b.sub(k.point(joint.base, joint.at), step)),
+        ("V", closures.V, b.take(twist, (0, 3))),
+        ("W", closures.W, b.take(twist, (3, 6))),
+        *((f"b{i}", closures.B[i], k.direction(joint.base, d)) for i, d in enumerate(kernel.base_directions)),
+        *((f"f{i}", closures.F[i], k.direction(joint.follower, d)) for i, d in enumerate(kernel.follower_directions)),
     ]
-    return {symbol[i]: b.element(block, i) for symbol, block in columns for i in range(3)}
+    return {symbol[i]: b.element(b.letter(block, letter), i) for letter, symbol, block in columns for i in range(3)}
 
 
 def add_loops(system: BodySystem, k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers) -> None:

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.formulate.forces import is_active
-from cutjoint.formulate.records import Equations, RecursiveEquations
-from cutjoint.model.records import GROUND, Binding, Model
+from cutjoint.formulate.natural.equations import formulate_lagrangian
+from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
+from cutjoint.methods import METHODS
+from cutjoint.model.records import GROUND, Binding
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
@@ -26,39 +28,48 @@ _AROUND = (
 )
 
 
-def summarise(equations: RecursiveEquations, program: Program) -> Table:
-    """The counts."""
-    topology, mobility = equations.topology, find_mobility(equations)
+def summarise(start: RecursiveEquations, equations: Equations, program: Program) -> Table:
+    """The counts; of a system that Newton's iteration solves those of its step too."""
+    topology, mobility = start.topology, find_mobility(start)
     model = topology.model
     widest = max((loop.width for loop in topology.loops), default=0)
+    massless = sum(1 for b in model.bodies if b.is_massless)
+    active = sum(1 for f in model.forces if is_active(f, start.scene))
     return make_table(("what", "count"), [
-        ("bodies", count_bodies(model)),
+        ("bodies", f"{len(model.bodies)}, {massless} of them without mass and inertia"),
         ("joints", f"{len(topology.tree)} in the tree ({sum(1 for t in topology.tree if t.joint.guide is not None)} guided), "
                    f"{len(topology.cuts)} cut"),
         ("loops", f"{len(topology.loops)}, widest couples a body to {plural(widest, 'other')}"),
-        *given_rows(equations),
-        ("coordinates", f"{equations.coordinates}, quaternions with four each"),
-        ("speeds", str(equations.speeds)),
+        ("forces", f"{active} act, {len(model.forces) - active} switched off"),
+        ("parameters", ", ".join(f"{sum(1 for p in model.parameters if p.binding is b)} {b.value}" for b in Binding)),
+        ("coordinates", f"{start.coordinates}, quaternions with four each"),
+        ("speeds", str(start.speeds)),
         (closing_equations(model), f"{mobility.equations}, rank {mobility.rank}"),
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
-        *operation_rows(program),
+        *(_system_rows(equations) if isinstance(equations, SystemEquations) else ()),
+        *_operation_rows(program),
     ])  # fmt: skip
 
 
-def count_bodies(model: Model) -> str:
-    """The number of bodies, and of bodies without mass."""
-    return f"{len(model.bodies)}, {sum(1 for b in model.bodies if b.is_massless)} of them without mass and inertia"
+def _system_rows(equations: SystemEquations) -> list[tuple[str, str]]:
+    """The counts of a step's unknowns and equations, and of the tangent's entries."""
+    plan = equations.plan
+    assert plan is not None
+    pattern, size = plan.pattern, plan.pattern.size
+    entries = f"{size * (size + 1) // 2} of the lower triangle" if pattern.symmetric else str(size**2)
+    rows = [
+        ("unknowns of a step", str(len(equations.unknown_names))), ("constraint equations", str(len(equations.equation_names))),
+        ("entries of the tangent", f"{len(pattern.row)} of {entries}"),
+        ("multiply-adds of a factorisation and a solution", str(plan.multiply_adds)),
+    ]  # fmt: skip
+    if METHODS[equations.method].saddle_point:
+        held = set(equations.equation_names)
+        names = formulate_lagrangian(equations.start, equations.method, ()).equation_names
+        rows.insert(2, ("left out, since others imply them", code(name for name in names if name not in held) or "none"))
+    return rows
 
 
-def given_rows(equations: Equations) -> list[tuple[str, str]]:
-    """The counts of forces and parameters."""
-    model = equations.topology.model
-    active = sum(1 for f in model.forces if is_active(f, equations.scene))
-    bindings = ", ".join(f"{sum(1 for p in model.parameters if p.binding is b)} {b.value}" for b in Binding)
-    return [("forces", f"{active} act, {len(model.forces) - active} switched off"), ("parameters", bindings)]
-
-
-def operation_rows(program: Program) -> list[tuple[str, str]]:
+def _operation_rows(program: Program) -> list[tuple[str, str]]:
     """The operations of each function, and of what comes before it."""
     return [
         *((f"operations of `{f.name}`", str(program.operations(f.name))) for f in program.functions),
@@ -118,7 +129,7 @@ def _class_entry(members: SubtreeClass, rows: Sequence[Counterparts]) -> Entry:
     n = len(members.roots)
     cells = ([code(name) for name in row] + [""] * (n - len(row)) for row in rows)
     title = f"{n} isomorphic subtrees of {plural(members.size, 'body', 'bodies')}"
-    return Entry(title=title, notes=(), formulas=(), table=make_table([f"of {code(r)}" for r in members.roots], cells))
+    return Entry(title=title, table=make_table([f"of {code(r)}" for r in members.roots], cells))
 
 
 def elimination(topology: Topology, operations: dict[tuple[str, str], int]) -> Entry:
@@ -141,9 +152,7 @@ def elimination(topology: Topology, operations: dict[tuple[str, str], int]) -> E
     steps = [(str(i), *row) for i, row in enumerate(rows, 1)]
     table = make_table(headings, [*steps, ("", "**sum**", "", "", "", "", f"**{total}**")])
     at_once, around = bool(topology.branches), any(branch.hub for branch in topology.branches)
-    return Entry(
-        title="Order of elimination", notes=_NOTES + _AT_ONCE * at_once + _AROUND * around, formulas=(), table=table,
-    )  # fmt: skip
+    return Entry(title="Order of elimination", notes=_NOTES + _AT_ONCE * at_once + _AROUND * around, table=table)
 
 
 def _branch_row(topology: Topology, branch: Branch, operations: dict[tuple[str, str], int]) -> tuple[str, ...]:

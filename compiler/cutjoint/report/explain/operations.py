@@ -1,6 +1,6 @@
 """The cost of the equations: operations by element and stage, and the price of every parameter that stays open."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from cutjoint.formulate.records import RecursiveEquations
@@ -10,13 +10,15 @@ from cutjoint.model.records import Binding, Model, Parameter, Scene
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
 from cutjoint.program.schedule import schedule
-from cutjoint.report.explain.latex import number
-from cutjoint.report.explain.views import Table, code, line_of, make_table
+from cutjoint.report.explain.views import Table, code, line_of, make_table, number
 from cutjoint.run.settings import find_closure
 from cutjoint.topology.records import Topology
 
 #: The sweeps of an evaluation, in their order.
-STAGES = ("inputs", "kinematics", "body", "force", "closure", "condensation", "accelerations", "multipliers")
+STAGES = (
+    "inputs", "kinematics", "body", "joint", "inertia", "signal", "force", "closure", "constraint", "condensation", "accelerations",
+    "multipliers", "force_residual", "tangent",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,17 +49,15 @@ def count_operations(program: Program, function: str = "evaluate") -> dict[tuple
     return counts
 
 
-def operations_table(
-    topology: Topology, counts: Mapping[tuple[str, str], int], order: Sequence[str] = STAGES, unnamed: str = "inputs"
-) -> Table:
-    """One row an element, one column a stage, known ones in their order; ``unnamed`` is what belongs to no element."""
+def operations_table(topology: Topology, counts: Mapping[tuple[str, str], int]) -> Table:
+    """One row an element, one column a stage, known ones in their order."""
     model, joints = topology.model, (*(t.joint for t in topology.tree), *topology.closing)
     known = {stage for stage, _ in counts}
-    stages = [*(s for s in order if s in known), *sorted(known - set(order))]
+    stages = [*(s for s in STAGES if s in known), *sorted(known - set(STAGES))]
     lines = {e.name: line_of(e) for e in (*model.bodies, *joints, *model.forces, *model.signals, *model.states)}
     elements = [name for name in ("", *lines) if any((stage, name) in counts for stage in stages)]
     rows = [
-        (code(name) if name else unnamed, lines.get(name, ""), *_cells([counts.get((stage, name), 0) for stage in stages]))
+        (code(name) if name else "all together", lines.get(name, ""), *_cells([counts.get((stage, name), 0) for stage in stages]))
         for name in elements
     ]  # fmt: skip
     sums = _cells([sum(n for (stage, _), n in counts.items() if stage == s) for s in stages])
@@ -104,7 +104,7 @@ def _dependent(program: Program, index: int) -> set[int]:
 def cost_table(costs: tuple[Cost, ...]) -> Table:
     """One row a parameter."""
     rows = [
-        (code(c.parameter.name), line_of(c.parameter), number(c.parameter.value, times="e{}"), c.parameter.unit,
+        (code(c.parameter.name), line_of(c.parameter), number(c.parameter.value), c.parameter.unit,
          f"{c.operations:+d}" if c.operations else "0", str(c.stored))
         for c in costs
     ]  # fmt: skip

@@ -1,15 +1,19 @@
-"""Views of an explanation: groups of elements explained together, the records that the template prints, and the printing."""
+"""Views of an explanation: its tables and entries, and the cells in them."""
 
 import re
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-from cutjoint.emit.source import environment
+import sympy
+from sympy.printing.str import StrPrinter
+
+from cutjoint.model.records import Model, Scalar
 from cutjoint.model.text import escaped
-from cutjoint.package.locations import __version__
-from cutjoint.report.explain.latex import DIGITS
 from cutjoint.topology.records import SubtreeClass
+
+#: Digits of a number in the text.
+DIGITS = 7
 
 #: Names of elements that play the same part, one for each member of a class.
 Counterparts: TypeAlias = tuple[str, ...]
@@ -29,18 +33,13 @@ def find_counterparts(subtree_class: SubtreeClass) -> tuple[Counterparts, ...]:
     return tuple(rows)
 
 
-def group(
-    names: Sequence[str], counterparts: Iterable[Counterparts], kind: Callable[[str], Hashable], form: Callable[[str], Hashable]
-) -> tuple[tuple[str, ...], ...]:
-    """The names in groups of one kind: counterparts together, and groups whose first elements have the same form."""
-    first = {name: row[0] for row in counterparts for name in row}
-    by_first: dict[Hashable, list[str]] = {}
-    for name in names:
-        by_first.setdefault((kind(name), first.get(name, name)), []).append(name)
-    by_form: dict[Hashable, list[str]] = {}
-    for members in by_first.values():
-        by_form.setdefault((kind(members[0]), form(members[0])), []).extend(members)
-    return tuple(tuple(members) for members in by_form.values())
+def number(x: float, *, times: str = "e{}") -> str:
+    """A number rounded to DIGITS digits; ``times`` is what follows the mantissa of a very large or small one."""
+    value = float(f"{x:.{DIGITS}g}")
+    if value == 0.0 or 1e-4 <= abs(value) < 1e9:
+        return str(int(value)) if value == int(value) else repr(value)
+    mantissa, _, exponent = f"{value:.{DIGITS - 1}e}".partition("e")
+    return mantissa.rstrip("0").rstrip(".") + times.format(int(exponent))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,22 +53,12 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """Elements that are explained together: ``notes`` are paragraphs, ``formulas`` LaTeX, ``table`` has a row for each."""
+    """A heading with its paragraphs ``notes``, a formula in LaTeX, and a table."""
 
     title: str
-    notes: tuple[str, ...]
-    formulas: tuple[str, ...]
-    table: Table
-
-
-@dataclass(frozen=True, kw_only=True)
-class Chapter:
-    """One kind of element: the equations that hold for all of them, then the entries."""
-
-    title: str
-    notes: tuple[str, ...]
-    formulas: tuple[str, ...]
-    entries: tuple[Entry, ...]
+    notes: tuple[str, ...] = ()
+    formula: str = ""
+    table: Table | None = None
 
 
 def make_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
@@ -93,29 +82,25 @@ def line_of(element: Any) -> str:
     return re.sub(r"([!-,/;-@[-^`{-~])", r"\\\1", escaped(element.span.place))
 
 
-def with_others(names: Sequence[str]) -> str:
-    """The first of several names, and how many more there are."""
-    return code(names[0]) + (f" and {len(names) - 1} more" if len(names) > 1 else "")
-
-
 def plural(count: int, noun: str, many: str = "") -> str:
     """A number and its noun."""
     return f"{count} {noun if count == 1 else many or noun + 's'}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Explanation:
-    """The head of every explanation."""
-
-    model: str
-    scene: str
-    method: str
-    summary: Table
-    version: str = __version__
-    digits: int = DIGITS
+class _Text(StrPrinter):  # type: ignore[misc]
+    def _print_Float(self, e: Any) -> str:
+        return number(float(e))
 
 
-def render(template: str, explanation: Explanation) -> str:
-    """The text of an explanation, without runs of empty lines."""
-    text = environment().get_template(template).render(e=explanation)
-    return re.sub(r"\n{3,}", "\n\n", text).rstrip("\n") + "\n"
+def text(expression: Scalar, model: Model) -> str:
+    """An expression for a table."""
+    e = sympy.sympify(expression)
+    if e.is_number:
+        return number(float(e))
+    named = e.xreplace({p.symbol: sympy.Symbol(p.name) for p in model.parameters})
+    return f"`{_Text().doprint(named)}`"
+
+
+def place(vector: Sequence[Scalar], model: Model) -> str:
+    """A vector for a table."""
+    return f"({', '.join(text(x, model) for x in vector)})"

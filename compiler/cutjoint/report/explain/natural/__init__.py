@@ -1,1 +1,0 @@
-"""The explanation of the Lagrangian formulations in natural coordinates."""
