@@ -42,8 +42,8 @@ def explain_equations(equations: Equations, counterparts: Sequence[Sequence[Coun
     if held:
         (sample,) = (f.results.values() for f in equations.functions if f.name == SAMPLE)
         names = (words(held_name(value).partition(":")[0]) for value in held)
-        lines = dict.fromkeys(rf"{name} &\leftarrow {formulas.show(block)}" for name, block in zip(names, sample, strict=True))
-        entries.setdefault("controller", []).append(Entry(title="Held from a sample on", formula=_aligned(lines)))
+        updates = dict.fromkeys(rf"{name} &\leftarrow {formulas.show(block)}" for name, block in zip(names, sample, strict=True))
+        entries.setdefault("controller", []).append(Entry(title="Held from a sample on", formula=_aligned(updates)))
     return entries
 
 
