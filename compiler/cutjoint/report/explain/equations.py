@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
-from cutjoint.formulate.inputs import held_name
+from cutjoint.formulate.inputs import discrete_state_name
 from cutjoint.formulate.records import SAMPLE, Equations
 from cutjoint.report.explain.formulas import Formulas, words
 from cutjoint.report.explain.views import Counterparts, Entry, code
@@ -38,10 +38,10 @@ def explain_equations(equations: Equations, counterparts: Sequence[Sequence[Coun
         key = part.get(section.element, _form(lines))
         stages.setdefault(section.stage, {}).setdefault((section.equation, section.turn, key), []).append((section.element, lines))
     entries = {stage: list(_entries(forms)) for stage, forms in stages.items()}
-    held = equations.topology.model.held
+    held = equations.topology.model.discrete_states
     if held:
         (sample,) = (f.results.values() for f in equations.functions if f.name == SAMPLE)
-        names = (words(held_name(value).partition(":")[0]) for value in held)
+        names = (words(discrete_state_name(value).partition(":")[0]) for value in held)
         updates = dict.fromkeys(rf"{name} &\leftarrow {formulas.show(block)}" for name, block in zip(names, sample, strict=True))
         entries.setdefault("controller", []).append(Entry(title="Held from a sample on", formula=_aligned(updates)))
     return entries

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from cutjoint.formulate.inputs import HELD, INPUTS, held_name, input_parameters, input_symbols, tunable_parameters
+from cutjoint.formulate.inputs import DISCRETE_STATES, INPUTS, discrete_state_name, input_parameters, input_symbols, tunable_parameters
 from cutjoint.formulate.records import Equations
 from cutjoint.program.blocks import SUPPLIED, BindingTime, Block, SuppliedCall, is_identity, is_zero
 from cutjoint.program.lower import reachable_blocks
@@ -74,7 +74,7 @@ class Formulas:
         self._arrays = {
             "parameters": [p.name for p in tunable_parameters(model)],
             INPUTS: [name for p in input_parameters(model) for name in (p.name, *map(str, input_symbols(p)[1:]))],
-            HELD: [held_name(value).partition(":")[0] for value in model.held],
+            DISCRETE_STATES: [discrete_state_name(value).partition(":")[0] for value in model.discrete_states],
         }  # fmt: skip
         self._taken = Counter[str]()
         self._symbols = {quantity.symbol for quantity in b.quantities}
