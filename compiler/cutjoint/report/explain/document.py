@@ -69,7 +69,7 @@ def explain_reduction(model: Model, scene: Scene, done: Sequence[Note]) -> Itera
         yield Entry(title="Guards", notes=(words,), table=make_table(("force", "line", "margins"), cells))
     rods = [r for r in model.reactions if isinstance(r, RodForce)]
     if rods:
-        sums = ((code(r.name), line_of(r), " + ".join(f"{text(w, model)} {code(rod)}" for rod, w in r.pushes)) for r in rods)
+        sums = ((code(r.name), line_of(r), " + ".join(f"{text(w, model)} {code(rod)}" for rod, w in r.weights)) for r in rods)
         words = "Reactions of links that distances stand for: the forces that push the distances' points apart, each times its share."
         yield Entry(title="Sensors of rods", notes=(words,), table=make_table(("sensor", "line", "sum"), sums))
     others = [o for o in scene.outputs if o.stands_for]
