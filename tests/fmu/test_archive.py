@@ -224,5 +224,5 @@ def test_parameters_of_the_start_alone_are_no_parameters_of_exported_code(tmp_pa
     assert delivery is not None
     assert "#define THROWN_PARAMETERS 1" in delivery.files["thrown.h"]
     assert "Parameters that only the start reads are not included: v, fill." in delivery.files["thrown.h"]
-    assert delivery.alone is not None
-    assert delivery.alone.run_file.rates["rail.displacement_rate"] == 5.0
+    assert delivery.standalone is not None
+    assert delivery.standalone.run_file.rates["rail.displacement_rate"] == 5.0

@@ -117,7 +117,7 @@ def _page() -> str:
         return _make(read_page(file, "--ghost"))
 
 
-def _make(over: GhostRun | None) -> str:
+def _make(ghost: GhostRun | None) -> str:
     """The page of a box that turns and moves beside another, with an output of its own."""
     t = np.linspace(0.0, 1.0, 3)
     turn = np.stack([np.sin(t / 2), 0 * t, 0 * t, np.cos(t / 2)], axis=1)
@@ -129,7 +129,7 @@ def _make(over: GhostRun | None) -> str:
         for i, name in enumerate(("one", "other"))
     ]  # fmt: skip
     return make_page(
-        title="boxes", scene="turn", note="", bodies=["one", "other"], t=t, over=over,
+        title="boxes", scene="turn", note="", bodies=["one", "other"], t=t, ghost=ghost,
         glb=write_gltf(Drawing(name="boxes", t=t, nodes=tuple(nodes), up=np.array([0.0, 0.0, 1.0]))),
         columns=[PlotColumn(name="one.x", unit="m", bodies=["one"], values=t)],
         camera=Camera(direction=[1, 1, 1], extent=2.0, floor=-1.0, road=False, follow=""),

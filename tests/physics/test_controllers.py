@@ -354,7 +354,7 @@ def test_batches_and_studies_have_the_runs_of_the_command_line(tmp_path: Path) -
     model = pole_model()
     artifact = compile_scene_batch(model, model.scenes["run"])
     found = simulate_batch(artifact, [{"k": 2.0}, {"k": 3.0}])
-    single = [simulate(artifact.alone, parameters={"k": k}) for k in (2.0, 3.0)]  # type: ignore[arg-type]
+    single = [simulate(artifact.single, parameters={"k": k}) for k in (2.0, 3.0)]  # type: ignore[arg-type]
     for i, trajectory in enumerate(single):
         assert found.end["level.value"][i] == trajectory.columns["level.value"][-1]
 
@@ -369,7 +369,7 @@ def test_batches_by_adaptive_steps_meet_samples() -> None:
     artifact = compile_scene_batch(model, model.scenes["run"])
     found = simulate_batch(artifact, [{"k": k} for k in (0.5, 1.0, 2.0)])
     for i, k in enumerate((0.5, 1.0, 2.0)):
-        single = simulate(artifact.alone, parameters={"k": k})  # type: ignore[arg-type]
+        single = simulate(artifact.single, parameters={"k": k})  # type: ignore[arg-type]
         for name in ("shaft.angle", "outer.torque", "outer.sum", "inner.speed"):
             assert found.end[name][i] == single[name][-1]
     assert np.ptp(found.end["shaft.angle"]) > 0.01

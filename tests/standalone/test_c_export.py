@@ -129,7 +129,7 @@ def test_other_number_types_leave_the_source_of_a_simulator(tmp_path: Path) -> N
     generated = generate(model, find_scene(model, None), (), precision="quad")
     delivery = plan_export(generated, CompileOptions(precision="quad", out=tmp_path))
     assert delivery is not None
-    assert delivery.alone is None
+    assert delivery.standalone is None
     assert {"CMakeLists.txt", "report.cpp", "four_bar.hpp", "main.cpp"} <= {*delivery.files}
     assert delivery.program == "simulator"
 

@@ -160,7 +160,7 @@ HOSTILE = (
 )  # fmt: skip
 
 
-def hostile_page(file: Path, motions: Sequence[Motion] = (), over: GhostRun | None = None, graph: Graph | None = None) -> Path:
+def hostile_page(file: Path, motions: Sequence[Motion] = (), ghost: GhostRun | None = None, graph: Graph | None = None) -> Path:
     """A page whose names are all hostile."""
     t, part = np.linspace(0.0, 1.0, 3), Part(mesh=meshes.box(1, 1, 1), colour=(0.8, 0.2, 0.2))
     nodes = [
@@ -173,7 +173,7 @@ def hostile_page(file: Path, motions: Sequence[Motion] = (), over: GhostRun | No
     failure = Failure(text=HOSTILE[0], advice=HOSTILE[1], row=HOSTILE[2], element=HOSTILE[3], place=HOSTILE[0], bodies=[HOSTILE[1]])
     text = make_page(
         title=HOSTILE[0], scene=HOSTILE[1], note=HOSTILE[2], bodies=HOSTILE, glb=glb, t=t, columns=columns, camera=camera,
-        failure=failure, motions=motions, over=over, graph=graph,
+        failure=failure, motions=motions, ghost=ghost, graph=graph,
     )  # fmt: skip
     file.write_text(text, encoding="utf-8")
     return file
@@ -205,7 +205,7 @@ def test_names_of_motions_are_text_too(browser: Page, tmp_path: Path) -> None:
 def test_names_of_an_earlier_page_are_text_too(browser: Page, tmp_path: Path) -> None:
     earlier = read_page(hostile_page(tmp_path / "earlier.html"), "--ghost")
     assert earlier.name == f"earlier.html: {HOSTILE[0]}, {HOSTILE[1]}, {HOSTILE[2]}"
-    browser.open(hostile_page(tmp_path / "hostile.html", over=earlier))
+    browser.open(hostile_page(tmp_path / "hostile.html", ghost=earlier))
     assert browser.run("document.getElementById('over').textContent") == f"over {earlier.name}"
     assert browser.run("window.owned ?? 'nobody'") == "nobody"
     require_silence(browser)

@@ -31,18 +31,18 @@ def command(
     """
     require_apart({"the model": model, "the table of parameters": cases}, tables={"--out": out})
     parameters = options.read_parameters(changes)
-    asked = Options(dt=dt, end=end, tolerance=tolerance, integrator=integrator, events=events)
+    requested = Options(dt=dt, end=end, tolerance=tolerance, integrator=integrator, events=events)
     read, chosen, by = read_request(Request(model=model, scene=scene, method=method, closure=closure, tunable=tunable, functions=functions))
     if by not in (able := names_of(METHODS, lambda m: m.batch)):
         raise RunError(f"{chosen.span}: scene '{chosen.name}': batches have no method {by}; use --method {join_or(able)}")
-    done = _run(asked, read, _with_options(chosen, by, asked), parameters, _cases(cases, read, parameters), threads, out)
+    done = _run(requested, read, _with_options(chosen, by, requested), parameters, _cases(cases, read, parameters), threads, out)
     _report_failures(done, cases, out)
 
 
-def _with_options(scene: Scene, method: str, asked: Options) -> Scene:
+def _with_options(scene: Scene, method: str, requested: Options) -> Scene:
     numerics = scene.numerics
-    numerics = replace(numerics, integrator=asked.integrator or numerics.integrator, events=asked.events or numerics.events)
-    return with_options(replace(scene, numerics=numerics), method, Options(dt=asked.dt))
+    numerics = replace(numerics, integrator=requested.integrator or numerics.integrator, events=requested.events or numerics.events)
+    return with_options(replace(scene, numerics=numerics), method, Options(dt=requested.dt))
 
 
 def _cases(path: Path, model: Model, parameters: Mapping[str, float]) -> list[dict[str, float]]:
@@ -54,14 +54,14 @@ def _cases(path: Path, model: Model, parameters: Mapping[str, float]) -> list[di
 
 
 def _run(
-    asked: Options, model: Model, scene: Scene, parameters: Mapping[str, float], cases: list[dict[str, float]], threads: int | None,
+    requested: Options, model: Model, scene: Scene, parameters: Mapping[str, float], cases: list[dict[str, float]], threads: int | None,
     out: Path,
 ) -> Batch:  # fmt: skip
     with options.progress_bar(f"compiling {model.name}"):
         artifact = compile_scene_batch(model, scene)
     with options.progress_bar(f"running {scene.name}") as progress:
         done = simulate_batch(
-            artifact, [{**parameters, **case} for case in cases], dt=asked.dt, end=asked.end, tolerance=asked.tolerance,
+            artifact, [{**parameters, **case} for case in cases], dt=requested.dt, end=requested.end, tolerance=requested.tolerance,
             threads=threads, out=out, progress=progress, check=False,
         )  # fmt: skip
     console = options.message_console(out)

@@ -70,12 +70,12 @@ def _write_module(
     case = freeze_start_parameters(case, chosen)
     load_events = (linearise or adjoint) and needs_load_events(chosen, method, integrator, equal_steps=True)
     generated = generate(case, chosen, chosen.outputs, method=method, poses=poses, load_events=load_events)
-    alone = make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise, adjoint=adjoint)
-    files, module = {**alone.files, **alone.module_files}, f"{alone.name}.wasm"
+    standalone = make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise, adjoint=adjoint)
+    files, module = {**standalone.files, **standalone.module_files}, f"{standalone.name}.wasm"
     require_apart({"the model": Path(model.span.file)}, documents=[(f"--out {folder}: file", folder / name) for name in (*files, module)])
-    made = alone.build_module()
+    made = standalone.build_module()
     write_files(folder, {**files, module: made})
-    return f"{module}, {len(made) / 1000:.0f} kB, with its calls in JavaScript ({alone.name}.mjs) in {folder}"
+    return f"{module}, {len(made) / 1000:.0f} kB, with its calls in JavaScript ({standalone.name}.mjs) in {folder}"
 
 
 def _sizes(artifact: Artifact, folder: Path) -> str:

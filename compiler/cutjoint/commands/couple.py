@@ -42,7 +42,7 @@ def command(
     require_apart(read_files, tables={"--out": out}, plots=plots, documents=[("--view", view)])
     require_view(view, "--view")
     parameters = options.read_parameters(changes)
-    asked = Options(dt=dt, end=end, tolerance=tolerance, iterations=iterations, integrator=integrator, events=events)
+    requested = Options(dt=dt, end=end, tolerance=tolerance, iterations=iterations, integrator=integrator, events=events)
     read, chosen, by = read_request(Request(model=model, scene=scene, method=method, tunable=tunable, functions=functions))
     with ExitStack() as opened_fmus:
         system = opened_fmus.enter_context(open_system(fmus, _named(connections), read.name))
@@ -53,7 +53,7 @@ def command(
             Participant(fmu=fmu, connections=ports, step=_step(fmu, communication))
             for fmu, ports in zip(controllers, connected, strict=True)
         ]  # fmt: skip
-        plan = _plan(asked, read, chosen, by, parameters, parties)
+        plan = _plan(requested, read, chosen, by, parameters, parties)
         try:
             with options.progress_bar(f"running {chosen.name}") as progress:
                 run = co_simulate(plan, out=out, progress=progress, estimate=error)
@@ -75,24 +75,25 @@ def command(
 
 
 def _plan(
-    asked: Options, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], parties: Sequence[Participant]
+    requested: Options, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], parties: Sequence[Participant]
 ) -> Plan:  # fmt: skip
-    require_settings(dt=asked.dt, end=asked.end, tolerance=asked.tolerance, iterations=asked.iterations)
+    require_settings(dt=requested.dt, end=requested.end, tolerance=requested.tolerance, iterations=requested.iterations)
     _require_free(model, parameters, parties)
     if not scene.outputs:
         raise RunError(f"{scene.span}: scene '{scene.name}' has no outputs; a table needs some")
     with options.progress_bar(f"compiling {model.name}"):
-        simulation = _load(model, scene, method, asked)
+        simulation = _load(model, scene, method, requested)
     settings, steps = simulation.library.settings, simulation.library.steps
-    if asked.tolerance is not None and not steps.adaptive:
+    if requested.tolerance is not None and not steps.adaptive:
         able = join_or(names_of(INTEGRATORS, lambda i: i.adaptive))
         raise RunError(f"--solver-tolerance: beside an FMU only {able} has one; use it, or --dt")
-    if asked.iterations is not None and not steps.is_iterated:
+    if requested.iterations is not None and not steps.is_iterated:
         raise RunError(f"--iterations: only {describe_steps(lambda s: s.is_iterated)} has them")
     return Plan(
-        simulation=simulation, parties=tuple(parties), end=scene.end if asked.end is None else asked.end, output_step=scene.output_step,
-        dt=settings.step if asked.dt is None else asked.dt, iterations=asked.iterations, parameters=parameters,
-        tolerance=(settings.tolerance if asked.tolerance is None else asked.tolerance) if steps.adaptive else None,
+        simulation=simulation, parties=tuple(parties), end=scene.end if requested.end is None else requested.end,
+        output_step=scene.output_step,
+        dt=settings.step if requested.dt is None else requested.dt, iterations=requested.iterations, parameters=parameters,
+        tolerance=(settings.tolerance if requested.tolerance is None else requested.tolerance) if steps.adaptive else None,
     )  # fmt: skip
 
 
@@ -103,11 +104,11 @@ def _step(fmu: ControllerFmu, communication: float | None) -> float:
     return step
 
 
-def _load(model: Model, scene: Scene, method: str, asked: Options) -> Simulation:
+def _load(model: Model, scene: Scene, method: str, requested: Options) -> Simulation:
     """The simulation with the integrator and the events of a run by the same options."""
-    integrator = DEFAULT_INTEGRATOR if asked.integrator is None and asked.iterations is not None else asked.integrator
-    scene = with_options(scene, method, Options(dt=asked.dt))
-    numerics = replace(scene.numerics, events=asked.events or scene.numerics.events)
+    integrator = DEFAULT_INTEGRATOR if requested.integrator is None and requested.iterations is not None else requested.integrator
+    scene = with_options(scene, method, Options(dt=requested.dt))
+    numerics = replace(scene.numerics, events=requested.events or scene.numerics.events)
     return load_scene(model, replace(scene, numerics=numerics), method=method, integrator=integrator)
 
 

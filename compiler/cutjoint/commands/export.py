@@ -28,13 +28,13 @@ from cutjoint.view.graph import picture_graph
 @table.command("export")
 def command(
     model: Path, scene: str | None, peer: str, tunable: tuple[str, ...], changes: tuple[str, ...], links: tuple[str, ...],
-    asked: tuple[str, ...], fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], target: str | None,
+    requested: tuple[str, ...], fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], target: str | None,
     method: str | None, integrator: str | None, poses: bool, external_wrenches: tuple[str, ...], terrain: tuple[str, ...], out: Path,
     functions: Path | None,
 ) -> None:  # fmt: skip
     """Write MODEL as a program for another simulator, which runs one scene there, as an FMU, or as a URDF or MJCF file with loops."""
     if peer == table.FMU:
-        if changes or asked:
+        if changes or requested:
             option = "--set" if changes else "--output"
             raise click.UsageError(f"{option} does not apply to --to fmu: it has all parameters, set by its host, and the scene's outputs")
         checked = with_link_masses(read_model(model, tunable=tunable, functions=functions), options.read_masses(links))
@@ -51,8 +51,8 @@ def command(
         **({} if content is None else {content: True}),
     )  # fmt: skip
     if peer in ROBOTS:
-        if asked or scene:
-            raise click.UsageError(f"--{'output' if asked else 'scene'} is not for --to {peer}, which exports the mechanism only")
+        if requested or scene:
+            raise click.UsageError(f"--{'output' if requested else 'scene'} is not for --to {peer}, which exports the mechanism only")
         checked = with_link_masses(read_model(model, tunable=tunable), options.read_masses(links))
         export_robot(checked, options.read_parameters(changes), model, peer, out)
         return
@@ -61,14 +61,14 @@ def command(
         raise click.BadParameter(f"Directory '{out}' is a file.", param_hint="'--out'")
     checked = with_link_masses(read_model(model, tunable=tunable), options.read_masses(links))
     checked, chosen = find_case(checked, scene)
-    outputs = [_output(checked, name) for name in asked] or exporter.known_outputs(checked, [o for o in chosen.outputs if not o.name])
+    outputs = [_output(checked, name) for name in requested] or exporter.known_outputs(checked, [o for o in chosen.outputs if not o.name])
     with options.progress_bar(f"exporting {model.name}"):
         exported = exporter.export(checked, chosen, options.read_parameters(changes), outputs)
     require_apart({"the model": model}, documents=[(f"--out {out}: file", out / name) for name in exported.files])
     write_files(out, exported.files)
     for sentence in exported.differences:
         options.out.print(sentence, markup=False)
-    if left_out := [o.column for o in chosen.outputs if not asked and o not in outputs]:
+    if left_out := [o.column for o in chosen.outputs if not requested and o not in outputs]:
         options.out.print(f"outputs left out: {', '.join(left_out)}", markup=False)
     options.out.print(f"{', '.join(exported.files)} in {out}; the first of them says how to run it", markup=False)
 

@@ -28,7 +28,8 @@ _LEAST = 1e-9
 @table.command("gradient")
 def command(
     model: Path, scene: str | None, method: str | None, integrator: str | None, dt: float | None, end: float | None,
-    tunable: tuple[str, ...], changes: tuple[str, ...], asked: tuple[str, ...], by: tuple[str, ...], objective: str, from_equilibrium: bool,
+    tunable: tuple[str, ...], changes: tuple[str, ...], requested: tuple[str, ...], by: tuple[str, ...], objective: str,
+    from_equilibrium: bool,
     check: bool,
 ) -> None:  # fmt: skip
     """Run MODEL and print how its outputs change with parameters and inputs, for the steps as taken; where there are more of these than
@@ -42,7 +43,7 @@ def command(
     if METHODS[method].formulation is Formulation.NATURAL:
         raise RunError(f"scene '{chosen.name}' has the method {method}, which has no derivatives of steps; use --method recursive")
     with options.progress_bar(f"compiling {model.name}"):
-        many = (len(by) or sum(p.binding is not Binding.CONST for p in read.parameters)) > (len(asked) or len(chosen.outputs))
+        many = (len(by) or sum(p.binding is not Binding.CONST for p in read.parameters)) > (len(requested) or len(chosen.outputs))
         sim = load_scene(
             read, chosen, method=method, integrator=integrator, linearise=True, adjoint=many and objective in OBJECTIVES
         )  # fmt: skip
@@ -52,7 +53,8 @@ def command(
             sim.inputs[name] = float(given[name])
     sim.reset(dt=dt)
     sim.choose_independent()
-    run = _Run(sim, objective, list(asked) or list(sim.outputs), *_count_steps(sim, chosen.end if end is None else end, chosen.output_step))
+    steps = _count_steps(sim, chosen.end if end is None else end, chosen.output_step)
+    run = _Run(sim, objective, list(requested) or list(sim.outputs), *steps)
     names, start = list(by) or [*sim.parameters, *sim.inputs], sim.snapshot()
     if not names and objective == "event":
         raise RunError(f"{model.name} has no parameter or input that could change its event: add --tunable, or name states with --by")
@@ -75,7 +77,7 @@ def command(
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Result:
     """A table: title, names and units of its columns, and their values and derivatives (columns, by)."""
 
     title: str
@@ -100,7 +102,7 @@ class _Run:
         """The end time (s) of a run that begins now."""
         return self.sim.time + self.steps * self.sim.settings.step
 
-    def derive(self, names: Sequence[str], from_equilibrium: bool) -> _Found:
+    def derive(self, names: Sequence[str], from_equilibrium: bool) -> _Result:
         """The objective with its derivatives by numbers."""
         sim, outputs = self.sim, self.outputs
         for name in outputs:
@@ -111,10 +113,10 @@ class _Run:
             modes = sim.eigenvalue_sensitivities(names)
             columns = [f"mode {i}" for i in range(len(modes.values))]
             units = ["1/s"] * len(columns)
-            return _Found(f"eigenvalues at {at} s", columns, units, modes.values, modes.derivatives)  # type: ignore[arg-type]
+            return _Result(f"eigenvalues at {at} s", columns, units, modes.values, modes.derivatives)  # type: ignore[arg-type]
         if self.objective in ("equilibrium", "start"):
             found = (sim.equilibrium_sensitivities if self.objective == "equilibrium" else sim.initial_state_sensitivities)(outputs, names)
-            return _Found(f"outputs at {self.objective}", outputs, units, found.values, found.derivatives)
+            return _Result(f"outputs at {self.objective}", outputs, units, found.values, found.derivatives)
         initial_sensitivities = sim.equilibrium_sensitivities(outputs, names).states if from_equilibrium else None
         if self.objective == "event":
             events = sim.forward_sensitivities(self.steps, outputs, names, every=self.every, initial_sensitivities=initial_sensitivities,
@@ -122,9 +124,9 @@ class _Run:
             if events is None or not events.names:
                 raise ValueError(f"no force, guide or drive changes its formula until {sim.time:g} s")
             values, derivatives = np.append(events.times, events.values[0]), np.vstack([events.derivatives_of_times, events.derivatives[0]])
-            return _Found(f"the first event, of '{events.names[0]}'", ["time", *outputs], ["s", *units], values, derivatives)
+            return _Result(f"the first event, of '{events.names[0]}'", ["time", *outputs], ["s", *units], values, derivatives)
         values, derivatives = self._objective(names, initial_sensitivities)
-        return _Found(f"{self.objective} of outputs, {at} to {sim.time:g} s", outputs, units, values, derivatives)
+        return _Result(f"{self.objective} of outputs, {at} to {sim.time:g} s", outputs, units, values, derivatives)
 
     def _objective(self, names: Sequence[str], initial_sensitivities: Array | None) -> tuple[Array, Array]:
         if self.sim.library.record:
@@ -165,7 +167,7 @@ def _without_driven_inputs(sim: Simulation, names: Sequence[str], derivatives: A
     return [names[i] for i in kept], derivatives[:, kept]
 
 
-def _fit_tables(found: _Found, names: Sequence[str], width: int) -> Iterator[Table]:
+def _fit_tables(found: _Result, names: Sequence[str], width: int) -> Iterator[Table]:
     """Tables of all columns, with as many columns side by side as fit into a width."""
     columns = list(range(len(found.columns)))
     while columns:
@@ -180,7 +182,7 @@ def _fit_tables(found: _Found, names: Sequence[str], width: int) -> Iterator[Tab
         columns = columns[number:]
 
 
-def _make_table(found: _Found, names: Sequence[str]) -> Table:
+def _make_table(found: _Result, names: Sequence[str]) -> Table:
     made = Table(title=found.title, title_justify="left", box=None)
     for heading in ("by", *found.columns):
         made.add_column(heading, justify="left" if heading == "by" else "right", no_wrap=True, overflow="ignore")

@@ -23,13 +23,13 @@ def pick_and_run(
     request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], execute: Execute
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
     """Let method auto choose model, scene and method; nothing is cached, since the choice depends on measured times."""
-    asked = request.options
+    requested = request.options
     scene, parameters = with_constant_inputs(model, scene, parameters)
     _require_free_choice(
-        implementation=request.implementation, solver=asked.solver, integrator=asked.integrator, events=asked.events,
-        precision=request.precision, dt=asked.dt, end=asked.end, iterations=asked.iterations,
+        implementation=request.implementation, solver=requested.solver, integrator=requested.integrator, events=requested.events,
+        precision=request.precision, dt=requested.dt, end=requested.end, iterations=requested.iterations,
     )  # fmt: skip
-    variant = _pick(model, scene, _accuracy(asked), parameters)
+    variant = _pick(model, scene, _accuracy(requested), parameters)
     ran = FinishedRun(variant.model, variant.scene, variant.method, parameters, variant.name)
     prepared, run = _execute(request, ran, execute)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
@@ -45,12 +45,12 @@ def _execute(request: Request, ran: FinishedRun, execute: Execute) -> tuple[Prep
     return prepared, execute(prepared)
 
 
-def _accuracy(asked: Options) -> float | None:
+def _accuracy(requested: Options) -> float | None:
     """The requested accuracy; method auto has no other tolerance, and earlier versions called it so."""
-    if asked.tolerance is None or asked.accuracy is not None:
-        return asked.accuracy
-    options.err.print(f"method auto has no solver tolerance; taken as --accuracy {asked.tolerance:g}", markup=False)
-    return asked.tolerance
+    if requested.tolerance is None or requested.accuracy is not None:
+        return requested.accuracy
+    options.err.print(f"method auto has no solver tolerance; taken as --accuracy {requested.tolerance:g}", markup=False)
+    return requested.tolerance
 
 
 def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mapping[str, float]) -> ReducedModel:
@@ -62,12 +62,12 @@ def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mappin
     return chosen_model(model, wanted, choice)
 
 
-def _require_free_choice(**asked: Any) -> None:
+def _require_free_choice(**requested: Any) -> None:
     """Check that no option sets what method auto chooses.
 
     Raises:
         RunError: an option says it.
     """
     usual = {"implementation": (AUTO, Implementation.GENERATED), "precision": (DEFAULT_PRECISION,)}
-    for name in (name for name, value in asked.items() if value not in usual.get(name, (None,))):
+    for name in (name for name, value in requested.items() if value not in usual.get(name, (None,))):
         raise RunError(f"--{name} cannot be combined with method auto, which chooses it by measurement; use --method")

@@ -190,7 +190,7 @@ def _compile_interpreted(
     return compile_interpreted(model, scene, method=method, scheduled=scheduled)
 
 
-def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] | None = None) -> PreparedRun:
+def prepare(artifact: Artifact, requested: Options, parameters: Mapping[str, float] | None = None) -> PreparedRun:
     """The prepared run of a compiled model with options and ``parameters`` (SI units), and the facts reported about it."""
     model, mobility = artifact.topology.model, find_mobility(artifact.mechanism)
     counts = topology_facts(artifact.topology, mobility, describe_geometry(artifact.mechanism, mobility))
@@ -199,7 +199,7 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
         compilation=artifact.compilation, dependent_parts=changing_parts(model, artifact.scene),
         inputs=tuple(p.name for p in input_parameters(model)),
         units={p.name: p.unit for p in (*tunable_parameters(model), *input_parameters(model))},
-        run=make_simulator_run(artifact, asked, parameters), plots=artifact.scene.plots,
+        run=make_simulator_run(artifact, requested, parameters), plots=artifact.scene.plots,
         files={name: sha256(text.encode()).hexdigest() for name, text in model.files.items() if not name.startswith(SHIPPED)},
     )  # fmt: skip
 

@@ -16,10 +16,10 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 from cutjoint.view.mesh_files import require_meshes
-from cutjoint.view.views import read_over, require_view, show_run, write_shown
+from cutjoint.view.views import read_ghost, require_view, show_run, write_shown
 
 
-def require_replay(request: Request, parameters: Mapping[str, float], view: Path | None, over: Path | None) -> None:
+def require_replay(request: Request, parameters: Mapping[str, float], view: Path | None, ghost: Path | None) -> None:
     """Check that the wanted view can be shown.
 
     Raises:
@@ -27,16 +27,16 @@ def require_replay(request: Request, parameters: Mapping[str, float], view: Path
         RunError, OutputError: the file has an unknown ending, or the ghost's page or run is missing.
     """
     require_view(view, "--view")
-    read_over(over, view)
+    read_ghost(ghost, view)
     model, scene, _ = read_request(request)
     require_meshes(model, Numbers.of(model, scene, parameters))
 
 
 def write_replay(
-    request: Request, ran: FinishedRun | None, view: Path, over: Path | None, parameters: Mapping[str, float], plan: SimulatorRun,
+    request: Request, ran: FinishedRun | None, view: Path, ghost: Path | None, parameters: Mapping[str, float], plan: SimulatorRun,
     run: Trajectory,
 ) -> Path:  # fmt: skip
-    """Write a run as a page or a glTF file, over the run of an earlier page (``over``); a failed run with its last steps.
+    """Write a run as a page or a glTF file, over the run of an earlier page (``ghost``); a failed run with its last steps.
 
     ``ran`` is None for a cached run, whose model is read again.
 
@@ -49,7 +49,7 @@ def write_replay(
     steps = with_each_step(replace(plan, with_coordinates=True), run)
     model = with_requested_loops(ran.model, scene, ran.method)
     shown = show_run(model, scene, ran.method, ran.parameters, steps, variant=ran.variant)
-    return write_shown(view, shown, over=read_over(over, view))
+    return write_shown(view, shown, ghost=read_ghost(ghost, view))
 
 
 #: Runs of more steps are not repeated for their last ones; an adaptive integrator gets this many samples.

@@ -16,7 +16,7 @@ from cutjoint.topology.reading import read_model
 
 @table.command("response")
 def command(
-    model: Path, scene: str | None, at: float | None, inputs: tuple[str, ...], asked: tuple[str, ...], first: float | None,
+    model: Path, scene: str | None, at: float | None, inputs: tuple[str, ...], requested: tuple[str, ...], first: float | None,
     last: float | None, points: int, road: str | None, speed: float | None, weight: str, external_wrenches: tuple[str, ...],
     terrain: tuple[str, ...], tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None, plots: Path | None,
 ) -> None:  # fmt: skip
@@ -29,7 +29,9 @@ def command(
     read = with_inputs(read_model(model, tunable=tunable), external_wrenches=external_wrenches, terrain=terrain)
     checked, chosen = options.choose_case(read, scene) if at is None else find_case(read, scene)
     with options.progress_bar(f"linearising {model.name}"):
-        near = find_scene_linear_model(checked, chosen, at=at, inputs=inputs, outputs=asked, parameters=options.read_parameters(changes))
+        near = find_scene_linear_model(
+            checked, chosen, at=at, inputs=inputs, outputs=requested, parameters=options.read_parameters(changes)
+        )
     console, title = options.message_console(out), f"{checked.name}, scene {chosen.name}"
     try:
         if road is not None and speed is not None:

@@ -50,13 +50,13 @@ def command(
         require_writer(out)
     others = _read_others(compare, plots)
     parameters = options.read_parameters(changes)
-    asked = Options(
+    requested = Options(
         dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events,
         accuracy=accuracy,
     )  # fmt: skip
     request = Request(
         model=model, scene=scene, method=method, closure=closure, tunable=tunable, implementation=implementation, precision=precision,
-        loops=loops, functions=functions, options=asked,
+        loops=loops, functions=functions, options=requested,
     )  # fmt: skip
     if view is not None or ghost_page is not None:
         from cutjoint.commands.replay import require_replay

@@ -19,7 +19,7 @@ from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Progress as OnProgress
 from cutjoint.sweeps.run import Sweep, perform_study, steps_of
 from cutjoint.sweeps.tolerances import QUANTILES, find_tolerance, has_tolerances
-from cutjoint.view.views import read_over, require_view
+from cutjoint.view.views import read_ghost, require_view
 
 #: Number of reasons of failures to print, and the pattern of numbers, by which similar reasons may differ.
 _REASONS = 5
@@ -80,7 +80,7 @@ def _replay(study: Study, run: int, view: Path, ghost_page: Path | None) -> None
     from cutjoint.sweeps.page import replay
 
     require_view(view, "--view")
-    ghost = read_over(ghost_page, view)
+    ghost = read_ghost(ghost_page, view)
     with options.progress_bar(f"running {study.model.name}"):
         replay(study, run, view, ghost)
     options.out.print(f"view: {view}", markup=False)

@@ -237,13 +237,13 @@ def freeze_start_parameters(model: Model, scene: Scene) -> Model:
     """The model whose parameters that stand only where runs of the scene begin are ``frozen``: exported code has numbers there, which
     setting such a parameter would not change."""
     start = sources_of_parts(model, scene)
-    asked = _symbols((start["positions"], start["rates"], scene.assemble, scene.trim)) & {p.symbol for p in tunable_parameters(model)}
-    if asked:
+    requested = _symbols((start["positions"], start["rates"], scene.assemble, scene.trim)) & {p.symbol for p in tunable_parameters(model)}
+    if requested:
         states = tuple(replace(state, initial=sympy.Integer(0)) for state in model.states)
         rest = replace(model, parameters=(), derived=(), scenes={}, states=states)
-        asked -= _symbols((rest, replace(scene, positions={}, rates={}, starts={}, assemble=(), trim=None)))
-    parameters = tuple(replace(p, binding=Binding.CONST) if p.symbol in asked else p for p in model.parameters)
-    return replace(model, parameters=parameters, frozen=tuple(p.name for p in model.parameters if p.symbol in asked))
+        requested -= _symbols((rest, replace(scene, positions={}, rates={}, starts={}, assemble=(), trim=None)))
+    parameters = tuple(replace(p, binding=Binding.CONST) if p.symbol in requested else p for p in model.parameters)
+    return replace(model, parameters=parameters, frozen=tuple(p.name for p in model.parameters if p.symbol in requested))
 
 
 def describe_frozen(model: Model) -> str:
@@ -295,10 +295,10 @@ def make_standalone(
     if linearise and derives_steps:
         parts = replace(parts, force_residual=_force_residual(parts, equations.scene))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
-    alone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
-    if not (side_by_side and alone.fits_lanes):
-        return alone
-    return replace(alone, parts=replace(parts, side_by_side=schedule_recursive(parts.mechanism, lanes=False)))
+    standalone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
+    if not (side_by_side and standalone.fits_lanes):
+        return standalone
+    return replace(standalone, parts=replace(parts, side_by_side=schedule_recursive(parts.mechanism, lanes=False)))
 
 
 def choose_steps(scene: Scene, method: str, integrator: str | None, *, equal_steps: bool = False) -> Options:
@@ -337,11 +337,11 @@ def _require_unknowns(equations: Equations) -> None:
         raise RunError(f"{model.span.file}: nothing in the model moves, so that '{equations.method}' has no equation; use {DEFAULT_METHOD}")
 
 
-def _require_relative(equations: Equations, asked: str, why: str) -> None:
+def _require_relative(equations: Equations, requested: str, why: str) -> None:
     """Check that the state has relative coordinates, from which minimal ones are chosen and all bodies follow."""
     if isinstance(equations, SystemEquations) and METHODS[equations.method].formulation is Formulation.NATURAL:
         able = join_or(linearised_methods())
-        raise RunError(f"{asked}: the state of method '{equations.method}' has natural coordinates, {why}; use {able}")
+        raise RunError(f"{requested}: the state of method '{equations.method}' has natural coordinates, {why}; use {able}")
 
 
 def _require_partials(equations: Equations) -> None:
@@ -386,12 +386,12 @@ def _force_residual(parts: SimulationCode, scene: Scene) -> Linearised:
 
 @dataclass(frozen=True, kw_only=True)
 class ExportPlan:
-    """The ``files`` of a folder by name, the name of its ``program``, and the code behind them, ``alone``, if the folder stands alone."""
+    """The ``files`` of a folder by name, the name of its ``program``, and for a C export its code, ``standalone``."""
 
     folder: Path
     files: Mapping[str, str]
     program: str
-    alone: Standalone | None
+    standalone: Standalone | None
 
     def write(self, simulator: Path, flags: Sequence[str]) -> None:
         """Write all files or none; each replaces an earlier one as a whole, so that an earlier program that is running goes on.
@@ -400,7 +400,7 @@ class ExportPlan:
             ToolchainError: the C++ compiler failed.
             OutputError: a file cannot be written.
         """
-        built = simulator if self.alone is None else self.alone.build_simulator(flags)
+        built = simulator if self.standalone is None else self.standalone.build_simulator(flags)
         files: dict[str, str | bytes] = {**self.files, self.program: built.read_bytes()}
         write_files(self.folder, files, {self.program: built.stat().st_mode & 0o777})
 
@@ -425,13 +425,13 @@ def plan_export(
             raise RunError(f"reproducible: only C exports are; set out, in {DEFAULT_PRECISION}")
         if options.poses:
             raise RunError(f"poses: only C exports have them; set out, in {DEFAULT_PRECISION}")
-        delivery = None if folder is None else ExportPlan(folder=folder, files=generated.source.files, program="simulator", alone=None)
+        delivery = None if folder is None else ExportPlan(folder=folder, files=generated.source.files, program="simulator", standalone=None)
     else:
-        alone = make_standalone(
+        standalone = make_standalone(
             generated, integrator=integrator, equal_steps=True, lanes=options.lanes, linearise=linearise, adjoint=options.adjoint
         )  # fmt: skip
-        alone = replace(alone, reproducible=options.reproducible)
-        delivery = ExportPlan(folder=folder, files=alone.files, program=alone.simulator, alone=alone)
+        standalone = replace(standalone, reproducible=options.reproducible)
+        delivery = ExportPlan(folder=folder, files=standalone.files, program=standalone.simulator, standalone=standalone)
     if delivery is not None:
         model, names = Path(generated.equations.topology.model.span.file), (*delivery.files, delivery.program)
         require_apart({"the model": model}, documents=[(f"--out {folder}: file", delivery.folder / name) for name in names])

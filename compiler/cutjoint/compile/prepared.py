@@ -135,8 +135,8 @@ def _can_be_read_again(request: Request) -> bool:
 
 def _cache_path(request: Request, content: bytes) -> Path:
     code = None if request.functions is None else [*digests_of([str(request.functions)]).values()]
-    asked = {**asdict(request), "model": str(request.model), "functions": code}
-    about = [sha256(content).hexdigest(), asked, *build_provenance(), *_extension_digests(request)]
+    requested = {**asdict(request), "model": str(request.model), "functions": code}
+    about = [sha256(content).hexdigest(), requested, *build_provenance(), *_extension_digests(request)]
     return cache_folder() / "runs" / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"
 
 

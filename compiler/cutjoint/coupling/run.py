@@ -90,7 +90,7 @@ def co_simulate(plan: Plan, *, out: Path | None = None, progress: Progress | Non
 def _estimate(plan: Plan, run: Trajectory) -> ErrorEstimate:
     change = SHORTER if plan.tolerance is None else STRICTER
 
-    def again(times: int) -> Trajectory | None:
+    def rerun(times: int) -> Trajectory | None:
         factor = change.factor**times
         finer = replace(plan, dt=plan.dt * factor) if plan.tolerance is None else replace(plan, tolerance=plan.tolerance * factor)
         try:
@@ -98,7 +98,7 @@ def _estimate(plan: Plan, run: Trajectory) -> ErrorEstimate:
         except (SimulationError, ControllerError):
             return None
 
-    return compare(run, again, left=change.left).estimate
+    return compare(run, rerun, remaining=change.remaining).estimate
 
 
 def _run(plan: Plan, out: Path | None, progress: Progress | None) -> Trajectory:
@@ -135,8 +135,8 @@ def _table(out: Path | None, units: Mapping[str, str]) -> Iterator[TableFile | S
         write_all(table.file, (",".join(["t", *units]) + "\n").encode())
         yield table
     except BaseException as error:
-        if left := table.leave(str(error) or "interrupted"):
-            error.add_note(f"the rows up to then are in {left}")
+        if remaining := table.leave(str(error) or "interrupted"):
+            error.add_note(f"the rows up to then are in {remaining}")
         raise
     table.finish()
 
@@ -235,14 +235,14 @@ class _End:
 
     def exchange(self) -> None:
         """Outputs of the model and of other FMUs to the controller's inputs, its outputs to the model's inputs."""
-        self._give()
-        self._take()
+        self._write_inputs()
+        self._read_outputs()
 
     def passed(self) -> list[float]:
         """The values, in SI units, that other FMUs have for this one."""
         return [value for source, port, _ in self._connections.passed for value in self._others[source]._read([port])]
 
-    def _give(self) -> None:
+    def _write_inputs(self) -> None:
         values, sizes = self._simulation.outputs, self._connections.sizes
         read = [(port, values[name] * sizes[name]) for name, port in self._connections.read]
         read += [(sink, value) for (_, _, sink), value in zip(self._connections.passed, self.passed(), strict=True)]
@@ -257,7 +257,7 @@ class _End:
                 raise ControllerError(f"{self._path}: at {self._simulation.time:.6g} s its output '{port.name}' is {value}")
         return values
 
-    def _take(self) -> None:
+    def _read_outputs(self) -> None:
         """The controller's outputs to the model's inputs, which hold them; guides go there until the next exchange."""
         driven, before = self._connections.driven, self.given
         self.given = self._read(list(driven.values()))

@@ -168,11 +168,11 @@ class Solver:
         if key != self.kept[0]:
             found = self.runs.predict(theta)
             rows = [(p.values - p.signal.values - noise) / s for p, s, noise in zip(found, self.deviations, self.noise, strict=True)]
-            slopes = [p.derivatives / s for p, s in zip(found, self.deviations, strict=True)]
+            derivatives = [p.derivatives / s for p, s in zip(found, self.deviations, strict=True)]
             known = self.known
             rows.append(((theta - self.mean)[known]) / self.prior[known])
-            slopes.append(np.eye(len(theta))[known] / self.prior[known, np.newaxis])
-            self.kept = key, (np.concatenate(rows), np.vstack(slopes))
+            derivatives.append(np.eye(len(theta))[known] / self.prior[known, np.newaxis])
+            self.kept = key, (np.concatenate(rows), np.vstack(derivatives))
         return self.kept[1]
 
     def least_squares(self, begin: Array) -> Any:

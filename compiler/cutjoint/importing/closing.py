@@ -137,11 +137,11 @@ _ZERO = 1e-12
 
 @dataclass(frozen=True)
 class Relation:
-    """The coordinate of ``follower`` is the sum of ``ratios``, by joints, times theirs, and of one leader a polynomial with coefficients
+    """The coordinate of ``dependent`` is the sum of ``ratios``, by joints, times theirs, and of one leader a polynomial with coefficients
     ``higher_terms`` from the square up."""
 
     name: str
-    follower: str
+    dependent: str
     ratios: dict[str, float]
     higher_terms: tuple[float, ...] = ()
 
@@ -163,8 +163,8 @@ def solve_couplings(robot: Robot) -> list[Relation]:
 
 
 def _split_terms(coupling: Coupling) -> tuple[str, dict[str, float]]:
-    follower = next(joint for joint in coupling.terms if joint != coupling.independent)
-    return follower, {coupling.independent: -coupling.terms[coupling.independent]}
+    dependent = next(joint for joint in coupling.terms if joint != coupling.independent)
+    return dependent, {coupling.independent: -coupling.terms[coupling.independent]}
 
 
 def _eliminate(couplings: list[Coupling], order: Mapping[str, tuple[bool, bool]]) -> list[Relation]:

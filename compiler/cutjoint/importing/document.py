@@ -311,7 +311,7 @@ class Document:
         self._resist(name, element, loop, np.zeros(1))
 
     def _add_gear(self, relation: Relation) -> None:
-        joints = [self.joints[joint] for joint in (relation.follower, *relation.ratios)]
+        joints = [self.joints[joint] for joint in (relation.dependent, *relation.ratios)]
         self._sections["gears"][self._name(relation.name, "gear")] = {"joints": joints, **self._law(relation)}
 
     def _law(self, relation: Relation) -> dict[str, Any]:

@@ -26,7 +26,7 @@ _FASTER = 1.25
 #: The share that finer steps leave is at most this multiple of the share of the energy defect, and at least the second number.
 _BY_DEFECT, _LEAST_BY_DEFECT = 2.5, 0.3
 #: Relative iteration tolerance of runs with halved steps: for an error estimate, and in a sequence of refinements.
-_BESIDE, _IN_ROW = 1e-2, 1e-1
+_FOR_ESTIMATE, _IN_SEQUENCE = 1e-2, 1e-1
 #: Smallest tolerance of iterations, and their largest number.
 _LEAST, _ITERATIONS = 1e-10, 100
 
@@ -35,20 +35,20 @@ _LEAST, _ITERATIONS = 1e-10, 100
 class Change:
     """One kind of refinement: the factor of a setting, and the least share of the error that one refinement leaves at order 2.
 
-    A run is refined at most ``levels`` times; if ``heals``, also after failures caused by the steps. Reductions below the share ``trusted``
-    are not relied on: with a tenth of the tolerance errors may fall by two or by fifty.
+    A run is refined at most ``levels`` times; if ``retries_failures``, also after failures caused by the steps. Reductions below the share
+    ``trusted`` are not relied on: with a tenth of the tolerance errors may fall by two or by fifty.
     """
 
     setting: str
     factor: float
-    left: float
+    remaining: float
     trusted: float
     levels: int
-    heals: bool
+    retries_failures: bool
 
 
-SHORTER = Change(setting="dt", factor=0.5, left=0.25, trusted=0.25, levels=8, heals=True)
-STRICTER = Change(setting="tolerance", factor=0.1, left=0.1, trusted=0.5, levels=5, heals=False)
+SHORTER = Change(setting="dt", factor=0.5, remaining=0.25, trusted=0.25, levels=8, retries_failures=True)
+STRICTER = Change(setting="tolerance", factor=0.1, remaining=0.1, trusted=0.5, levels=5, retries_failures=False)
 
 
 def run_accurately(
@@ -69,12 +69,12 @@ def run_accurately(
 
 def _execute(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory], estimate: bool) -> Trajectory:
     if estimate and plan.goal is not None:
-        return _reach(plan, plan.goal, begin)
+        return _refine_to_goal(plan, plan.goal, begin)
     run = begin(plan)
     return replace(run, estimator=partial(estimate_error, plan)) if estimate else run
 
 
-def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
+def _refine_to_goal(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
     """Refine steps until two runs agree so well that the better one meets the goal, or until refinement no longer helps.
 
     A run with coarser steps comes first, so that two differences show convergence.
@@ -90,34 +90,37 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
         run = begin(_finer(plan, change, level))
         if run.failure is not None:
             if last.failure is None:
-                return _last_kept(_finer(plan, change, level - 1), goal, begin)
-            if change.heals and level < change.levels:
+                return _finest_completed(_finer(plan, change, level - 1), goal, begin)
+            if change.retries_failures and level < change.levels:
                 continue
             return _with_estimate(run, _judged(plan, run, _unknown(run), converged=False))
         if last.failure is None:
-            apart = differences(plan.jumps, last, run)
-            if _are_bound(change, last, run) and (other := _unlike(_finer(plan, change, level), run)) is not None:
+            difference = differences(plan.jumps, last, run)
+            if _are_bound(change, last, run) and (other := _run_with_other_steps(_finer(plan, change, level), run)) is not None:
                 errors = differences(plan.jumps, run, other)
-                return _with_estimate(run, _judged(plan, run, errors, converged=_keeps(run, errors, goal), others=[other]))
-            left = defect_left(last, run)
-            errors = {name: _left(change, apart[name], None if before is None else before[name], left) for name in apart}
+                return _with_estimate(run, _judged(plan, run, errors, converged=_meets_goal(run, errors, goal), others=[other]))
+            remaining = remaining_defect(last, run)
+            errors = {
+                name: _remaining_error(change, apart, None if before is None else before[name], remaining)
+                for name, apart in difference.items()
+            }
             if before is not None:
-                slow = find_slow(run, before, apart)
-                reached = _keeps(run, errors, goal) and not _judged_by(run, errors).keys() & slow
-                if (reached and not slow) or not any(falls(run[name], before[name], apart[name]) for name in apart):
+                slow = find_not_converging(run, before, difference)
+                reached = _meets_goal(run, errors, goal) and not _judged_by(run, errors).keys() & slow
+                if (reached and not slow) or not any(decreases(run[name], before[name], difference[name]) for name in difference):
                     break
-            before = apart
+            before = difference
         last = run
         runs = [*runs[-1:], run]
     others = [other for other in runs if other is not run]
     return _with_estimate(run, _judged(plan, run, errors or _unknown(run), converged=reached, others=others, slow=slow))
 
 
-def _last_kept(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
+def _finest_completed(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
     """The finest run that reaches its end, with its error as for given steps, and compared with the goal."""
     run = begin(plan)
     found = estimate_error(plan, run)
-    return _with_estimate(run, replace(found, converged=found.converged and _keeps(run, found.max_error, goal)))
+    return _with_estimate(run, replace(found, converged=found.converged and _meets_goal(run, found.max_error, goal)))
 
 
 def _with_estimate(run: Trajectory, estimate: ErrorEstimate) -> Trajectory:
@@ -128,21 +131,21 @@ def _change_of(plan: SimulatorRun) -> Change:
     return STRICTER if INTEGRATORS[plan.run_file.settings.integrator].adaptive else SHORTER
 
 
-def _left(change: Change, apart: float, before: float | None, defect: float) -> float:
-    """The error of a run by its distance ``apart`` from a coarser one, and by that one's distance ``before`` from a still coarser one.
+def _remaining_error(change: Change, difference: float, before: float | None, defect: float) -> float:
+    """The error of a run by its distance ``difference`` from a coarser one, and by that one's distance ``before`` from a still coarser one.
 
     If differences fall faster than the order or the tolerances explain, the energy defect is used instead: ``defect`` is the share of it
     that the finer steps leave, 1 if unknown.
     """
-    ratio = _LEFT_AT_MOST if before is None or not before > 0 else apart / before
+    ratio = _LEFT_AT_MOST if before is None or not before > 0 else difference / before
     if before is None or ratio * _FASTER >= change.trusted:
         ratio = min(max(ratio, change.trusted), _LEFT_AT_MOST)
-        return apart * ratio / (1 - ratio)
+        return difference * ratio / (1 - ratio)
     share = min(max(_BY_DEFECT * max(defect, ratio), _LEAST_BY_DEFECT), 1.0)
-    return share * max(apart, min(1 - _BELIEVED, defect) * before)
+    return share * max(difference, min(1 - _BELIEVED, defect) * before)
 
 
-def _keeps(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
+def _meets_goal(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
     """Return whether the outputs that a goal applies to meet it."""
     return all(errors[name] <= goal * size for name, size in _judged_by(run, errors).items())
 
@@ -170,13 +173,13 @@ def _judged(
     errors = {name: max(error, jumps.get(name, 0.0)) for name, error in errors.items()}
     if violation > 0.0:
         closed = _controlled(plan)
-        apart = {} if closed is None else differences(plan.jumps, run, closed)
-        errors = {name: max(error, apart.get(name, 0.0)) for name, error in errors.items()}
-        converged = converged and closed is not None and (plan.goal is None or _keeps(run, errors, plan.goal))
+        difference = {} if closed is None else differences(plan.jumps, run, closed)
+        errors = {name: max(error, difference.get(name, 0.0)) for name, error in errors.items()}
+        converged = converged and closed is not None and (plan.goal is None or _meets_goal(run, errors, plan.goal))
         warnings.append(describe_violation(violation, is_known=closed is not None))
     return ErrorEstimate(
         max_error=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)),
-        rough=tuple(dict.fromkeys((*_rough(run, errors), *slow))), goal=plan.goal,
+        rough=tuple(dict.fromkeys((*_find_rough(run, errors), *slow))), goal=plan.goal,
     )  # fmt: skip
 
 
@@ -185,19 +188,19 @@ def _judged(
 _ROUGH, _LITTLE = 0.1, 1e-3
 
 
-def _rough(run: Trajectory, errors: Mapping[str, float]) -> tuple[str, ...]:
+def _find_rough(run: Trajectory, errors: Mapping[str, float]) -> tuple[str, ...]:
     """The outputs whose errors are a large share of their largest values."""
-    reach = _reach_of(run)
-    sizes = {name: max(float(np.max(np.abs(run[name]), initial=0.0)), _LITTLE * reach[run.units[name]]) for name in errors}
-    return tuple(name for name, e in errors.items() if max(_ROUGH * sizes[name], _ROUNDING * reach[run.units[name]]) < e < inf)
+    largest = _largest_by_unit(run)
+    sizes = {name: max(float(np.max(np.abs(run[name]), initial=0.0)), _LITTLE * largest[run.units[name]]) for name in errors}
+    return tuple(name for name, e in errors.items() if max(_ROUGH * sizes[name], _ROUNDING * largest[run.units[name]]) < e < inf)
 
 
-def _reach_of(run: Trajectory) -> dict[str, float]:
+def _largest_by_unit(run: Trajectory) -> dict[str, float]:
     """The largest value among the outputs of each unit, of angles at least a radian: the scale for what is small."""
-    reach = {unit: 1.0 / PLACES[unit] for unit in ("rad", "mrad", "deg")}
+    largest = {unit: 1.0 / PLACES[unit] for unit in ("rad", "mrad", "deg")}
     for name, values in run.columns.items():
-        reach[run.units[name]] = max(reach.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
-    return reach
+        largest[run.units[name]] = max(largest.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
+    return largest
 
 
 def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
@@ -208,12 +211,12 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
     """
     change = _change_of(plan)
 
-    def again(times: int) -> Trajectory | None:
+    def rerun(times: int) -> Trajectory | None:
         other = _try(plan, change, times)
         bound = times > 0 and other is not None and _are_bound(change, run, other)
-        return (_unlike(plan, run) if bound else None) or other
+        return (_run_with_other_steps(plan, run) if bound else None) or other
 
-    compared = compare(run, again, left=change.left, jumps=plan.jumps)
+    compared = compare(run, rerun, remaining=change.remaining, jumps=plan.jumps)
     return _judged(plan, run, compared.estimate.max_error, converged=compared.estimate.converged, others=compared.others)
 
 
@@ -225,39 +228,41 @@ class Comparison:
     others: Sequence[Trajectory]
 
 
-def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left: float, jumps: Sequence[float] = ()) -> Comparison:
-    """The error of each output of a run; ``again(n)`` repeats it with steps refined n times (coarser for n < 0), None if it fails. One
-    refinement leaves the share ``left`` of an error. The difference from the refined run is the error, up to the smaller error of the
+def compare(run: Trajectory, rerun: Callable[[int], Trajectory | None], *, remaining: float, jumps: Sequence[float] = ()) -> Comparison:
+    """The error of each output of a run; ``rerun(n)`` repeats it with steps refined n times (coarser for n < 0), None if it fails. One
+    refinement leaves the share ``remaining`` of an error. The difference from the refined run is the error, up to the smaller error of the
     refined run. A third run, coarser or still finer, shows whether differences fall. They do not in chaotic motion or at a bifurcation, and
     need not at the level of rounding. If they fall faster than the integrator's order explains, the agreement is chance, and a share of the
     third run's difference is the error. If no finer run reaches its end, the difference from a coarser one bounds the error.
     """
-    finer = again(1) if run.failure is None else None
-    coarser = again(-1) if run.failure is None else None
+    finer = rerun(1) if run.failure is None else None
+    coarser = rerun(-1) if run.failure is None else None
     if finer is None:
-        apart = _unknown(run) if coarser is None else differences(jumps, coarser, run)
-        coarsest = None if coarser is None else again(-2)
-        falling = coarser is not None and coarsest is not None and not find_slow(run, differences(jumps, coarsest, coarser), apart)
-        estimate = ErrorEstimate(max_error=Columns(apart), units=run.units, converged=falling)
+        difference = _unknown(run) if coarser is None else differences(jumps, coarser, run)
+        coarsest = None if coarser is None else rerun(-2)
+        converged = False
+        if coarser is not None and coarsest is not None:
+            converged = not find_not_converging(run, differences(jumps, coarsest, coarser), difference)
+        estimate = ErrorEstimate(max_error=Columns(difference), units=run.units, converged=converged)
         return Comparison(estimate=estimate, others=[] if coarser is None else [coarser])
-    apart = differences(jumps, run, finer)
+    difference = differences(jumps, run, finer)
     if coarser is not None:
-        before, after = differences(jumps, coarser, run), apart
+        before, after = differences(jumps, coarser, run), difference
     else:
-        finest = again(2)
-        before, after = apart, _unknown(run) if finest is None else differences(jumps, finer, finest)
-    errors = {name: difference / (1 - left) for name, difference in apart.items()}
+        finest = rerun(2)
+        before, after = difference, _unknown(run) if finest is None else differences(jumps, finer, finest)
+    errors = {name: apart / (1 - remaining) for name, apart in difference.items()}
     if coarser is not None:
         errors = {name: max(error, (1 - _BELIEVED) * before[name]) for name, error in errors.items()}
-    converged = not find_slow(run, before, after)
-    estimate = ErrorEstimate(max_error=Columns(errors), units=run.units, converged=converged, rough=_rough(run, errors))
+    converged = not find_not_converging(run, before, after)
+    estimate = ErrorEstimate(max_error=Columns(errors), units=run.units, converged=converged, rough=_find_rough(run, errors))
     return Comparison(estimate=estimate, others=[finer] if coarser is None else [coarser, finer])
 
 
 def _controlled(plan: SimulatorRun) -> Trajectory | None:
     """The run by an integrator with error control that projects after each step; None if the program has none, or it fails."""
     other = next((settings for settings in plan.others if INTEGRATORS[settings.integrator].adaptive), None)
-    return None if other is None else _whole(replace(plan, run_file=replace(plan.run_file, settings=other)))
+    return None if other is None else _completed(replace(plan, run_file=replace(plan.run_file, settings=other)))
 
 
 def _try(plan: SimulatorRun, change: Change, times: int) -> Trajectory | None:
@@ -265,8 +270,8 @@ def _try(plan: SimulatorRun, change: Change, times: int) -> Trajectory | None:
 
     Its iteration tolerance is smaller, unless rounding prevents that.
     """
-    shares = (_BESIDE, _IN_ROW, 1.0) if times > 0 and change.setting == "dt" else (1.0,)
-    runs = (_whole(_finer(plan, change, times, share)) for share in shares)
+    shares = (_FOR_ESTIMATE, _IN_SEQUENCE, 1.0) if times > 0 and change.setting == "dt" else (1.0,)
+    runs = (_completed(_finer(plan, change, times, share)) for share in shares)
     return next((run for run in runs if run is not None), None)
 
 
@@ -279,7 +284,7 @@ def _are_bound(change: Change, run: Trajectory, finer: Trajectory) -> bool:
 _BOUND = 1.1
 
 
-def _unlike(plan: SimulatorRun, run: Trajectory) -> Trajectory | None:
+def _run_with_other_steps(plan: SimulatorRun, run: Trajectory) -> Trajectory | None:
     """A run with other steps than one whose steps are limited: by another integrator, else with a tolerance that limits them."""
     if (other := _controlled(plan)) is not None:
         return other
@@ -287,7 +292,7 @@ def _unlike(plan: SimulatorRun, run: Trajectory) -> Trajectory | None:
     return next((other for other in stricter if other is not None and not _are_bound(STRICTER, run, other)), None)
 
 
-def _whole(plan: SimulatorRun) -> Trajectory | None:
+def _completed(plan: SimulatorRun) -> Trajectory | None:
     """A run that reaches its end; None if it fails."""
     try:
         run = start(plan)
@@ -296,7 +301,7 @@ def _whole(plan: SimulatorRun) -> Trajectory | None:
     return run if run.failure is None else None
 
 
-def _finer(plan: SimulatorRun, change: Change, times: int, further: float = _IN_ROW) -> SimulatorRun:
+def _finer(plan: SimulatorRun, change: Change, times: int, further: float = _IN_SEQUENCE) -> SimulatorRun:
     """The run with steps refined so many times; shorter steps reduce the iteration tolerance by ``further`` each time."""
     return replace(plan, run_file=_changed(plan.run_file, change, times, further))
 
@@ -341,22 +346,22 @@ def differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> d
     tick = 1e-6 * float(one.t[-1] - one.t[0]) / one.t.size or 1.0
     times, here, there = np.intersect1d(np.rint(one.t / tick), np.rint(other.t / tick), return_indices=True)
     smooth = ~np.isin(times, np.rint(np.asarray(jumps, dtype=float) / tick))
-    apart = {name: np.abs(one[name][here] - other[name][there])[smooth] for name in one.columns}
-    return {name: float(np.max(difference, initial=0.0)) for name, difference in apart.items()}
+    difference = {name: np.abs(one[name][here] - other[name][there])[smooth] for name in one.columns}
+    return {name: float(np.max(apart, initial=0.0)) for name, apart in difference.items()}
 
 
-def find_slow(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> tuple[str, ...]:
+def find_not_converging(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> tuple[str, ...]:
     """The outputs whose differences neither fall with finer steps nor are rounding errors."""
-    reach = _reach_of(run)
-    return tuple(c for c in after if after[c] > _ROUNDING * reach[run.units[c]] and not falls(run.columns[c], before[c], after[c]))
+    largest = _largest_by_unit(run)
+    return tuple(c for c in after if after[c] > _ROUNDING * largest[run.units[c]] and not decreases(run.columns[c], before[c], after[c]))
 
 
-def falls(values: Array, before: float, after: float) -> bool:
+def decreases(values: Array, before: float, after: float) -> bool:
     size = float(np.max(np.abs(values)))
     return after <= max(before / _FALLING, _SMALL * size)
 
 
-def defect_left(before: Trajectory, after: Trajectory) -> float:
+def remaining_defect(before: Trajectory, after: Trajectory) -> float:
     """The share of the energy defect that finer steps leave, from two runs; 1 if unknown."""
     if before.energy is None or after.energy is None or not before.energy.defect > 0:
         return 1.0

@@ -24,7 +24,7 @@ ENDINGS = (".csv", ".parquet", ".arrow", ".npy")
 class _Written:
     """A file that a command writes: its option, such as ``--out run.csv``, the file, and which part of the output it is."""
 
-    asked: str
+    requested: str
     path: Path
     part: str = ""
 
@@ -94,7 +94,7 @@ def require_apart(
     Raises:
         OutputError: with a line for each output in conflict.
     """
-    written = [*_of_tables(tables or {}), *([_Written(asked=f"{o} {p}", path=p)] for o, p in documents if p is not None)]
+    written = [*_of_tables(tables or {}), *([_Written(requested=f"{o} {p}", path=p)] for o, p in documents if p is not None)]
     pictures = [] if plots is None else list(_pictures(plots))
     problems = [problem for files in (*written, pictures) if (problem := _clash_with_inputs(files, inputs))]
     problems += [problem for one, other in combinations(written, 2) if (problem := _clash(one, other))]
@@ -123,9 +123,9 @@ def _of_tables(tables: Mapping[str, Path | None]) -> Iterator[list[_Written]]:
     for option, path in tables.items():
         if path is None:
             continue
-        asked = f"{option} {path}"
+        requested = f"{option} {path}"
         if is_stream(path):
-            yield [_Written(asked=asked, path=path)]
+            yield [_Written(requested=requested, path=path)]
             continue
         partial = partial_of(resolved(path))
         beside = {
@@ -133,14 +133,14 @@ def _of_tables(tables: Mapping[str, Path | None]) -> Iterator[list[_Written]]:
             "the rows of an unfinished table": partial,
             "the units of an unfinished table": units_of(partial), "the reason for an unfinished table": reason_of(resolved(path)),
         }  # fmt: skip
-        files = [_Written(asked=asked, path=file, part=part) for part, file in beside.items()]
-        yield [_Written(asked=asked, path=path), *files]
+        files = [_Written(requested=requested, path=file, part=part) for part, file in beside.items()]
+        yield [_Written(requested=requested, path=path), *files]
 
 
 def _pictures(folder: Path) -> Iterator[_Written]:
     """The pictures in a folder of plots, any of which may be drawn again."""
     for path in sorted(folder.glob("*.png")):
-        yield _Written(asked=f"--plots {folder}", path=path, part="the pictures")
+        yield _Written(requested=f"--plots {folder}", path=path, part="the pictures")
 
 
 def _clash_with_inputs(files: Sequence[_Written], inputs: Mapping[str, Path | None]) -> str:
@@ -148,7 +148,7 @@ def _clash_with_inputs(files: Sequence[_Written], inputs: Mapping[str, Path | No
     for file, (what, path) in product(files, inputs.items()):
         if path is not None and _same(file.path, path):
             there = f"{file.part} would go to {file.path}, which" if file.part else "that"
-            return f"{file.asked}: {there} is {what}; write the results elsewhere"
+            return f"{file.requested}: {there} is {what}; write the results elsewhere"
     return ""
 
 
@@ -157,11 +157,11 @@ def _clash(files: Sequence[_Written], others: Sequence[_Written]) -> str:
     for one, other in product(files, others):
         if _same(one.path, other.path):
             one, other = (other, one) if other.part and not one.part else (one, other)
-            there = f"{one.part} of {one.asked} go there" if one.part else f"that is {one.asked} too"
-            return f"{other.asked}: {there}; write the two to different files"
+            there = f"{one.part} of {one.requested} go there" if one.part else f"that is {one.requested} too"
+            return f"{other.requested}: {there}; write the two to different files"
     one, other = files[0], others[0]
     if resolved(one.path) in resolved(other.path).parents or resolved(other.path) in resolved(one.path).parents:
-        return f"{other.asked}: one of this and {one.asked} is a folder of the other; write the two to different places"
+        return f"{other.requested}: one of this and {one.requested} is a folder of the other; write the two to different places"
     return ""
 
 
@@ -169,9 +169,9 @@ def _clash_with_plots(files: Sequence[_Written], pictures: Sequence[_Written], p
     """Describe an output that is a plot or the plots' folder; "" if there is none."""
     target, folder = resolved(files[0].path), resolved(plots)
     if target == folder or target in folder.parents:
-        return f"--plots {plots}: {files[0].asked} is a file there; write the two to different places"
+        return f"--plots {plots}: {files[0].requested} is a file there; write the two to different places"
     if target.parent == folder and target.suffix == ".png":
-        return f"--plots {plots}: {files[0].asked} lies among the pictures; write the two to different places"
+        return f"--plots {plots}: {files[0].requested} lies among the pictures; write the two to different places"
     return _clash(pictures, files) if pictures else ""
 
 

@@ -130,8 +130,8 @@ def find_trim(
         RunError: there is no such start, it is not determined, or a change is one of what is to be found.
     """
     assert scene.trim is not None
-    if asked := [unknown.name for unknown in scene.trim.find if unknown.name in changes]:
-        words = f"trim: '{asked[0]}' is to be found; leave out its value, or take it out of 'find'"
+    if requested := [unknown.name for unknown in scene.trim.find if unknown.name in changes]:
+        words = f"trim: '{requested[0]}' is to be found; leave out its value, or take it out of 'find'"
         raise RunError(f"{scene.trim.span}: scene '{scene.name}': {words}")
     given = make_trim_problem(model, scene, changes)
     begun, _ = with_constant_inputs(model, scene, changes)
@@ -253,8 +253,8 @@ def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> No
     read = [*parts["positions"].values(), *(aim.value for aim in scene.assemble)]
     if scene.trim is not None:
         read += [*parts["rates"].values(), *(aim.value for aim in scene.trim.hold), *(x for u in scene.trim.find for x in u.bounds)]
-    asked = sympy.Tuple(*read).free_symbols
-    given = {p.name for p in model.parameters if p.symbol in asked}
+    requested = sympy.Tuple(*read).free_symbols
+    given = {p.name for p in model.parameters if p.symbol in requested}
     for name in changed if scene.trim or (scene.assemble and scene.pose != "equilibrium") else ():
         numbers = make_trim_problem(model, scene, {}) if scene.trim else values
         if name in given or (name in values and formulated_start(model, scene).follows(name, numbers)):

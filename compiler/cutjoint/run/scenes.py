@@ -20,8 +20,8 @@ def find_scene(model: Model, name: str | None) -> Scene:
     if name is None and len(model.scenes) <= 1:
         return next(iter(model.scenes.values()), _empty_scene(model))
     if name is None or name not in model.scenes:
-        asked = "name a scene" if name is None else f"no scene '{name}'"
-        raise RunError(f"{model.span.file}: {asked}; the model has {', '.join(model.scenes) or 'none'}")
+        requested = "name a scene" if name is None else f"no scene '{name}'"
+        raise RunError(f"{model.span.file}: {requested}; the model has {', '.join(model.scenes) or 'none'}")
     return model.scenes[name]
 
 
@@ -55,10 +55,10 @@ def with_closure(scene: Scene, closure: str) -> Scene:
 def with_default_closure(scene: Scene, method: str, integrator: str | None, dt: float | None = None) -> Scene:
     """The scene with the closure of the integrator that a caller asks for, or of equal steps ``dt`` (s), if it names none."""
     own = scene.numerics
-    asked = integrator or (None if dt is None or own.integrator else DEFAULT_INTEGRATOR)
-    if own.closure is not None or asked is None or asked not in INTEGRATORS or method not in METHODS:
+    requested = integrator or (None if dt is None or own.integrator else DEFAULT_INTEGRATOR)
+    if own.closure is not None or requested is None or requested not in INTEGRATORS or method not in METHODS:
         return scene
-    usual = INTEGRATORS[asked].closure
+    usual = INTEGRATORS[requested].closure
     return with_closure(scene, usual) if usual in METHODS[method].closures else scene
 
 

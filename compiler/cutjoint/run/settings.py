@@ -58,13 +58,13 @@ class StepSettings:
         return f"{self.integrator}, steps {length} {self.step:g} s, tolerance {self.tolerance:g}"
 
 
-def require_settings(**asked: float | None) -> None:
+def require_settings(**requested: float | None) -> None:
     """Check settings that a caller gives; None stands for those that are not given.
 
     Raises:
         RunError: one of them is not finite, or no run has it.
     """
-    for name, value in asked.items():
+    for name, value in requested.items():
         if value is not None and (fault := fault_of_setting(name, value)):
             raise RunError(f"{SOLVER_TOLERANCE if name == 'tolerance' else name}: {fault}")
 
@@ -132,15 +132,15 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
     Raises:
         RunError: there is none of the name, it does not take the method, or it does not hold the scene's cut joints.
     """
-    asked = options.integrator
-    wanted = numerics.integrator if asked is None else asked
+    requested = options.integrator
+    wanted = numerics.integrator if requested is None else requested
     if wanted is None:
         return _own_integrator(numerics, method, implementation, options)
     if wanted not in INTEGRATORS.names():
         raise RunError(f"no integrator '{wanted}'; there is {', '.join(INTEGRATORS.names())}")
     integrator = INTEGRATORS[wanted]
     if not integrator.supports(method, implementation):
-        if asked is None:
+        if requested is None:
             return _own_integrator(numerics, method, implementation, options)
         raise RunError(f"the integrator {wanted} needs generated code of the method {join_or(integrator.methods)}")
     if method.closure(numerics.closure, implementation, usual=integrator.closure).name not in integrator.closures:
@@ -217,23 +217,23 @@ def _own_integrator(numerics: Numerics, method: Method, implementation: Implemen
 
 
 def find_events(
-    numerics: Numerics, method: Method, implementation: Implementation, integrator: Integrator, asked: str | None
+    numerics: Numerics, method: Method, implementation: Implementation, integrator: Integrator, requested: str | None
 ) -> bool | None:
     """Return whether the steps of a run end at events; None if they cannot, whatever the scene's ``events`` are.
 
     Raises:
         RunError: what is asked for is none of Events, or cannot be.
     """
-    if asked is not None and asked not in list(Events):
-        raise RunError(f"no events '{asked}'; there is {', '.join(Events)}")
+    if requested is not None and requested not in list(Events):
+        raise RunError(f"no events '{requested}'; there is {', '.join(Events)}")
     can = method.events and not implementation.is_generic
-    if asked == Events.LOCATED and not can:
+    if requested == Events.LOCATED and not can:
         raise RunError(f"events are located by generated code of the methods {join_and(names_of(METHODS, lambda m: m.events))}")
-    if asked == Events.LOCATED and integrator.events is None:
+    if requested == Events.LOCATED and integrator.events is None:
         raise RunError(f"the integrator {integrator.name} steps across events: use events: crossed")
     if not can or integrator.events is None:
         return None
-    return (asked or numerics.events or integrator.events) == Events.LOCATED
+    return (requested or numerics.events or integrator.events) == Events.LOCATED
 
 
 def _require_fixed_cost(method: Method, integrator: Integrator, closure: Closure, events: bool | None) -> None:
@@ -246,10 +246,10 @@ def _require_fixed_cost(method: Method, integrator: Integrator, closure: Closure
         raise RunError("a fixed number of iterations needs events: crossed: a step that ends at an event is taken in parts")
 
 
-def _solver(method: Method, implementation: Implementation, asked: str | None) -> str | None:
+def _solver(method: Method, implementation: Implementation, requested: str | None) -> str | None:
     """The linear solver of a method that has one."""
-    if not method.has_system or asked:
-        return asked if method.has_system else None
+    if not method.has_system or requested:
+        return requested if method.has_system else None
     return IMPLEMENTATIONS.load(implementation).solvers.get(method.name, DEFAULT_SOLVER) if implementation.is_generic else DEFAULT_SOLVER
 
 

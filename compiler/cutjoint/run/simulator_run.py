@@ -128,8 +128,8 @@ def start(
         Interrupted, Terminated: a signal has ended the run.
     """
     require_apart({}, tables={"out": out, "steps": steps, "tangents": tangents})
-    asked = RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents)
-    with asked as tables, _coordinates_file(run.with_coordinates) as file:
+    requested = RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents)
+    with requested as tables, _coordinates_file(run.with_coordinates) as file:
         place = {} if file is None else {"coordinates_out_rows": place_of(file, "the temporary table of coordinates")}
         run_file = {**run.run_file.entries(), **tables.places, **place}
         summary = call_simulator(run.simulator, run_file, progress, seconds=seconds, description=run.description)

@@ -282,6 +282,7 @@ class Lanes:
             raise ValueError(f"these bytes are no snapshot of '{self._model}'")
 
 
-def with_rollout(alone: Standalone) -> Standalone:
+def with_rollout(standalone: Standalone) -> Standalone:
     """A folder with lanes whose library also takes the steps of many simulations."""
-    return alone.with_code(environment().get_template("stepping/rollout.cpp.jinja").render(p=alone.name, P=alone.name.upper()))
+    template = environment().get_template("stepping/rollout.cpp.jinja")
+    return standalone.with_code(template.render(p=standalone.name, P=standalone.name.upper()))

@@ -74,7 +74,7 @@ def find_scene_linear_model(
     if any(function.memory for function in model.functions):
         words = "a function has a memory, by which controllers have no derivative; replace it by signals and memory"
         raise RunError(f"{model.span.file}: {words}")
-    opened, begun, asked = _with_sampled_inputs(model, scene)
+    opened, begun, requested = _with_sampled_inputs(model, scene)
     sim = _begin(opened, begun, parameters, None if at is None else 0.0)
     held = [_sampled_input(value) for value in model.discrete_states]
     if at is not None:
@@ -83,7 +83,7 @@ def find_scene_linear_model(
         run = _begin(watching, replace(scene, outputs=tuple(map(_reported, watched))), parameters, at)
         sim.inputs.update(zip(held, run.outputs.array, strict=True))
         sim.set_state(run.time, run.coordinates.array, run.speeds.array)
-    plant = replace(sim.linearise(), places=places).choose((*chosen, *held), outputs=asked)
+    plant = replace(sim.linearise(), places=places).choose((*chosen, *held), outputs=requested)
     samplers = tuple(Sampler(every=c.every, offset=c.offset, number=len(c.discrete_states)) for c in model.controllers)
     return SampledStateSpace(plant=plant, samplers=samplers, held=np.array([sim.get_input(name) for name in held]))
 
@@ -99,15 +99,15 @@ def _begin(model: Model, scene: Scene, parameters: Mapping[str, float], at: floa
     return sim
 
 
-def _inputs(model: Model, asked: Sequence[str]) -> tuple[str, ...]:
+def _inputs(model: Model, requested: Sequence[str]) -> tuple[str, ...]:
     known = [p.name for p in model.parameters if p.binding is Binding.INPUT]
     if not known:
         words = "the model has no input; give a parameter 'binding: input', or add inputs by external wrenches or terrain"
         raise RunError(f"{model.span.file}: {words}")
-    for name in asked:
+    for name in requested:
         if name not in known:
             raise RunError(f"{model.span.file}: the model has no input '{name}'; {nearest(name, known, 'inputs')}")
-    return tuple(dict.fromkeys(asked)) or tuple(known)
+    return tuple(dict.fromkeys(requested)) or tuple(known)
 
 
 def _output(model: Model, scene: Scene, name: str) -> Output:
@@ -146,8 +146,8 @@ def _with_sampled_inputs(model: Model, scene: Scene) -> tuple[Model, Scene, tupl
         symbols[signal.symbol] = sympy.sympify(signal.value).xreplace(symbols)
     names = {c.name for c in model.controllers}
     follow = [_signal(model, f"{_sampled_input(v)}.next", sympy.sympify(v.next).xreplace(symbols)) for v in model.discrete_states]
-    asked = {o.column: inputs[quantity_symbol(o.element, o.quantity)] for o in scene.outputs if o.element in names}
-    shown = {column: _signal(model, column, held.symbol, held.unit) for column, held in asked.items()}
+    requested = {o.column: inputs[quantity_symbol(o.element, o.quantity)] for o in scene.outputs if o.element in names}
+    shown = {column: _signal(model, column, held.symbol, held.unit) for column, held in requested.items()}
     plain = _with_symbols(replace(model, controllers=()), symbols)
     opened = replace(plain, parameters=(*model.parameters, *inputs.values()), signals=(*plain.signals, *shown.values(), *follow))
     outputs = (*(_reported(shown[o.column]) if o.column in shown else o for o in scene.outputs), *map(_reported, follow))

@@ -30,7 +30,7 @@ from cutjoint.sweeps.records import Kind, Study, Variable
 
 
 def with_runs(
-    alone: Standalone, study: Study, scene: Scene, columns: Sequence[Column], names: Mapping[str, Sequence[str]]
+    standalone: Standalone, study: Study, scene: Scene, columns: Sequence[Column], names: Mapping[str, Sequence[str]]
 ) -> Standalone:  # fmt: skip
     """A folder whose library also runs a study, in lanes if it has some; ``names`` are those of its parameters, inputs, coordinates and
     speeds.
@@ -39,15 +39,15 @@ def with_runs(
         RunError: the library has no place for something that the study changes.
     """
     symbols = _symbols(study.model, columns, names)
-    p, calls = alone.name, _calls(alone.name, study.variables, names)
+    p, calls = standalone.name, _calls(standalone.name, study.variables, names)
     text = environment().get_template("sweep/runs.cpp.jinja").render(
-        p=p, P=p.upper(), lanes=alone.lanes, variables=study.variables, unit_bound=UNIT_BOUND,
+        p=p, P=p.upper(), lanes=standalone.lanes, variables=study.variables, unit_bound=UNIT_BOUND,
         series=[_print(s.value, symbols) for s in study.series],
         parameters=[call for v, call in calls if v.kind in (Kind.PARAMETER, Kind.INPUT)],
         following=list(_following(p, study, scene, symbols, names)),
         starts=[call for v, call in calls if v.kind in (Kind.POSITION, Kind.RATE)],
     )  # fmt: skip
-    return alone.with_code(text)
+    return standalone.with_code(text)
 
 
 _CALLS = {
@@ -135,22 +135,22 @@ def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, .
 def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
     scene = with_default_closure(scene, study.method, study.integrator)
     generated = generate(study.model, scene, study.outputs, method=study.method)
-    alone = make_standalone(generated, integrator=study.integrator)
-    rows, row_step = _count_rows(scene, alone)
-    may = alone.fits_lanes and rows * MOST_LANES <= _MOST_ROWS
-    if may and (_reaches_break_even(study, generated.program, alone) if lanes is None else lanes):
-        alone = make_standalone(generated, integrator=study.integrator, side_by_side=True)
+    standalone = make_standalone(generated, integrator=study.integrator)
+    rows, row_step = _count_rows(scene, standalone)
+    may = standalone.fits_lanes and rows * MOST_LANES <= _MOST_ROWS
+    if may and (_reaches_break_even(study, generated.program, standalone) if lanes is None else lanes):
+        standalone = make_standalone(generated, integrator=study.integrator, side_by_side=True)
     equations = generated.equations
     start = equations.mechanism
     names = {
         "parameter": [p.name for p in equations.parameters], "input": [p.name for p in input_parameters(study.model)],
         "coordinate": start.coordinate_names, "speed": start.speed_names,
     }  # fmt: skip
-    ready = with_runs(alone, study, scene, equations.columns, names)
+    ready = with_runs(standalone, study, scene, equations.columns, names)
     return Kernel(
-        model=alone.name, scene=scene.name, source=ready.library.digest,
+        model=standalone.name, scene=scene.name, source=ready.library.digest,
         content=ready.build_library(study.flags).read_bytes(), target=find_target(study.flags), lanes=max(1, ready.lanes),
-        series=len(study.series), rows=rows, row_step=row_step, steps=alone.settings,
+        series=len(study.series), rows=rows, row_step=row_step, steps=standalone.settings,
     )  # fmt: skip
 
 
@@ -158,9 +158,9 @@ def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
 _MOST_ROWS = 10_000_000
 
 
-def _count_rows(scene: Scene, alone: Standalone) -> tuple[int, float]:
+def _count_rows(scene: Scene, standalone: Standalone) -> tuple[int, float]:
     """The number of rows of a run, and their distance, s."""
-    row_step, end, rows = float(alone.run_file.output_step), float(alone.run_file.end), 1
+    row_step, end, rows = float(standalone.run_file.output_step), float(standalone.run_file.end), 1
     while (rows - 1) * row_step < end * (1 - 1e-12):
         rows += 1
     if rows > _MOST_ROWS:
@@ -168,9 +168,9 @@ def _count_rows(scene: Scene, alone: Standalone) -> tuple[int, float]:
     return rows, row_step
 
 
-def _reaches_break_even(study: Study, program: Program, alone: Standalone) -> bool:
+def _reaches_break_even(study: Study, program: Program, standalone: Standalone) -> bool:
     """Return whether a study has so many steps in a scene that lanes pay."""
-    steps = float(alone.run_file.end) / float(alone.run_file.settings.dt)
+    steps = float(standalone.run_file.end) / float(standalone.run_file.settings.dt)
     return lanes_break_even(program.operations("evaluate"), steps * study.runs / len(study.scenes))
 
 

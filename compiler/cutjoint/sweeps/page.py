@@ -177,13 +177,13 @@ def replay_runs(
     for number, (run, beside) in enumerate(runs.items()):
         done(number)
         with suppress(RunError, SimulatorError):  # --replay says what it is
-            over = read_page(replays[beside].page, "") if beside in replays else None
-            replays[run] = replay(study, run, folder / f"run-{run}.html", over)
+            ghost = read_page(replays[beside].page, "") if beside in replays else None
+            replays[run] = replay(study, run, folder / f"run-{run}.html", ghost)
     return replays
 
 
-def replay(study: Study, run: int, view: Path, over: GhostRun | None = None) -> Replay:
-    """Write the page or glTF file of a run; on a page ``over`` another one.
+def replay(study: Study, run: int, view: Path, ghost: GhostRun | None = None) -> Replay:
+    """Write the page or glTF file of a run; a page shows another one (``ghost``) too.
 
     Raises:
         RunError: the study has no such run, or it has nothing to show.
@@ -210,5 +210,5 @@ def replay(study: Study, run: int, view: Path, over: GhostRun | None = None) -> 
     if done.failure is not None and not done.t.size:
         raise RunError(f"--replay {run}: it failed before its first row, so that there is nothing to show: {done.failure}")
     shown = show_run(artifact.topology.model, scene, study.method, parameters, done)
-    write_shown(view, replace(shown, note=f"{shown.note}, run {run} of a sweep"), over=over)
+    write_shown(view, replace(shown, note=f"{shown.note}, run {run} of a sweep"), ghost=ghost)
     return Replay(page=view, run=done)

@@ -67,12 +67,12 @@ class Tolerance:
         chosen = [names.index(name) for name in costs]
         kept = [i for i in range(len(names)) if i not in chosen]
         left = most**2 - float(np.sum((self.gradient * self.deviations)[kept] ** 2))
-        slopes = np.abs(self.gradient[chosen])
-        if not (left > 0.0 and (slopes > 0.0).all()):
+        sensitivities = np.abs(self.gradient[chosen])
+        if not (left > 0.0 and (sensitivities > 0.0).all()):
             raise RunError(f"objective '{self.objective}': the yield {wanted:g} needs smaller tolerances of variables without a cost, or a "
                            "variable with a cost has no influence")  # fmt: skip
-        shape = np.cbrt(np.array(list(costs.values())) / slopes**2)  # where the derivatives of cost and variance are in one ratio
-        return dict(zip(costs, map(float, shape * np.sqrt(left / np.sum((slopes * shape) ** 2))), strict=True))
+        shape = np.cbrt(np.array(list(costs.values())) / sensitivities**2)  # where the derivatives of cost and variance are in one ratio
+        return dict(zip(costs, map(float, shape * np.sqrt(left / np.sum((sensitivities * shape) ** 2))), strict=True))
 
 
 def has_tolerances(done: "Sweep") -> bool:

@@ -48,7 +48,7 @@ from cutjoint.toolchain.compiler import must_interpret
 
 @dataclass(frozen=True, kw_only=True)
 class BatchArtifact:
-    """A model compiled for batches of one scene; ``alone`` makes its runs one by one, None where they go side by side."""
+    """A model compiled for batches of one scene; ``single`` makes its runs one by one, None where they go side by side."""
 
     model: Model
     scene: Scene
@@ -56,7 +56,7 @@ class BatchArtifact:
     binary: Binary
     generate_seconds: float
     compile_seconds: float
-    alone: Artifact | None = None
+    single: Artifact | None = None
 
     @property
     def start(self) -> Start:
@@ -108,11 +108,12 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
 
 def _compile_alone(model: Model, scene: Scene, flags: Sequence[str]) -> BatchArtifact:
     """Steps of runs that are made one by one."""
-    alone = compile_scene(model, scene, CompileOptions(method=METHOD, flags=flags))
-    assert isinstance(alone.equations, RecursiveEquations)
+    single = compile_scene(model, scene, CompileOptions(method=METHOD, flags=flags))
+    assert isinstance(single.equations, RecursiveEquations)
     return BatchArtifact(
-        model=alone.topology.model, scene=scene, equations=alone.equations, binary=alone.binary, generate_seconds=alone.generate_seconds,
-        compile_seconds=alone.compile_seconds, alone=alone,
+        model=single.topology.model, scene=scene, equations=single.equations, binary=single.binary,
+        generate_seconds=single.generate_seconds,
+        compile_seconds=single.compile_seconds, single=single,
     )  # fmt: skip
 
 
@@ -162,12 +163,12 @@ def simulate_batch(
         artifact = compile_batch(model, scene=scene, tunable=tunable)
     if any(case.keys() != cases[0].keys() for case in cases):
         raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
-    begin, asked = perf_counter(), Options(dt=dt, end=end, tolerance=tolerance if solver_tolerance is None else solver_tolerance)
+    begin, requested = perf_counter(), Options(dt=dt, end=end, tolerance=tolerance if solver_tolerance is None else solver_tolerance)
     threads = processors() if threads is None else threads
-    if artifact.alone is None:
-        settings, execute = _plan_side_by_side(artifact, cases, asked, threads)
+    if artifact.single is None:
+        settings, execute = _plan_side_by_side(artifact, cases, requested, threads)
     else:
-        settings, execute = _plan_one_by_one(artifact.alone, cases, asked, threads)
+        settings, execute = _plan_one_by_one(artifact.single, cases, requested, threads)
     units = Columns({c.name: c.unit for c in artifact.equations.columns})
     results: list[dict[str, Any]] = [{}] * len(cases)
     with ExitStack() as stack:
@@ -188,7 +189,7 @@ def simulate_batch(
         cases=tuple(dict(case) for case in cases), **tables, units=units,
         evaluations=tuple(r.get("evaluations", 0) for r in results),
         failures=tuple(failure_of(r) for r in results), undetermined=tuple(results[0].get("undetermined", ())) if results else (),
-        seconds=seconds, elapsed=elapsed, settings=settings, side_by_side=artifact.alone is None,
+        seconds=seconds, elapsed=elapsed, settings=settings, side_by_side=artifact.single is None,
     )  # fmt: skip
     if check and (failed := count_failures(batch)):
         raise FailedBatchError("\n".join([*describe_failures(batch), f"{failed}; the error's batch has all of them"]), batch)
@@ -200,10 +201,10 @@ _Execute = Callable[[Progress | None, Receive], float]
 
 
 def _plan_side_by_side(
-    artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], asked: Options, threads: int
+    artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], requested: Options, threads: int
 ) -> tuple[StepSettings, _Execute]:  # fmt: skip
     """Steps of a batch whose runs are all made by one simulator, and that simulator."""
-    options = replace(asked, integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)
+    options = replace(requested, integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)
     file = make_run_file(artifact.model, artifact.scene, {}, task="batch", method=METHOD, options=options)
     entries = {**file.entries(), "cases": _own_parts(artifact.model, artifact.scene, cases), "threads": threads}
 
@@ -214,11 +215,11 @@ def _plan_side_by_side(
 
 
 def _plan_one_by_one(
-    alone: Artifact, cases: Sequence[Mapping[str, float]], asked: Options, threads: int
+    single: Artifact, cases: Sequence[Mapping[str, float]], requested: Options, threads: int
 ) -> tuple[StepSettings, _Execute]:  # fmt: skip
     """Steps of a batch with a simulator for each run."""
-    options = _as_simulated(alone.scene, asked)
-    plans = [make_simulator_run(alone, options, case) for case in cases]
+    options = _as_simulated(single.scene, requested)
+    plans = [make_simulator_run(single, options, case) for case in cases]
 
     def execute(progress: Progress | None, receive: Receive) -> float:
         seconds = 0.0
@@ -229,7 +230,7 @@ def _plan_one_by_one(
                 progress((number + 1) / len(plans))
         return seconds
 
-    return StepSettings.of(make_simulator_run(alone, options).run_file.settings), execute
+    return StepSettings.of(make_simulator_run(single, options).run_file.settings), execute
 
 
 def _in_order(plans: Sequence[SimulatorRun], threads: int) -> Iterator[Trajectory]:
@@ -251,12 +252,12 @@ def _in_order(plans: Sequence[SimulatorRun], threads: int) -> Iterator[Trajector
             pool.shutdown(cancel_futures=True)
 
 
-def _as_simulated(scene: Scene, asked: Options) -> Options:
+def _as_simulated(scene: Scene, requested: Options) -> Options:
     """Options with the tolerance of steps that are taken once."""
-    if asked.dt is not None or asked.tolerance is not None:
-        return asked
-    integrator = find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, asked)
-    return replace(asked, tolerance=find_tolerance(scene, METHOD, integrator.name))
+    if requested.dt is not None or requested.tolerance is not None:
+        return requested
+    integrator = find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, requested)
+    return replace(requested, tolerance=find_tolerance(scene, METHOD, integrator.name))
 
 
 def _record(run: Trajectory) -> dict[str, Any]:
@@ -314,10 +315,10 @@ def simulate(
     """
     if tolerance is not None:
         warn("simulate(tolerance=...) is now simulate(solver_tolerance=...)", FutureWarning, stacklevel=2)
-    asked = tolerance if solver_tolerance is None else solver_tolerance
+    requested = tolerance if solver_tolerance is None else solver_tolerance
     return simulation.simulate(
         compile_unless_compiled(model, scene, tunable, method, integrator, dt), out=out, steps=steps, tangents=tangents,
-        parameters=parameters, progress=progress, dt=dt, end=end, penalty=penalty, accuracy=accuracy, tolerance=asked,
+        parameters=parameters, progress=progress, dt=dt, end=end, penalty=penalty, accuracy=accuracy, tolerance=requested,
         iterations=iterations, solver=solver, integrator=integrator, events=events, error=error, check=check, inputs=inputs,
         coordinates=coordinates,
     )  # fmt: skip

@@ -125,10 +125,10 @@ class InverseDynamics:
         span, outputs = self._model.span, list[Output]()
         for joint in self.moved:
             turns = joint.element.units[joint.element.coordinates[0]] == "rad"
-            asked = [(self._sensors[joint.name], "moment" if turns else "force"), (joint.name, joint.element.coordinates[0])]
-            asked += [(force.name, "force") for force in self._model.force_elements if force.joint_of == joint.name]
-            asked += [(gear.name, "force") for gear in self._model.gears if joint.name in gear.joints]
-            outputs += [Output(element=element, quantity=quantity, span=span) for element, quantity in asked]
+            requested = [(self._sensors[joint.name], "moment" if turns else "force"), (joint.name, joint.element.coordinates[0])]
+            requested += [(force.name, "force") for force in self._model.force_elements if force.joint_of == joint.name]
+            requested += [(gear.name, "force") for gear in self._model.gears if joint.name in gear.joints]
+            outputs += [Output(element=element, quantity=quantity, span=span) for element, quantity in requested]
         return list({o.column: o for o in outputs}.values())
 
     def _guide_force(self, joint: Joint, run: Trajectory) -> Array:

@@ -120,22 +120,22 @@ def find_tool(name: str) -> str | None:
 
 def tools_path() -> str:
     """The absolute folders of tools: those of $PATH and of Python's packages, but not the present one, which may be a stranger's."""
-    asked = (os.environ.get("PATH", os.defpath) + os.pathsep + sysconfig.get_path("scripts")).split(os.pathsep)
-    return os.pathsep.join(os.path.abspath(folder) for folder in asked if os.path.normpath(folder) != os.curdir)
+    requested = (os.environ.get("PATH", os.defpath) + os.pathsep + sysconfig.get_path("scripts")).split(os.pathsep)
+    return os.pathsep.join(os.path.abspath(folder) for folder in requested if os.path.normpath(folder) != os.curdir)
 
 
 def _command_of_environment() -> tuple[str, ...]:
     """The command in $CXX; nothing if it is not set."""
-    asked = os.environ.get("CXX", "").strip()
+    requested = os.environ.get("CXX", "").strip()
     try:
-        words = [asked] if find_tool(asked) else shlex.split(asked)
+        words = [requested] if find_tool(requested) else shlex.split(requested)
     except ValueError as error:
-        raise ToolchainError(f"CXX={asked}: {error}; set $CXX to a C++20 compiler, or unset it") from None
+        raise ToolchainError(f"CXX={requested}: {error}; set $CXX to a C++20 compiler, or unset it") from None
     if not words:
         return ()
     found = find_tool(words[0])
     if found is None:
-        raise ToolchainError(f"CXX={asked}: there is no program '{words[0]}'; set $CXX to a C++20 compiler, or unset it")
+        raise ToolchainError(f"CXX={requested}: there is no program '{words[0]}'; set $CXX to a C++20 compiler, or unset it")
     return (found, *words[1:])
 
 

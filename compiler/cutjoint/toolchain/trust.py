@@ -130,13 +130,13 @@ def _parts(path: Path) -> Iterator[tuple[Path, os.stat_result, bool]]:
 
 def _shared_by() -> int | None:
     """The number of the group that shares the cache; None where it is the user's alone."""
-    asked = os.environ.get(GROUP, "")
-    if not asked or (asked.isascii() and asked.isdigit()):
-        return int(asked) if asked else None
+    requested = os.environ.get(GROUP, "")
+    if not requested or (requested.isascii() and requested.isdigit()):
+        return int(requested) if requested else None
     try:
-        return grp.getgrnam(asked).gr_gid
+        return grp.getgrnam(requested).gr_gid
     except KeyError:
-        raise ToolchainError(f"{GROUP}={asked}: there is no such group; set it to the group that shares the cache, or unset it") from None
+        raise ToolchainError(f"{GROUP}={requested}: no such group; set it to the group that shares the cache, or unset it") from None
 
 
 @cache

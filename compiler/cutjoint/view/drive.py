@@ -153,17 +153,17 @@ def make_drive(
         roles={**(_find_roles(model) if is_car else {}), **(roles or {})}, ranges={each.name: each for each in ranges},
     ).find()  # fmt: skip
     require_zig()
-    alone = simulated(model, scene, method)
-    step, elements, equations = alone.settings.step if dt is None else dt, bodies_of(model), alone.parts.stepped
+    standalone = simulated(model, scene, method)
+    step, elements, equations = standalone.settings.step if dt is None else dt, bodies_of(model), standalone.parts.stepped
     facts = {
         "dt": step, "every": max(1, round(max(1 / _ROWS, scene.output_step) / step)), "car": is_car, "axes": axes,
         "body": max(masses, key=lambda name: masses[name], default=""), "given": {name: float(value) for name, value in parameters.items()},
         "replay": " ".join(["cutjoint drive", quote(Path(model.span.file).name), "--scene", quote(scene.name), *map(quote, more)]),
         "of": {o.column: list(elements.get(o.element, ())) for o in equations.outputs},
         "ground": _ground(scene) if equations.roads else None, "wheels": [_wheel(*wheel, numbers, equations.outputs) for wheel in wheels],
-        "roads": {name: vars(road) for name, road in ROADS.items()} if alone.lays_roads else {},
+        "roads": {name: vars(road) for name, road in ROADS.items()} if standalone.lays_roads else {},
     }  # fmt: skip
-    return Drive(module=alone.build_module(), facts=facts)
+    return Drive(module=standalone.build_module(), facts=facts)
 
 
 def simulated(model: Model, scene: Scene, method: str) -> Standalone:
@@ -177,13 +177,13 @@ def simulated(model: Model, scene: Scene, method: str) -> Standalone:
     if scene.road.contact == "point" and scene.road.surface is None:
         level = HeightTable(start=(0.0, 0.0), step=(1.0, 1.0), heights=((0.0, 0.0),) * 2, bilinear=False, span=scene.span)
         scene = replace(scene, road=replace(scene.road, surface=level))
-    alone = make_standalone(generate(model, scene, outputs, method=method, poses=True), equal_steps=True)
-    return replace(alone, lays_roads=_lays_roads(alone))
+    standalone = make_standalone(generate(model, scene, outputs, method=method, poses=True), equal_steps=True)
+    return replace(standalone, lays_roads=_lays_roads(standalone))
 
 
-def _lays_roads(alone: Standalone) -> bool:
+def _lays_roads(standalone: Standalone) -> bool:
     """Return whether wheels meet a road as points, which other roads know; rigid discs meet an envelope."""
-    equations = alone.parts.stepped
+    equations = standalone.parts.stepped
     return bool(equations.roads) and equations.scene.road.contact == "point"
 
 
@@ -221,18 +221,18 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
         ToolchainError: the C++ compiler failed.
     """
     model = freeze_start_parameters(model, scene)
-    alone = simulated(model, scene, method)
+    standalone = simulated(model, scene, method)
     drive = _read_drive(path)
-    if drive.mark != alone.mark:
+    if drive.mark != standalone.mark:
         of = escaped(f"'{drive.model}', {drive.scene}")
         raise RunError(f"--replay {path}: a drive of {of}, in another version; drive the page of this one")
     moves = {p.name: p for p in (*input_parameters(model), *tunable_parameters(model))}
     for name in (*drive.given, *(name for _, name, _ in drive.events)):
         if name not in moves:
             raise RunError(f"--replay {path}: {_unknown(model, escaped(name), moves)}")
-    if drive.road and (drive.road not in ROADS or not alone.lays_roads):
+    if drive.road and (drive.road not in ROADS or not standalone.lays_roads):
         raise RunError(f"--replay {path}: no road '{escaped(drive.road)}'; it has: {', '.join(ROADS)}")
-    sim = open_standalone(alone, alone.build_twin(), lanes=None)
+    sim = open_standalone(standalone, standalone.build_twin(), lanes=None)
     if drive.road:
         lines, (grid, heights) = np.array(ROADS[drive.road].lines), ROADS[drive.road].heights(drive.seed)
         sim.library.set_road(lines.ctypes.data, len(lines), grid.ctypes.data, heights.ctypes.data, *heights.shape)
@@ -248,7 +248,7 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
         sim.step()
         if (step + 1) % drive.every == 0:
             rows.append([sim.time, *sim.outputs.array])
-    units = {"t": "s", **{c.name: c.unit for c in alone.parts.stepped.columns}}
+    units = {"t": "s", **{c.name: c.unit for c in standalone.parts.stepped.columns}}
     return Replay(units=units, rows=np.array(rows))
 
 

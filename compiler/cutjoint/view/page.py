@@ -76,7 +76,7 @@ class Drive:
 
 def make_page(
     *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], camera: Camera,
-    failure: "Failure | None" = None, motions: Sequence[Motion] = (), over: GhostRun | None = None,
+    failure: "Failure | None" = None, motions: Sequence[Motion] = (), ghost: GhostRun | None = None,
     graph: Graph | None = None, sliders: Sliders | None = None, is_live: bool = False, plots: Sequence[Plot] = (),
     drive: Drive | None = None,
 ) -> str:  # fmt: skip
@@ -91,7 +91,7 @@ def make_page(
         **({"drive": drive.facts} if drive else {}),
         "sliders": None if sliders is None else sliders.facts,
         "graph": None if graph is None else asdict(graph),
-        "over": None if over is None else {"name": over.name, "rows": int(over.drawing.t.size), "columns": list(over.columns)},
+        "over": None if ghost is None else {"name": ghost.name, "rows": int(ghost.drawing.t.size), "columns": list(ghost.columns)},
         "plots": [asdict(plot) for plot in plots if {plot.x, *plot.y} <= {"t", *(c.name for c in columns)}],
         "columns": [{"name": c.name, "unit": c.unit, "bodies": list(c.bodies)} for c in columns],
     }  # fmt: skip
@@ -100,8 +100,8 @@ def make_page(
     data = {"about": as_data(about), "glb": _encoded(glb), "table": as_table(t, [c.values for c in columns])}
     if drive is not None:
         data["module"] = _encoded(drive.module)
-    if over is not None:
-        data |= {"over-glb": _encoded(write_gltf(over.drawing)), "over-table": as_table(over.drawing.t, [*over.columns.values()])}
+    if ghost is not None:
+        data |= {"over-glb": _encoded(write_gltf(ghost.drawing)), "over-table": as_table(ghost.drawing.t, [*ghost.columns.values()])}
     return environment().get_template("view/page.html.jinja").render(
         title=escape(f"{title}, {scene}"), is_live=is_live, driving=drive is not None, notice="" if drive is None else licence_of_musl(),
         data=[(name, crc32(text.encode()), text) for name, text in data.items()],

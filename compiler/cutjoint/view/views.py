@@ -77,17 +77,17 @@ def require_view(path: Path | None, option: str) -> None:
         raise OutputError(f"{option} {path}: no such kind of file; write a name that ends in {PAGE} or {GLTF}")
 
 
-def read_over(over: Path | None, view: Path | None) -> GhostRun | None:
-    """The run of the page that a view is to lie ``over``, if one is named.
+def read_ghost(ghost: Path | None, view: Path | None) -> GhostRun | None:
+    """The run of the page ``ghost`` that a view shows too, if one is named.
 
     Raises:
         RunError: the view is no page, or the other file is none of a run.
     """
-    if over is None:
+    if ghost is None:
         return None
     if view is None or view.suffix != PAGE:
-        raise RunError(f"--ghost {over}: only a page shows two runs; write --view with a name that ends in {PAGE}")
-    return read_page(over, "--ghost")
+        raise RunError(f"--ghost {ghost}: only a page shows two runs; write --view with a name that ends in {PAGE}")
+    return read_page(ghost, "--ghost")
 
 
 def show_run(
@@ -158,15 +158,15 @@ def write_view(
     return write_shown(Path(path), show_run(read, chosen, method or method_of(chosen), parameters or {}, run))
 
 
-def write_shown(path: Path, shown: ViewSpec, *, over: GhostRun | None = None) -> Path:
-    """Write what is shown as a page, ``over`` an earlier run if there is one, or as a .glb file.
+def write_shown(path: Path, shown: ViewSpec, *, ghost: GhostRun | None = None) -> Path:
+    """Write what is shown as a page, with an earlier run (``ghost``) if there is one, or as a .glb file.
 
     Raises:
         OutputError: the file cannot be written, its ending names no kind, or a body starts too far away for any picture.
     """
     require_view(path, "")
     shown = _in_reach(path, shown)
-    return write_whole(path, _content(path.suffix, shown, over))
+    return write_whole(path, _content(path.suffix, shown, ghost))
 
 
 def live_page(model: Model, scene: Scene, parameters: Mapping[str, float]) -> str:
@@ -188,7 +188,7 @@ def drive_page(model: Model, scene: Scene, parameters: Mapping[str, float], driv
 
 
 def _content(
-    kind: str, shown: ViewSpec, over: GhostRun | None, *, is_live: bool = False, drive: Drive | None = None
+    kind: str, shown: ViewSpec, ghost: GhostRun | None, *, is_live: bool = False, drive: Drive | None = None
 ) -> str | bytes:  # fmt: skip
     placed = _placed(shown, shown.poses, shown.t)
     outputs = {o.column: (o.element, o.quantity) for o in shown.scene.outputs}
@@ -207,7 +207,7 @@ def _content(
     return make_page(
         title=shown.model.name, scene=shown.scene.name, note=shown.note, bodies=[b.name for b in shown.model.bodies], glb=glb, t=shown.t,
         columns=shown.columns, camera=camera, failure=shown.failure, motions=shown.motions,
-        over=over, graph=shown.graph, sliders=shown.sliders, is_live=is_live, plots=() if drive else shown.scene.plots, drive=drive,
+        ghost=ghost, graph=shown.graph, sliders=shown.sliders, is_live=is_live, plots=() if drive else shown.scene.plots, drive=drive,
     )  # fmt: skip
 
 

@@ -57,7 +57,7 @@ class Axle:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Found:
+class _WheelCandidate:
     """A wheel as the model names it: the force that carries it, if one does."""
 
     name: str
@@ -117,7 +117,7 @@ def find_axle(model: Model, values: Values, name: str | None, *, radius: float |
 # Wheels
 
 
-def _pairs(model: Model, values: Values) -> dict[str, tuple[_Found, _Found]]:
+def _pairs(model: Model, values: Values) -> dict[str, tuple[_WheelCandidate, _WheelCandidate]]:
     """The axles by their names, from the front backwards: each left wheel and the right one that is nearest along x."""
     wheels = [wheel for wheel in map(_wheel_of, model.forces) if wheel is not None]
     y = {wheel.name: values.number(wheel.centre[1]) for wheel in wheels}
@@ -132,24 +132,24 @@ def _pairs(model: Model, values: Values) -> dict[str, tuple[_Found, _Found]]:
     return dict(zip(_names(pairs), pairs, strict=True))
 
 
-def _wheel_of(force: Force) -> _Found | None:
+def _wheel_of(force: Force) -> _WheelCandidate | None:
     """The wheel that a force carries, if it is a tyre or a wheel by its kind, or a tyre by its name."""
     if isinstance(force, OnRoad):
-        return _Found(
+        return _WheelCandidate(
             name=force.name, body=force.body, centre=force.centre, axis=force.axis, radius=force.radius, span=force.span
         )  # fmt: skip
     if TYRE not in force.name.rpartition(".")[2].split("_"):
         return None
     if isinstance(force, AxialForce):
-        return _Found(name=force.name, body=force.follower, centre=force.point, axis=None, radius=None, span=force.span)
+        return _WheelCandidate(name=force.name, body=force.follower, centre=force.point, axis=None, radius=None, span=force.span)
     if isinstance(force, PointSpring):
-        return _Found(name=force.name, body=force.follower, centre=force.end, axis=None, radius=None, span=force.span)
+        return _WheelCandidate(name=force.name, body=force.follower, centre=force.end, axis=None, radius=None, span=force.span)
     if isinstance(force, BodyLoad) and force.point is not None:
-        return _Found(name=force.name, body=force.body, centre=force.point, axis=None, radius=None, span=force.span)
+        return _WheelCandidate(name=force.name, body=force.body, centre=force.point, axis=None, radius=None, span=force.span)
     return None
 
 
-def _names(pairs: Sequence[tuple[_Found, _Found]]) -> list[str]:
+def _names(pairs: Sequence[tuple[_WheelCandidate, _WheelCandidate]]) -> list[str]:
     """The words that the names of an axle's two wheels share, or its place where they share none or another axle has the same."""
     words = [_shared(*(wheel.name.split(".") for wheel in pair)) for pair in pairs]
     if all(words) and len(set(words)) == len(words):
@@ -167,14 +167,14 @@ def _shared(left: Sequence[str], right: Sequence[str]) -> str:
     return ""
 
 
-def _place(values: Values, pair: Iterable[_Found]) -> float:
+def _place(values: Values, pair: Iterable[_WheelCandidate]) -> float:
     """The mean x of an axle's wheels, m."""
     return float(np.mean([values.number(wheel.centre[0]) for wheel in pair]))
 
 
 def _chosen(
-    model: Model, values: Values, pairs: Mapping[str, tuple[_Found, _Found]], name: str | None
-) -> tuple[str, tuple[_Found, _Found]]:  # fmt: skip
+    model: Model, values: Values, pairs: Mapping[str, tuple[_WheelCandidate, _WheelCandidate]], name: str | None
+) -> tuple[str, tuple[_WheelCandidate, _WheelCandidate]]:  # fmt: skip
     if name is None and len(pairs) == 1:
         return next(iter(pairs.items()))
     if name is not None and name in pairs:
@@ -191,8 +191,8 @@ def _chosen(
 
 
 def _of_bodies(
-    model: Model, values: Values, pairs: Mapping[str, tuple[_Found, _Found]], names: Sequence[str]
-) -> tuple[_Found, _Found]:  # fmt: skip
+    model: Model, values: Values, pairs: Mapping[str, tuple[_WheelCandidate, _WheelCandidate]], names: Sequence[str]
+) -> tuple[_WheelCandidate, _WheelCandidate]:  # fmt: skip
     """The wheels of two bodies: those of their tyres, else around their centres of mass."""
     bodies = {body.name: body for body in model.bodies}
     known = {wheel.body: wheel for wheel in chain.from_iterable(pairs.values())}
@@ -203,7 +203,7 @@ def _of_bodies(
             raise RunError(f"{model.span}: --axle: no body '{name}'; the bodies are {', '.join(bodies)}")
     found = [
         known.get(name)
-        or _Found(name=name, body=name, centre=bodies[name].centre_of_mass, axis=None, radius=None, span=bodies[name].span)
+        or _WheelCandidate(name=name, body=name, centre=bodies[name].centre_of_mass, axis=None, radius=None, span=bodies[name].span)
         for name in names
     ]
     y = [values.number(wheel.centre[1]) for wheel in found]
@@ -212,7 +212,7 @@ def _of_bodies(
     return found[0], found[1]
 
 
-def _wheel(model: Model, values: Values, found: _Found, side: int, radius: float | None) -> Wheel:
+def _wheel(model: Model, values: Values, found: _WheelCandidate, side: int, radius: float | None) -> Wheel:
     """The numbers of a wheel; without a given radius it stands on the road at z = 0, but is no larger than its tyre."""
     centre = values.vector(found.centre)
     outward = side * (np.array([0.0, 1.0, 0.0]) if found.axis is None else values.vector(found.axis))

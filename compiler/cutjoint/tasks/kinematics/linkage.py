@@ -159,8 +159,8 @@ class Linkage:
 
     def _require_determined(self, jacobian: Array, values: Mapping[Block, Array]) -> None:
         """Refuse an axle whose wheels move although their heights and the steering joint are prescribed; a wheel may spin."""
-        _, sizes, ways = np.linalg.svd(jacobian)
-        free = ways[int(np.sum(sizes > TOLERANCE * sizes.max())) :].T
+        _, sizes, rows = np.linalg.svd(jacobian)
+        free = rows[int(np.sum(sizes > TOLERANCE * sizes.max())) :].T
         for _, outward, velocity, rotation_rate in self._of_wheels:
             tilt = np.cross((self._by_speeds(values, rotation_rate) @ free).T, values[outward][:, 0])
             if max(np.abs(self._by_speeds(values, velocity) @ free).max(initial=0.0), np.abs(tilt).max(initial=0.0)) > _NOTHING:
