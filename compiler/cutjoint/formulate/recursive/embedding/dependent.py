@@ -65,7 +65,8 @@ def dependent_motion(b: Builder, joint: Joint, embedded_loop: EmbeddedLoop, driv
 
 def _ball_motion(b: Builder, values: Sequence[_Value]) -> tuple[tuple[Block, ...], tuple[Block, Block, Block]]:
     """The quaternion of a ball; its angular velocity by q', the whole one, and the angular acceleration without q''."""
-    g, derivative, rate, second_rate = (b.column([getattr(x, name) for x in values]) for name in ("place", "derivative", "rate", "bend"))
+    names = ("place", "derivative", "rate", "second_rate")
+    g, derivative, rate, second_rate = (b.column([getattr(x, name) for x in values]) for name in names)
     quaternion = quaternion_of(b, g)
     turned = [angular_velocity_of(b, g, x) for x in (derivative, rate, second_rate)]
     slowed = b.scale(b.mul(_share(b, g), b.dot(g, rate)), turned[1])
