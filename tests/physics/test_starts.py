@@ -247,3 +247,19 @@ def test_a_table_on_feet_that_stick(gap: float, stiffness: float, exponent: floa
     assert state.trim is not None
     assert not state.trim.strayed
     assert [state[f"top.{name}"] for name in ("x", "y", "yaw")] == pytest.approx([0.05, 0.02, 0.0], abs=0.05)
+
+
+def test_three_feet_of_unlike_stiffness_and_length() -> None:
+    """Each foot bears what the lever rule gives it, tilted and far below the drawn pose."""
+    feet, stiffness = np.array([[0.5, 0.3, 0.008], [0.5, -0.3, 0.0], [-0.5, 0.05, 0.004]]), np.array([3e5, 2e9, 4e6])
+    text = TABLE.replace("[x, y]", "[x, y, z, s]").replace("[x, y, gap]", "[x, y, gap + z]").replace("stiffness: k", "stiffness: s")
+    text = text.replace("gap: {value: 0,", "gap: {value: 0.2,").replace("parameters: {k: {value: 1e7, binding: param}, ", "parameters: {")
+    lines = [f"  {n}: {{use: leg, connect: {{top: top}}, with: {{x: {x}, y: {y}, z: {z}, s: {s}}}}}\n" for n, (x, y, z), s in
+             zip("abc", feet, stiffness, strict=True)]
+    state = start(text[: text.index("  a: {use")] + "".join(lines) + text[text.index("outputs:") :], "rest")
+    attitude = Rotation.from_euler("xyz", [state["top.roll"], state["top.pitch"], state["top.yaw"]])
+    centre = np.array([0.05, 0.02, 0.7])
+    points = attitude.apply(feet + np.array([0, 0, 0.2]) - centre)
+    force = np.linalg.solve(np.vstack([np.ones(3), points[:, :2].T]), [20 * G, 0, 0])
+    depth = -(points[:, 2] + state["top.z"])
+    assert stiffness * depth**1.5 == pytest.approx(force, rel=1e-5)

@@ -28,6 +28,7 @@ from cutjoint.analysis.trim_equations import (
     TrimParts,
 )
 from cutjoint.methods import join_and
+from cutjoint.program.blocks import Block
 
 #: Residuals below this, as shares of what a change of an unknown by its size makes, are met.
 _MET = 1e-9
@@ -38,8 +39,10 @@ _ITERATIONS, _SLOW, _TRIALS = 60, 4, 5
 _SHARE = 0.25
 #: A step that is rounding, in sizes of unknowns.
 _ROUNDED = 1e-13
-#: The factor by which steps of states grow at most, and the least damping.
+#: The factor by which implicit steps grow at most, and the least damping.
 _LONGER, _DAMPING = 10.0, 1e-10
+#: Implicit steps: how many, the longest first one, s or s^2, the share of a singular value that counts, refinements where contacts close.
+_STEPS, _FIRST, _RANK, _REFINED = 100, 1.0, 1e-14, 12
 #: Trials that end as far away as the best, by this share: after so many there is nothing nearer.
 _ALIKE, _ENOUGH = 1e-2, 2
 #: The farthest step, random start and find from one, rad or extents; the share of the worst below which conditions are not named.
@@ -119,7 +122,9 @@ class _Search(TrimEquations):
 
     def _nearest(self, begin: Array) -> Evaluated:
         best, rng, alike = self._approach(begin), np.random.default_rng(0), 0
-        for search in (self._from_settled_states, self._from_engaged_contacts, self._by_continuation):
+        if best.worst <= _MET and self._is_still() and self._closed(begin) != self._closed(best.y):
+            best = sunk if (sunk := self._by_relaxation(begin)).worst <= _MET else best  # not balanced on two feet of three
+        for search in (self._by_relaxation, self._from_engaged_contacts, self._by_continuation):
             if best.worst > _MET:
                 best = min(best, search(begin), key=lambda evaluated: evaluated.worst)
         listed = np.isin(np.arange(len(begin)), [*self._listed.values()])
@@ -143,33 +148,71 @@ class _Search(TrimEquations):
     def _release(self, found: Evaluated) -> Evaluated:
         """On from contacts that pull, of which more and more are let go."""
         while self._engaged and np.isfinite(found.left).all():
-            arrays, roads, held = self._point(found.y)
-            met = evaluate_results(self._system, {str(i): gate for i, gate in enumerate(self._engaged)}, arrays, roads, held)
-            kept = {gate for gate, is_met in zip(self._engaged, met.values(), strict=True) if is_met.all()}
+            kept = self._closed(found.y) & {*self._engaged}
             self._engaged = () if len(kept) == len(self._engaged) else kept
             found = self._approach(found.y)
         self._engaged = ()
         return found
 
-    def _from_settled_states(self, begin: Array) -> Evaluated:
-        """On from states that have followed their rates to rest while all else stands, by ever longer implicit steps (pseudo-transient
-        continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35, 1998)."""
-        y, every, span = np.clip(begin, self._lower, self._upper), self._free, 0.0
-        states = np.flatnonzero(every[self._first[SPEEDS] + self._start.speeds : self._first[RATES]]) + self._start.speeds
-        if not len(states):
-            return self.evaluated(begin)
-        at = self._first[SPEEDS] + states
-        self._engaged, self._free = self._gates, np.isin(np.arange(len(every)), at)
-        for _ in range(_ITERATIONS):
+    def _closed(self, y: Array) -> set[Block]:
+        """The conditions of contacts that are met at a point."""
+        arrays, roads, held = self._point(y)
+        met = evaluate_results(self._system, {str(i): gate for i, gate in enumerate(self._gates)}, arrays, roads, held)
+        return {gate for gate, is_met in zip(self._gates, met.values(), strict=True) if is_met.all()}
+
+    def _by_relaxation(self, begin: Array) -> Evaluated:
+        """On from where states have followed their rates to rest, in a start at rest also coordinates their forces, M q' = F, by ever
+        longer implicit steps (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35, 1998)."""
+        y, joints, every, span = np.clip(begin, self._lower, self._upper), self._start.speeds, self._free, _FIRST
+        own = np.array([*range(joints), *range(self._first[SPEEDS] + joints, self._first[RATES])], dtype=int)
+        rows = np.flatnonzero(every[own] & (self._is_still() | (np.arange(len(own)) >= joints)))
+        masses = (self.residuals(y + np.eye(len(y))[self._first[RATES] + rows]) - self.residuals(y)).T
+        if not (rows.size and np.isfinite(masses).all()):
+            return self.evaluated(y)
+        inverse, sizes = np.linalg.pinv(masses), self._sizes[own[rows]]
+        among = np.arange(len(masses)) if self._is_still() else rows
+        if not self._is_still():
+            self._engaged, self._free = self._gates, np.isin(np.arange(len(every)), own[rows])
+        at = np.searchsorted(np.flatnonzero(self._free), own[rows])
+        for _ in range(_STEPS):
             here = self.evaluated(y)
-            rates = here.left[states] / self._sizes[at]
-            if not np.isfinite(rates).all() or np.abs(rates).max() * span > 1 / ROUNDING or not (fastest := np.abs(rates).max()):
+            fastest = np.abs(inverse @ here.left / sizes).max()
+            if here.worst <= _MET / 100 or not fastest or fastest * span > 1 / ROUNDING:
                 break
-            span = min(_FARTHEST / fastest, _LONGER * span or np.inf)
-            A = here.A[states] * here.rows[states, np.newaxis] + np.diag(here.columns) / span
-            y[at] -= np.linalg.lstsq(A / self._sizes[at, np.newaxis], rates)[0] * here.columns
+            span = min(_FARTHEST / fastest, span)
+            A = here.A.copy()
+            A[:, at] += masses * here.columns[at] / (span * here.rows[:, np.newaxis])
+            high = np.abs(A).max(axis=1, keepdims=True)  # of full rank, however stiff a contact is beside what moves freely
+            A /= (high := np.where(high > 0, high, 1.0))
+            wide = np.where((wide := np.abs(A).max(axis=0)) > 0, wide, 1.0)
+            step = -np.linalg.lstsq((A / wide)[among], (here.left / here.rows / high[:, 0])[among], rcond=_RANK)[0] / wide
+            moved = self._shortened(here, step, rows[rows < joints], at[rows < joints])
+            y, span = (y, span / 8) if moved is None else (moved, _LONGER * span)
         self._free = every
         return self._release(self._approach(y))
+
+    def _is_still(self) -> bool:
+        """Whether no coordinate moves."""
+        speeds = slice(self._first[SPEEDS], self._first[SPEEDS] + self._start.speeds)
+        return not (self.begin[speeds].any() or self._free[speeds].any())
+
+    def _shortened(self, at: Evaluated, step: Array, rows: Any, columns: Any) -> Array | None:
+        """The point after a step, short of where contacts push back harder than forces have driven it; None where they drive it back."""
+
+        def drive(y: Array) -> Array:
+            return np.asarray(-self.residuals(y)[..., rows] @ (step * at.columns)[columns])
+
+        y, low, high = self._after_step(at, step)[0], 0.0, 1.0
+        if not len(rows) or ((begun := float(drive(at.y))) >= 0 and drive(y) >= -begun):
+            return y
+        for _ in range(_REFINED if begun > 0 else 0):
+            shares = np.linspace(low, high, 17)
+            driven = drive(at.y + shares[:, np.newaxis] * (y - at.y))
+            last = max(1, int(np.argmax(driven < 0)))
+            low, high = shares[last - 1], shares[last]
+            if driven[last - 1] <= begun / 10:
+                break
+        return at.y + low * (y - at.y) if low > 0 else None
 
     def _by_continuation(self, _: Array) -> Evaluated:
         """Continuation from the initial values of the targets to the wanted ones, by steps as large as the search can follow."""
@@ -178,7 +221,7 @@ class _Search(TrimEquations):
         share, step, at = 0.0, _SHARE, None
         while share < 1 and (at is None or step > _SHARE / 32):
             self._targets = begun + (share + step * (at is not None)) * (wanted - begun)
-            found = self._from_settled_states(self.begin) if at is None else self._approach(at.y)
+            found = self._by_relaxation(self.begin) if at is None else self._approach(at.y)
             if found.worst <= _MET:
                 share, step, at = (0.0, step, found) if at is None else (share + step, min(2 * step, 1 - share - step), found)
             elif at is None:
