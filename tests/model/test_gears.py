@@ -200,5 +200,5 @@ def test_explain_has_gears_and_what_follows_from_them(method: str) -> None:
     model = read_model_text(text + "scenes: {run: {end: 1}}\n", "gears.yaml")
     page = explain(model, model.scenes["run"], method)
     assert "| `mesh` | gears.yaml:21 | `pinion.angle`, `slide.angle` |" in page
-    assert ("| left out, since others imply them | `again.ratio` |" in page) == (method == "classical")
+    assert ("`again.ratio` |" in page.partition("| left out, since others imply them |")[2]) == (method == "classical")
     assert "`Phi = q_a - ratio q_b" in page
