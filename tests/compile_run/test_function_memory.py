@@ -223,7 +223,7 @@ def test_explanations_have_a_memory_as_one_argument(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     lines = (tmp_path / "m.md").read_text(encoding="utf-8").splitlines()
     (update,) = [line for line in lines if "leftarrow" in line and "a keeper kept" in line]
-    assert update.count("keeper kept") == 2
+    assert update.count("a keeper kept") == 2
     assert r"\text{ wear update }" in update
 
 
