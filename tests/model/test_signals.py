@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import partial
 
 import pytest
+import sympy
 
-from cutjoint.model.expressions.parse import quantity_symbol
+from cutjoint.model.expressions.parse import quantity_symbol, variable
 from cutjoint.model.expressions.quantities import readings_of
 from cutjoint.model.read import read_model_text
 
@@ -146,6 +147,13 @@ def test_problems(changes: list[tuple[str, str]], expected: list[str]) -> None:
 
 def test_a_state_breaks_a_loop_and_a_law_reads_its_own_length() -> None:
     read(("command: 30*error", "command: later + 30*error"), ("states:", "states:\n  later: {start: 0, rate: (motor.force - later)/lag}"))
+
+
+@pytest.mark.parametrize(("word", "kind"), [("and", sympy.And), ("or", sympy.Or)])
+def test_conditions_of_states_are_joined(word: str, kind: type[sympy.Basic]) -> None:
+    law = read(("law: command - 2*rate", f'law: "where(integral < 0.1 {word} rate > 0, 3, -rate)"')).forces[0].law
+    (joined,) = law.atoms(kind)
+    assert {*joined.args} == {quantity_symbol("integral", "value") < sympy.Float(0.1), variable("rate") > 0}
 
 
 def test_signals_that_read_each_other_in_a_long_row() -> None:

@@ -288,6 +288,8 @@ def compare(sign: ast.cmpop, a: Term, b: Term) -> Scalar:
     relation, numeric = RELATIONS[type(sign)]
     if a.number is not None and b.number is not None:
         return sympy.true if numeric(a.number, b.number) else sympy.false
+    if a.value.has(sympy.nan) or b.value.has(sympy.nan):  # it follows from a failed term, and SymPy joins no conditions of it
+        return sympy.true
     return relation(a.value, b.value, evaluate=False)
 
 
