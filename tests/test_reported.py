@@ -116,7 +116,7 @@ def test_a_run_says_its_file_and_errors_first_and_the_rest_by_request(tmp_path: 
     assert lines[0] == f"results: {tmp_path / 'run.csv'}, 4 columns, 11 rows"
     assert lines[1] == "time-stepping errors at most"
     assert lines[-1].startswith("scene turn, method recursive: ")
-    assert lines[-1].endswith("; --verbose says more")
+    assert lines[-1].endswith("; --verbose prints more")
     assert len(lines) < 12
     assert long.stdout.splitlines()[0] == lines[0]
     assert all(word in long.stdout for word in ("degrees of freedom", "evaluations each", "work and energy"))

@@ -205,7 +205,7 @@ def test_a_run_that_leaves_the_range_stops_or_starts_again(tmp_path: Path) -> No
             assert "run with loops: exact, with on_violation: restart, or with more loop_terms" in output
         else:
             assert result.exit_code == 0, result.output
-            assert "again with the loops' equations" in result.output.replace("\n", " ")
+            assert "repeated with the loop equations" in result.output.replace("\n", " ")
             assert rows["embedded"] == rows["exact"]
 
 

@@ -106,7 +106,7 @@ def test_paths_that_no_file_has_are_not_drawn(tmp_path: Path) -> None:
 @pytest.mark.parametrize("joint", [fixed("j", "base", "a"), hinge("j", "base", "a", "1 0 0")])
 def test_a_loop_that_nothing_can_close_is_refused(tmp_path: Path, joint: str) -> None:
     loop = '<loop name="far" type="spherical"><predecessor link="a"/><successor link="base"><origin xyz="1 0 7"/></successor></loop>'
-    with pytest.raises(ModelError, match="loop 'far': does not close: in the position found it is open by 7 m or rad"):
+    with pytest.raises(ModelError, match="loop 'far': does not close: in the position found it is violated by 7 m or rad"):
         read_model(written(tmp_path, robot(BASE + link("a"), joint + loop), "urdf"))
 
 

@@ -165,7 +165,7 @@ def test_a_penalty_far_too_small_is_a_warning() -> None:
     assert max(float(np.max(np.abs(run[name] - finer[name]))) for name in run.columns) < 1e-5
     error = run.error
     assert max(error.max_error.values()) > 1e-4
-    assert "loops stand open" in error.warnings[1]
+    assert "constraint violation of loops" in error.warnings[1]
     assert "work and energy differ by" in error.warnings[0]
 
 

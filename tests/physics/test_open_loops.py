@@ -67,7 +67,7 @@ def test_a_gap_counts_against_the_tolerance() -> None:
 def test_loops_that_are_closed_are_not(how: dict[str, float | str]) -> None:
     run = simulate(turning("turn"), inputs=JUMP, **how)  # type: ignore[arg-type]
     assert run.error.converged
-    assert not any("loops stand open" in warning for warning in run.error.warnings)
+    assert not any("constraint violation of loops" in warning for warning in run.error.warnings)
 
 
 @pytest.mark.parametrize("dt", [2e-3, 5e-4])

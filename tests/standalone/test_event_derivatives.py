@@ -276,10 +276,10 @@ def test_the_command_has_the_first_event(tmp_path: Path) -> None:
     lines = [line.split() for line in done.output.splitlines() if line.strip().startswith(tuple(f"{name} " for name in BY))]
     rows = {line[0]: [float(x) for x in line[1:]] for line in lines}
     assert [rows[name][0] for name in BY] == pytest.approx(along(sprung, 0.7)[2], rel=1e-4, abs=1e-9)  # six printed digits
-    assert float(re.findall(r"by ([\d.e-]+) of the largest", done.output)[0]) < 1e-7
+    assert float(re.findall(r"differences: ([\d.e-]+) of the largest", done.output)[0]) < 1e-7
     many = CliRunner().invoke(main, [*call, "--output", "mass.z", "--end", "0.7", "--check"])
     assert many.exit_code == 0, many.output
-    assert float(re.findall(r"by ([\d.e-]+) of the largest", many.output)[0]) < 1e-6
+    assert float(re.findall(r"differences: ([\d.e-]+) of the largest", many.output)[0]) < 1e-6
     none = CliRunner().invoke(main, [*call, "--objective", "event", "--end", "0.1"])
     assert (none.exit_code, "changes its formula until 0.1 s" in none.output) == (1, True)
 

@@ -197,4 +197,4 @@ def test_the_command_has_the_method() -> None:
     call = ["gradient", str(MODELS / "press.yaml"), *steps, *asked]
     done = CliRunner().invoke(main, call)
     assert done.exit_code == 0, done.output
-    assert float(re.findall(r"by ([\d.e-]+) of the largest", done.output)[0]) < 1e-6
+    assert float(re.findall(r"differences: ([\d.e-]+) of the largest", done.output)[0]) < 1e-6

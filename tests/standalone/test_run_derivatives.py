@@ -189,7 +189,7 @@ def test_the_command_prints_them_and_checks(tmp_path: Path) -> None:
     rows = {line.split()[0]: line.split() for line in done.output.splitlines() if line.strip()}
     values = [float(x) for line in done.output.splitlines() if " rad " in line for x in re.findall(r"-?[\d.]+(?= rad)", line)]
     assert float(rows["g"][1]) == pytest.approx(2 * values[1] / (2 * 9.81), rel=1e-4)  # six printed digits
-    assert float(re.findall(r"by ([\d.e-]+) of the largest", done.output)[0]) < 1e-8
+    assert float(re.findall(r"differences: ([\d.e-]+) of the largest", done.output)[0]) < 1e-8
     wrong = CliRunner().invoke(main, [*call, "--by", "h"])
     assert (wrong.exit_code, "no 'h'" in wrong.output) == (1, True)
 

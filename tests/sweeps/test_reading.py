@@ -43,7 +43,7 @@ _WRONG = {
     ),
     "a count": (
         f"{_HEAD}parameters: {{stiffness: {{from: 1, to: 2, count: 2}}}}\ndesign: {{sobol: 4}}\n{_END}",
-        ["s:3:42: parameter 'stiffness': 'count' belongs to a grid; leave it away: the design has the number of runs"],
+        ["s:3:42: parameter 'stiffness': 'count' belongs to a grid; leave it out: the design has the number of runs"],
     ),
     "by ratios from zero": (
         f"{_HEAD}parameters: {{stiffness: {{from: 0, to: 2, scale: log}}}}\ndesign: {{sobol: 4}}\n{_END}",

@@ -17,7 +17,7 @@ _SHARE, COLLINEAR = 0.05, 20.0
 @dataclass(frozen=True, kw_only=True)
 class Identifiability:
     """``singular_values`` of the Jacobian by parameters as shares of their sizes, the largest first; ``open`` are combinations that the
-    data do not tell, ``nearly_open`` those that they hardly tell, each with shares by names; ``collinear`` is a pair with its index."""
+    data do not determine, ``nearly_open`` those hardly determined, each with shares by names; ``collinear`` is a pair with its index."""
 
     singular_values: Array
     open: tuple[dict[str, float], ...]

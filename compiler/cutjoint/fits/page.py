@@ -35,7 +35,8 @@ def _pictures(signals: tuple[SignalResult, ...]) -> Iterator[bytes]:
         yield as_png(draw(lines, x_label="t [s]", title=f"{s.experiment}{', validation' * s.validation}"))
         lags = np.arange(1.0, len(s.autocorrelation) + 1)
         if len(lags):
-            bound = np.full(len(lags), 1.96 / np.sqrt(s.samples))
-            yield as_png(draw([Line(x=lags, y=y, label=label, unit="", panel="autocorrelation of the residual") for y, label in
-                ((s.autocorrelation, "residual"), (bound, "95 % of white noise"), (-bound, "95 % of white noise"))],
-                x_label="lag, samples"))  # fmt: skip
+            bound, panel = np.full(len(lags), 1.96 / np.sqrt(s.samples)), "autocorrelation of the residual"
+            bounds, both = np.concatenate([bound, [np.nan], -bound]), np.concatenate([lags, [np.nan], lags])
+            lines = [Line(x=lags, y=s.autocorrelation, label="residual", unit="", panel=panel)]
+            lines.append(Line(x=both, y=bounds, label="95 % of white noise", unit="", panel=panel))
+            yield as_png(draw(lines, x_label="lag, samples"))

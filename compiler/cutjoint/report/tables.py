@@ -250,7 +250,7 @@ def reported_facts(counts: Iterable[tuple[str, str]], compilation: Compilation, 
 
 def summary_line(compilation: Compilation, run: Trajectory) -> str:
     """The scene, its method and the time of its run in one line."""
-    return f"scene {compilation.scene}, method {compilation.method}: {_run_time(run)}; --verbose says more"
+    return f"scene {compilation.scene}, method {compilation.method}: {_run_time(run)}; --verbose prints more"
 
 
 def run_facts(compilation: Compilation, run: Trajectory) -> Table:

@@ -233,7 +233,7 @@ class Objective(Part):
             if words or self.at is not None:
                 raise shape_error(words or "'at' belongs to percentile and crossing", "write for example {percentile: x, at: 95}")
         if self.direction is not None and self.crossing is None:
-            raise shape_error("'direction' belongs to crossing", "leave it away")
+            raise shape_error("'direction' belongs to crossing", "leave it out")
         return self
 
     @property

@@ -203,7 +203,7 @@ class Variables:
         if is_grid and values.count is None:
             self._fail(keys, "a grid needs the number of values", "write count: 10 beside from and to", at_key=True)
         if not is_grid and values.count is not None:
-            self._fail((*keys, "count"), "'count' belongs to a grid", "leave it away: the design has the number of runs", at_key=True)
+            self._fail((*keys, "count"), "'count' belongs to a grid", "leave it out: the design has the number of runs", at_key=True)
         if self._problems or values.count is None:
             return Extent(low=low, high=high, by_ratio=by_ratio)
         return Extent(levels=designs.spread(low, high, values.count, by_ratio=by_ratio))
