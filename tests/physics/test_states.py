@@ -154,6 +154,32 @@ def test_loops_move_as_without_states(method: str) -> None:
         assert np.abs(both.columns[name] - values).max() <= 1e-9 * np.abs(values).max(), name
 
 
+SMALL = """
+cutjoint: 1
+name: small
+gravity: [0, 0, -9.81]
+bodies: {bob: {mass: 0.01, centre_of_mass: [0.01, 0, 0]}}
+joints: {pin: {kind: revolute, bodies: [ground, bob], at: [0, 0, 0], axis: [0, 1, 0]}}
+states: {decay: {start: 2, rate: -decay}}
+forces: {motor: {kind: joint_force, joint: pin, law: "-1e-4*decay"}}
+outputs: [pin.angle, decay.value]
+scenes: {run: {end: 0.2, output_step: 0.01}}
+"""
+
+
+@pytest.mark.parametrize("method", list(METHODS))
+def test_mechanisms_far_from_a_metre_take_states_along(method: str) -> None:
+    """A pendulum of a centimetre, beside SciPy."""
+    model = read_model_text(SMALL, "small.yaml")
+    run = simulate(compile_scene(model, model.scenes["run"], CompileOptions(method=method)), integrator="trapezoidal", dt=1e-4, error=False)
+    assert np.abs(run.columns["decay.value"] - 2 * np.exp(-run.t)).max() < 1e-8
+    known = solve_ivp(
+        lambda t, y: [y[1], (0.01 * 9.81 * 0.01 * np.cos(y[0]) - 2e-4 * np.exp(-t)) / (0.01 * 0.01**2)], (0, 0.2), [0, 0],
+        t_eval=run.t, rtol=1e-10, atol=1e-10,
+    ).y[0]  # fmt: skip
+    assert np.abs(run.columns["pin.angle"] - known).max() < 1e-3
+
+
 def test_the_start_follows_from_parameters() -> None:
     run = simulate(compile_scene(lagging(), lagging().scenes["run"]), parameters={"lag": 0.4}, error=False)
     assert run.columns["decay.value"][0] == 3.0

@@ -109,7 +109,7 @@ class Workspace {
   /// Otherwise lengths are relative to its arm, angles are multiplied by it, and times are relative to that of falling an arm's length at 1 m/s2.
   Real pose_size(const Coordinates<S>& q) const {
     if (arm_ == Real(1)) return Real(1) + largest(q);
-    if (charts().empty()) return arm_ + largest(q, nominals_of(system_));
+    if (charts().empty()) return arm_ + largest(q, nominals_of(system_).first(q.size()));
     Real size(0);
     for (const Chart& chart : charts())
       for (std::size_t i = 0; i < static_cast<std::size_t>(chart.scalars); ++i) {
