@@ -17,6 +17,7 @@ from cutjoint.analysis.modes import Modes, eigenpairs, find_mode_shapes
 from cutjoint.cli import main
 from cutjoint.formulate.implicit.equations import ImplicitEquations
 from cutjoint.model.read import read_model, read_model_text
+from cutjoint.report.tasks import mode_tables
 from cutjoint.run.scenes import find_scene
 from cutjoint.tasks.states import find_scene_modes
 from tests.analysis.linearised import Array, implicit, linearised
@@ -62,6 +63,16 @@ def test_double_pendulum() -> None:
         assert sum(p.share for p in mode.shape.values()) == pytest.approx(1.0, abs=1e-12)
     assert modes.zeros == 0
     assert [m.eigenvalue for m in modes.undamped] == pytest.approx([m.eigenvalue for m in modes.modes], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("q", "damping", "growth"), [([pi, 0.0], 0.0, sqrt((2 + sqrt(2)) * G)), ([0.0, 0.0], 0.0, 0.0), ([0.0, 0.0], 3.0, 0.0)]
+)
+def test_an_unstable_equilibrium_is_reported(q: list[float], damping: float, growth: float) -> None:
+    modes = at_rest(pendulums(damping), np.array(q))
+    assert modes.growth_rate == pytest.approx(growth, rel=1e-9)
+    said = [text for text in mode_tables(modes) if isinstance(text, str) and text.startswith("unstable")]
+    assert said == ["unstable: small disturbances of the static equilibrium grow as exp(5.787 t), t in s"] * bool(growth)
 
 
 def test_damped_double_pendulum() -> None:

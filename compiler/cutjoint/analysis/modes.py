@@ -84,6 +84,13 @@ class Modes:
     held: tuple[str, ...] = ()
     steady: bool = False
 
+    @property
+    def growth_rate(self) -> float:
+        """The rate (1/s) at which the fastest growing mode grows; 0 without one whose growth exceeds rounding."""
+        fastest = max((abs(mode.eigenvalue) for mode in self.modes), default=0.0)
+        growth = max((mode.eigenvalue.real for mode in self.modes), default=0.0)
+        return growth if growth > _SPRINGS * fastest else 0.0
+
     def __repr__(self) -> str:
         where = "at rest" if self.at_rest else "of a steady motion" if self.steady else f"at t = {self.time:g} s"
         values = [f"{mode.eigenvalue:.3g}" for mode in self.modes[:_NAMED]] + ["..."] * (len(self.modes) > _NAMED)

@@ -168,6 +168,8 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
         yield _table("without dampers", modes.undamped, damped=False)
     if modes.zeros:
         yield f"rigid-body modes, with {modes.zeros} eigenvalue{'s' * (modes.zeros != 1)} of zero: {', '.join(modes.rigid_body_modes)}"
+    if modes.growth_rate and (modes.at_rest or modes.steady) and not modes.held:
+        yield f"unstable: small disturbances of {about} grow as exp({modes.growth_rate:.4g} t), t in s"
     if modes.held:
         names = join_and([f"'{name}'" for name in modes.held])
         yield f"{names}: sampled values are held constant: these are not the modes of the sampled loop; a run shows whether it is stable"
