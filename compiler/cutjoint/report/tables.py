@@ -312,7 +312,7 @@ _NAMED = 4
 
 
 def error_facts(error: ErrorEstimate) -> Table:
-    """The bounds of the outputs' errors, the worst of each unit."""
+    """The estimated errors of the outputs, the largest of each unit."""
     by_unit: dict[str, tuple[float, str]] = {}
     for name, value in error.max_error.items():
         unit = error.units[name]
@@ -330,7 +330,7 @@ def error_facts(error: ErrorEstimate) -> Table:
         rows = [("converged", f"{promised}; but not {names}: {why}")]
     rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
     rows += [("warning", warning) for warning in error.warnings]
-    return facts("time-stepping errors at most", rows)
+    return facts("error estimate", rows)
 
 
 def _build_time(seconds: float) -> str:
