@@ -16,11 +16,11 @@ from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.geometry import TOLERANCE
 
-#: A place (m, rad) is as wanted within this, in units of its size above one.
+#: A quantity is as wanted within this (m, rad), in units of its size above one.
 _REACHED = 1e-11
 #: A step of differences by which places change, rad and m: central ones err by their square.
 _DIFFERENCE = 1e-5
-#: A step moves no coordinate further, rad and m.
+#: The largest change of a coordinate in one step, rad and m.
 _FARTHEST = 0.3
 _ITERATIONS = 200
 #: The damping that steps begin with, as a share of the places' largest change, and the share of its distance that the last step gains.
@@ -29,15 +29,15 @@ _DAMPING, _GAIN = 1e-9, 1e-9
 _SEEN = 1e-7
 #: Random steps from the design position, and how far these go, rad and m.
 _TRIALS, _STRAY = 12, 1.2
-#: Steps of the continuation from the design position to given coordinates.
+#: Steps of the continuation from the design position to the given coordinates.
 _STAGES = 17
-#: Trials that end as far away as the best, by this share: after so many there is nothing nearer.
+#: The search ends after so many trials whose residuals equal the best one within this share.
 _ALIKE, _ENOUGH = 1e-3, 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Reached:
-    """Coordinates that close the loops, and how far (m, rad) each place is from the wanted one."""
+    """Coordinates that close the loops, and the distance (m, rad) of each place from the wanted one."""
 
     q: Array
     left: Array
@@ -64,8 +64,8 @@ class AimedStart:
         self._equations = formulate_recursive(topology, acting, outputs)
 
     def find(self, parameters: Mapping[str, float], given: Mapping[str, float], wanted: Sequence[float]) -> dict[str, float]:
-        """All coordinates by "joint.coordinate", those ``given`` (SI units) as they are, with open ``parameters``; the values that places
-        are to have are ``wanted``.
+        """All coordinates by "joint.coordinate": ``given`` ones (SI units) unchanged, the others such that places have the ``wanted``
+        values; ``parameters`` are values of tunable parameters.
 
         Raises:
             RunError: no pose has them, or none that closes the loops was found near the design position.
@@ -82,7 +82,7 @@ class AimedStart:
         return dict(zip(self._equations.coordinate_names, self._with_reversed_attitudes(found.q).tolist(), strict=True))
 
     def follows(self, parameter: str, parameters: Mapping[str, float]) -> bool:
-        """Return whether loops or aims depend on a tunable parameter: without its number they are undefined."""
+        """Return whether loops or aims depend on a tunable parameter: they are undefined without its value."""
         search = _Search(self._with({**parameters, parameter: np.nan}), np.ones(self._equations.speeds, dtype=bool), np.zeros(0))
         return bool(np.isnan(search.equations_at(design_coordinates(self._equations))).any())
 
@@ -128,14 +128,14 @@ class AimedStart:
 
 
 class _Search:
-    """Looks for coordinates that close the loops and have the ``wanted`` places; speeds that are not ``free`` keep their coordinates."""
+    """Searches for coordinates that close the loops and have the ``wanted`` places; speeds that are not ``free`` keep their coordinates."""
 
     def __init__(self, equations: RecursiveEquations, free: Array, wanted: Array) -> None:
         self._equations, self._free, self._wanted = equations, free, wanted
         self._places = list(equations.function("report").results.values())
 
     def find(self, start: _Reached) -> _Reached:
-        """The wanted pose nearest to the start, else that with the nearest places, from the start and from random steps near it."""
+        """The wanted pose nearest to the start, else the pose with the smallest residual, from the start and from random steps near it."""
         best, alike = self._approach(start), 0
         rng, moves = np.random.default_rng(0), self._moves(start.q)
         for _ in range(_TRIALS if moves.size else 0):
@@ -151,7 +151,7 @@ class _Search:
         return best
 
     def reach(self, q: Array) -> _Reached | None:
-        """The pose near q that closes the loops; None where there is none."""
+        """The pose near q that closes the loops; None if the iteration does not converge."""
         found = close_loops(self._equations, q, free=self._free)
         if found is None:
             return None
@@ -162,7 +162,7 @@ class _Search:
         """The pose near given coordinates, by a direct search or by continuation from the design position, whichever moves other
         coordinates less.
 
-        As runtime core/start/start.hpp: a direct search from far away may end in another assembly.
+        As runtime core/start/start.hpp: a direct search from far away may end in another configuration.
         """
         direct, design = self.reach(q), design_coordinates(self._equations)
         if self._free.all() or (direct is not None and np.array_equal(direct.q, q)):
@@ -189,7 +189,7 @@ class _Search:
         return int(self._moves(q).shape[1])
 
     def _approach(self, at: _Reached) -> _Reached:
-        """The places' least squares from a pose on, by steps along closed loops (Levenberg, Q. Appl. Math. 2, 1944)."""
+        """Minimise the residual of the places from a pose, by steps along closed loops (Levenberg, Q. Appl. Math. 2, 1944)."""
         damping = _DAMPING
         for _ in range(_ITERATIONS):
             if at.distance == 0:
@@ -209,7 +209,7 @@ class _Search:
         return at
 
     def _moves(self, q: Array) -> Array:
-        """The directions of motion (speeds, n) in which closed loops stay closed and given coordinates where they are."""
+        """The motions (speeds, n) that keep loops closed and given coordinates fixed."""
         jacobian = evaluate_closures(self._equations, q)[1][:, self._free]
         m, n = jacobian.shape
         moves = np.zeros((len(self._free), n))

@@ -1,4 +1,4 @@
-"""The poses of all bodies over time, by interpretation: of the tree's kinematics, or of what natural coordinates span."""
+"""The poses of all bodies over time, by interpretation of the tree's kinematics or of natural coordinates."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -20,13 +20,13 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class BodyPose:
-    """A body at some times: its point p of the design position is at ``rotation`` (times, 3, 3) p + ``shift`` (times, 3), m."""
+    """A body at some times: its point p (in the design position) is at ``rotation`` (times, 3, 3) p + ``shift`` (times, 3), m."""
 
     rotation: Array
     shift: Array
 
     def place(self, point: Array) -> Array:
-        """The place of a point (3,) of the design position over time, (times, 3)."""
+        """The position of a point (3,) of the design position over time, (times, 3)."""
         return np.asarray(self.rotation @ point + self.shift)
 
     def rotate(self, direction: Array) -> Array:
@@ -35,7 +35,7 @@ class BodyPose:
 
 
 def find_poses(equations: PoseEquations, t: Array, q: Array, parameters: Mapping[str, float]) -> Mapping[str, BodyPose]:
-    """The poses of all bodies at times ``t`` (times,), s, with coordinates ``q`` (times, coordinates) and open ``parameters``, SI units."""
+    """The poses of all bodies at times ``t`` (times,), s, with coordinates ``q`` (times, coordinates) and tunable ``parameters``, in SI."""
     inputs = _inputs(equations, t, q, parameters)
     found = interpret_blocks([*equations.rotations.values(), *equations.shifts.values()], {**inputs, "motion": np.zeros(1)}, {})
     return {
@@ -64,8 +64,8 @@ def _inputs(equations: PoseEquations, t: Array, q: Array, parameters: Mapping[st
 def find_dependent_joints(
     equations: PoseEquations, t: Array, q: Array, v: Array, parameters: Mapping[str, float]
 ) -> Mapping[str, tuple[Array, Array]]:  # fmt: skip
-    """The coordinates (times, n) and speeds (times, k) of joints that functions move, by coordinates and speeds (times, ...) of the others;
-    the rest as of `find_poses`."""
+    """The coordinates (times, n) and speeds (times, k) of dependent joints, by coordinates and speeds (times, ...) of the others; other
+    arguments as of `find_poses`."""
     speeds = {f"v:{c.joint}": v[:, c.v : c.v + len(c.speed_names)] for c in equations.charts}
     inputs = {**_inputs(equations, t, q, parameters), **speeds, "motion": np.ones(1)}
     found = interpret_blocks([block for pair in equations.followers.values() for block in pair], inputs, {})
@@ -76,9 +76,9 @@ def find_dependent_joints(
 
 
 def find_spanned_poses(equations: SpanEquations, q: Array, parameters: Mapping[str, float]) -> Mapping[str, BodyPose]:
-    """The poses of all bodies that move, from natural coordinates ``q`` (times, coordinates) and open ``parameters``, SI units.
+    """The poses of all bodies that move, from natural coordinates ``q`` (times, coordinates) and tunable ``parameters``, SI units.
 
-    A body that two points span, as a massless rod is, has no attitude about the line through them; it does not turn about it here.
+    A body that two points span, such as a massless rod, has no attitude about its line; here it does not rotate about that line.
     """
     inputs = {"parameters": np.array([parameters[p.name] for p in equations.parameters])}
     first = 0

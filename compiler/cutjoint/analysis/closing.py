@@ -21,9 +21,9 @@ from cutjoint.topology.geometry import TOLERANCE
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: A residual below this (m, rad; share of the arm where that is not a metre) is closed.
+#: The residual (m, rad; share of the arm where that is not a metre) below which a loop counts as closed.
 CLOSED = 1e-9
-#: Damping of the steps by the largest square of a speed's effect: equations that depend on others to six digits have no effect.
+#: Damping of the steps by the largest square of a speed's effect: equations that are dependent to six digits have no effect.
 _DAMPING = 1e-12
 _ITERATIONS = 30
 
@@ -70,12 +70,12 @@ def design_coordinates(equations: Charted) -> Array:
 
 
 def speed_scales(equations: RecursiveEquations) -> Array:
-    """The usual sizes (speeds,) of displacements by speeds: 1 of angles, of lengths the mechanism's arm."""
+    """The usual sizes (speeds,) of displacements by speeds: 1 of angles, the mechanism's arm (its length scale, m) of lengths."""
     return np.where(equations.angular, 1.0, equations.topology.arm)
 
 
 def evaluate_closures(equations: RecursiveEquations, q: Array, t: float = 0.0) -> tuple[Array, Array]:
-    """Residual (equations) and Jacobian (equations, speeds) of the cut joints, guides standing still where they are at ``t`` (s)."""
+    """Residual (equations) and Jacobian (equations, speeds) of the cut joints, with guides fixed at their positions at ``t`` (s)."""
     close = next(f for f in equations.functions if f.name == "constraint_residual").results
     residuals, rates = ([close[f"{quantity}:{c.joint}"] for c in equations.closures] for quantity in ("residual", "rate"))
     values = _interpret(equations, q, [*residuals, *rates], t)
@@ -84,7 +84,7 @@ def evaluate_closures(equations: RecursiveEquations, q: Array, t: float = 0.0) -
 
 
 def evaluate_guided_rates(equations: RecursiveEquations, q: Array, t: float) -> Array:
-    """The rates (equations) at which guides alone open the loops at ``t`` (s)."""
+    """The rates (equations) of the residuals by the motion of guides alone at ``t`` (s)."""
     close = next(f for f in equations.functions if f.name == "constraint_residual").results
     rates = [close[f"rate:{c.joint}"] for c in equations.closures]
     inputs = {**make_inputs(equations, q, np.zeros(equations.speeds), t), "motion": np.ones(1)}
@@ -135,7 +135,7 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
 
 def evaluate_scene_inputs(equations: Equations, parameters: Array, t: float) -> dict[str, Array]:
     """The values (..., length) of a scene's laws at ``t`` (s) that a step of a mechanism or system reads with ``parameters`` (..., length),
-    by symbol, and what controllers hold before their first samples; none of a model without inputs and controllers."""
+    by symbol, and the initial discrete states of controllers; none of a model without inputs and controllers."""
     if not equations.input_values:
         return {}
     results = equations.function("scene_inputs").results
@@ -166,8 +166,8 @@ def close_loops(
     """Coordinates near q that close the loops, and the Jacobian there, by Gauss-Newton steps; None where they do not converge.
 
     Steps are taken across the direction ``across`` (speeds), so that they do not undo a step along it: where branches of motion cross,
-    shortest steps alone would lead back to the crossing.  Guides are where they are at ``t`` (s).  Only speeds that are ``free`` (speeds,)
-    change their coordinates, where that is given.
+    shortest steps alone would lead back to the crossing. Guides are at their positions at ``t`` (s). If ``free`` (speeds,) is given, only
+    coordinates of these speeds change.
     """
     rows = np.zeros((0, equations.speeds)) if across is None else across[np.newaxis]
     sizes, arm, best = speed_scales(equations), equations.topology.arm, np.inf
@@ -186,7 +186,7 @@ def close_loops(
 
 
 def _step(matrix: Array, right: Array) -> Array:
-    """The short x of small |matrix x - right|: (matrix^T matrix + damping) x = matrix^T right."""
+    """The damped least-squares solution of matrix x = right: (matrix^T matrix + damping) x = matrix^T right."""
     gram = matrix.T @ matrix
     damping = _DAMPING * gram.diagonal().max(initial=0.0) or 1.0
     return np.asarray(np.linalg.solve(gram + damping * np.eye(len(gram)), matrix.T @ right), dtype=np.float64)
@@ -220,7 +220,7 @@ def retract_changes(equations: Charted, q: Array, delta: Array, changes: Array) 
 
 
 def _rotated_quaternion(e: Array, theta: Array) -> Array:
-    """A quaternion (..., 4) times (1, theta/2), not of length one."""
+    """A quaternion (..., 4) times (1, theta/2), not normalised."""
     x, y, z = np.moveaxis(theta / 2, -1, 0)
     one = np.ones_like(x)
     return np.asarray(np.einsum("ij...,...j->...i", np.array([[one, -x, -y, -z], [x, one, -z, y], [y, z, one, -x], [z, -y, x, one]]), e))
@@ -229,7 +229,7 @@ def _rotated_quaternion(e: Array, theta: Array) -> Array:
 #: The number of wanted poses besides the design position, and of trials for one.
 NEIGHBOURS = 4
 _ATTEMPTS = 16
-#: The first try steps this far (m or arms, rad) in the coordinate that moves most; one without a pose halves it.
+#: The first step changes the fastest coordinate by this much (m or arms, rad); it is halved where no closed pose is found.
 _STEP, _SMALLEST = 0.25, 0.015
 
 
@@ -254,7 +254,7 @@ class Pose:
 
     @property
     def free(self) -> Array:
-        """The speeds that the equations leave free, as columns."""
+        """An orthonormal basis, as columns, of the speeds that the equations leave free."""
         m, n = self.jacobian.shape
         return np.linalg.svd(self.jacobian, full_matrices=m < n)[2][self.rank :].T if m and n else np.eye(n)
 

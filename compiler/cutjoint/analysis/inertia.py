@@ -1,4 +1,4 @@
-"""Motions that no mass resists: the condensation would divide by zero.
+"""Motions without inertia, for which the condensation would divide by zero.
 
 The joints' unknowns are eliminated from M + Phi_v^T a Phi_v, which is positive definite unless some speeds move neither a mass nor a
 cut joint's equation.  A massless link between two spherical joints is the usual case: it is free to spin about its own axis.
@@ -27,7 +27,7 @@ _PART = 1e-6
 
 
 class NoInertiaError(EquationsError, ValueError):
-    """Joints have a motion that no mass resists."""
+    """Joints have a motion without inertia."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +67,8 @@ def _describe(motion: IdleMotion) -> str:
 def find_momentary_motions(equations: RecursiveEquations, poses: Sequence[Pose]) -> tuple[IdleMotion, ...]:
     """The motions that move no mass and no cut joint's equation in the first of the ``poses`` of `explore`, the design position.
 
-    Of a mechanism that passes `require_inertia` they are idle for that moment only.  The usual case is a massless link in line: two joints
-    that carry it and the joint or mass that it moves lie in one line.
+    If the mechanism passes `require_inertia`, they lack inertia in this pose only. The usual case is a massless link in a straight line:
+    the two joints that carry it are in line with the joint or mass that it moves.
     """
     if _every_body_resists(equations):
         return ()

@@ -17,8 +17,8 @@ from cutjoint.topology.geometry import TOLERANCE
 @dataclass(frozen=True, kw_only=True)
 class Linearisation:
     """The matrices above: ``M``, ``C``, ``K``, ``W`` (speeds, speeds), ``J``, ``G`` (equations, speeds), with a name for each speed's
-    coordinate, the state's coordinates ``q``, and whether it is one ``at_rest``.  The last of the speeds are ``states`` first-order states,
-    whose rows are x' + C (q', x) + K q = 0."""
+    coordinate, the state's coordinates ``q``, and whether the state is ``at_rest``. The last of the speeds are ``states`` first-order
+    states, whose rows are x' + C (q', x) + K q = 0."""
 
     names: tuple[str, ...]
     M: Array
@@ -47,7 +47,7 @@ class ReducedSystem:
 
 
 class NoMassError(ValueError):
-    """A direction that the loops leave free moves no mass."""
+    """A motion that the loops leave free has no mass."""
 
 
 def free_directions(J: Array) -> Array:
@@ -79,7 +79,7 @@ def reduce_system(of: Linearisation) -> ReducedSystem:
     return ReducedSystem(basis=N, stiffness=stiffness, damping=damping, first_order=first_order)
 
 
-#: A direction whose mass is this share of what its coordinates move one by one has none.
+#: A free motion whose mass is below this share of the masses of its coordinates has none.
 _MASSLESS = 1e-12
 
 
@@ -107,8 +107,8 @@ def _kept_rates(of: Linearisation, N: Array) -> Array:
 class Point:
     """A state at time ``t`` (s): coordinates ``q``, speeds ``v``, accelerations ``vdot``; zero of a mechanism at rest.
 
-    ``parameters`` have the order of the equations' own, ``held`` the values of discrete states and of inputs that do not follow the scene,
-    ``roads`` the roads of tyres, flat where there are none. Multipliers follow from the residual.
+    ``parameters`` have the order of the equations' own, ``held`` the values of discrete states and of inputs, which replace those of the
+    scene, ``roads`` the roads of tyres, flat where there are none. Multipliers follow from the residual.
     """
 
     t: float
@@ -156,7 +156,7 @@ def _jacobian(equations: ImplicitEquations, here: Mapping[str, Array]) -> Array:
 
 
 def _balancing(J: Array, residual: Array) -> Array:
-    """The multipliers that balance the accelerations."""
+    """The multipliers that satisfy the equations of motion for the accelerations."""
     return np.asarray(np.linalg.lstsq(J.T, -residual, rcond=TOLERANCE)[0]) if len(J) else np.zeros(0)
 
 

@@ -1,8 +1,8 @@
-"""Loops that points and axes slightly off keep from moving: the nearest geometry with which they move.
+"""Loops that are locked only by small errors of points and axes, and the nearest geometry with which they move.
 
-In poses q_k along a motion that the loops nearly leave free, the left null space U_k of their Jacobian has the equations that are redundant
-but for the misfit.  Joints that are moved and turned by p close the loops in all these poses where U_k^T (Phi + Phi_p p) = 0.  Of the
-solutions the one that moves fewest joints is taken, by least squares with weights that follow from the one before.
+In poses q_k along a motion that the loops nearly leave free, the left null space U_k of their Jacobian has the equations that would be
+redundant without these errors. Displacements and rotations p of joints close the loops in all these poses where U_k^T (Phi + Phi_p p) = 0.
+Of the solutions the one that moves fewest joints is taken, by least squares with weights that follow from the one before.
 """
 
 from collections.abc import Collection, Sequence
@@ -22,7 +22,7 @@ from cutjoint.topology.build import build_topology
 from cutjoint.topology.geometry import balanced
 from cutjoint.topology.spanning_tree import loops_of
 
-#: Poses, the largest step to one (arms, rad), steps of Newton's method, and weightings of joints.
+#: Poses, the largest step to one (arms, rad), steps of Newton's method, and reweightings of joints.
 _POSES, _STEP, _NEWTON, _WEIGHTINGS = 14, 0.6, 16, 12
 _PROJECTIONS = 12
 #: Singular values of the conditions below this share of the largest are rounding.
@@ -31,7 +31,7 @@ _NOISE = 1e-8
 
 @dataclass(frozen=True, kw_only=True)
 class Misfit:
-    """The joint that is ``off`` most (m, or rad if it ``turns``) from a geometry with which loops move, and the ``model`` that has it."""
+    """The joint that is ``off`` most (m, or rad if it ``turns``) from one with which the loops move, and the ``model`` of that."""
 
     joint: str
     off: float
@@ -50,9 +50,8 @@ class _Space:
 
 
 def find_misfit(equations: RecursiveEquations, held: float, free: float) -> Misfit | None:
-    """The misfit of loops whose singular values below a share ``held`` of the largest would be nought, below ``free``, if joints were moved
-    and turned a little; None if no geometry nearby lets the loops move.
-    """
+    """The misfit of loops: small displacements and rotations of joints that bring singular values below the share ``held`` of the largest
+    down to below ``free``; None if the loops move in no geometry nearby."""
     topology, model = equations.topology, equations.topology.model
     cuts = {cut.name for cut in topology.cuts}
     within = cuts | {t.joint.name for tree in loops_of(topology.tree, topology.cuts).values() for t in tree}
@@ -89,7 +88,7 @@ def _with_last(equations: RecursiveEquations, values: Array) -> RecursiveEquatio
 
 
 def _linearised(equations: RecursiveEquations, held: float, free: float, count: int) -> tuple[Array, Array, bool] | None:
-    """The conditions on ``count`` changes of joints in poses of the motion, and whether it is free already; None if there is no motion."""
+    """The linear conditions on ``count`` changes of joints in poses of the motion, and whether it is free; None without a motion."""
     design, sizes = design_coordinates(equations), speed_scales(equations)
     first = _space(evaluate_closures(equations, design)[1] * sizes)
     rank = int(np.sum(first.values > held * first.values[0]))
@@ -129,7 +128,7 @@ def _space(jacobian: Array) -> _Space:
 
 
 def _projected(equations: RecursiveEquations, q: Array, rank: int) -> Array | None:
-    """The pose near coordinates in which equations that hold the motion are met; None if steps to it do not end."""
+    """The pose near given coordinates that satisfies the equations of full rank; None if the iteration does not converge."""
     sizes = speed_scales(equations)
     for _ in range(_PROJECTIONS):
         residual, jacobian = evaluate_closures(equations, q)

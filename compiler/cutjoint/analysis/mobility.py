@@ -1,7 +1,7 @@
 """Degrees of freedom: the rank of the cut joints' equations, in the design position and around it; models without a solution.
 
-Guides contradict each other where loops cannot stay closed while they move.  The penalty of a
-cut joint would let such a loop gape silently, since a guide does not yield to forces.
+Guides contradict each other if loops cannot stay closed while they move. With a penalty, such a loop would open silently, since guides do
+not yield to forces.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from cutjoint.package.errors import EquationsError
 class Mobility:
     """Unknown speeds, cut-joint equations and how many of them are independent.
 
-    ``rank`` is the largest over ``poses`` poses that close the loops, ``design_rank`` that of the design position; where it is smaller,
-    that position is singular for a moment.  ``condition`` is the largest singular value there by the smallest that is not zero.
-    ``closed`` is False where guides hold the mechanism so that its loops cannot close.
+    ``rank`` is the largest over ``poses`` poses that close the loops, ``design_rank`` that of the design position; if it is smaller, that
+    position is singular. ``condition`` is the largest singular value there by the smallest that is not zero. ``closed`` is False where
+    guides hold the mechanism so that its loops cannot close.
     """
 
     speeds: int
@@ -49,7 +49,7 @@ class Mobility:
 
 
 def find_mobility(equations: RecursiveEquations, poses: Sequence[Pose] | None = None) -> Mobility:
-    """The mobility with default parameters, guides standing still; ``poses`` are those of ``explore``."""
+    """The mobility with default parameters and guides at rest; ``poses`` are those of ``explore``."""
     poses = explore(equations) if poses is None else poses
     return Mobility(
         speeds=equations.speeds, equations=len(equations.equation_names), rank=max(p.rank for p in poses),
@@ -69,7 +69,7 @@ def require_soundness(equations: RecursiveEquations) -> RecursiveEquations:
     return equations
 
 
-#: Shares of a scene at which it is looked at.
+#: Times of the checks as shares of the scene's duration.
 _TIMES = (0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
 
 #: The share of the guides' rates that must remain after a least-squares fit of all speeds.
@@ -83,7 +83,7 @@ class GuideError(EquationsError, ValueError):
 def require_guides(equations: RecursiveEquations) -> None:
     """Refuse guides that contradict a loop or a gear in the equations' scene.
 
-    They do if the loops can be closed at none of several times, and at none of them the other joints' speeds make up for the guides'.
+    They do if, at each of several times, the loops cannot be closed, and no speeds of other joints fit the guides' rates.
 
     Raises:
         GuideError: they do; it names them and the loop.
@@ -118,7 +118,7 @@ def _rates(equations: RecursiveEquations, joint: Joint) -> Iterator[object]:
 
 
 def _uncompensated(jacobian: Array, rates: Array) -> Array:
-    """The rest of rates that speeds cannot make up for."""
+    """The least-squares residual of rates that speeds cannot compensate."""
     if not jacobian.size:
         return rates
     speeds = np.linalg.lstsq(jacobian, rates, rcond=1e-9)[0]

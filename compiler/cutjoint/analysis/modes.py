@@ -57,7 +57,7 @@ class Mode:
 
     @property
     def time_constant(self) -> float | None:
-        """The time in which the mode falls to 1/e, s; negative where it grows, None where it does neither."""
+        """The time in which the mode falls to 1/e, s; negative where it grows, None where it is constant."""
         return -1 / self.eigenvalue.real if self.eigenvalue.real else None
 
 
@@ -69,8 +69,8 @@ class Modes:
     ``rigid_body_modes`` are the directions, each named by its largest coordinate, without restoring force: rigid-body motions and
     coordinates without spring. ``zeros`` counts the eigenvalues of zero, two for a direction that also drifts on, one where a damper stops
     it. ``undamped`` are the modes of mass and stiffness alone, of a state at rest; a positive real one there means that the state is
-    unstable. ``q`` are the tree's coordinates of the state. ``held`` names controllers, whose discrete states are constant in small
-    motions. A ``steady`` state is trimmed without accelerations.
+    unstable. ``q`` are the tree's coordinates of the state. ``held`` names controllers; their discrete states are frozen. A ``steady``
+    state is trimmed without accelerations.
     """
 
     time: float
@@ -188,7 +188,7 @@ def _shape(of: Linearisation, x: Complex | Array) -> Mapping[str, Participant]:
 
 
 def _followed(of: Linearisation) -> NDArray[np.bool_]:
-    """The unknowns that anything else follows: states that only follow others, such as bristles of friction that is off, make no mode."""
+    """The unknowns that others depend on: states without such dependence, such as bristles of inactive friction, make no mode."""
     first = len(of.M) - of.states
     return np.array([i < first or bool(np.delete(of.C[:, i], i).any()) for i in range(len(of.M))])
 

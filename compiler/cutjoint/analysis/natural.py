@@ -124,7 +124,7 @@ def _inputs(equations: SystemEquations, arrays: Mapping[str, Array], held: Mappi
 
 
 def closed_states(equations: LagrangianEquations) -> list[NaturalState]:
-    """The poses of the recursive equations that close the loops, in natural coordinates, moving along a free direction of each."""
+    """The recursive equations' closed poses in natural coordinates, each with speeds along a free motion."""
     rng = np.random.default_rng(0)
     return [_moving(equations, pose, rng) for pose in explore(equations.start)]
 
@@ -134,10 +134,9 @@ _OFF = 0.05
 
 
 def states_off_a_single_pose(equations: LagrangianEquations, states: Sequence[NaturalState]) -> list[NaturalState]:
-    """States with open loops along free speeds of the only pose of which ``closed_states`` has found the state.
-
-    Equations that depend on each other there too do so by the mechanism's kind, as those of a plane loop; others for the moment only.
-    None where other poses say it, and where no speed is free: what is kept then holds the pose.
+    """States with open loops along free speeds of the only closed pose. Equations that are dependent there too are so structurally, as in a
+    planar loop; others in the closed pose only. None where other poses say it, and where no speed is free: what is kept then holds the
+    pose.
     """
     if len(states) > 1:
         return []

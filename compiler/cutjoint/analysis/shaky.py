@@ -1,9 +1,9 @@
-"""Loops that neither hold a motion nor leave it free: by numbers that are slightly off, or to second order only.
+"""Loops that neither lock a motion nor leave it free: because of small geometric errors, or because they lock it to second order only.
 
 A pin that is 1e-8 m off one of three parallel cranks is such a number.  Whether the cranks move would depend on the tolerances of a method,
 so they move as the nearest cranks that do where these are within the accuracy of the scene, and are refused where they are farther off.
 
-A structure that loops hold to second order only has one pose, in which some speeds are free, and no motion follows them.
+A structure that loops lock to second order only has one pose, in which some speeds are free, and no motion follows them.
 
 With Phi(q) = 0 and a free direction d, Phi_q d = 0, a motion along s d + s^2 e has w . Phi_qq(d, d) = 0 for each w with w^T Phi_q = 0.
 Where that form is definite for one of these w, there is none.  Forces across such a pose would have to be infinite: neither accelerations
@@ -47,7 +47,7 @@ def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEqu
     """The equations, unless a method cannot solve them in the one pose of a structure.
 
     Raises:
-        ShakyError: the loops hold the design position, where the scene begins, to second order only.
+        ShakyError: the loops lock the design position, where the scene begins, to second order only.
     """
     elsewhere = equations.scene.positions or equations.scene.assemble or equations.scene.trim
     found = None if METHODS[method].supports_shaky or elsewhere else find_shakiness(equations)
@@ -57,10 +57,9 @@ def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEqu
 
 
 def mend_misfit(equations: RecursiveEquations, accuracy: float) -> tuple[str, Model | None]:
-    """What holds a motion of loops by rounded numbers alone, at the line of a joint, and the model without it.
-
-    The words are a warning where joints move by at most ``accuracy`` (m, rad), else a fault, without a model.  Other loops have neither.
-    They hold it in all poses near the design position; the motion of a mechanism that guides drive whole may be held by little.
+    """A message on loops that only rounded numbers lock, at the line of a joint, and the corrected model; ("", None) for other loops. It is
+    a warning with a model if joints are off by at most ``accuracy`` (m, rad), else an error without one. Such loops are nearly locked in
+    all poses near the design position; mechanisms that guides drive completely are exempt.
     """
     if not equations.closures or not equations.speeds:
         return "", None
@@ -89,7 +88,7 @@ def mend_misfit(equations: RecursiveEquations, accuracy: float) -> tuple[str, Mo
 
 
 def _describe_holding(equations: RecursiveEquations, jacobian: Array, sizes: Array, rank: int) -> str:
-    """The fault of loops that hold a motion by little, where no exact ones are near."""
+    """The error message for loops that nearly lock a motion and have no exact geometry nearby."""
     right = sizes * np.linalg.svd(balanced(jacobian * sizes))[2][rank - 1]
     speed = int(np.abs(right).argmax())
     opening = np.abs(jacobian @ right / right[speed])
@@ -110,7 +109,7 @@ def _shares(jacobian: Array) -> Array:
 
 
 def describe_shakiness(equations: RecursiveEquations, found: Shakiness) -> str:
-    """The fault of the design position, at the line of a joint or gear, and what to do."""
+    """The error message for the design position, at the line of a joint or gear, with a remedy."""
     spans = equations.topology.model.constraint_spans
     others = join_or(f"--method {name}" for name in names_of(METHODS, lambda m: m.supports_shaky))
     return (

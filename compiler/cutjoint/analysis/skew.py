@@ -1,7 +1,6 @@
-"""Loops that are badly conditioned, and axes nearly parallel or square, where exact ones would leave a mechanism more freedom.
-
-Rounded numbers in a file make such axes.  A planar loop is then none, and rigid.  Points that are slightly off
-hold a mechanism without freedom only just.
+"""Ill-conditioned loops, and axes nearly parallel or perpendicular, where exact ones would give a mechanism more degrees of freedom.
+Rounded numbers in a file cause such axes: a planar loop is then not planar, and rigid. Points that are slightly off barely lock a mechanism
+without degrees of freedom.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -22,7 +21,7 @@ from cutjoint.topology.records import Topology, TreeJoint
 from cutjoint.topology.search import Choice, Option
 from cutjoint.topology.spanning_tree import loops_of
 
-#: Axes that are this far (rad) from parallel or square may have been meant to be, and those that are less far are.
+#: Axes closer than the first angle (rad) to parallel or perpendicular may have been meant so; those closer than the second one are.
 _NEAR, _SAME = 0.02, 1e-10
 #: The number of named axes.
 _SHOWN = 3
@@ -32,7 +31,7 @@ Loops = Sequence[tuple[Joint, Sequence[TreeJoint]]]
 
 @dataclass(frozen=True, kw_only=True)
 class SkewAxis:
-    """An axis that is ``angle`` (rad) off being parallel, or perpendicular, to that of ``other``; ``intended`` (3,) is exactly so."""
+    """An axis that is ``angle`` (rad) from parallel, or perpendicular, to that of ``other``; ``intended`` (3,) is exactly so."""
 
     joint: Joint
     other: Joint
@@ -54,7 +53,7 @@ class SkewAxis:
 
 
 def describe_skew(equations: RecursiveEquations, mobility: Mobility) -> str:
-    """The axes that are slightly off so that the mechanism has less freedom, and their remedy; "" where none are."""
+    """The axes whose small errors reduce the degrees of freedom, with a remedy; "" where there are none."""
     topology = equations.topology
     geometry, found = JointGeometry(model=topology.model), list[SkewAxis]()
     for loops in _groups(list(loops_of(topology.tree, topology.cuts).items()), topology.cuts):
@@ -108,7 +107,7 @@ def _turned(joint: Joint, skew: SkewAxis) -> Joint:
 
 
 def _find_skew(model: Model, loops: Loops) -> Iterator[SkewAxis]:
-    """The axes of loops that are slightly off: parallel ones from the direction of most of them, then axes across from square to it."""
+    """The axes of loops that are slightly off: nearly parallel ones from the mean of most, then those from perpendicular to it."""
     joints = {joint.name: joint for cut, tree in loops for joint in (cut, *(t.joint for t in tree)) if len(joint.axes) == 1}
     ordered = sorted(joints.values(), key=lambda joint: joint.span)
     axes = {joint.name: evaluate(model, joint.axes[0]) for joint in ordered}

@@ -38,7 +38,7 @@ _ROWS = ("force_residual", "residual", "rate", "curvature", "column")
 _KINDS = {"position": MOVES, "rate": SPEEDS, "state": SPEEDS, "input": _INPUTS, "parameter": PARAMETERS}
 #: Rounding: a row's largest derivative as a share of others, a column's.
 ROUNDING, _IDLE = 1e-7, 1e-13
-#: The share of the largest singular value below which one is rounding: numbers on which nothing depends stay.
+#: The share of the largest singular value below which one is rounding; numbers without any effect keep their values.
 _SINGULAR = 1e-8
 #: Changes, 1/s, that no state need be slower than; the weight of loops.
 _SLOWEST, _LOOPS = 1e-3, 10.0
@@ -87,7 +87,7 @@ class TrimParts(AimedStart):
         return AimedStart(model, replace(self._scene, assemble=tuple(aims)))
 
     def roll(self, y: Array, unguessed: Collection[str], q: Array, parameters: Mapping[str, float]) -> None:
-        """Begin with speeds without a guess at which wheels roll without slip."""
+        """Set speeds without a guess to those at which wheels roll without slip."""
         if self._rolling is not None and (at := self._at(SPEEDS, unguessed)):
             count = self._equations.speeds
             v = np.zeros((1 + len(at), len(self._names[SPEEDS])))
@@ -126,7 +126,7 @@ class Evaluated:
 
     @property
     def worst(self) -> float:
-        """The largest share to which a condition is not met."""
+        """The largest relative residual of a condition."""
         return float(np.abs(self.left / self.rows).max(initial=0.0)) if np.isfinite(self.left).all() else np.inf
 
 
@@ -271,7 +271,7 @@ class TrimEquations:
         return np.where(self._counts, left, 0.0)
 
     def evaluated(self, y: Array) -> Evaluated:
-        """What is left and its derivatives at a point."""
+        """The residuals and their derivatives at a point."""
         sizes = np.maximum(self._sizes, np.abs(y))
         sizes[self._part(MOVES)] = self._sizes[self._part(MOVES)]
         free, point = np.flatnonzero(self._free), self._point(y)

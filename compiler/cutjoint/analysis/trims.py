@@ -1,4 +1,4 @@
-"""A start that is trimmed: coordinates, speeds, states, inputs and parameters at which rates are zero, loops closed, and values as given.
+"""A start that is trimmed: coordinates, speeds, states, inputs and parameters at which rates are zero, loops closed, and targets met.
 
 One least-squares problem has all equations.  Its Jacobian shows which unknowns are determined and which equations conflict.
 """
@@ -43,7 +43,7 @@ _ROUNDED = 1e-13
 _LONGER, _DAMPING = 10.0, 1e-10
 #: Implicit steps: how many, the longest first one, s or s^2, the share of a singular value that counts, refinements where contacts close.
 _STEPS, _FIRST, _RANK, _REFINED = 100, 1.0, 1e-14, 12
-#: Trials that end as far away as the best, by this share: after so many there is nothing nearer.
+#: The search ends after so many trials whose residuals equal the best one within this share.
 _ALIKE, _ENOUGH = 1e-2, 2
 #: The farthest step, random start and find from one, rad or extents; the share of the worst below which conditions are not named.
 _FARTHEST, _STRAY, _LOST, _NAMED = 0.3, 0.6, 1.5, 0.2
@@ -107,7 +107,7 @@ class TrimmedStart(TrimParts):
 
 
 class _Search(TrimEquations):
-    """Looks for a point at which all conditions are met."""
+    """Searches for a point at which all conditions are met."""
 
     _is_random = False
 
@@ -141,12 +141,12 @@ class _Search(TrimEquations):
         return best
 
     def _from_engaged_contacts(self, begin: Array) -> Evaluated:
-        """From contacts that pull where they are open: those that pull at the end are let go until none does."""
+        """Start with all contacts engaged, pulling where they are open; then release those that pull, until none does."""
         self._engaged = self._gates
         return self._release(self._approach(begin))
 
     def _release(self, found: Evaluated) -> Evaluated:
-        """On from contacts that pull, of which more and more are let go."""
+        """Continue from engaged contacts, releasing those that pull."""
         while self._engaged and np.isfinite(found.left).all():
             kept = self._closed(found.y) & {*self._engaged}
             self._engaged = () if len(kept) == len(self._engaged) else kept
@@ -161,8 +161,8 @@ class _Search(TrimEquations):
         return {gate for gate, is_met in zip(self._gates, met.values(), strict=True) if is_met.all()}
 
     def _by_relaxation(self, begin: Array) -> Evaluated:
-        """On from where states have followed their rates to rest, in a start at rest also coordinates their forces, M q' = F, by ever
-        longer implicit steps (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35, 1998)."""
+        """Integrate states by their rates to rest, in a start at rest also coordinates by M q' = F, with growing implicit steps, and search
+        from there (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35, 1998)."""
         y, joints, every, span = np.clip(begin, self._lower, self._upper), self._start.speeds, self._free, _FIRST
         own = np.array([*range(joints), *range(self._first[SPEEDS] + joints, self._first[RATES])], dtype=int)
         rows = np.flatnonzero(every[own] & (self._is_still() | (np.arange(len(own)) >= joints)))
@@ -192,12 +192,12 @@ class _Search(TrimEquations):
         return self._release(self._approach(y))
 
     def _is_still(self) -> bool:
-        """Whether no coordinate moves."""
+        """Return whether the start is at rest."""
         speeds = slice(self._first[SPEEDS], self._first[SPEEDS] + self._start.speeds)
         return not (self.begin[speeds].any() or self._free[speeds].any())
 
     def _shortened(self, at: Evaluated, step: Array, rows: Any, columns: Any) -> Array | None:
-        """The point after a step, short of where contacts push back harder than forces have driven it; None where they drive it back."""
+        """The point after a step, shortened where contacts push back more than forces drive; None where no step remains."""
 
         def drive(y: Array) -> Array:
             return np.asarray(-self.residuals(y)[..., rows] @ (step * at.columns)[columns])
@@ -232,7 +232,7 @@ class _Search(TrimEquations):
         return self.evaluated(self.begin if at is None else at.y)
 
     def _after_step(self, at: Evaluated, step: Array) -> tuple[Array, float]:
-        """The point after a step, between the bounds, and the share of the step that is not too far."""
+        """The point after a step within the bounds, and the admissible share of the step."""
         moves, y = np.flatnonzero(self._free) < self._first[MOVES + 1], at.y.copy()
         far = np.abs(step * at.columns / self._sizes[self._free])[moves].max(initial=0.0)
         share = min(1.0, _FARTHEST / max(far, 1e-300))
@@ -240,8 +240,8 @@ class _Search(TrimEquations):
         return np.clip(y, self._lower, self._upper), share
 
     def _approach(self, y: Array) -> Evaluated:
-        """The nearest least squares by damped steps between the bounds; one is good if the next with the same derivatives is shorter,
-        however residuals are weighted (Deuflhard, Newton Methods for Nonlinear Problems, 2011, ch. 3)."""
+        """The least-squares solution by damped steps within the bounds. A step is accepted if the next one with the same derivatives is
+        shorter, which does not depend on the weights of residuals (Deuflhard, Newton Methods for Nonlinear Problems, 2011, ch. 3)."""
         at, damping, slow = self.evaluated(np.clip(y, self._lower, self._upper)), 0.0, 0
         for _ in range(_ITERATIONS):
             if not np.isfinite(at.left).all() or not at.left.any():
@@ -261,7 +261,7 @@ class _Search(TrimEquations):
         return at
 
     def _step(self, at: Evaluated, damping: float) -> tuple[Any, Array]:
-        """The columns that move, and the step (columns,) in their sizes; numbers at a bound that it would cross stay there."""
+        """The columns that move, and the step (columns,) in their sizes; a number at a bound that it would cross stays there."""
         y, lower, upper = at.y[self._free], self._lower[self._free], self._upper[self._free]
         moving: Any = at.A.any(axis=0)
         while True:
@@ -303,7 +303,7 @@ class _Search(TrimEquations):
         return [f"'{names[index]}'" for index in order if not first[RATES] <= index < first[PARAMETERS]]
 
     def failure(self, at: Evaluated) -> tuple[str, str]:
-        """What no start meets, and the remedy."""
+        """The error message: conditions that no start meets, and the remedy."""
         if not np.isfinite(at.left).all():
             return "its conditions have no finite value where the search begins", "give other positions, rates or states"
         shares = np.abs(at.left / at.rows)

@@ -1,8 +1,7 @@
-"""Changes of formulas and domains of laws, as functions of all formulations.
+"""Event indicators and domains of laws, shared by all formulations.
 
-The function ``events`` has values that change their sign where forces, guides and drives change their formulas.  The function ``domains``
-has a margin for each root, logarithm or quotient of a law; it is called only where a step has failed.  A description says to what each
-belongs.
+The function ``events`` returns values that change sign where forces, guides and drives switch formulas. The function ``domains`` returns a
+margin for each root, logarithm or quotient of a law; it is called only after a step has failed. A description names the element of each.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,7 +28,7 @@ def events_function(indicators: Sequence[EventIndicator]) -> tuple[Function, ...
 
 
 def value_slots(indicators: Sequence[EventIndicator]) -> dict[str, Slot]:
-    """The places of the values."""
+    """The slots of the event indicators."""
     return {f"value:{i}": Slot(array="value", offset=i, names=("value",)) for i in range(len(indicators))}
 
 
@@ -50,9 +49,9 @@ def describe_indicators(b: Builder, indicators: Sequence[EventIndicator]) -> tup
 
 
 def jump_times(model: Model, scene: Scene) -> tuple[float, ...]:
-    """The times (s) at which an input of the scene or a guide changes its formula by conditions that are linear in time.
+    """The times (s) at which an input of the scene or a guide switches its formula, for conditions that are linear in time.
 
-    What jumps there has a value on either side.
+    A discontinuous input has a left and a right value at such a time.
     """
     laws = [*scene.inputs.values(), *(law for joint in model.joints for law in joint.guide or ())]
     known = {p.symbol: p.value for p in model.parameters}
@@ -81,18 +80,18 @@ def _zeros(expression: Scalar, known: dict[Scalar, float]) -> Iterator[float]:
 
 
 def domains_function(domains: Sequence[Domain]) -> tuple[Function, ...]:
-    """The function ``domains``: q, v, lambda -> the margins, those of loads of friction by the multipliers too; none if there are none."""
+    """The function ``domains``: q, v, lambda -> margins (lambda affects friction loads only); none without domains."""
     arguments = ("const Real* q", "const Real* v", "const Real* lambda", "Real* inside")
     results = {f"inside:{i}": domain.margin for i, domain in enumerate(domains)}
     return (Function(name="domains", arguments=arguments, results=results),) if domains else ()
 
 
 def domain_slots(domains: Sequence[Domain]) -> dict[str, Slot]:
-    """The places of the margins."""
+    """The slots of the margins."""
     return {f"inside:{i}": Slot(array="inside", offset=i, names=("inside",)) for i in range(len(domains))}
 
 
-#: The stage of sections in which loads of friction may have no value.
+#: The stage of sections in which friction loads may be undefined.
 FRICTION = "load of friction"
 
 

@@ -24,13 +24,13 @@ def is_active(force: Force, scene: Scene) -> bool:
 
 
 def guards_of(model: Model, scene: Scene) -> tuple[Guard | EmbeddedLoop, ...]:
-    """The guards of forces that the scene has switched on, and assemblies, whose functions have ranges."""
+    """The guards of active forces and of embedded loops, whose functions are valid on a range only."""
     ranges = (one for one in model.embedded_loops if not one.functions.is_periodic or one.drive or one.functions.open)
     return *forces_guarded(model, scene), *ranges
 
 
 def guards_in(equations: Equations) -> tuple[Guard | EmbeddedLoop | LeftOut, ...]:
-    """All guards of equations: of forces, of assemblies, and of equations that are left out."""
+    """All guards of equations: of forces, of embedded loops, and of equations that are not enforced."""
     return *guards_of(equations.topology.model, equations.scene), *equations.left_out
 
 
@@ -46,20 +46,20 @@ def smallest_margin(laws: "Laws", guard: Guard, values: Mapping[str, Block]) -> 
 
 
 def guard_function(margins: Mapping[str, Block]) -> tuple[Function, ...]:
-    """The function ``guard``: q, v -> the smallest margin of each guarded force and assembly, by name; none if there is no guard."""
+    """The function ``guard``: q, v -> the smallest margin of each guarded force and embedded loop, by name; none without guards."""
     arguments = ("const Real* q", "const Real* v", "Real* margin")
     results = {f"margin:{name}": margin for name, margin in margins.items()}
     return (Function(name="guard", arguments=arguments, results=results),) if margins else ()
 
 
 def margin_slots(model: Model, scene: Scene, left_out: Iterable[LeftOut] = ()) -> dict[str, Slot]:
-    """The places of the guards' margins."""
+    """The slots of the guards' margins."""
     names = [guard.name for guard in (*guards_of(model, scene), *left_out)]
     return {f"margin:{name}": Slot(array="margin", offset=i, names=("margin",)) for i, name in enumerate(names)}
 
 
 def reported_variables(force: Force, values: Mapping[str, Block]) -> dict[str, Block]:
-    """The motion that a law depends on, as reported quantities; a coordinate is its joint's."""
+    """The variables of a law as reported quantities; a coordinate is reported by its joint."""
     return {} if force.joint_of else dict(values)
 
 

@@ -1,10 +1,7 @@
 """The inputs of the program: parameters, time, the model's inputs, coordinates and speeds.
 
-The model's inputs in a scene: its laws with their first and second derivatives, as a function of their own.
-
-The function ``scene_inputs`` fills the array that a step reads: three numbers of each input, then the values of controllers before their
-first samples, then the values at whose changes of sign laws change their formulas, then the margins of the laws' domains.  All other
-functions read the array alone.
+The function ``scene_inputs`` evaluates the laws of a scene's inputs into one array, the only one that other functions read. It has value,
+rate and acceleration of each input, initial values of controllers, event indicators of the laws, and margins of the laws' domains.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -131,7 +128,7 @@ def _time_derivative(expression: Scalar, inputs: Sequence[tuple[Scalar, Scalar, 
 
 
 def make_numbers(builder: Builder, closing: Sequence[Joint | Gear], closure: str) -> Numbers:
-    """The numerical parameters; with a closure that finds its penalties one for each cut joint and gear, and no stabilisation."""
+    """The numerical parameters; a closure that determines its penalties has one for each cut joint and gear, and no stabilisation."""
     if CLOSURES[closure].penalty_of_each_cut:
         vector = builder.symbol("penalties", max(len(closing), 1), BindingTime.PARAM)
         penalties = {cut.name: builder.name(builder.element(vector, i), "penalty", cut.name) for i, cut in enumerate(closing)}
@@ -143,8 +140,7 @@ def make_numbers(builder: Builder, closing: Sequence[Joint | Gear], closure: str
 
 
 def make_charts(topology: Topology) -> tuple[Chart, ...]:
-    """The places of each tree joint's coordinates and speeds in q and v; guided and fixed joints have none, nor have those that follow
-    a coordinate."""
+    """The places of each tree joint's coordinates and speeds in q and v; guided, fixed and dependent joints have none."""
     charts: list[Chart] = []
     q = v = 0
     following = topology.model.dependent_joints
@@ -192,7 +188,7 @@ LAW_VALUES = "law_values"
 class SceneInputs:
     """The function ``scene_inputs`` of a model with ``inputs`` or controllers, and the indicators and domains of its laws.
 
-    ``length`` is that of the array.  Without both there is no function.
+    ``length`` is that of the array.  Models without inputs and controllers have no function.
     """
 
     inputs: tuple[Parameter, ...] = ()
@@ -204,9 +200,9 @@ class SceneInputs:
 
 
 def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterable[Block], *, events: bool = True) -> SceneInputs:
-    """The scene's inputs; ``results`` are those of the equations of motion, in which an indicator or a domain counts.
+    """The scene's inputs, with indicators (only if ``events``) and domains of the inputs that ``results`` depend on.
 
-    Indicators are left out without ``events``.
+    ``results`` are those of the equations of motion.
     """
     inputs = input_parameters(model)
     if not inputs and not model.discrete_states:
@@ -258,7 +254,7 @@ def _starts(b: Builder, model: Model) -> Iterator[Block]:
 
 
 def _used(results: Iterable[Block]) -> list[int]:
-    """The numbers among the inputs that results depend on."""
+    """The indices of the input numbers that results depend on."""
     found: set[int] = set()
     for block in reachable_blocks(results):
         if block.op == "take" and block.args[0].op == "symbol" and block.args[0].data == INPUTS:

@@ -14,7 +14,7 @@ from cutjoint.topology.records import Topology
 #: Functions of the recursive equations that are called several times a step, and that lanes are worth while for.
 _OFTEN = frozenset({"evaluate", "constraint_residual", "project", "guard", "events", FORCE_RESIDUAL})
 
-#: Functions that find the multipliers of loops that functions close, which takes long without lanes.
+#: Functions that compute the multipliers of embedded loops, which is slow without lanes.
 _WITH_MULTIPLIERS = frozenset({"report", "energy"})
 
 
@@ -30,7 +30,7 @@ def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program
 
 
 def _used(families: list[Family], function: Function) -> list[Family]:
-    """The families with a member that a function computes: bodies without mass in assemblies have none in most."""
+    """The families with a member that a function computes; most functions need no massless bodies of embedded loops."""
     reached = set(reachable_blocks(function.results.values()))
     return [family for family in families if not reached.isdisjoint(family)]
 
@@ -38,7 +38,7 @@ def _used(families: list[Family], function: Function) -> list[Family]:
 def find_corresponding(quantities: Mapping[Quantity, Block], topology: Topology) -> list[Family]:
     """A family for every quantity of a class's first member that has a counterpart in all others.
 
-    Only classes whose members touch nothing but their common carrier have lanes: a chain's members follow from each other.
+    Only classes whose members depend on their common carrier alone have lanes; the members of a chain depend on each other.
     """
     families = []
     for members in (group for found in topology.classes for group in found.lanes):

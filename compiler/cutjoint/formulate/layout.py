@@ -1,4 +1,4 @@
-"""The layout of a state: the segments of its arrays, which formulations fill and all that walks states reads.
+"""The layout of a state: the segments of its arrays, which formulations define and all code that handles states reads.
 
 ``q`` has the coordinates of each segment, ``v`` their speeds, then the first-order states, ``lambda`` a multiplier for each equation.  In
 relative coordinates the segments are the charts of joints; natural coordinates are the integrals of their own speeds.

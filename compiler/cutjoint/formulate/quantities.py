@@ -55,7 +55,7 @@ def reported_symbol(model: Model, name: str) -> Scalar | None:
 
 
 def named_quantity(translator: Translator, model: Model, output: Output) -> Block | None:
-    """The value of a state, of a signal or of what a controller holds; None if it is none of these."""
+    """The value of a state, of a signal or of a controller's discrete state; None for any other name."""
     symbols = {element.name: element.symbol for group in (model.states, model.signals) for element in group}
     symbols |= {c.name: quantity_symbol(c.name, output.quantity) for c in model.controllers}
     return translator.scalar(symbols[output.element]) if output.element in symbols else None

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class IndicatorPlace:
-    """A place at which a formula changes: the element and its line in the model file.
+    """The origin of an event indicator: the element and its line in the model file.
 
-    If the value is a place along a road, ``road`` is its tyre and ``across`` the number of the indicator that is the place across it;
-    otherwise "" and -1.  Where it ``is_continuous`` forces only get another derivative.
+    For a position along a road, ``road`` is its tyre and ``across`` the number of the indicator of the lateral position; otherwise "" and
+    -1. If ``is_continuous``, forces are continuous there and only their derivatives jump.
     """
 
     element: str
@@ -39,10 +39,10 @@ class IndicatorPlace:
 
 @dataclass(frozen=True, kw_only=True)
 class DomainPlace:
-    """A place where a law may have no value: what must be in its domain, the element and its line in the model file.
+    """A place where a law may be undefined: the quantity that must be in its domain, the element and its line in the model file.
 
-    The margin there is not negative, or positive if it is ``strict``.  ``remedy`` is the place among the margins of a factor, below which
-    all coefficients of friction leave the loads of joints values.
+    Inside the domain the margin is non-negative, or positive if ``strict``. ``remedy`` is the index among the margins of a factor: with
+    friction coefficients scaled below it, all joint loads are defined.
     """
 
     function: str
@@ -78,9 +78,9 @@ class Function:
 
 @dataclass(frozen=True, kw_only=True)
 class LoopFit:
-    """The search for the functions of an assembly when parameters are loaded.
+    """The fit of an embedded loop's functions when parameters are loaded.
 
-    The ``function`` has ``slots`` of its own and so many ``rows``; the coefficients stand from ``first`` on.
+    The ``function`` has ``slots`` of its own and ``rows`` rows; its coefficients begin at ``first``.
     """
 
     embedded_loop: EmbeddedLoop
@@ -107,8 +107,7 @@ class LoopFit:
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:
-    """An equation that is not enforced since others imply it in the only pose known; ``span`` is that of its element. Its residual is
-    watched."""
+    """An equation, of the element at ``span``, that is not enforced because others imply it in the only known pose; it is monitored."""
 
     name: str
     span: Span
@@ -119,11 +118,11 @@ class Equations:
     """The symbolic mechanics of one model in one scene, by any formulation; ``domains`` describe the margins of the function of that name,
     ``indicators`` the values of ``events``.
 
-    ``parameters`` are those that stay open until the binary loads them, ``roads`` the tyres in the order of their road tables, ``columns``
+    ``parameters`` are tunable parameters, which the binary loads, ``roads`` the tyres in the order of their road tables, ``columns``
     the outputs with their units, ``state`` the layout of the state, ``slots`` the places of inputs and results, ``load_arguments`` the
     arguments of the generated ``load``.
     ``inputs`` are the parameters that are read at every step, ``input_values`` the length of the array that ``scene_inputs`` fills, with
-    values of controllers.  ``left_out`` are equations that guards watch, ``fits`` find loop embeddings with the parameters.
+    values of controllers.  ``left_out`` are equations that guards monitor, ``fits`` the loop embeddings that depend on parameters.
     """
 
     topology: Topology
@@ -154,7 +153,7 @@ class Equations:
 
     @property
     def discrete_states(self) -> int:
-        """The number of values that controllers hold."""
+        """The number of discrete states of controllers."""
         return len(self.topology.model.discrete_states)
 
     @property
@@ -273,7 +272,7 @@ class SystemEquations(Equations):
         return replace(self, slots={**self.slots, **slots})
 
 
-#: The beginning of the names of functions that open loops whose functions are fitted.
+#: The prefix of the functions that evaluate open loops, for the fit of embedded loops.
 CLOSE = "close_"
 
 #: The function of poses (`recursive/poses.py`).

@@ -1,1 +1,1 @@
-"""Closed loops as explicit functions of an independent coordinate: which loops can be, and the functions."""
+"""Loop embedding: closed loops as explicit functions of an independent coordinate."""

@@ -19,7 +19,7 @@ from cutjoint.topology.records import Topology
 
 
 class NoEmbeddingError(Exception):
-    """A block that functions cannot close; the text is the reason."""
+    """A block that cannot be embedded; the text is the reason."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class Poses:
 
 @dataclass(frozen=True)
 class BlockLoops:
-    """The loops of a block as numbers; its drive, which is at the time in ``topology``, is moved by numbers u."""
+    """The loops of a block as numbers; its drive, which has the time as its position in ``topology``, takes the values u."""
 
     topology: Topology
     block: Block
@@ -71,14 +71,14 @@ class BlockLoops:
 
     @cached_property
     def is_rotation(self) -> Array:
-        """Flags of the block's speeds that turn."""
+        """Flags of the block's speeds that are rotations."""
         joints = {joint.name: joint for joint in self.block.joints}
         elements = [joints[c.joint].element for c in self.own]
         return np.array([flag for e in elements for flag in (*(name in e.angles for name in e.coordinates), *([True] * 3 * e.has_ball))])
 
     @cached_property
     def scales(self) -> Array:
-        """A scale of each speed of the block: 1 of turns, the block's size of slides."""
+        """A scale of each speed of the block: 1 of rotations, the block's size of displacements."""
         return np.asarray(np.where(self.is_rotation, 1.0, size_of(self.block)))
 
     @cached_property
@@ -120,7 +120,7 @@ class BlockLoops:
         return np.concatenate(residual, axis=1), np.concatenate(jacobian, axis=1)
 
     def moved(self, q: Array, step: Array) -> Array:
-        """Coordinates after steps (n, speeds) of the block."""
+        """The coordinates after steps (n, speeds) of the block."""
         whole = np.zeros((len(q), sum(len(chart.speed_names) for chart in self.charts)))
         for chart in self.own:
             n, first = len(chart.speed_names), self.speeds[chart.joint]
@@ -128,8 +128,8 @@ class BlockLoops:
         return retract(self, q, whole)
 
     def close(self, q: Array, u: Array, locked: int | None, across: Array | None = None, tolerance: float = 0.0) -> Poses | None:
-        """Poses near coordinates that close the loops with the speed of the number ``locked`` not moved, or by steps ``across`` a direction
-        of speeds, until no residual is larger than ``tolerance`` or it is rounding; None where one does not close."""
+        """Poses near coordinates that close the loops, with the speed of index ``locked`` fixed or by steps ``across`` a direction of
+        speeds. Residuals are at most ``tolerance`` or rounding; None if an iteration does not converge."""
         best = np.inf
         for left in reversed(range(25)):
             residual, jacobian = self.evaluate(q, u)

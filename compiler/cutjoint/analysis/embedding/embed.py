@@ -1,5 +1,5 @@
-"""Loops with one degree of freedom are replaced by functions of one coordinate that close them, assemblies; and from the state of such a
-model to that of the same spanning tree with the loops' equations."""
+"""Loop embedding of blocks with one degree of freedom, and the conversion of a state of such a model to one of the same spanning tree with
+the loops' equations."""
 
 import pickle
 from collections.abc import Mapping, Sequence
@@ -32,14 +32,14 @@ from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology, degrees
 from cutjoint.topology.spanning_tree import split
 
-#: The last results of `embed_loops` by their inputs: a run, its report and its view need the same.
+#: The last results of `embed_loops` by their inputs: a run, its report and its view use the same ones.
 _KEPT: dict[bytes, Outcome] = {}
 _MOST_KEPT = 8
 
 
 def embed_loops(model: Model, scene: Scene, *, measure: bool = False) -> Outcome:
-    """Replace the loops of each block that has one degree of freedom, to the tolerance of functions that the scene has; with ``measure``
-    notes report the accuracy of functions at random coordinates."""
+    """Embed the loops of each block that has one degree of freedom, to the scene's tolerance of functions; with ``measure`` notes report
+    the accuracy at random coordinates."""
     how = scene.numerics
     parts = scene.positions, scene.rates, scene.inputs, scene.switches, scene.pose, scene.trim, scene.end
     asked = how.closure, how.loop_tolerance, how.loop_terms, measure
@@ -81,7 +81,7 @@ def _embed_loops(model: Model, scene: Scene, measure: bool) -> Outcome:
 
 
 def _operations(model: Model, scene: Scene) -> int:
-    """The operations of an evaluation, all lanes of a scalar counted once; where loops are left, there are no fewer evaluations."""
+    """The operations of an evaluation, counting all lanes of a scalar once; if loops remain, evaluations are not fewer."""
     closure = METHODS[DEFAULT_METHOD].closure(scene.numerics.closure).name
     equations = formulate_recursive(build_topology(model), scene, (), closure=closure)
     return schedule_recursive(equations.starting, lanes=True).instructions("evaluate")
@@ -89,8 +89,8 @@ def _operations(model: Model, scene: Scene) -> int:
 
 @dataclass(frozen=True)
 class _Seen:
-    """Findings of other blocks of the model, which equal ones reuse: how they move, and how far functions reach; whether to
-    ``measure`` their accuracy."""
+    """Results for blocks of the model, which equal blocks reuse: their motions, and the ranges of functions; and whether to ``measure``
+    accuracy."""
 
     measure: bool
     curves: Traced = field(default_factory=list)
@@ -105,7 +105,7 @@ class _Embedded:
 
 
 def _put_in(model: Model, found: Sequence[_Embedded]) -> Model:
-    """The model with assemblies, whose joints are cut as these say."""
+    """The model with embedded loops, whose joints are cut as these require."""
     cut = {joint.name: joint.name in each.embedded_loop.cuts for each in found for joint in each.block.joints}
     joints = tuple(replace(joint, cut=cut.get(joint.name, joint.cut)) for joint in model.joints)
     return replace(model, joints=joints, embedded_loops=tuple(each.embedded_loop for each in found))
@@ -125,7 +125,7 @@ def _embedded(found: _Embedded) -> Note:
 
 
 def _embed_block(model: Model, topology: Topology, block: Block, scene: Scene, seen: _Seen) -> _Embedded:
-    """A block as an assembly."""
+    """A block as an embedded loop."""
     _require_simple(model, block)
     names = {joint.name for joint in block.joints}
     given = sorted({key.rpartition(".")[0] for key in (*scene.positions, *scene.rates)} & names)
@@ -173,12 +173,12 @@ def _embed_block(model: Model, topology: Topology, block: Block, scene: Scene, s
 #: simul3, by its loops 42 ms.
 DEAREST = 500
 
-#: The largest violation in the design position, m or rad, that a start may leave to the functions.
+#: The largest violation in the design position, m or rad, for which loops may be embedded.
 _CLOSED = 1e-8
 
 
 def _require_closed(loops: BlockLoops, motion: "_DriveMotion | None") -> None:
-    """Refuse a block that its start would move: the loops' equations share such a motion out among all bodies."""
+    """Refuse a block that its start would move: the loops' equations would distribute such a correction over all bodies."""
     violation = np.abs(loops.evaluate(loops.design(), np.full(1, motion.start if motion is not None else 0.0))[0]).max(initial=0.0)
     if violation > _CLOSED:
         raise NoEmbeddingError(f"its loops are violated by {violation:.1g} at the start, in the design position")
@@ -232,7 +232,7 @@ def _drive_motion(model: Model, drive: Joint, end: float, laws: Mapping[Scalar, 
 
 
 def without_functions(topology: Topology) -> Model:
-    """The model with the equations of all loops, with the same cuts as with its functions: the joints of the tree stay the same."""
+    """The model with the equations of all loops and the same cuts as with embedded loops, so that the joints of the tree are the same."""
     cut = {joint.name for joint in (*topology.cuts, *topology.embedded)}
     joints = tuple(replace(joint, cut=joint.name in cut) for joint in topology.model.joints)
     return replace(topology.model, joints=joints, embedded_loops=())
@@ -241,8 +241,8 @@ def without_functions(topology: Topology) -> Model:
 def state_of_loops(
     functions: RecursiveEquations, loops: RecursiveEquations, kept: Mapping[str, Any], parameters: Mapping[str, float]
 ) -> dict[str, Any]:  # fmt: skip
-    """The state (``begin`` of a run file) from which a run continues by the equations of ``loops``: one that a run with ``functions`` has
-    ``kept``, with open ``parameters`` (SI units)."""
+    """The state (``begin`` of a run file) from which a run continues by the equations of ``loops``, from the state ``kept`` of a run with
+    ``functions`` and tunable ``parameters`` (SI units)."""
     t, q, v = (np.array([kept[name]], dtype=float) for name in ("t", "q", "v"))
     places = dict(zip(functions.coordinate_names, q[0], strict=True))
     speeds = dict(zip(functions.speed_names, v[0], strict=True))

@@ -1,7 +1,7 @@
-"""The functions of an assembly: series through what its joints do over a range of the independent coordinate.
+"""The functions of an embedded loop: series for its dependent joints over a range of the independent coordinate.
 
-Loops are closed at Chebyshev nodes, or at equidistant ones on a full turn.  The derivatives of all joints there become series, which are
-integrated: that keeps the digits which differentiating twice would lose.  The range is as long as the number of terms allows.
+Loops are closed at Chebyshev nodes, or at equidistant ones on a full turn. The series interpolate the derivatives of all joints and are
+integrated: differentiating twice would lose digits. The range is as long as the number of terms allows.
 """
 
 from collections.abc import Mapping
@@ -68,7 +68,7 @@ Ranges: TypeAlias = dict[tuple[float, ...], Interval]
 
 
 def fit(loops: BlockLoops, independent: Independent, u: Interval, wanted: Wanted, known: Ranges) -> LoopFunctions:
-    """Series as they are wanted on the largest range that they reach, which joins the ``known`` ones.
+    """Series that meet the tolerance on the largest possible range, which is added to the ``known`` ones.
 
     Raises:
         NoEmbeddingError: no range is long enough.
@@ -111,12 +111,12 @@ def _fit_longest(loops: BlockLoops, independent: Independent, u: Interval, wante
 
 #: The part of a side of the range that is left where functions would need too many terms.
 _SHORTER = 0.85
-#: The smallest share of the whole range to which a side is shortened.
+#: The smallest share of the whole range that a side may have.
 _LEAST_SIDE = 0.05
 
 
 def _shorter(whole: Interval, value: float, unresolved: bool) -> list[Interval]:
-    """Shorter ranges about a value: one side or the other, or where functions say nothing of either, the longer one."""
+    """Shorter ranges about a value: one side is shortened, or, if the functions do not distinguish the sides, the longer one."""
     sides = value - whole.lower, whole.upper - value
     found = [
         Interval(lower=value - (_SHORTER if first else 1.0) * sides[0], upper=value + (1.0 if first else _SHORTER) * sides[1])
@@ -199,7 +199,7 @@ def _grid(loops: BlockLoops, independent: Independent, nodes: Array, values: Arr
 
 
 def _guess(loops: BlockLoops, independent: Independent, chart: Chart, nodes: Array) -> Array:
-    """Poses near those at nodes of the leading coordinate: between those of the curve."""
+    """Initial guesses of the poses at nodes, interpolated between those of the curve."""
     curve = independent.curve
     along = curve[:, chart.q]
     if independent.closes:  # on with the turn before and the one after, for nodes beyond the ends of the curve
@@ -264,8 +264,7 @@ def _across(whole: Array, u: Interval, half: float, tolerance: float) -> Array:
 
 
 def _trimmed(c: Array, half: float, tolerance: float) -> Array:
-    """Coefficients (n, m) with zeros where those of a power of u matter less than the tolerance, in value, first derivatives and tenths of
-    second derivatives: the higher one of them is, the lower may the other be."""
+    """Coefficients (n, m), zero where their effect on value, first derivatives and a tenth of second derivatives is below the tolerance."""
     k, j = (np.arange(size, dtype=float) for size in c.shape)
     along = (np.ones_like(k), k**2 / half, k**2 * (k**2 - 1) / (3 * half**2))
     across = (np.ones_like(j), j**2, j**2 * (j**2 - 1) / 3)
@@ -332,7 +331,7 @@ def evaluate(series: Series, functions: LoopFunctions, q: Array, u: Array, order
 
 
 def place(loops: BlockLoops, independent: str, functions: LoopFunctions, q: Array, u: Array) -> tuple[Array, Array]:
-    """The tree's coordinates (n, coordinates) by the functions of a block, and the block's speeds (n, speeds) at the speed q' = 1."""
+    """The tree's coordinates (n, coordinates) by the functions of a block, and the block's speeds (n, speeds) at q' = 1."""
     whole, rates = loops.design(len(q)), np.zeros((len(q), loops.size))
     for chart in loops.own:
         first = loops.speeds[chart.joint]
@@ -393,7 +392,7 @@ def accuracy(loops: BlockLoops, independent: Independent, functions: LoopFunctio
     return float(np.abs(derivatives[1]).max()), float(np.abs(derivatives[2] - derivatives[0]).max() / (2 * key))
 
 
-#: The number of places at which derivatives are looked at.
+#: The number of points at which derivatives are evaluated.
 _SAMPLES = 40
 
 
@@ -406,8 +405,9 @@ def _largest_derivative(functions: LoopFunctions) -> float:
 
 
 def refit(topology: Topology, embedded_loop: EmbeddedLoop, parameters: Mapping[str, float]) -> LoopFunctions:
-    """The functions of an assembly with open geometry by other ``parameters`` (SI units), as core/mechanism/loop_fits.hpp finds them; its
-    own where its loops do not close over the range."""
+    """The functions of an embedded loop with tunable geometry for other ``parameters`` (SI units), as core/mechanism/loop_fits.hpp fits
+    them; its own if the loops do not close over the range.
+    """
     model, functions, moved = topology.model, embedded_loop.functions, embedded_loop.drive
     model = replace(model, parameters=tuple(replace(p, value=parameters.get(p.name, p.value)) for p in model.parameters))
     block = Block(carrier=embedded_loop.carrier, bodies=embedded_loop.bodies, joints=joints_of(model, embedded_loop), drives=())

@@ -1,6 +1,6 @@
 """The motion of a block with one degree of freedom, and the coordinates that can be its independent one.
 
-A block is traced in both directions from its pose in the scene, until its equations come near to depending on each other.  A coordinate is
+A block is traced in both directions from its pose in the scene, until its equations become ill-conditioned.  A coordinate is
 independent on the part of this curve around the start on which it is monotone, and not much slower than the fastest one.
 """
 
@@ -18,7 +18,7 @@ from cutjoint.topology.blocks import Block
 from cutjoint.topology.geometry import TOLERANCE
 from cutjoint.topology.records import degrees
 
-#: Why a block has no functions.
+#: The reason that a block cannot be embedded.
 NO_INDEPENDENT = "no joint with one coordinate can be independent in it"
 #: The step along a motion, the largest rotation or the largest displacement by the block's size; and the most steps in one direction.
 STEP, STEPS = 0.15, 150
@@ -42,8 +42,8 @@ Traced: TypeAlias = list[tuple[BlockLoops, Curve]]
 
 
 def trace(loops: BlockLoops, u: float, known: Traced) -> Curve:
-    """Trace a block from its pose in the scene in both directions until its equations come near to depending on each other; an equal block
-    or a mirrored one moves as a ``known`` one, which it joins.
+    """Trace a block from its pose in the scene in both directions until its equations become ill-conditioned; an equal or mirrored block
+    reuses the ``known`` curve, to which new ones are added.
 
     Raises:
         NoEmbeddingError: the block does not close, or has another number of degrees of freedom than one.
@@ -56,7 +56,7 @@ def trace(loops: BlockLoops, u: float, known: Traced) -> Curve:
 
 
 def _copied_from(loops: BlockLoops, other: BlockLoops, curve: Curve, u: float, mirrored: bool) -> Curve | None:
-    """The motion of another block as that of this one, or of one ``mirrored`` in y, if it closes this one's loops from where it is."""
+    """The curve of another block, ``mirrored`` in y if so, for this one, if it closes this block's loops from their present pose."""
     kinds = [[(chart.scalars, chart.ball) for chart in block.own] for block in (loops, other)]
     if kinds[0] != kinds[1]:
         return None
@@ -143,7 +143,7 @@ def _march(loops: BlockLoops, start: Poses, rank: int, tangent: Array, u: float,
 
 
 def _tangent(loops: BlockLoops, poses: Poses, rank: int, like: Array | None) -> tuple[Array, float]:
-    """The motion that the equations leave free, with the sign of another one, and the condition of the equations."""
+    """The unit motion that the equations leave free, with the sign of ``like``, and the condition number of the equations."""
     scales = loops.scales
     _, values, rows = np.linalg.svd(poses.jacobian[0] * scales)
     free = rows[-1] / np.abs(rows[-1]).max()
@@ -184,7 +184,7 @@ class Independent:
 
 
 def find_independent(loops: BlockLoops, curve: Curve) -> list[Independent]:
-    """The coordinates that can be independent in a block, the one that gets farthest first.
+    """The coordinates that can be independent in a block, the one with the longest travel first.
 
     Raises:
         NoEmbeddingError: there is none.

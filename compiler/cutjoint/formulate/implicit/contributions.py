@@ -1,13 +1,13 @@
 """Contributions of masses, force elements, cut joints and first-order states to the force residual and its tangent.
 
-An element acts on one body or on two.  Two bodies that both move along with a motion feel no change from it, seen from them; so only
-motions on the path between the element's bodies count, on which its wrench W and the columns s of the motions change.  (Of an element whose
-law reads more than its own bodies all motions count.)
+An element acts on one body or on two. A motion that displaces both bodies together leaves their relative motion unchanged. Only motions on
+the path between the two bodies contribute: the wrench W and the motion columns s change with them. (If the law reads quantities of other
+bodies, all motions contribute.)
 
-    D_k (s_j^T W) = s_j^T D_k W + (xi_k x s_j)^T W          the last where k carries j along
+    D_k (s_j^T W) = s_j^T D_k W + (xi_k x s_j)^T W          second term: only if k carries j
 
-The masses' part is by composite bodies.  With F_i = M_i A_i - Q_i of the masses alone and composites over a body and
-all that it carries, motion k changes the residual of motion j by
+Masses contribute by composite bodies (superscript c: a body and all outer bodies). With F_i = M_i A_i - Q_i of the masses alone, motion k
+changes the residual of motion j by
 
     s_j^T (M^c_j c_k + B^c_j DV_k)                    where k carries j along
     s_j^T (M^c_k c_k + B^c_k DV_k + xi_k x* F^c_k)    elsewhere
@@ -32,7 +32,7 @@ from cutjoint.program.differentiate import Variation
 
 @dataclass(frozen=True, kw_only=True)
 class Closed:
-    """A cut joint with residual Phi, its ``augmented_loop`` by penalty Phi + lambda, and its wrenches -A^T (penalty Phi + lambda)."""
+    """A cut joint: residual Phi, ``augmented_loop`` = penalty Phi + lambda, and its wrenches -A^T (penalty Phi + lambda)."""
 
     loop: LoopClosure
     augmented_loop: LoopClosure
@@ -45,7 +45,7 @@ class Closed:
 
 
 def close(k: Kinematics, loop: LoopClosure, penalty: Block) -> Closed:
-    """A cut joint under its multipliers and the penalty of its residual."""
+    """The blocks of a cut joint for its multipliers and the penalty of its residual."""
     b, joint = k.builder, loop.joint
     with b.section("closure", joint.name, "W = -A^T (penalty Phi + lambda)", joint.span.place):
         augmented = b.name(b.add(b.scale(penalty, loop.residual), loop.multipliers), "push", joint.name, rows=loop.names)
@@ -81,12 +81,12 @@ def weights(k: Kinematics, loop: LoopClosure) -> Block:
 
 @dataclass(kw_only=True)
 class SharedForces(BodySystem):
-    """A body system that remembers each element's part in the forces: by element, its wrench on each of its bodies."""
+    """A body system that records the wrench of each element on each of its bodies."""
 
     wrenches: dict[str, dict[str, Block]] = field(default_factory=dict)
 
     def copy(self) -> "SharedForces":
-        """A body system with these forces, to which others may be added."""
+        """A copy of a body system, with the forces so far, to which others may be added."""
         return replace(
             self, Q=dict(self.Q), joint_forces=dict(self.joint_forces), cut_joint_wrenches=dict(self.cut_joint_wrenches),
             wrenches={element: dict(wrenches) for element, wrenches in self.wrenches.items()},
@@ -100,7 +100,7 @@ class SharedForces(BodySystem):
 
 
 def paths(motions: Motions, wrenches: Mapping[str, Block]) -> Iterator[tuple[str, Block, list[Motion]]]:
-    """Body, wrench, and the motions on the path from it to the common carrier of the element's bodies."""
+    """Each body and its wrench, with the motions on the path from that body to the common carrier of the element's bodies."""
     chains = [motions.chains.get(body, ()) for body in wrenches]
     common = set(chains[0]).intersection(*chains[1:]) if len(chains) > 1 else set()
     for body, wrench in wrenches.items():
@@ -113,7 +113,7 @@ def wrench_tangent(
 ) -> Iterator[tuple[Motion, Motion, Block]]:
     """The entries of the change of one element's wrenches, to be subtracted from the tangent: row, column, value.
 
-    Where the element ``sees`` more than its own bodies, all motions may change it.
+    If its law ``sees`` other bodies, all motions contribute.
     """
     b, is_embedded = motions.k.builder, motions.columns()
     parts = list(paths(motions, wrenches))
@@ -131,7 +131,7 @@ def wrench_tangent(
 
 @dataclass(frozen=True, kw_only=True)
 class Composite:
-    """A body and all bodies that it carries: M (6, 6), the columns B (6, 3) by an angular change, F (6, 1)."""
+    """A composite body, i.e. a body with all outer bodies: M (6, 6), the columns B (6, 3) by an angular velocity change, F (6, 1)."""
 
     M: Block
     B: Block
@@ -178,7 +178,7 @@ def _turning(k: Kinematics, body: Body) -> Block:
 
 
 def force_cross(b: Builder, motion: Block, force: Block) -> Block:
-    """The rate of a force moving with a twist: [w x f; v x f + w x n] (Featherstone 2008, eq. 2.32)."""
+    """The spatial cross product v x* f of a twist and a force: [w x f; v x f + w x n] (Featherstone 2008, eq. 2.32)."""
     (v, w), (f, n) = halves(b, motion), halves(b, force)
     return b.stack([[b.cross(w, f)], [b.add(b.cross(v, f), b.cross(w, n))]])
 
@@ -209,8 +209,7 @@ def inertial_tangent(motions: Motions, of: Mapping[str, Composite]) -> Iterator[
 
 
 def coupled_tangent(motions: Motions, layout: StateLayout, model: Model, system: SharedForces) -> Iterator[Entry]:
-    """The tangent of forces and first-order states by each other: the states' equations by the joints' motions, and the joints' by the
-    states."""
+    """The tangent's coupling of joints and first-order states: states' equations by motions of joints, and joints' equations by states."""
     b, rates = motions.k.builder, state_rates(motions.k.builder, motions.k.translator, model)
     variations = motions.variations() if model.states else {}
     for place, state in enumerate(model.states, start=layout.speeds):

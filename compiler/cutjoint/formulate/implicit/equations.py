@@ -8,8 +8,8 @@ The dynamic residual is that of the Newton-Euler recursion, and its tangent
 
     (residual)_vdot + damping (residual)_v + stiffness (residual)_q + constraint J^T J
 
-is complete: it has the turning of the joints' axes and of the multipliers' directions.  (The semi-recursive method of Cuadrado, Dopico,
-Gonzalez, Naya, Multibody System Dynamics 12 (2004) 117-132, leaves those out.)
+is exact: it includes the rotation of joint axes and of constraint directions.  (The semi-recursive method of Cuadrado, Dopico,
+Gonzalez, Naya, Multibody System Dynamics 12 (2004) 117-132, neglects these terms.)
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -150,8 +150,8 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
 
 
 def formulate_residual(start: RecursiveEquations, closure: str = DEFAULT_CLOSURE) -> RecursiveEquations:
-    """The function of a mechanism: q, v, vdot, lambda -> the residual of forces, with those of loops, and of the
-    second rates of these, in the axes of its recursive equations ``start``."""
+    """The inverse-dynamics residual: q, v, vdot, lambda -> residuals of forces (with loop reactions) and of loop accelerations,
+    in the axes of the recursive equations ``start``."""
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
     k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in start.charts}, axes=start.axes)
@@ -201,7 +201,7 @@ class _System:
     Q: Mapping[str, Block]
 
     def dynamic_residual(self) -> dict[str, Block]:
-        """S^T sum F + J^T (penalty Phi + lambda) - tau, and Phi; joints that follow a coordinate add theirs to its own."""
+        """S^T sum F + J^T (penalty Phi + lambda) - tau, and Phi; dependent joints add theirs to the row of the independent coordinate."""
         b, k = self.b, self.k
         results: dict[str, Block] = {}
         for body, value in self.unbalanced.items():
@@ -225,7 +225,7 @@ class _System:
 
     @cached_property
     def unbalanced(self) -> dict[str, Block]:
-        """S^T F^c - tau of the joints that move, by their bodies, the outermost first."""
+        """S^T F^c - tau of the movable joints, by their outer bodies, outermost first."""
         b, k = self.b, self.k
         carried: dict[str, Block] = {}
         results: dict[str, Block] = {}

@@ -1,19 +1,19 @@
-"""The elementary motions of all joints, and how a step of one moves what it carries.
+"""The elementary motions of all joints, and the change of all outer bodies with a step of each.
 
-The unknown of a step is vdot; with it change v by ``damping`` and q by ``stiffness`` (dt/2 and dt^2/4 of the trapezoidal rule).  Motion k
-with the column s_k, which turns and shifts its outer bodies by xi_k = stiffness s_k, lies between two frames: before it (parent p, or the
-motions of the same joint before it) with twist V_b, and after it with V_a, A_a.  Seen from a frame that goes along with xi_k, the twist
-and the acceleration of any body i that it carries change by
+The unknown of a step is vdot; it changes v ``damping`` and q ``stiffness`` times as much (dt/2 and dt^2/4 in the trapezoidal rule). Motion
+k with the column s_k, which displaces its outer bodies by xi_k = stiffness s_k, lies between two frames: before it (parent p, or the
+motions of the same joint before it) with twist V_b, and after it with V_a, A_a. In a frame displaced by xi_k, twist and acceleration of
+every outer body i change by
 
     DV_k = damping s_k + V_a x xi_k             DA_i = c_k + DV_k x V_i,    c_k = s_k + damping V_b x s_k - xi_k x A_a - DV_k x V_a
 
-the same for all i.  (The derivatives of the Newton-Euler recursion, as in Carpentier, Mansard 2018, and Echeandia, Wensing 2021, with
-both of its arguments tied to the acceleration.)  The pole goes along with a free root: where one is displaced, nothing moves but the pole.
+the same for all i. (The derivatives of the Newton-Euler recursion, as in Carpentier, Mansard 2018, and Echeandia, Wensing 2021, with q and
+v as functions of the acceleration.) The pole moves with a free root body: displacing that body only moves the pole.
 
-The joints of an assembly follow one coordinate q.  With s_j = derivative_j column_j their motions have the row of q, and change at once:
-column, speed and acceleration of each as much as stiffness derivative, damping derivative + stiffness d(rate)/dq, and so on say.
+The joints of an embedded loop depend on one coordinate q. With s_j = derivative_j column_j their motions share the row of q and change
+together: coordinates by stiffness derivative, speeds by damping derivative + stiffness d(rate)/dq, accelerations likewise.
 
-Gears act on the coordinates of their joints alone, and their Jacobian changes with these by laws.
+Gears act on joint coordinates only.  The Jacobian of a gear with a law varies with these coordinates.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -38,12 +38,12 @@ class StepWeights:
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """An elementary motion, or one of the three directions of a ball.
+    """An elementary motion, or one of the three rotations of a ball joint.
 
     ``row`` is its place among all speeds, ``index`` that within its joint, ``group`` that of its motion within the joint (those of a ball
-    share one), ``share`` how much of its coordinate it turns; motions that share a coordinate have one row.  ``s`` (6, 1) is its column,
-    ``shift`` (6, 1) the same by the unknown of a ball, ``xi`` (6, 1) the displacement, ``after`` (6, 1) the twist behind it, ``moved``
-    (6, 1) the change of its own speed, ``DV`` and ``c`` (6, 1) as above.  ``derivative`` is the column's factor of a joint that follows.
+    share one), ``share`` its fraction of its coordinate; motions that share a coordinate have one row. ``s`` (6, 1) is its column,
+    ``shift`` (6, 1) the same by the unknown of a ball, ``xi`` (6, 1) the displacement, ``after`` (6, 1) the twist of its outer frame,
+    ``moved`` (6, 1) the change of its own speed, ``DV`` and ``c`` (6, 1) as above. In a dependent joint ``derivative`` scales the column.
     """
 
     body: str
@@ -64,7 +64,7 @@ class Motion:
 
     @property
     def key(self) -> tuple[int, int]:
-        """A pair of numbers that distinguishes the motion from all others; those of an embedded loop, which change together, have one."""
+        """A key that motions share if they change together, as those of an embedded loop do."""
         return self.row, -1 if self.is_embedded else self.group
 
 
@@ -83,7 +83,7 @@ class Motions:
             yield from motions
 
     def carries(self, k: Motion, j: Motion) -> bool:
-        """Return whether motion k carries the column of motion j along."""
+        """Return whether motion k displaces the column of motion j."""
         if k.body == j.body:
             return k.group < j.group
         return k.body in self.chains[j.body]
@@ -96,11 +96,11 @@ class Motions:
         return found
 
     def carrying(self, k: Sequence[Motion], j: Motion) -> Block:
-        """The displacement xi of those of motions k that carry the column of motion j along."""
+        """The displacement xi of those motions k that displace the column of motion j."""
         return self.k.builder.total([self.k.builder.zero(6), *(m.xi for m in k if self.carries(m, j))])
 
     def variations(self) -> dict[tuple[int, int], Variation]:
-        """The changes of blocks with each motion's acceleration, by its key."""
+        """The change of blocks with the acceleration of each motion, by its key."""
         inputs = Inputs()
         return {key: self._variation(motions, inputs) for key, motions in self.columns().items()}
 
@@ -176,7 +176,7 @@ class _Speed:
 
 @dataclass(frozen=True, kw_only=True)
 class _EmbeddedLoops:
-    """The joints of assemblies, which follow the coordinates of others."""
+    """The dependent joints of embedded loops."""
 
     k: Kinematics
     weights: StepWeights
@@ -184,7 +184,7 @@ class _EmbeddedLoops:
     _inputs: Inputs = field(default_factory=Inputs)
 
     def speeds(self, motion: JointMotion) -> list[_Speed]:
-        """The speeds of a joint by the unknown that they follow."""
+        """The speeds of a joint as functions of the unknowns that they depend on."""
         b, model, joint = self.k.builder, self.k.topology.model, motion.tree_joint.joint
         if motion.chart is not None:
             size = len(motion.chart.speed_names)
@@ -276,8 +276,9 @@ def _columns(b: Builder, motion: JointMotion) -> list[list[Block]]:
 
 
 def _shifts(k: Kinematics, motion: JointMotion, columns: Mapping[int, Block]) -> Mapping[int, Block]:
-    """The columns of a motion by its unknowns.  A ball's unknowns are those of a rotation vector from the pose before the step: the
-    turns that they make are T (3, 3) times as large, see runtime/include/cutjoint/core/mechanism/retraction.hpp."""
+    """The columns of a motion by its unknowns. The unknowns of a ball are a rotation vector from the pose before the step; T (3, 3) maps
+    their change to a rotation, see runtime/include/cutjoint/core/mechanism/retraction.hpp.
+    """
     b, chart = k.builder, motion.chart
     if chart is None or not chart.ball or chart.scalars not in columns:
         return columns
@@ -288,7 +289,7 @@ def _shifts(k: Kinematics, motion: JointMotion, columns: Mapping[int, Block]) ->
 
 
 def joint_forces_of(k: Kinematics, gears: Sequence[GearClosure], gear_multipliers: Sequence[Block]) -> dict[str, Block]:
-    """The sum of J^T push over gears by the body of each joint, of all its speeds."""
+    """The generalised forces J^T force, summed over all gears, of all speeds of each joint, by its outer body."""
     b = k.builder
     forces: dict[str, Block] = {}
     for gear, force in zip(gears, gear_multipliers, strict=True):
@@ -307,7 +308,7 @@ def augmented_multipliers(k: Kinematics, gear: GearClosure, penalty: Block) -> B
 
 
 def change(k: Kinematics, gear: GearClosure, x: Mapping[str, Block]) -> Block:
-    """J x of columns (speeds, 1) by joint."""
+    """The product J x by joint, for columns x (speeds, 1)."""
     b = k.builder
     parts = [(k.motions[body].tree_joint.joint.name, place, factor) for body, (place, factor) in gear.row.items()]
     return b.total([b.mul(factor, b.element(x[joint], place)) for joint, place, factor in parts])
@@ -320,8 +321,7 @@ def speed_inputs(k: Kinematics) -> dict[str, Block]:
 
 
 def gear_tangent(motions: Motions, gear: GearClosure, force: Block) -> Iterator[tuple[Motion, Motion, Block]]:
-    """constraint J^T J, and stiffness times the change of J^T ``force``: row, column, value; of motions that share a coordinate one stands
-    for all."""
+    """constraint J^T J, and stiffness times the change of J^T ``force``: row, column, value; motions that share a coordinate count once."""
     b = motions.k.builder
     ends, seconds = (
         [(next(m for m in motions.of_body[body] if m.index == place), factor) for body, (place, factor) in of.items()]

@@ -1,6 +1,6 @@
-"""Forces and matrices over nodes, and how they come down to the coordinates.
+"""Forces and matrices over nodes, and their projection onto the coordinates.
 
-Elements add what they have at their own points and directions; a node that is a linear combination of others hands its share on to these.
+Elements add their terms at their own points and directions. Terms of a node that is a linear combination of others go to these nodes.
 
 The constant mass matrix of a rigid group over its basis (Garcia de Jalon, Bayo 1994, section 4.2).
 
@@ -39,7 +39,7 @@ class NodalForce:
             self.parts[node] = force if known is None else self.motions.builder.add(known, force)
 
     def by_coordinate(self) -> dict[Node, Block]:
-        """The force on each coordinate; the others hand theirs on, the last laid out first."""
+        """The force on each coordinate; forces on dependent nodes are distributed, those of the node laid out last first."""
         for node in reversed(self.motions.layout.nodes):
             if node.parts is not None and node in self.parts:
                 self.add(node.title, node.parts, self.parts.pop(node))

@@ -2,7 +2,7 @@
 
 Each has its residual Phi, the gradient of Phi by the nodes, its rate Phid = Phi_q qd + Phi_t, and the drift (d/dt Phi_q) qd + (d/dt Phi_t),
 so that Phidd = Phi_q qdd + drift. A product of two displacements between points is divided by the longer displacement, so that every
-residual is in metres or, of two directions, in radians, times the arm of a mechanism far from a metre long.
+residual is in metres or, of two directions, in radians, times the arm, the length scale of a mechanism whose size is far from 1 m.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -195,8 +195,7 @@ class ConstraintMaker:
         return row
 
     def _surplus_node(self, group: Group, node: Node) -> Iterator[Constraint]:
-        """A group's own combination equals a shared node: three equations of a point, of a direction two, if the
-        body has all directions and their own are numbers."""
+        """A group's own combination equals a shared node: three equations, or two of a direction if all directions are numeric."""
         shared = (Use(1, node.body, {node: 1}),)
         across = surplus_tangents(self._layout, group, node)
         if across is None:

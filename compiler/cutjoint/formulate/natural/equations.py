@@ -5,8 +5,8 @@ With constant M, Phi(q, t) = 0 and the forces Q(q, qd, t), both methods solve M 
     augmented   A + constraint Phi_q^T Phi_q                              A = M + damping C + stiffness K, its symmetric part
     classical   [A, constraint Phi_q^T; constraint Phi_q, 0]              C = -dQ/dqd, K = -dQ/dq
 
-Left out is the change of Phi_q^T lambda by q, as in the paper: it is small against the masses at the steps that the method takes.  The
-symmetric tangent leaves out what first-order states change by each other, and forces and states by each other, too.
+As in the paper, the derivative of Phi_q^T lambda by q is neglected: it is small against the masses at the step sizes of the method. The
+symmetric tangent also neglects the coupling among first-order states, and that of states with forces.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -146,7 +146,7 @@ _OPEN = 1e-5
 def _unheld(
     b: Builder, topology: Topology, constraints: Iterable[Constraint], left_out: Collection[str]
 ) -> Iterator[tuple[LeftOut, Block]]:  # fmt: skip
-    """The equations that are left out, with their margins: negative where one is violated."""
+    """The equations that are not enforced, with their margins: negative where one is violated."""
     for c in constraints if left_out else ():
         for i, name in enumerate(c.names):
             if (full := f"{c.element}.{name}") in left_out:

@@ -28,7 +28,7 @@ from cutjoint.program.differentiate import Differentiator
 
 @dataclass(frozen=True, kw_only=True)
 class Tangent:
-    """The fall of an element's force on the form ``rows`` with the position (``stiffness``) and rate (``damping``) of ``columns``."""
+    """Minus the derivative of an element's force on the form ``rows`` by position (``stiffness``) and rate (``damping``) of ``columns``."""
 
     rows: Form
     columns: Form
@@ -49,7 +49,7 @@ class Action:
 class Element:
     """A force element: its actions on forms, its reported quantities, and the forms ``by`` whose motion it depends on.
 
-    These are in the order of their first use, each by its body and its value.  One whose law ``sees`` other bodies depends on any
+    These are in the order of their first use, each by its body and its value. A law that ``sees`` other bodies may depend on any
     coordinate.
     """
 
@@ -109,7 +109,7 @@ class ForceMaker:
         )
 
     def guarded(self) -> tuple[list[Element], dict[str, Block]]:
-        """The forces that guards stand for, as elements that only report where their parts are; and their smallest margins."""
+        """The guarded forces, as elements that only report the positions of their parts, and their smallest margins."""
         elements, margins = [], {}
         for guard in forces_guarded(self._model, self._scene):
             force, name = guard.force, guard.force.name

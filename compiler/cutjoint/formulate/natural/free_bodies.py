@@ -18,7 +18,7 @@ from cutjoint.model.records import Force, Joint, Model, Reaction, Scalar
 class FreeBody:
     """The group of bodies on one side of a joint, and the ``node`` at which the joint's force acts on it.
 
-    ``sign`` is 1 for the follower's group and -1 for the base's.  If ``is_surplus``, the group has equations that hold a combination of its
+    ``sign`` is 1 for the follower's group and -1 for the base's. If ``is_surplus``, the group has equations that tie a combination of its
     basis to the node; otherwise the node is part of its basis.
     """
 
@@ -95,7 +95,7 @@ def _is_constrained_twice(layout: Layout, node: Node) -> bool:
 
 
 def share(uses: Uses, free_body: FreeBody) -> Scalar:
-    """The displacement of a sum if the free body alone moves its node by one.
+    """The change of a sum for a unit displacement of the free body's node, all other bodies fixed.
 
     Nodes that are combinations of the group's basis move with it.
     """

@@ -1,4 +1,4 @@
-"""The equations of a joint that sharing nodes does not settle, as data: constraints, the twin's description and `explain` read them."""
+"""The equations of a joint that shared nodes do not imply, as data for the constraints and for `explain`."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -1,10 +1,10 @@
 """Model -> the layout of natural coordinates: the points and unit vectors that are coordinates, and the nodes that follow from them.
 
-Bodies are laid out from the ground outwards.  A body is spanned by up to four nodes, a point first: those that a joint shares with a
-body laid out before, then points and directions of its own, then unit vectors across these.  Of joints that stand alike on a body none is
-a node of its basis before the others, so that all of them are computed in the same way.  All else of it is a linear combination
-of them.  A body without mass gets no more than its points and directions span: a rod needs two points, and no attitude.
-Joints that leave the attitude alone (fixed, prismatic) share all directions; bodies joined by a fixed joint are one group.
+Bodies are laid out from the ground outwards. A body is spanned by up to four nodes, a point first: those that a joint shares with a body
+laid out before, then points and directions of its own, then unit vectors across these. Equivalent joints on a body supply no basis node
+before the others, so that all are computed in the same way. All other points and directions are linear combinations of these. A massless
+body has the span of its points and directions only: a rod needs two points, and no attitude. Joints that keep the relative attitude (fixed,
+prismatic) share all directions; bodies joined by a fixed joint are one group.
 """
 
 from collections import defaultdict
@@ -244,7 +244,7 @@ class _Builder:
         self._needs = collector.needs
 
     def _is_idle(self, joint: Joint, collector: Collector) -> bool:
-        """Return whether a joint that holds one turn only keeps a massless rod from turning about itself."""
+        """Return whether the only rotation that a joint constrains is that of a massless rod about its own axis."""
         if not joint.element.constrains_one_rotation or joint.guide is not None:
             return False
         for body in {self.group_of[joint.base], self.group_of[joint.follower]} - {GROUND}:

@@ -34,7 +34,7 @@ from cutjoint.topology.records import Branch
 
 @dataclass(frozen=True, kw_only=True)
 class _Share:
-    """The part that a branch has in the equations of its hub: of H_K, of h_K and of G_K^T, None where the carrier is the ground."""
+    """A branch's contribution to the equations of its hub: to H_K, h_K and G_K^T, None where the carrier is the ground."""
 
     mass: Block
     force: Block
@@ -67,8 +67,7 @@ class BranchSystem:
 
     @property
     def rows(self) -> tuple[str, ...]:
-        """The unknowns as readers call them: by their joints, without an instance that has them all, and with a name where a joint has
-        several."""
+        """Names of the unknowns: by joint, without a common instance prefix, and with a coordinate name if a joint has several."""
         motions = [self.k.motions[body] for body in self.unknowns]
         names = [m.tree_joint.joint.name for m in motions]
         instances = {name.rpartition(".")[0] for name in names}
@@ -96,7 +95,7 @@ class BranchSystem:
         return self.k.carriers(body, self.branch.carrier)
 
     def eliminate(self) -> None:
-        """Compose and factorise H, and pass on to the carrier what is left."""
+        """Compose and factorise H, and add the reduced equations to the carrier's."""
         b = self.k.builder
         self._gather()
         for loop in self.loops:

@@ -36,9 +36,9 @@ from cutjoint.topology.records import Topology
 
 
 def resolving_body(topology: Topology) -> str:
-    """The body in whose axes vectors are resolved: the one that carries all others and turns, if there is one, else the ground.
+    """The body in whose axes vectors are resolved: the rotating body that carries all others, else the ground.
 
-    The ground too where it slides in a plane and all turn about its normal: nothing else turns the vectors of such a mechanism.
+    In a planar mechanism, whose bodies all rotate about the normal of that plane, it is the ground too.
     """
     roots = [t for t in topology.tree if t.parent == GROUND]
     if len(roots) != 1:
@@ -66,10 +66,10 @@ def formulate_recursive(
 
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``constraint_residual``: q, v -> residual and its
     rate; ``report``: q, v, vdot, lambda -> the outputs; ``energy``: the same -> kinetic energy and power; ``project``: q, violation -> the
-    step of the speeds' integrals that closes the violations of the cut joints and moves the masses least; with guards ``guard``: q, v ->
-    margins; with indicators ``events``: q, v -> their values; with laws that may have no value ``domains``: q, v, lambda -> the margins of
-    their arguments; with inputs ``scene_inputs``: t -> the scene's inputs; with controllers ``sample``: q, v, vdot, lambda -> what they
-    hold next; with ``poses`` the function of that name.  With ``load_events`` the lengths in loads of friction have indicators.
+    step of the speeds' integrals that removes the violations of the cut joints with the least mass-weighted norm; with guards ``guard``: q,
+    v -> margins; with indicators ``events``: q, v -> their values; with laws that may be undefined ``domains``: q, v, lambda -> the margins
+    of their arguments; with inputs ``scene_inputs``: t -> the scene's inputs; with controllers ``sample``: q, v, vdot, lambda -> their next
+    discrete states; with ``poses`` the function of that name. With ``load_events`` the lengths in loads of friction have indicators.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)

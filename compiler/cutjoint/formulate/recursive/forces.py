@@ -47,7 +47,7 @@ def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
 
 
 def find_rotors(k: Kinematics, model: Model) -> dict[str, Rotor]:
-    """The wheels that turn on their axes of symmetry in bearings on other bodies, to which nothing else is joined."""
+    """The wheels that rotate about their axes of symmetry in bearings on other bodies, without any other joint."""
     found, b = dict[str, Rotor](), k.builder
     if any(force.by_load for force in model.forces):
         return found  # the load of a joint is that of all that it carries

@@ -1,4 +1,4 @@
-"""Friction by what joints carry: loads from given motions, and loads together with the accelerations that follow from them.
+"""Load-dependent friction in joints: loads of a given motion, and loads solved for together with the accelerations.
 
 A load is a preload and the lengths of vectors, which are linear in accelerations and multipliers, and so in all loads::
 
@@ -51,7 +51,7 @@ class LoadFriction:
     law: Block
 
     def apply(self, system: BodySystem, k: Kinematics, load: Block) -> Block:
-        """Add the force of a load to a system, and return it."""
+        """Add the friction force of a load to a system, and return it."""
         b, system.source = k.builder, self.force.name
         force = b.mul(load, self.law)
         WrenchMechanics(b=b, translator=k.translator, system=system, k=k, force=self.force).apply_joint_force(force)
@@ -73,7 +73,7 @@ class LoadFriction:
 
 
 def directions(joint: Joint, coordinate: str) -> tuple[Direction, list[Direction], list[Direction]]:
-    """The direction of a coordinate, the directions of the joint's slides, and the axes of its turns."""
+    """The direction of a coordinate, the directions of the joint's displacements, and the axes of its rotations."""
     motions = tuple(joint.element.scalar_motions)
     slides = [m.direction for m in motions if isinstance(m, Translation)]
     turns = [m.direction for m in motions if not isinstance(m, Translation)]
@@ -96,7 +96,7 @@ def _across(k: Kinematics, joint: Joint, vector: Block, directions: Sequence[Dir
 
 
 def load_frictions(model: Model, system: BodySystem) -> tuple[LoadFriction, ...]:
-    """The forces of a system that wait for their loads."""
+    """The friction forces of a system whose loads are not known yet."""
     joints = {joint.name: joint for joint in model.joints}
     return tuple(
         LoadFriction(force=f, joint=joints[f.joint], law=system.friction_laws[f.name])

@@ -1,7 +1,7 @@
 """Positions, velocities and motion subspaces of all bodies, from the ground outwards.
 
 The motion of a body is Z = [v0; w], the velocity of its point at the pole and its angular velocity (Cuadrado et al. 2000, eqs. 23, 26,
-27).  All vectors are resolved in the same axes: global ones, or those that the body has at this instant that carries all others.  The pole
+27).  All vectors are resolved in the same axes: global axes, or the instantaneous axes of the body that carries all others.  The pole
 of a branch that stands free is its root body's origin at this instant; that of a branch on the ground is its first joint.  Bodies of one
 branch share the pole, so that Z_i = Z_p + b_i zd_i without frame transforms.
 
@@ -46,7 +46,7 @@ class JointMotion:
     ``centre`` is the pole-to-centre vector of a spherical joint, which is eliminated in global axes about that point.
     ``columns`` (6, n) are those of the elementary motions in the chain's order, where several share a speed; else they are b's.
     ``position``, ``quaternion``, ``rate`` hold the coordinates and speeds, ``acceleration`` the guide's if the joint is guided.
-    Of a joint that follows the coordinate of an assembly, ``derivative`` (k, 1) has its speeds by that coordinate's, ``own`` (6, k) the
+    Of a dependent joint of an embedded loop, ``derivative`` (k, 1) has its speeds by that of the independent coordinate, ``own`` (6, k) the
     motion subspace, and ``follows`` (6, 1) the motion by that coordinate.
     """
 
@@ -262,7 +262,7 @@ def _axes_rotation(k: Kinematics, t: TreeJoint, charts: Mapping[str, Chart]) -> 
 
 
 def _following(k: Kinematics, t: TreeJoint, model: Model) -> DependentMotion | None:
-    """The motion of a joint that follows the coordinate of an assembly."""
+    """The motion of a dependent joint of an embedded loop."""
     embedded_loop = model.dependent_joints.get(t.joint.name)
     if embedded_loop is None:
         return None
@@ -273,7 +273,7 @@ def _following(k: Kinematics, t: TreeJoint, model: Model) -> DependentMotion | N
 
 
 def drive_of(k: Kinematics, embedded_loop: EmbeddedLoop) -> tuple[Block, Block, Block]:
-    """The guided coordinate of an assembly with its rate and acceleration."""
+    """The guided coordinate of an embedded loop with its rate and acceleration."""
     joint = next(joint for joint in k.topology.model.joints if joint.name == embedded_loop.drive)
     assert joint.guide is not None
     return _guided(k, joint.guide[0], k.topology.model)
@@ -315,7 +315,7 @@ _Motion = tuple[Block | None, Block, Block | None]
 def _add_root(
     k: Kinematics, t: TreeJoint, kernel: JointKernel, local: Translator, local_rotation: Block, shift: Block, rate: tuple[Block, ...]
 ) -> tuple[Frame, _Motion]:
-    """A body next to the ground.  A free one carries its pole along, so that its b is the unit matrix and d = [-w x v; 0]."""
+    """A body next to the ground.  The pole moves with a free body, so that its b is the unit matrix and d = [-w x v; 0]."""
     b = k.builder
     inner = k.vector(inner_point(t.joint, t.reversed))
     origin = reference_point(t.joint, t.reversed)
@@ -372,7 +372,7 @@ ATTITUDE = frozenset({"roll", "pitch", "yaw"})
 
 
 def attitude(b: Builder, R: Block, angle: str) -> Block:
-    """Yaw, pitch or roll, turned about z, y, x in turn, of a rotation R (3, 3); the pitch by its tangent, for its sake on the nose."""
+    """Yaw, pitch or roll (about z, y, x, in this order) of a rotation R (3, 3); atan2 keeps the pitch accurate near 90 degrees."""
     if angle == "pitch":
         across = b.take(R, (2, 3), (1, 3))
         return b.call("atan2", b.neg(b.element(R, 2, 0)), b.call("sqrt", b.mul(across, b.transpose(across))))
@@ -384,7 +384,7 @@ def attitude(b: Builder, R: Block, angle: str) -> Block:
 class PoseEquations:
     """A point p of a body in the design position is at ``rotations`` (3, 3) p + ``shifts`` (3, 1), from the world's origin.
 
-    Joints that functions move have ``followers``: coordinates (n, 1), with the quaternion of a ball, and speeds (k, 1).
+    Dependent joints of embedded loops have ``followers``: coordinates (n, 1), with the quaternion of a ball, and speeds (k, 1).
     Symbols are ``q:joint``, of speeds ``v:joint`` too, by ``charts``, ``t``, ``parameters`` and ``inputs``, the scene's values by ``laws``
     over LAW_TIME.
     """

@@ -161,7 +161,7 @@ def add_loops(system: BodySystem, k: Kinematics, loops: tuple[LoopClosure, ...],
 
 
 def constraint_wrenches(k: Kinematics, loop: LoopClosure, augmented: Block) -> dict[str, Block]:
-    """-A^T push on the follower and its reaction on the base, each at the body's pole."""
+    """The wrench -A^T augmented on the follower and its reaction on the base, each at the body's pole."""
     b, joint = k.builder, loop.joint
     wrench = b.mul(b.transpose(loop.A), augmented)
     back = b.transpose(transport(b, k.pole_step(joint.base, joint.follower)))

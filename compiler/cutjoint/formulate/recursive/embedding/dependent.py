@@ -1,12 +1,12 @@
-"""Joints that follow the coordinate q of an assembly, and perhaps a guided coordinate u, by series::
+"""Dependent joints of an embedded loop: series in its independent coordinate q and, optionally, a guided coordinate u::
 
     s = sum of c_ij f_i(q) T_j(u)      s' = s_q q' + s_u u'      s'' = s_q q'' + s_qq q'^2 + 2 s_qu q' u' + s_uu u'^2 + s_u u''
 
-f_i are Chebyshev polynomials on the range of q or, where q makes full turns, the cosines and sines of its multiples.  Each derivative is
-the exact one of the same series, so that the mechanism stays one of Lagrange's whatever the error of the series.
+f_i are Chebyshev polynomials on the range of q or, where q makes full turns, the cosines and sines of its multiples. All derivatives are
+exact derivatives of one series, so that the equations of motion stay Lagrangian whatever its truncation error.
 
-A ball follows by its Rodrigues parameters g, the tangent of half its angle times its axis: quaternion (1, g)/sqrt(1 + g^2), angular
-velocity 2/(1 + g^2) (g' + g x g').
+A ball joint has series for its Rodrigues parameters g, the tangent of half its angle times its axis: quaternion (1, g)/sqrt(1 + g^2),
+angular velocity 2/(1 + g^2) (g' + g x g').
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -25,7 +25,7 @@ Drive: TypeAlias = tuple[Block, Block, Block]
 
 @dataclass(frozen=True, kw_only=True)
 class DependentMotion:
-    """The motion of a joint that follows: its coordinates, quaternion, speeds and the accelerations that q'' has no part in, as
+    """The motion of a dependent joint: its coordinates, quaternion, speeds, and the accelerations without their terms in q'', as
     `JointMotion` has them; ``derivative`` (k, 1) are the speeds by q'."""
 
     motion: tuple[tuple[Block, ...], tuple[Block, ...], tuple[Block, ...], tuple[Block, ...]]
@@ -34,7 +34,7 @@ class DependentMotion:
 
 @dataclass(frozen=True, kw_only=True)
 class _Value:
-    """A function of q and u: its value, its derivative by q, its rate, and the part of its second rate without q''."""
+    """A function of q and u: its value, its derivative by q, its rate, and its second time derivative without the term in q''."""
 
     place: Block
     derivative: Block
@@ -43,7 +43,7 @@ class _Value:
 
 
 def dependent_motion(b: Builder, joint: Joint, embedded_loop: EmbeddedLoop, drive: Drive | None) -> DependentMotion:
-    """The motion of a joint of an assembly; ``drive`` has u with its rate and acceleration."""
+    """The motion of a dependent joint of an embedded loop; ``drive`` has u with its rate and acceleration."""
     values = [
         _evaluate(b, embedded_loop, series, coefficients, drive)
         for series, coefficients in zip(embedded_loop.functions.series[joint.name], _tunable(b, embedded_loop, joint), strict=True)
@@ -95,7 +95,7 @@ def coefficients_of(functions: LoopFunctions) -> int:
 
 
 def fitted_inputs(embedded_loops: Iterable[EmbeddedLoop]) -> dict[str, Array]:
-    """The coefficients of assemblies with open geometry, and a margin, by their symbols, as `fitted` has them."""
+    """The coefficients of embedded loops with tunable geometry, and a margin, by their symbols, as `fitted` has them."""
     return {
         f"series:{a.independent}": np.array([*(row[0] for each in a.functions.series.values() for x in each for row in x.coefficients), 1])
         for a in embedded_loops if a.functions.open
@@ -114,7 +114,7 @@ def _tunable(b: Builder, embedded_loop: EmbeddedLoop, joint: Joint) -> Iterator[
 
 
 def fitted(b: Builder, embedded_loop: EmbeddedLoop) -> Block:
-    """The coefficients of all series of an assembly with open geometry, one behind the other, and the margin of its fit."""
+    """The coefficients of all series of an embedded loop with tunable geometry, concatenated, and the margin of its fit."""
     return b.symbol(f"series:{embedded_loop.independent}", coefficients_of(embedded_loop.functions) + 1, BindingTime.PARAM)
 
 
@@ -176,7 +176,7 @@ def _derivatives(b: Builder, column: Block, half: float) -> Block:
 
 
 def independent_motion(b: Builder, embedded_loop: EmbeddedLoop) -> tuple[Block, Block]:
-    """The coordinate of an assembly and its rate."""
+    """The independent coordinate of an embedded loop and its rate."""
     q, v = (b.symbol(f"{name}:{embedded_loop.independent}", 1, BindingTime.ITERATION) for name in ("q", "v"))
     return q, v
 

@@ -1,4 +1,4 @@
-"""Embedded loops are eliminated at once: all their bodies move by one coordinate q.
+"""Elimination of embedded loops: all bodies of a loop move with one coordinate q.
 
 With the carrier's acceleration Zdd_P, a_i that of body i relative to it by the known motions, and B_i the motion of body i by q'::
 
@@ -7,8 +7,8 @@ With the carrier's acceleration Zdd_P, a_i that of body i relative to it by the 
     M_P += sum of M_i - G H^-1 G^T      Q_P += sum of F_i - G H^-1 h
     qdd = H^-1 (h - G^T Zdd_P)
 
-The joints that functions close have no equations here.  Their multipliers follow from the forces that the joints' own motions S_j leave,
-with the wrenches W_j that they would carry alone and J = A S::
+The cut joints of embedded loops have no equations here.  Their multipliers follow from the force balance in the motion subspaces S_j of the
+tree joints, with the wrenches W_j that these would transmit without them and J = A S::
 
     J^T lambda = tau_j - S_j^T W_j
 """
@@ -27,7 +27,7 @@ from cutjoint.program.blocks import Block, is_zero
 
 @dataclass(kw_only=True)
 class EmbeddedLoopSystem:
-    """The equation of an assembly in its coordinate."""
+    """The equation of motion of an embedded loop in its independent coordinate."""
 
     embedded_loop: EmbeddedLoop
     system: BodySystem
@@ -39,7 +39,7 @@ class EmbeddedLoopSystem:
 
     @property
     def independent(self) -> str:
-        """The body that the leading joint carries."""
+        """The outer body of the independent joint."""
         return next(body for body, m in self.k.motions.items() if m.tree_joint.joint.name == self.embedded_loop.independent)
 
     def column(self, body: str) -> Block:
@@ -55,7 +55,7 @@ class EmbeddedLoopSystem:
         return self._columns[body]
 
     def eliminate(self) -> None:
-        """Pass on to the carrier what is left of the bodies."""
+        """Add the reduced equations of the bodies to the carrier's."""
         b, system, carrier = self.k.builder, self.system, self.embedded_loop.carrier
         system.source = self.independent
         with b.section("condensation", self.embedded_loop.independent, _EQUATION, self.embedded_loop.span.place):
@@ -88,7 +88,7 @@ class EmbeddedLoopSystem:
         return found
 
     def solve(self, Zdd: dict[str, Block]) -> dict[str, Block]:
-        """The acceleration of the coordinate by the leading body; the bodies' own join ``Zdd``."""
+        """The acceleration of the independent coordinate, by the outer body of its joint; those of the bodies are added to ``Zdd``."""
         b, carrier, independent = self.k.builder, self.embedded_loop.carrier, self.embedded_loop.independent
         equation = "qdd = H^-1 (h - G^T Zdd_P),  Zdd = Zdd_P + a + B qdd"
         with b.section("accelerations", independent, equation, self.embedded_loop.span.place):
@@ -104,13 +104,13 @@ _EQUATION = "H = sum B^T M B,  M_P += sum M - G H^-1 G^T,  Q_P += sum F - G H^-1
 
 
 def embedded_loop_systems(system: BodySystem, k: Kinematics) -> Mapping[str, EmbeddedLoopSystem]:
-    """The systems of a model's assemblies by all their bodies."""
+    """The systems of all embedded loops, by each of their bodies."""
     found = [EmbeddedLoopSystem(embedded_loop=embedded_loop, system=system, k=k) for embedded_loop in k.topology.model.embedded_loops]
     return {body: one for one in found for body in one.embedded_loop.bodies}
 
 
 def range_margins(k: Kinematics) -> dict[str, Block]:
-    """By assembly a number that is negative outside of the ranges of its functions, 1 in their middle."""
+    """A margin of each embedded loop: negative outside the ranges of its functions, 1 in their middle."""
     b, margins = k.builder, {}
     for embedded_loop in k.topology.model.embedded_loops:
         sides, functions = [], embedded_loop.functions
@@ -133,14 +133,14 @@ def range_margins(k: Kinematics) -> dict[str, Block]:
     return margins
 
 
-#: A guide that moves by less, m or rad, stands still.
+#: A guide that moves by less, m or rad, counts as fixed.
 LEAST_HALF_RANGE = 1e-9
 
 
 def embedded_reactions(
     k: Kinematics, held: Sequence[LoopClosure], carried: Mapping[str, Block], joint_forces: Mapping[str, Block]
 ) -> tuple[LoopClosure, ...]:  # fmt: skip
-    """The closures of embedded loops with their multipliers; ``carried`` are the wrenches of the tree's joints without them."""
+    """The closures of embedded loops with their multipliers; ``carried`` are the wrenches of the tree's joints without these."""
     found: dict[str, LoopClosure] = {}
     for embedded_loop in k.topology.model.embedded_loops:
         loops = [loop for loop in held if loop.joint.name in embedded_loop.cuts]

@@ -1,8 +1,7 @@
-"""Loops whose geometry is open: functions that close them are found when parameters are loaded.
+"""Embedded loops with tunable geometry: their functions are fitted when parameters are loaded.
 
-`core/mechanism/loop_fits.hpp` closes such loops at nodes of their functions and makes series of what it finds.  For that the program has
-a function for each assembly: residual and Jacobian of the joints that the assembly's functions close, by the place of the block, the
-coordinates that `dependent.py` has series for::
+`core/mechanism/loop_fits.hpp` closes such loops at nodes and fits the series to the poses.  For that the program has a function for each
+embedded loop: residual and Jacobian of its cut joints by the place of the block, the coordinates for which `dependent.py` has series::
 
     place = (q, s)        J = (Phi_q, Phi_s)        s' = -Phi_s^-1 Phi_q
 
@@ -37,7 +36,7 @@ class BlockEquations:
 
 
 def derive_block(b: Builder, topology: Topology, joints: Sequence[Joint], cuts: tuple[Joint, ...]) -> BlockEquations:
-    """The equations of ``cuts`` among the ``joints`` of a block, in a topology without assemblies."""
+    """The equations of ``cuts`` among the ``joints`` of a block, in a topology without embedded loops."""
     model, charts = topology.model, make_charts(topology)
     above = {t.child: t for t in topology.tree}
     needed = {GROUND}
@@ -60,18 +59,18 @@ def driven_by_time(topology: Topology, drive: str | None) -> Topology:
 
 
 def without_embedded_loops(topology: Topology) -> Topology:
-    """The spanning tree with the joints that functions close among its cut joints."""
+    """The spanning tree, with the cut joints of embedded loops among its cut joints."""
     return replace(topology, model=replace(topology.model, embedded_loops=()), cuts=(*topology.cuts, *topology.embedded), embedded=())
 
 
 def joints_of(model: Model, embedded_loop: EmbeddedLoop) -> tuple[Joint, ...]:
-    """The joints of an assembly's block, in the order of the model."""
+    """The joints of an embedded loop's block, in the order of the model."""
     names = {embedded_loop.independent, *embedded_loop.functions.series, *embedded_loop.cuts}
     return tuple(joint for joint in model.joints if joint.name in names)
 
 
 def loop_fits(b: Builder, topology: Topology) -> tuple[LoopFit, ...]:
-    """The fits of all assemblies with open geometry."""
+    """The fits of all embedded loops with tunable geometry."""
     fits: list[LoopFit] = []
     first = 0
     for embedded_loop in topology.model.embedded_loops:
