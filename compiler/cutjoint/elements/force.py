@@ -68,14 +68,14 @@ class ForceField:
 
 @dataclass(frozen=True)
 class Law:
-    """The variables of a law with their units, the time ``t`` aside, and the unit of its value."""
+    """The variables of a law with their units, except time ``t``, and the unit of its value."""
 
     variables: Mapping[str, str]
     unit: str
 
     @property
     def position(self) -> str:
-        """The variable by which its stiffness is."""
+        """The variable by which the stiffness is defined."""
         return next(iter(self.variables))
 
 
@@ -89,7 +89,7 @@ class Bristle:
 
 
 class Reader(Protocol):
-    """Makes expressions of a force's fields and notes what is wrong with them; fields are given by their names in the file."""
+    """Makes expressions of a force's fields and reports problems in them; fields are given by their names in the file."""
 
     def common(self) -> Mapping[str, Any]:
         """The fields of all forces: ``name``, ``active`` and ``span``; between two ``bodies`` the full names ``base`` and ``follower``."""
@@ -101,7 +101,7 @@ class Reader(Protocol):
         """The full name of a body."""
 
     def coordinate(self, joint: str, coordinate: str) -> tuple[str, str, str]:
-        """The full name of a joint, its coordinate, the only one if none is given, and its unit; "" for both if that is wrong."""
+        """The full name of a joint, its coordinate (by default the only one), and the unit; "" for both if they are wrong."""
 
     def point(self, name: str) -> Vector:
         """A point."""
@@ -113,13 +113,13 @@ class Reader(Protocol):
         """A unit vector."""
 
     def across(self, direction: Vector, name: str) -> Vector:
-        """The unit vector of a field's part across a direction; any where it is left out."""
+        """The unit vector of a field's component perpendicular to a direction; an arbitrary one if the field is missing."""
 
     def frame(self) -> tuple[Vector, Vector, Vector]:
         """Right-handed unit vectors of which ``x``, ``y`` and ``z`` give two, the global ones if none is given."""
 
     def number(self, *path: str | int, unit: str) -> Scalar:
-        """A number of a unit, "" for one that has any; ``path`` leads to it."""
+        """A number of a unit, "" for any unit; ``path`` leads to it."""
 
     def expression(self, name: str, *, unit: str) -> Scalar:
         """A number that may change: over time, parameters, inputs and quantities of elements."""
@@ -131,7 +131,7 @@ class Reader(Protocol):
         """A law; ``path`` leads to it, ``drawn`` is the value of its length or position in the design position."""
 
     def friction(self, unit: str) -> tuple[Scalar, Bristle]:
-        """The friction on a coordinate in "m" or "rad" by N of load, and its bristle; notes what is wrong with its numbers."""
+        """The friction on a coordinate in "m" or "rad" per N of load, and its bristle; reports problems in its numbers."""
 
     def distance(self, start: Vector, end: Vector) -> Scalar:
         """The distance of two points in the design position."""
@@ -163,7 +163,7 @@ class Mirror(Protocol):
         """An expression with the sign of some variables changed."""
 
     def reflected(self, law: Scalar, sign: int) -> Scalar:
-        """A law over ``position`` and ``rate``; these and its force change their sign where ``sign`` is -1."""
+        """A law over ``position`` and ``rate``, which change their sign, as its force does, if ``sign`` is -1."""
 
 
 # The record
@@ -173,10 +173,10 @@ class Mirror(Protocol):
 class ForceElement:
     """A kind of force.
 
-    ``text`` describes it in the schema.  ``interaction`` is how it works on its bodies.  ``laws`` names the record's fields that have
-    expressions: the force is linear in them.  ``forms`` are the variables and units of its laws, one for each form of the kind.
-    ``quantities`` are what it reports, with units; those of a force with one law follow from the law.  ``problem`` finds the fault in the
-    fields of a part of the document, and its remedy; () for nothing.
+    ``text`` describes it in the schema. ``interaction`` is how it works on its bodies. ``laws`` names the record's fields that have
+    expressions: the force is linear in them. ``forms`` are the variables and units of its laws, one for each form of the kind.
+    ``quantities`` are what it reports, with units; those of a force with one law follow from the law. ``problem`` returns the error in the
+    fields of a part of the document, and a remedy; () for none.
     """
 
     kind: str
@@ -241,7 +241,7 @@ class Force:
 
     @property
     def by_load(self) -> bool:
-        """Return whether the force depends on the load of its joint, and so on all accelerations."""
+        """Return whether the force depends on its joint's load, and so on all accelerations."""
         return self.interaction.by_load
 
     @property
@@ -256,7 +256,7 @@ class Force:
 
     @property
     def can_be_guarded(self) -> bool:
-        """Return whether a guard can stand for the force: its law is over one position, or over a point's."""
+        """Return whether a guard can replace the force: its law is over one position, or over a point's."""
         return self.interaction.can_be_guarded
 
     @property
@@ -266,11 +266,11 @@ class Force:
 
     @property
     def swapped(self) -> Mapping[str, Any]:
-        """The places of the force after its bodies change parts, {} where that makes another force of it."""
+        """The places of the force with its bodies exchanged, {} if that makes another force of it."""
         return self.interaction.swapped(self)
 
     def sole_point(self, carrier: Carrier) -> Point | None:
-        """The point at which it acts on a body, if that is all that it needs of the body."""
+        """The point at which it acts on a body, if it needs nothing else of the body."""
         carried = [place for place in self.places if place.carrier is carrier]
         return carried[0] if len(carried) == 1 and isinstance(carried[0], Point) and not self.has_frame else None
 

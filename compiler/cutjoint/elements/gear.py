@@ -1,9 +1,8 @@
 """A gear: a relation between a coordinate each of two tree joints.
 
 Gear wheels, a rack and its pinion, belts and winches are linear: the first coordinate is the ratio times the second one, both counted from
-the design position, with all their turns.  Of a cam that its follower never leaves, of elliptic wheels or a Geneva drive it is a law f of
-the second one.  The relation holds exactly and without loss; the wheels' teeth have no force of their own, and what holds their bearings
-apart is left out.
+the design position over full revolutions. For a cam in permanent contact, elliptic wheels or a Geneva drive it is a law f of the second
+one. The relation holds exactly and without loss; tooth forces and the bearing forces that they cause are not modelled.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,7 @@
-"""The vocabulary of interactions: the places that a force has on its bodies, and how it works between them, for every method.
+"""The vocabulary of interactions: the points and directions of a force on its bodies, and its mechanics, for every method.
 
-An interaction is a file of `elements/interactions/`.  It says by the verbs of `Mechanics` what a force measures and where it acts, and
-by shapes and those of `VisualContext` how it looks.  Methods, `explain` and the viewer interpret it.
+An interaction is a file of `elements/interactions/`. It defines by the functions of `Mechanics` what a force measures and where it acts,
+and by shapes and `VisualContext` its visuals. Methods, `explain` and the viewer interpret it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Place:
     field: str
 
     def body(self, force: Force) -> str:
-        """The body in which it is fixed."""
+        """The body in which the place is fixed."""
         return str(getattr(force, self.carrier))
 
     def of(self, force: Force) -> Any:
@@ -92,8 +92,8 @@ class Rotation(Motion, Protocol):
 
 
 class Mechanics(Protocol):
-    """The motions of a force's places, and the verbs by which it works on its bodies, as a method has them.  Vectors (3, 1) are in the
-    axes that the method resolves them in."""
+    """The motions of a force's points and directions, and the functions that apply forces to its bodies, for one method. Vectors (3, 1) are
+    resolved in the method's axes."""
 
     @property
     def b(self) -> Builder:
@@ -125,7 +125,7 @@ class Mechanics(Protocol):
         """The angular velocity of a body."""
 
     def spin_and_relative_rate(self, carrier: Carrier) -> tuple[Block, Block]:
-        """An angular velocity, and the rate about its axis of a wheel relative to it."""
+        """The angular velocity of a body, and the rate of a wheel about its axis relative to that body."""
 
     def in_body(self, carrier: Carrier, vector: Block) -> Block:
         """The components of a vector in a body's axes."""
@@ -178,7 +178,7 @@ class Mechanics(Protocol):
 
 @dataclass(frozen=True)
 class Coil:
-    """A spring between two points, or along ``axis`` through the end, as long as the start is off it."""
+    """A spring between two points, or along ``axis`` through the end, of the length from start to end."""
 
     start: Point
     end: Point
@@ -203,7 +203,7 @@ class Wheel:
 
 
 Visual: TypeAlias = Coil | Ring | Wheel
-#: The place where a force acts, and the force, (times, 3) each; None where a run's outputs do not have it.
+#: The point of application of a force, and the force, (times, 3) each; None if a run's outputs lack it.
 Arrow: TypeAlias = tuple[Any, Any] | None
 
 
@@ -228,7 +228,7 @@ class VisualContext(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Interaction(ABC):
-    """How a force acts on its bodies; its fields are its places there.
+    """The mechanics of a force on its bodies; its fields are its points and directions there.
 
     ``equation`` is the comment in generated code, ``equation_of_points`` that of natural coordinates where it differs.
     ``needs_attitude``: it depends on all directions of its bodies or works on them; ``can_be_guarded`` that a law over one

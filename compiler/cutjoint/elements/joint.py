@@ -45,9 +45,8 @@ class Translation:
 
 @dataclass(frozen=True)
 class Rotation:
-    """A turn about a direction by a share of a coordinate; with ``is_screw`` it moves along it too, by the joint's pitch in m a radian.
-
-    The shares of a coordinate in several turns of a chain add up to one.
+    """A rotation about a direction by a share of a coordinate; with ``is_screw`` also a displacement along it, by the joint's pitch in
+    m/rad. The shares of a coordinate in several rotations of a chain add up to one.
     """
 
     coordinate: str
@@ -182,7 +181,7 @@ PERPENDICULAR = Products(
     sums=((Product(_on_base(Direction.AXIS), BodyDirection(End.FOLLOWER, Direction.AXIS_2)),),),
 )  # fmt: skip
 
-#: The follower does not turn about the axis: the products of its two transverse directions with the base's other ones are equal.
+#: No rotation of the follower about the axis: the products of its two transverse directions with the base's other ones are equal.
 NO_AXIAL_ROTATION = Products(
     names=("twist",), base=(Direction.ACROSS_1, Direction.ACROSS_2), follower=(Direction.ACROSS_1, Direction.ACROSS_2),
     sums=((
@@ -196,7 +195,8 @@ NO_AXIAL_ROTATION = Products(
 
 @dataclass(frozen=True, kw_only=True)
 class Measure:
-    """The reading of an angle: from ``first`` towards ``second``, both fixed in the body ``carrier``, to ``pointer`` of the other body."""
+    """The definition of an angle: from ``first`` towards ``second``, both fixed in the body ``carrier``, to ``pointer`` of the other body.
+    """
 
     carrier: End
     first: Direction
@@ -211,7 +211,7 @@ ABOUT_AXIS = Measure(carrier=End.BASE, first=Direction.ACROSS_1, second=Directio
 
 
 class Fault(StrEnum):
-    """A relation between two fields that makes the second one wrong."""
+    """A relation between two fields that makes the second one invalid."""
 
     SAME_POINT = "are the same point"
     OPPOSITE = "are opposite"
@@ -220,7 +220,7 @@ class Fault(StrEnum):
 
 @dataclass(frozen=True)
 class Check:
-    """The ``fault`` that a field and the one before it, ``other_field``, must not have, with a ``hint`` for who wrote it."""
+    """The ``fault`` that a field and the one before it, ``other_field``, must not have, with a ``hint`` for the user."""
 
     other_field: str
     fault: Fault
@@ -261,10 +261,10 @@ ATTITUDE = ("e0", "e1", "e2", "e3")
 class JointElement:
     """A kind of joint.
 
-    ``text`` says what it leaves free.  ``chain`` moves the follower relative to the base; a reversed joint moves the base by the opposite
-    motions, unless ``from_inner`` says that its motions count from the body nearer to the ground, whichever that is.  With
-    ``axis_is_bisector`` its axis is the bisector of the two axes in the file.  ``conditions`` are the equations of the cut joint, none for
-    a joint that closes nothing.  ``measures`` says how natural coordinates read its angles; angles without one they do not have.
+    ``text`` describes its degrees of freedom. ``chain`` moves the follower relative to the base; a reversed joint moves the base by the
+    opposite motions, unless ``from_inner`` says that its motions count from the body nearer to the ground, whichever that is. With
+    ``axis_is_bisector`` its axis is the bisector of the two axes in the file. ``conditions`` are the equations of the cut joint, none for a
+    joint that closes nothing. ``measures`` define its angles in natural coordinates; angles without a measure are not available there.
     """
 
     kind: str
@@ -341,7 +341,7 @@ class JointElement:
 
     @property
     def is_free(self) -> bool:
-        """Return whether the joint leaves everything free."""
+        """Return whether the joint constrains nothing."""
         return len(self.speeds) == 6
 
     @property
@@ -351,7 +351,7 @@ class JointElement:
 
     @property
     def is_rigid(self) -> bool:
-        """Return whether the joint leaves nothing free."""
+        """Return whether the joint has no degree of freedom."""
         return not self.chain
 
     @property

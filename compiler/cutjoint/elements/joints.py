@@ -102,8 +102,8 @@ _UNIVERSAL = JointElement(
 
 # A homokinetic joint with a fixed centre: both shafts turn about their own axes at one rate, at any angle between them.  So the follower
 # rotates relative to the base about axes perpendicular to the shafts' bisector and never about the bisector (Hunt 1973, "Constant-velocity
-# shaft couplings: a general theory", ASME J. Eng. Ind. 95).  Two universal joints in series that share the bend equally do that: half a
-# turn about a first direction, a turn about a second one, the other half about the first, all across the bisector of the design position.
+# shaft couplings: a general theory", ASME J. Eng. Ind. 95).  Two universal joints in series that share the angle equally do that: half a
+# rotation about a first direction, one about a second, the other half about the first, all normal to the bisector in the design position.
 _HALF = Rotation("angle_1", Direction.ACROSS_1, share=Fraction(1, 2))
 _CONSTANT_VELOCITY = JointElement(
     kind=JointKind.CONSTANT_VELOCITY,

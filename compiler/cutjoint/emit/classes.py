@@ -1,5 +1,6 @@
-"""Programs -> C++ classes: those of a mechanism and of a system, for simulators, libraries and C exports; and the begin of
-their simulations."""
+"""Programs -> C++ classes: those of a mechanism and of a system, for simulators, libraries and C exports; and the initial settings of their
+simulations.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -73,7 +74,7 @@ _TRANSPOSED = {
     "summed": "Derivatives by what {} follows from besides, from those by its results.",
 }
 
-#: Functions that a simulation does not call; ``events`` only where its steps end at events, ``guard`` only of what it steps.
+#: Functions that a simulation never calls; ``events`` only if its steps end at events, ``guard`` only on the stepped class.
 _UNUSED = frozenset({"domains", "energy"})
 
 
@@ -91,11 +92,10 @@ class SimulationCode:
     """The code of a simulation: the mechanism, which finds its start, its program, and the system to step, None to step the mechanism
     itself.
 
-    With the mechanism's degrees of freedom, ``dofs``, the interface has minimal coordinates and derivatives too, and of a mechanism
-    that is stepped itself values that change their sign where its formulas change; derivatives of steps if it ``derives_steps`` and they
-    have some, by ``transposed`` functions also from the end of a run, by derivatives of the ``force_residual`` of forces in fewer
-    operations. With a program without lanes of its own, ``side_by_side``, a class of several instances side by side stands beside that of
-    the mechanism, in a namespace of that name.
+    With the mechanism's degrees of freedom, ``dofs``, the interface has minimal coordinates and derivatives too, and event indicators if
+    the mechanism itself is stepped. With ``derives_steps`` it has forward sensitivities of steps where these are differentiable, with
+    ``transposed`` functions adjoint ones too; derivatives of the ``force_residual`` take fewer operations. With a program without lanes of
+    its own, ``side_by_side``, a class of several instances side by side stands beside that of the mechanism, in a namespace of that name.
     """
 
     mechanism: RecursiveEquations
@@ -139,7 +139,7 @@ class SimulationCode:
         return guides_jump(self.mechanism.topology.model, self.mechanism.scene)
 
     def over_events(self) -> "SimulationCode":
-        """Copy the code for steps that go over events; those over jumps of guides seek these by indicators."""
+        """Copy the code for steps that cross events; at jumps of guides, events are located by indicators."""
         if self.guides_jump:
             return self
         system = self.system and replace(self.system, equations=replace(self.system.equations, indicators=()))
@@ -148,12 +148,12 @@ class SimulationCode:
 
 @dataclass(frozen=True, kw_only=True)
 class Defaults:
-    """The settings, parameters and start of a simulation that has no run file, until its host changes them, in SI units.
+    """The initial settings, parameters and start of a simulation without a run file, in SI units.
 
-    ``closure`` to ``frequency`` are of the cut joints of the recursive equations, ``dt`` to ``spectral_radius`` of the steps; a penalty
-    of None follows from masses or is found by the run.  ``pose`` is that of the scene.  ``positions`` and ``rates`` are by
-    "joint.component", ``roads`` by tyres: the pieces "left" and "right", and whether the contact is a "disc"; ``surface`` is on all.
-    ``near`` names positions that the start need not have.
+    ``closure`` to ``frequency`` belong to cut joints of the recursive equations, ``dt`` to ``spectral_radius`` to steps; a penalty of None
+    follows from masses or is determined by the run. ``pose`` is that of the scene. ``positions`` and ``rates`` are by "joint.component",
+    ``roads`` by tyres: the pieces "left" and "right", and whether the contact is a "disc"; ``surface`` is on all. ``near`` names positions
+    that are only initial guesses.
     """
 
     integrator: str
@@ -204,7 +204,7 @@ class CppClass:
 
 
 def computes_energy(parts: SimulationCode) -> bool:
-    """Return whether a mechanism computes its kinetic energy, as for starts at equilibrium, massless bodies and mass matrices."""
+    """Return whether a mechanism computes its kinetic energy, which starts at equilibrium, massless bodies and mass matrices need."""
     equations = parts.mechanism
     return equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless or bool(parts.dofs and parts.poses)
 
@@ -258,7 +258,7 @@ def sized_system_class(parts: SimulationCode, system: System, *, header: str = "
 def system_class(
     page: Page, system: System, *, unused: frozenset[str] = frozenset(), header: str, straight_line: int = STRAIGHT_LINE
 ) -> CppClass:
-    """The class of a system without its layout, and its factorisation; that of more multiply-adds than ``straight_line`` is a loop."""
+    """The class of a system without its layout, and its factorisation; with more multiply-adds than ``straight_line`` it is a loop."""
     equations = system.equations
     page = replace(page, class_name=name_of_system(page.class_name), formulation=equations.method)
     factorisation = emit_factorisation(system.plan, equations.row_names, page, straight_line=straight_line)
@@ -319,13 +319,13 @@ def _arrays(equations: Equations) -> list[str]:
 
 
 def fitted_parameters(program: Program) -> list[int]:
-    """The places of parameters that loops are fitted to."""
+    """The indices of the parameters on which fitted loop embeddings depend."""
     closing = [program.graph.nodes[n].data for f in program.functions if f.name.startswith(CLOSE) for n in f.statements]
     return sorted({symbol[1] for symbol in closing if isinstance(symbol, tuple) and str(symbol[0]).startswith("fitted:")})
 
 
 def _fits(program: Program, equations: Equations) -> dict[str, object] | None:
-    """The tables of loops that are fitted; None where there are none."""
+    """The tables of fitted loop embeddings; None without any."""
     if not equations.fits:
         return None
     described, names = [fit.description() for fit in equations.fits], [a.rpartition(" ")[2] for a in equations.load_arguments]
@@ -377,7 +377,7 @@ def _function(page: Page, view: FunctionView, headers: Sequence[str]) -> Piece:
 
 
 def _unused(parts: SimulationCode, equations: RecursiveEquations | SystemEquations) -> frozenset[str]:
-    """Functions of the stepped class that nobody calls; impacts have the masses of relative coordinates from its energy."""
+    """Functions of the stepped class that nothing calls; impacts take the masses of relative coordinates from its energy."""
     needed = {"energy"} if parts.guides_jump and equations.charts else set()
     return (_UNUSED | (frozenset() if equations.indicators else {"events"})) - needed
 

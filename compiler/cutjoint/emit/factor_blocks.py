@@ -1,6 +1,6 @@
 """A static factorisation as straight-line code: one block of statements for each block of the factors.
 
-Left-looking: a block starts with the matrix's values, loses what all earlier tiles change in it, and is finished and stored.
+Left-looking: a block starts with the matrix's values, the updates of all earlier tiles are subtracted, and it is finished and stored.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ def factor_blocks(plan: Plan, names: Sequence[str]) -> list[Block]:
 
 
 def solve_blocks(plan: Plan, names: Sequence[str]) -> list[Block]:
-    """The solution: all tiles forward, then all backward."""
+    """The solution: forward substitution over all tiles, then backward substitution."""
     solution = _Solution(plan)
     tiles = range(len(plan.tiling))
     return [solution.forward(tile, names) for tile in tiles] + [solution.backward(tile, names) for tile in reversed(tiles)]
@@ -144,7 +144,7 @@ class _Solution:
         self._left = _turned(plan.tiling.lower)
 
     def forward(self, tile: int, names: Sequence[str]) -> Block:
-        """The block of a tile's right-hand side, less the terms of the earlier tiles."""
+        """The right-hand side of a tile, less the terms of earlier tiles."""
         rows = self._plan.tiling.elimination.rows
         size = self._tiling.size
         return Block(

@@ -35,7 +35,7 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True)
 class _Sweep:
-    """A tile's change of ``targets``, places of blocks of another tile."""
+    """The update of ``targets``, places of blocks of another tile, by a tile."""
 
     columns: int
     source: int
@@ -91,7 +91,7 @@ def _step(plan: Plan, tile: int, sweeps: int) -> tuple[int, ...]:
 
 
 def _sweeps(plan: Plan, tile: int) -> list[_Sweep]:
-    """All that a tile changes.  Of a symmetric matrix these are blocks of U alone; they are the blocks of L before scaling."""
+    """All updates by a tile; of a symmetric matrix of blocks of U alone, which are the blocks of L before scaling."""
     storage = plan.storage
     if plan.pattern.symmetric:
         return _sweep_below(plan, tile, storage.upper, storage.lower)

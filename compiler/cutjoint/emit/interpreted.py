@@ -1,7 +1,7 @@
-"""Program -> what the interpreter (runtime/include/cutjoint/interpreter/) reads instead of generated code: plain data.
+"""Program -> the data that the interpreter (runtime/include/cutjoint/interpreter/) executes instead of generated code.
 
-All values stand in one memory of doubles.  Its first registers have an image: constants, the arrays of arguments, and what `load` and the
-beginning of a step compute; after these stand the values of the call that runs.  Lanes stand side by side; conditions are 1 or 0.
+All values are in one memory of doubles. Its first registers have an image: constants, arrays of arguments, and results of `load` and of the
+beginning of a step. The values of the running call follow. Lanes stand side by side; conditions are 1 or 0.
 """
 
 import hashlib
@@ -23,13 +23,13 @@ from cutjoint.sparse.plan import Plan
 #: An operation with its number of lanes, its result's register, and those of its arguments; a lookup has the number of its road last.
 Instruction: TypeAlias = tuple[str, int, int, tuple[int, ...]]
 
-#: Sums that take a product, or two, of which nothing else is made: rounded as the same one by one.
+#: Sums fused with one product or two that nothing else uses; they are rounded as separate operations.
 _FUSED = {"add": ("muladd", "muladd", "mulmuladd"), "sub": ("mulsub", "submul", "mulmulsub")}
 
 #: Scalars that are not computed: they are in memory when a function begins, or in other lanes.
 _PLACED = frozenset({"const", "lane_const", "symbol", "lane"})
 
-#: Registers of the values of calls, before the number of registers before them is known.
+#: The registers of values of calls begin here until the number of registers before them is known.
 _LATE = 1 << 40
 
 #: Inputs of the program that are no columns of coordinates: the arrays where they stand.

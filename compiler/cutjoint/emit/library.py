@@ -1,7 +1,7 @@
-"""Program -> a library with the C interface of a C export, a file a function: what is unchanged is not compiled again.
+"""Program -> a library with the C interface of a C export, one file per function: unchanged functions are not recompiled.
 
-Its classes are those of the C export. Their layout alone stands apart, beside the interface: another column changes it and `report`, and no
-other function.
+Its classes are those of the C export. Only their layout is separate, with the interface: another column changes just the layout and
+`report`.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,7 +32,7 @@ _OF_INSTANCES = _Number(
     unity=_SIDE, real=LANES, headers=("cutjoint/core/numbers/instances.hpp", "cutjoint/core/roads/lane_road.hpp")
 )  # fmt: skip
 
-#: Functions of the earlier stages; those that close loops belong to the parameters' stage.
+#: Functions of the earlier stages; those of loop fits belong to the parameters' stage.
 _STAGES = frozenset({"load", "load_values", "start_step", "begin_step", "scene_inputs"})
 
 _OF_DERIVATIVES = _Number(

@@ -124,7 +124,7 @@ def _table(name: str, nodes: Sequence[int], printer: Printer) -> str:
 
 
 def read_by_loops(rolled: Rolled) -> list[int]:
-    """Values from outside that bodies read as they are, and those of tables and copies."""
+    """Values from outside that bodies read directly, and those of tables and copies."""
     graph: Graph = rolled.graph
     found = [a for loop in rolled.loops for n in loop.body for a in graph.nodes[n].args]
     found += [s.node for loop in rolled.loops for s in loop.stores] + [c.node for loop in rolled.loops for c in loop.copies]

@@ -19,9 +19,9 @@ _AXES = {3: ("x", "y", "z"), 6: ("vx", "vy", "vz", "wx", "wy", "wz")}
 def name_scalars(program: Program) -> dict[int, str]:
     """A unique identifier for every scalar of a labelled block, such as ``R_front_left_arm_xy`` or ``Dinv_chassis_vx``.
 
-    A scalar has the name of its first block; there, of the elements that it is, one with its own sign names it before a negative one.
-    ``_negated`` is a quantity of which only the negative is computed, as ``b - a`` stands for ``a - b`` too: its own sign would cost an
-    operation where sums take the negative.
+    A scalar has the name of its first block; an element of the same sign takes precedence over a negative one. ``_negated`` marks a
+    quantity of which only the negative is computed: ``b - a`` also represents ``a - b``, because sums can subtract it without another
+    operation.
     """
     names: dict[int, str] = {}
     used_names = set(MACROS)

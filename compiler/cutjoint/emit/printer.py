@@ -193,7 +193,7 @@ class Printer:
 
 
 def _supplied(call: SuppliedCall, kind: str, arguments: str) -> str:
-    """A call of a function that the user supplies, or of its partial derivative, in a number type: all results of one that is not plain.
+    """A call of a user's function, or of its partial derivative, for a number type; it has all results if the function is not plain.
 
     Raises:
         MissingPartialsError: it has no partial derivatives.

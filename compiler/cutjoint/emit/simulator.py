@@ -28,7 +28,7 @@ def emit(program: Program, equations: RecursiveEquations) -> Source:
 
 
 def emit_batch(program: Program, equations: RecursiveEquations) -> Source:
-    """The simulator of a batch: a real may be that of several instances side by side, and a condition a mask."""
+    """The simulator of a batch: a real may hold several instances side by side, and a condition a mask."""
     page = Page.of(equations, "recursive")
     files = _mechanism_files(page, program, equations, conditions="Mask")
     main = _main(page, [f"{page.header}.hpp"], "batch", running=f"GeneratedMechanism<generated::{page.class_name}<batch::Real>>")

@@ -7,12 +7,12 @@ from cutjoint.methods import Steps
 from cutjoint.model.expressions.functions import functions_of_host
 from cutjoint.program.records import Program
 
-#: Doubles of a number with derivatives along eight directions (`dual.hpp`).
+#: Doubles of a number with derivatives along eight seeds (`dual.hpp`).
 _NUMBERS_OF_DUAL = 9
 
 
 def seed_rows(parts: SimulationCode, steps: Steps) -> int:
-    """The number of rows of a matrix of directions: states, discrete states, and the memory of steps; 0 without derivatives."""
+    """The rows of a seed matrix: states, discrete states, and the memory of steps; 0 without derivatives."""
     q, v, mechanism = len(parts.mechanism.coordinate_names), len(parts.mechanism.speed_names), parts.mechanism
     states = 2 * (parts.dofs or 0) + len(mechanism.state.states)
     loops = len(mechanism.equation_names)
@@ -76,7 +76,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
 
 
 def _size_of_fits(equations: Equations, program: Program, plain: int, dual: int) -> int:
-    """Numbers in the fits of loops, in so many classes over doubles and over numbers with derivatives, which keep several fits."""
+    """Numbers in the fits of loops, for so many classes over doubles and over numbers with derivatives."""
     if not equations.fits:
         return 0
     parameters = len(fitted_parameters(program))

@@ -17,7 +17,7 @@ from cutjoint.model.records import Model, SuppliedFunction
 from cutjoint.package.locations import origin_of, runtime_folder, templates_folder, without_mark
 from cutjoint.program.records import Program
 
-#: The length (characters) from which on a file is compiled by itself: about where its own text takes longer than the headers.
+#: The length (characters) from which a file is compiled separately: there its own text takes about as long as the headers.
 LARGE = 40_000
 
 #: Names of the runtime that generated code uses, and of the generated class's own members.
@@ -41,8 +41,8 @@ _STANDARD = re.compile(r"#include <([^>]+)>\n")
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """Generated files by name, a digest of them all but for the mark of the model file, and which driver they need, "recursive", "batch" or
-    "lagrangian"; of a library none, LIBRARY."""
+    """Generated files by name, a digest of them (without the mark of the model file), and the required driver: "recursive", "batch" or
+    "lagrangian"; LIBRARY for none."""
 
     stem: str
     files: Mapping[str, str]
@@ -131,7 +131,7 @@ class Page:
 
 
 def nominals_of(equations: RecursiveEquations | SystemEquations) -> list[float]:
-    """The usual sizes of the first-order states, after 1 and 1/arm of accelerations where the arm is not 1; none where all are 1."""
+    """The nominal sizes of first-order states, after 1 and 1/arm of accelerations where the arm is not 1; none where all are 1."""
     arm = equations.topology.arm
     sizes = [1 / arm if angular else 1.0 for angular in equations.angular] if arm != 1 else []
     sizes += [state.nominal for state in equations.topology.model.states]

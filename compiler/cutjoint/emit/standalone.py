@@ -73,7 +73,7 @@ _VECTORISED = (
 )
 
 
-#: The share of a mechanism's extent, or of a radian, that a loop of exported code may be violated by.
+#: The largest violation of a loop in exported code, as a share of the mechanism's extent or of a radian.
 LARGEST_VIOLATION = 0.01
 
 
@@ -89,9 +89,9 @@ class Mathematics:
 def emit_standalone(
     parts: SimulationCode, defaults: Defaults, digest: str, *, libm: Mathematics | None = None, lays_roads: bool = False
 ) -> dict[str, str]:  # fmt: skip
-    """The files by name; ``defaults`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
-    identifies its snapshots. Its project compiles a mathematical library, ``libm``, if one is given. A host ``lays_roads`` under wheels by
-    one more call."""
+    """The files by name; ``defaults`` has the integrator and the initial settings, parameters and start, ``digest`` identifies snapshots.
+    The project compiles the mathematical library ``libm`` if one is given. If the host ``lays_roads``, one more call sets the roads under
+    wheels."""
     parts, view = prepare(parts, defaults, digest)
     view |= {"libm": libm, "lays_roads": lays_roads}
     page = parts.page
@@ -158,7 +158,7 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
 
 
 def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[str]:
-    """The headers of the runtime that a simulation needs; ``has_lanes`` is whether isomorphic parts are computed side by side."""
+    """The headers of the runtime that a simulation needs; ``has_lanes`` if isomorphic parts are computed side by side."""
     has_derivatives = parts.dofs is not None
     lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
     poses = [] if not parts.poses else [_POSES, *([_DYNAMICS] if has_derivatives else [])]
@@ -321,7 +321,7 @@ def _state_tables(equations: Equations, prefix: str) -> dict[str, Sequence[str]]
 
 
 def _state_names(start: RecursiveEquations, *, rates: bool) -> list[str]:
-    """A name for each speed: its coordinate, of a ball its turn, or the rate of that."""
+    """A name for each speed: its coordinate, for a ball the rotation, or the rate of that."""
     names: list[str] = []
     for c in start.charts:
         names += [f"{c.joint}.{name}" for name in (c.speed_names if rates else c.coordinate_names)[: c.scalars]]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 #: The header of the core that numbers the causes of failures.
 FAULTS = "cutjoint/core/simulation/fault.hpp"
 
-#: The statistics of a step that hosts limit, in the order of the core's ``limit_names``.
+#: The statistics of a step that hosts may limit, in the order of the core's ``limit_names``.
 LIMITED = ("violation", "violation_rate", "change", "pivot", "iterations", "evaluations")
 
 

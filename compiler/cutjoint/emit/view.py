@@ -1,4 +1,4 @@
-"""Program -> views: what the templates print, decided here."""
+"""Program -> views: the data that the templates print."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -58,10 +58,10 @@ _NOTE = "  // "
 #: Characters of a line of a generated expression.
 LINE = 110
 
-#: A function of more statements is compiled in parts of about so many: the time of GCC's combiner grows with the square of a part.
+#: A longer function (statements) is compiled in parts of about the second number: the time of GCC's combiner is quadratic.
 LONG, PART = 4000, 1000
 
-#: Functions of so many results that these are stored where they are found.
+#: Functions with so many results that each is stored as soon as it is computed.
 _STORED_EARLY = frozenset({"residual_jacobian"})
 
 #: Symbols whose elements are members of a record among the arguments.
@@ -164,12 +164,12 @@ class Viewer:
 
     @property
     def load_name(self) -> str:
-        """The function that loads parameters; where loops are fitted, what the class calls with the coefficients of these."""
+        """The function that loads parameters; with fitted loops, the one that the class calls with their coefficients."""
         return "load_values" if self._equations.fits else "load"
 
     @property
     def step_name(self) -> str:
-        """The function that begins a step; with inputs, what the class calls with the array of these."""
+        """The function that begins a step; with inputs, the one that the class calls with the array of these."""
         return "start_step" if self._equations.input_values else "begin_step"
 
     def step(self) -> FunctionView:
@@ -222,7 +222,7 @@ class Viewer:
     def _early_and_late(
         self, name: str, rolled: Rolled, single: Sequence[int]
     ) -> tuple[Mapping[int, Sequence[tuple[str, int]]], Sequence[Result]]:  # fmt: skip
-        """Results that are stored where their scalars without a sign are found, by these, and those at the end of a function."""
+        """Results that are stored where their unsigned scalars are computed, by these, and those stored at the end of a function."""
         if name not in _STORED_EARLY:
             return {}, rolled.results
         early: defaultdict[int, list[tuple[str, int]]] = defaultdict(list)
@@ -257,7 +257,7 @@ class Viewer:
         )  # fmt: skip
 
     def _used_names(self) -> set[str]:
-        """The names that a function may not give again."""
+        """The names that a function must not use again."""
         return {*self._names.values(), *self._locals.values(), *self._roads.values(), *MACROS}
 
     def _place(self, symbol: str, index: int) -> tuple[str, int]:

@@ -1,4 +1,4 @@
-"""Problems in a model file: collected while reading, raised together, each with its place and a remedy."""
+"""Problems in a model file: collected while reading and raised together, each with its place and a remedy."""
 
 import difflib
 from collections.abc import Iterable
@@ -20,7 +20,7 @@ MAX_COMPARED = 500
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One thing wrong in a model file: its place, its element, a message, and a hint of something better."""
+    """A problem in a model file: its place, its element, a message, and a hint at a remedy."""
 
     span: Span
     element: str
@@ -35,8 +35,8 @@ class Problem:
 class ModelError(CutjointError):
     """A model file that cannot be used.
 
-    ``problems`` is all that is wrong with it, in the file's order.  ``model`` is what could be read, if later stages can judge its graph
-    of bodies and joints, else None.
+    ``problems`` are all problems, in the file's order. ``model`` is the part that could be read, if later stages can check its graph of
+    bodies and joints, else None.
     """
 
     def __init__(self, problems: Iterable[Problem], model: "Model | None" = None) -> None:
@@ -75,7 +75,7 @@ class Problems:
 
 
 class IgnoredProblems(Problems):
-    """Takes problems that another reading notes."""
+    """Ignores problems that another reading reports."""
 
     def add(self, span: Span, element: str, message: str, hint: str = "") -> None:
         """Forget a problem."""

@@ -45,7 +45,7 @@ class Binding(StrEnum):
 class Parameter:
     """A named number.  ``value`` is in SI units, ``unit`` its SI unit's text, empty when the file gives none.
 
-    ``symbol`` stands for the parameter in expressions, whatever its binding: the real symbol ``p_`` + name,
+    ``symbol`` stands for the parameter in expressions, for any binding: the real symbol ``p_`` + name,
     while the variables of laws are real symbols of their own names (``length``, ``t``, ...), so that none can clash.
     """
 
@@ -97,7 +97,7 @@ class FirstOrderState:
 class Signal:
     """A named expression of time, parameters, inputs and quantities of elements, for which ``symbol`` stands in other expressions.
 
-    A ``reported`` one is that of an output: nothing reads it, so that it may read accelerations and reactions.
+    A ``reported`` signal is an output's: nothing reads it, so that it may read accelerations and reactions.
     """
 
     name: str
@@ -297,10 +297,10 @@ class Gear:
 
 @dataclass(frozen=True, kw_only=True)
 class Guard:
-    """A force that was taken out of the model, and the condition for that.
+    """A force that a pass has removed from the model, and the condition of its removal.
 
     ``margins`` are expressions over the variables of the force's law: while none of them is negative, the law is zero.  ``index`` is the
-    force's place among all forces.  Of a tyre only the lateral force was taken out, and it has no index; its margins are expressions over
+    force's place among all forces.  For a tyre only the lateral force was removed, and it has no index; its margins are expressions over
     ``side``, the value of the lateral force.
     """
 
@@ -321,10 +321,10 @@ class Guard:
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """A function of a coordinate q, and perhaps of a guided coordinate u, as a sum of basis functions.
+    """A function of a coordinate q and, optionally, of a guided coordinate u, as a sum of basis functions.
 
     ``coefficients`` (n, m) belong to the products of n basis functions of q and m Chebyshev polynomials of u; m is 1 without u.  ``growth``
-    is the coefficient of a part that grows with q, of functions on a full turn.
+    is the coefficient of a term linear in q, for functions on a full turn.
     """
 
     coefficients: tuple[tuple[float, ...], ...]
@@ -353,12 +353,12 @@ class Interval:
 class LoopFunctions:
     """The loop embeddings: ``series`` has by tree joint one for each scalar coordinate, then three for the Rodrigues parameters of a ball.
 
-    They hold on ``range`` of q and ``drive_range`` of u, which is one value where u stands still, None where no guide moves the loops.
+    They are valid on ``range`` of q and ``drive_range`` of u: one value if u is fixed, None if no guide moves the loops.
     Where ``is_periodic`` they are trigonometric polynomials over a full turn, else polynomials over the range.  ``violation`` (m, rad) is
     the largest residual of the cut joints that was found, ``violation_rate`` the largest rate of one at the speed q' = 1.
 
-    Where the geometry is ``open`` these are the functions of the model's own numbers, and coefficients are found anew when parameters are
-    loaded: loops are closed to a violation of ``allowed`` at ``nodes`` values of q.
+    Where the geometry is ``open`` these are the functions of the model's own numbers, and coefficients are fitted again when parameters are
+    loaded, with violations of at most ``allowed`` at ``nodes`` values of q.
     """
 
     series: Mapping[str, tuple[Series, ...]]
@@ -377,7 +377,7 @@ class EmbeddedLoop:
     """Loops of one degree of freedom as explicit functions of an independent coordinate.
 
     The scalar coordinate of the joint ``independent`` is q.  The ``drive`` is a guided joint whose scalar coordinate is u, if there is one.
-    ``bodies`` move relative to ``carrier``; ``cuts`` are the joints that the ``functions`` close.
+    ``bodies`` move relative to ``carrier``; ``cuts`` are the cut joints that the ``functions`` satisfy.
     """
 
     independent: str
@@ -390,7 +390,7 @@ class EmbeddedLoop:
 
     @property
     def name(self) -> str:
-        """The name of the joint that leads, by which a guard of the ranges is named."""
+        """The name of the independent joint, after which the guard of the ranges is named."""
         return self.independent
 
 
@@ -411,7 +411,7 @@ class Reaction:
 
 @dataclass(frozen=True, kw_only=True)
 class RodForce:
-    """A sensor of a reduced model: the sum over cut distance joints of a weight times the force that pushes their points apart.
+    """A sensor of a reduced model: the weighted sum of the compressive forces of cut distance joints.
 
     ``weights`` are names of joints with their weights.
     """
@@ -555,20 +555,19 @@ STEP = 1e-3
 class Numerics:
     """Settings of the numerical method.
 
-    ``closure`` is how the recursive method holds its cut joints: "proximal" or "solved", with penalties from the effective masses up to
-    the bound ``penalty``, or "penalty"; None for that of the integrator.  A ``penalty`` of None follows from masses.  ``penalty`` (alpha),
+    ``closure`` is how the recursive method enforces its cut joints: "proximal" or "solved", with penalties from the effective masses up to
+    the bound ``penalty``, or "penalty"; None for that of the integrator. A ``penalty`` of None follows from masses. ``penalty`` (alpha),
     ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints, ``tolerance`` (relative change of the accelerations) and
-    ``iterations`` (limit) to the fixed point, in whose first ``multiplier_updates`` iterations of a step the multipliers are corrected.
-    The augmented method has a penalty and ``multiplier_updates`` of its own.  ``dt`` (s) is the length of equal steps, None for steps as
-    long as the tolerance allows, where the method has an integrator with such steps.  ``integrator`` is that of the methods that know it,
-    None for the one that follows from method and ``dt``; of "dormand-prince", "dop853" and "radau5" ``tolerance`` is the
-    relative error of a step and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as the relative one;
-    "generalised-alpha" leaves the share ``spectral_radius`` of what is fast in each step.  ``events`` says whether steps of the methods
-    "recursive" and "recursive-newton" end where forces, guides or drives change their formulas: "located" or "crossed", None for what is
-    usual with the integrator.  ``methods`` has what a method changes, by the names of these settings; ``by_step`` the penalty and
-    frequency that were written as expressions of dt, whose values here are those at ``dt``.  ``loops`` says how the method "recursive"
-    closes loops of one degree of freedom, "exact" or "embedded" to functions that err by at most ``loop_tolerance`` (m, rad) on a range
-    as long as ``loop_terms`` allow.
+    ``iterations`` (limit) to the fixed point, in whose first ``multiplier_updates`` iterations of a step the multipliers are corrected. The
+    augmented method has a penalty and ``multiplier_updates`` of its own. ``dt`` (s) is the length of equal steps, None for steps as long as
+    the tolerance allows, where the method has an integrator with such steps. ``integrator`` is that of the methods that know it, None for
+    the one that follows from method and ``dt``; of "dormand-prince", "dop853" and "radau5" ``tolerance`` is the relative error of a step
+    and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as the relative one; "generalised-alpha" leaves the
+    share ``spectral_radius`` of what is fast in each step. ``events`` says whether steps of the methods "recursive" and "recursive-newton"
+    end where forces, guides or drives change their formulas: "located" or "crossed", None for the integrator's default. ``methods`` has the
+    settings that a method overrides, by name; ``by_step`` the penalty and frequency that were written as expressions of dt, whose values
+    here are those at ``dt``. ``loops`` says how the method "recursive" closes loops of one degree of freedom, "exact" or "embedded" to
+    functions that err by at most ``loop_tolerance`` (m, rad) on a range as long as ``loop_terms`` allow.
     """
 
     dt: float | None = None
@@ -616,7 +615,7 @@ class Plot:
 
 @dataclass(frozen=True, kw_only=True)
 class Aim:
-    """A place that a scene's start is to have: an expression of coordinates and places, by its text, is to have a value, SI units.
+    """A condition on a scene's start: an expression of coordinates and places, given as text, has a value, SI units.
 
     ``unit`` is that in which the value is written, or the expression is, and ``size`` its size in SI.
     """
@@ -731,11 +730,11 @@ class Model:
 
     Element names are unique over bodies, joints, gears, forces, reactions, markers, states, signals and controllers.  An element of a
     submodel's instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.
-    ``guards`` stand for forces that a pass took out: a run stops where one of them would act.  ``states`` are first-order states,
+    ``guards`` replace forces that a pass removed: a run stops where one of them would act.  ``states`` are first-order states,
     ``signals`` named expressions of quantities, ``controllers`` have discrete states.  ``embedded_loops`` are loops that a pass has
     replaced by functions.  ``text`` is the model file's, ``files`` are the texts of the files that it names, by their names in places,
     ``notes`` sentences about words of earlier versions in the file, about parameters that nothing uses and outputs
-    of forces that are off, and warnings of submodels; ``choices`` have values that submodels call so, by names of instances.
+    of forces that are off, and warnings of submodels; ``choices`` are the values that submodels declare as choices, by instance.
     ``written`` are the joints as the file has them where those of a scene differ.  ``functions`` are those that
     the user supplies, ``code`` is their C++.  ``frozen`` are parameters that exported code has as numbers.
     """
@@ -788,12 +787,12 @@ class Model:
 
     @property
     def dependent_joints(self) -> Mapping[str, EmbeddedLoop]:
-        """The assembly of each tree joint that follows a coordinate, by the joint's name."""
+        """The embedded loop of each dependent joint, by the joint's name."""
         return {joint: embedded_loop for embedded_loop in self.embedded_loops for joint in embedded_loop.functions.series}
 
     @property
     def force_elements(self) -> tuple[Force, ...]:
-        """The forces with those that were taken out, each in its place."""
+        """The forces, with those that were removed, in their original order."""
         forces = list(self.forces)
         for guard in self.guards:
             if guard.index is not None:

@@ -1,4 +1,4 @@
-"""Texts of other people made safe to print, and the notation of numbers in files, tables and on the command line."""
+"""Text of foreign origin made safe to print, and the notation of numbers in files, tables and on the command line."""
 
 import re
 

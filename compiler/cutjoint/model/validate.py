@@ -36,7 +36,7 @@ _NO_EXPRESSIONS = ("connectors", "parameters", "outputs", "accepts", "choices", 
 
 
 def check_names(source: Source, problems: Problems, model: model_file.Document) -> None:
-    """Note names that stand for two elements, in the model or in one submodel."""
+    """Report names that denote two elements, in the model or in one submodel."""
     _check_unique(problems, _named(source, model, ()))
     for level in find_submodels(model):
         submodel, path = level.part, level.path
@@ -202,7 +202,7 @@ def _check_unique(problems: Problems, found: list[tuple[str, str, Span]]) -> Non
 
 
 def check_elements(expansion: Expansion, problems: Problems) -> None:
-    """Note bodies that are not physical or that no chain of joints connects to the ground."""
+    """Report bodies that are not physical or that no chain of joints connects to the ground."""
     for body in expansion.elements.bodies:
         values = [evaluate(entry, expansion.scope.values) for entry in (body.mass, *body.inertia)]
         for message in mass_problems(values[0], values[1:]):
@@ -223,7 +223,7 @@ def is_connected(expansion: Expansion) -> bool:
 
 
 def check_guides(joints: Collection[Joint], note: Callable[[Joint, str, str], None]) -> None:
-    """Note joints whose bodies guides hold already, each with a loop of prescribed motions without any freedom, a message and a hint."""
+    """Report joints in loops of prescribed motions without any degree of freedom, with a message and a hint."""
     held: dict[str, list[tuple[str, Joint]]] = {}
     prescribed = [j for j in joints if not j.cut and (j.guide is not None or j.element.is_rigid)]
     closing = [j for j in joints if j not in prescribed]

@@ -1,1 +1,1 @@
-"""The program stage: typed blocks, their lowering to scalars, and interpreters of both.  It knows no mechanics."""
+"""The program stage: typed blocks, their lowering to scalars, and interpreters of both, independent of mechanics."""

@@ -21,7 +21,7 @@ Grammar (shapes in parentheses, a scalar is a (1, 1) block)::
            | forward(l, b) | backward(l, b) L^-1 b and L^-T b
            | lane_const(values per lane)    a matrix of numbers for each lane
            | gather(a ...)                  one block for each lane
-           | lane(k; a)                     what lane k of a has
+           | lane(k; a)                     the value of a in lane k
            | lane_sum(a)                    the sum of all lanes
 
 A block is uniform or has lanes: as many values of its shape side by side, one for each member of a class of equal parts.  An operation on a
@@ -71,10 +71,10 @@ SUPPLIED = ("supplied.", "opaque.")
 
 @dataclass(frozen=True, kw_only=True)
 class SuppliedCall:
-    """A call of a function that a user supplies, as its name has it.
+    """A call of a function that a user supplies, encoded in its name.
 
     ``by`` is the argument by which it is differentiated, None of its value.  "name:1:3:16" is result 1 of 3, with ``memory`` of 16 values
-    behind the arguments; one of no ``results`` is an update, whose ``result`` is a value of the memory.
+    behind the arguments; without ``results`` it is an update, whose ``result`` is a value of the memory.
     """
 
     name: str
@@ -86,7 +86,7 @@ class SuppliedCall:
 
     @classmethod
     def read(cls, function: str) -> SuppliedCall:
-        """The call that a name says."""
+        """The call that a name encodes."""
         kind, spelled, *by = function.split(".")
         name, *numbers = spelled.split(":")
         result, results, memory = map(int, numbers) if numbers else (0, 1, 0)
@@ -105,7 +105,7 @@ class Section:
     """A part of the program that a reader knows: one body, joint, cut joint or force.
 
     ``stage`` is the sweep it belongs to, ``equation`` the formula that it implements, ``source`` the place in the model file, ``turn`` the
-    reason for which the sweep is made again, "" the first time.
+    reason of a repeated sweep, "" for the first one.
     """
 
     stage: str
@@ -179,7 +179,7 @@ def surface_lookup(function: str) -> tuple[str, str]:
 
 
 class Builder:
-    """Makes blocks, one object an expression, and knows what they are: labels, for readers only, quantities, and sections."""
+    """Makes blocks, one object per expression, and records their labels (for readers only), quantities, and sections."""
 
     def __init__(self) -> None:
         self._nodes: dict[Hashable, Block] = {}
@@ -205,8 +205,7 @@ class Builder:
 
     @contextmanager
     def marked(self, mark: str, turn: str) -> Iterator[None]:
-        """Names given inside begin with a mark, and headings end with a turn, for a part of the formulation that is done again with other
-        values."""
+        """Names given inside begin with a mark, and headings end with a turn: the formulation repeats a part with other values."""
         before, self._mark, self._turn = (self._mark, self._turn), self._mark + mark, turn
         try:
             yield
@@ -214,7 +213,7 @@ class Builder:
             self._mark, self._turn = before
 
     def restrict(self, block: Block, remedy: Block | None = None) -> Block:
-        """Note that a law calls a function whose arguments must lie in its domain; ``remedy`` is a number of the advice to who left it."""
+        """Note that a law calls a function whose arguments must lie in its domain; ``remedy`` selects the advice for a violation."""
         if block.op == "call":
             self.restricted[block] = remedy
         return block
@@ -230,7 +229,7 @@ class Builder:
         return block
 
     def record(self, block: Block, symbol: str, *parts: str, which: tuple[str | int, ...] = ()) -> Block:
-        """Say what a block is, in the words of `Quantity`; the same is said of corresponding blocks, but for the parts."""
+        """Record the `Quantity` of a block; corresponding blocks have equal records except for the parts."""
         key = (self._mark + symbol, parts, which)
         self.quantities[Quantity(*key, self._counts[key])] = block
         self._counts[key] += 1
@@ -431,13 +430,13 @@ class Builder:
     # Lanes
 
     def lane_const(self, blocks: Sequence[Block]) -> Block:
-        """The numbers of one constant block a lane."""
+        """One block of constants per lane."""
         data = tuple(_rows(block) for block in blocks)
         symmetric = all(block.symmetric for block in blocks)
         return self._make("lane_const", (), blocks[0].shape, data=data, symmetric=symmetric, lanes=len(blocks))
 
     def gather(self, blocks: Sequence[Block]) -> Block:
-        """One uniform block of equal shape a lane."""
+        """One uniform block of equal shape per lane."""
         symmetric = all(block.symmetric for block in blocks)
         return self._make("gather", tuple(blocks), blocks[0].shape, symmetric=symmetric, lanes=len(blocks))
 

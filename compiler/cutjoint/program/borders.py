@@ -1,4 +1,4 @@
-"""Systems of equations that fall apart but for a border of some unknowns."""
+"""The partition of systems of equations into independent parts and a border of some unknowns."""
 
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 
 def part(size: int, entries: Iterable[tuple[int, int]], together: Sequence[Collection[int]]) -> list[int]:
-    """The part of each of so many unknowns, by the rows and columns of a matrix that are not always zero; those of the last part are in the
+    """The part of each of ``size`` unknowns, by the non-zero entries (row, column) of a matrix; unknowns of the last part are in the
     border.
 
-    Unknowns of a group of ``together`` stay in one part.  Groups come into the border one after the other, each time the one with which a
-    decomposition takes fewest operations.
+    Unknowns of a group of ``together`` stay in one part. Groups are moved to the border one by one, each time the one that minimises the
+    operations of a decomposition.
     """
     neighbours = [{i} for i in range(size)]
     for row, column in entries:
@@ -30,10 +30,9 @@ def part(size: int, entries: Iterable[tuple[int, int]], together: Sequence[Colle
 
 @dataclass(frozen=True)
 class AlignedParts:
-    """Parts that have the same entries, side by side.
-
-    ``parts`` are those of unknowns, numbered so that four, two or one that stand side by side follow each other, the border last;
-    ``numbers`` says how many.  For each of these there are ``groups`` of entries, (row, column), that take the same place in all of them.
+    """Parts with equal patterns of entries, side by side. ``parts`` are those of unknowns, numbered such that four, two or one that are
+    computed together are consecutive, the border last; ``numbers`` are these widths. For each width, ``groups`` has the entries (row,
+    column) at the same place in all its parts.
     """
 
     parts: Sequence[int]
@@ -85,7 +84,7 @@ def _widths(number: int) -> Iterable[tuple[int, int]]:
 
 
 def _components(neighbours: Sequence[Collection[int]], border: Collection[int]) -> list[list[int]]:
-    """The unknowns beside a border, by what they reach one another through, the largest lists first."""
+    """The connected components of the unknowns without a border, largest first."""
     seen, found = set(border), []
     for first in range(len(neighbours)):
         if first in seen:

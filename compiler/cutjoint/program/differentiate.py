@@ -1,9 +1,9 @@
 """Derivatives in the IR of blocks: Jacobians of columns and variations of any blocks.
 
-Jacobians are of scalars and columns that follow from given columns, the leaves, by sums, scaling, dot and cross products, constant
-matrices and scalar functions.  The result is blocks again, as many columns wide as the leaf is high.  What a
-:class:`Differentiator` does for columns and many leaves at once, a :class:`Variation` does for matrices and one direction: it is given how
-some blocks change and finds how others do.  Partial derivatives of functions are for both IRs (`derivatives`).
+Jacobians are of scalars and columns that follow from given columns, the leaves, by sums, scaling, dot and cross products, constant matrices
+and scalar functions. The result is blocks again, as many columns wide as the leaf is high. What a :class:`Differentiator` does for columns
+and many leaves at once, a :class:`Variation` does for matrices and one direction: from the changes of some blocks it derives those of
+others. Partial derivatives of functions are for both IRs (`derivatives`).
 """
 
 from collections.abc import Callable, Generator, Iterable, Mapping
@@ -18,12 +18,12 @@ from cutjoint.program.blocks import FUNCTIONS, SUPPLIED, SURFACE, BindingTime, B
 Jacobian: TypeAlias = Mapping[Block, Block]
 
 D = TypeVar("D")
-#: A rule on its way: it yields blocks, is sent their derivatives, and returns that of its own block.
+#: A rule as a coroutine: it yields blocks, is sent their derivatives, and returns that of its own block.
 Steps: TypeAlias = Generator[Block, D, D]
 
 
 def _follow(block: Block, known: dict[Block, D], rule: Callable[[Block], Steps[D]]) -> D:
-    """The derivative of a block, and those that it follows from in ``known``, in the order of a recursion, but on a stack of their own."""
+    """The derivative of a block; ``known`` gets those of its arguments. Recursive in order, but with an explicit stack."""
     stack = [] if block in known else [(block, rule(block))]
     sent: Any = None
     while stack:
@@ -41,9 +41,7 @@ def _follow(block: Block, known: dict[Block, D], rule: Callable[[Block], Steps[D
 
 
 class Differentiator:
-    """Differentiates blocks by leaves, each block once.
-
-    Every way from a block to an input that changes in an iteration must pass a leaf.
+    """Differentiates blocks by leaves, each block once.  Every path from a block to an input of iteration time must pass a leaf.
     """
 
     def __init__(self, builder: Builder, leaves: Iterable[Block]) -> None:
@@ -54,7 +52,7 @@ class Differentiator:
         """The derivatives of a scalar or column by the leaves.
 
         Raises:
-            ValueError: the block uses an operation that has no rule, or an input by another way than a leaf.
+            ValueError: the block uses an operation that has no rule, or reaches an input without passing a leaf.
         """
         return _follow(block, self._known, self._derived)
 
@@ -186,7 +184,7 @@ class Inputs:
         self._known: dict[Block, frozenset[str]] = {}
 
     def of(self, block: Block) -> frozenset[str]:
-        """The names of the symbols known in an iteration that a block depends on."""
+        """The names of the symbols of iteration time that a block depends on."""
         stack = [block]
         while stack:
             top = stack[-1]
@@ -202,7 +200,7 @@ class Inputs:
 
 
 class Variation:
-    """The change of blocks in one direction.
+    """The directional derivative of blocks.
 
     ``changes`` has the derivative of blocks that are known; ``rotations`` 3x3 rotations R with derivative w~ R, by their w (3, 1).
     A block that depends on none of ``symbols`` does not change.
@@ -324,7 +322,7 @@ class Algebra(Protocol[X]):
         """A constant."""
 
     def zero(self, n: int) -> X:
-        """Nought."""
+        """Zero."""
 
     def add(self, a: X, b: X) -> X:
         """a + b."""
@@ -362,7 +360,7 @@ def partial_derivatives(b: Algebra[X], y: X) -> list[X]:
         call = SuppliedCall.read(function)
         if call.by is not None:
             raise MissingPartialsError(call.name, second=True)
-        count = len(y.args) - call.memory  # which is held: it has no derivative
+        count = len(y.args) - call.memory  # a discrete state, which has no derivative
         return [*(b.call(f"{function}.{j}", *y.args) for j in range(count)), *(b.zero(1) for _ in range(call.memory))]
     found: list[X] = fact(function, "partials")(Calculus(b), y, *y.args)
     return found

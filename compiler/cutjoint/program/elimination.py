@@ -1,10 +1,10 @@
 """Derivatives in the IR of scalars: adjoints, and derivatives of many results by many scalars.
 
-Adjoints go through a program's scalars from its results to what these follow from.  They are scalars of the same graph, which are lowered,
-shared and printed like others.  Lanes stay: what is spread over lanes is summed over them, and the other way round.
+Adjoints propagate from a program's results to their arguments. They are scalars of the same graph, which are shared and printed like
+others. Lanes are kept: the adjoint of a broadcast over lanes is a sum over them, and vice versa.
 
-Derivatives of many results by many scalars are found by elimination.  Partial derivatives are the edges of a graph, from which one scalar
-after the other is taken.  Edges from those before it to those behind it take its place, the one with the fewest of these first, new ones
+Derivatives of many results by many scalars are found by elimination. Partial derivatives are the edges of a graph, whose vertices are
+eliminated one by one. Edges from predecessors to successors replace a vertex; the one with the fewest such edges is next, new ones counted
 twice (Griewank, Walther, Evaluating Derivatives, section 9.2).
 """
 
@@ -52,7 +52,7 @@ class _Scalars:
         return self.of(self._graph.const(value), 0)
 
     def zero(self, n: int) -> _Scalar:
-        """Nought."""
+        """Zero."""
         assert n == 1
         return self.number(0.0)
 
@@ -79,7 +79,7 @@ class _Scalars:
 
 @dataclass
 class _Sums:
-    """Derivatives that have come together at a node: a sum for all lanes, and one for each lane by itself."""
+    """The derivatives accumulated at a node: a sum for all lanes, and one for each lane by itself."""
 
     all: int | None = None
     lanes: dict[int, int] = field(default_factory=dict)
@@ -87,7 +87,7 @@ class _Sums:
 
 def adjoint(graph: Graph, weights: Mapping[int, int], targets: Collection[int]) -> dict[int, int]:
     """The derivatives of a sum of nodes, each by the node of its weight, by each of the ``targets`` on which it depends, with as many lanes
-    as that has.  Ways end at targets.
+    as that has.  Paths end at targets.
 
     Raises:
         ValueError: an operation has no derivative.
@@ -133,7 +133,7 @@ def _plus(graph: Graph, a: int, b: int) -> int:
 
 
 def _joined(graph: Graph, sums: _Sums, lanes: int) -> int:
-    """The sum of all that has come to a node; that of one with lanes may be the same in all of them."""
+    """The sum of all derivatives accumulated at a node; with lanes, it may be the same in all of them."""
     if not sums.lanes:
         assert sums.all is not None
         return sums.all
@@ -185,7 +185,7 @@ def _products(graph: Graph, scalars: _Scalars, n: int, derivative: int) -> Seque
 
 
 def _times(graph: Graph, a: int, b: int) -> int:
-    """A product; what a choice leaves out stays out, where it may have no value."""
+    """A product; a branch that a choice excludes stays excluded, since it may be undefined there."""
     for one, other in ((a, b), (b, a)):
         chosen = _chosen(graph, one, partial(_times, graph, b=other), graph.nodes[other].lanes)
         if chosen is not None:
@@ -209,15 +209,15 @@ def _chosen(graph: Graph, n: int, linear: Callable[[int], int], lanes: int) -> i
 #: All lanes of a scalar.
 _ALL = -1
 
-#: The way of changes from a scalar to another: the coefficients by the lane that they leave and the one that they reach, None of a scalar
-#: that has none.  From all lanes to all goes each to its own, from all to none their sum.  From none to -1 - n goes the sum of a
-#: coefficient's n lanes, which is taken as late as can be.
+#: An edge between two scalars: its coefficients by the lanes of source and target, None for a scalar without lanes.  From all lanes to all,
+#: each lane maps to itself; from all to none, lanes are summed.  A target of -1 - n from none is the sum of a coefficient's n lanes, which
+#: is formed as late as possible.
 _Edge: TypeAlias = dict[tuple[int | None, int | None], int]
 
 
 def derivatives(graph: Graph, results: Sequence[int], targets: Collection[int]) -> list[dict[int, int]]:
     """The derivatives of each of the results, none of which has lanes, by each of the ``targets``, with as many lanes as that has, if it
-    depends on it.  Ways end at targets.
+    depends on it.  Paths end at targets.
 
     Raises:
         ValueError: an operation has no derivative.
@@ -264,7 +264,7 @@ class _Elimination:
         return [self._derivatives(self._before[number[n]], lane) for n, lane in places]
 
     def _place(self, n: int) -> tuple[int, int | None]:
-        """The scalar that a result is, or the one of which it is a lane."""
+        """The scalar of a result, or the one of which it is a lane."""
         node = self._graph.nodes[n]
         if node.op == "lane" and n not in self._targets and isinstance(node.data, int):
             return node.args[0], node.data
@@ -296,12 +296,12 @@ class _Elimination:
             self._behind[a].add(n)
 
     def _cost(self, n: int) -> int:
-        """The edges that take the place of a scalar, those twice that are new."""
+        """The number of edges that replace a scalar, new ones counted twice."""
         before, behind = self._before[n].keys(), self._behind[n]
         return 2 * len(before) * len(behind) - sum(len(before & self._before[c].keys()) for c in behind)
 
     def _eliminate(self, n: int) -> set[int]:
-        """Take a scalar out; returns its neighbours."""
+        """Eliminate a scalar; returns its neighbours."""
         before, behind = self._before.pop(n), self._behind.pop(n, set())
         self._graph.section = self._graph.nodes[n].section
         for a in before:
@@ -320,7 +320,7 @@ class _Elimination:
         return self._graph.nodes[self._results[-1 - n] if n < 0 else n].lanes
 
     def _join(self, edge: _Edge, lanes: int, first: _Edge, between: int, last: _Edge, behind: int) -> None:
-        """Add the way by two edges; scalars before, between and behind them have so many lanes."""
+        """Add the product of two consecutive edges; ``lanes`` are those of the scalars before, between and behind them."""
         graph = self._graph
         for ((start, reached), c), ((left, end), d) in product(first.items(), last.items()):
             if reached is not None and reached < _ALL:
@@ -376,7 +376,7 @@ class _Elimination:
         return found
 
     def _derivative(self, target: int, edge: _Edge, lane: int | None) -> int | None:
-        """The derivative that an edge from a target to a result stands for, or to a lane of it; None where it does not reach that."""
+        """The derivative that an edge from a target to a result stands for, or to a lane of it; None if it does not lead there."""
         graph, lanes = self._graph, self._lanes(target)
         parts, apart = list[int](), dict[int, int]()
         for (start, end), c in edge.items():

@@ -2,7 +2,7 @@
 
 Given families of corresponding blocks, one block for each member of a class, the pass finds what the members compute by the same
 operations and lets lanes of one block do it.  Members may differ in constants, in signs, in a missing term of a sum and in the outside
-blocks that they use; where they differ otherwise, each computes on its own and the results are gathered.  It knows no mechanics.
+blocks that they use; otherwise they are computed one by one and their results are gathered.  It knows no mechanics.
 """
 
 from collections import Counter
@@ -19,7 +19,7 @@ Family: TypeAlias = tuple[Block, ...]
 
 @dataclass(frozen=True)
 class _Plan:
-    """The way in which a family is computed.
+    """The operation by which a family is computed.
 
     It is ``uniform`` by its one block, ``const``, ``gather`` from its members, ``signed`` by signs times another family, ``sum`` of
     families, or by the ``same`` operation on families.
@@ -102,7 +102,7 @@ class _Folding:
         return [block, *reversed(terms)]
 
     def _termwise(self, spines: Sequence[list[Block]]) -> tuple[Family, ...]:
-        """The first terms of all members, the second ones, and so on; nothing where a member has no more."""
+        """The first terms of all members, the second ones, and so on; zero where a member has no more."""
         longest = max(len(spine) for spine in spines)
         nothing = self.builder.zero(*spines[0][0].shape)
         return tuple(tuple(spine[i] if i < len(spine) else nothing for spine in spines) for i in range(longest))
@@ -119,7 +119,7 @@ class _Folding:
         return self.folded[family]
 
     def _computed_within(self, family: Family) -> Family:
-        """The first family of a circle of dependences whose blocks stand in lanes: gathers follow their members."""
+        """The first family of a dependency cycle whose blocks are in lanes: gathers come after their members."""
         circle = list(self.busy)
         return next(f for f in circle[circle.index(family) :] if self.plans[f].kind in ("same", *_PLACED))
 
@@ -163,7 +163,7 @@ class _Folding:
         return self.builder.again(block, [self.uniform(a) for a in block.args])
 
     def _terms_of(self, block: Block) -> list[tuple[int, Block]]:
-        """The terms of a sum with their signs, from the left; what stands in a lane is one term."""
+        """The terms of a sum with their signs, from the left; a value in a lane is one term."""
         terms: list[tuple[int, Block]] = []
         stack = [(1, block)]
         while stack:
@@ -214,7 +214,7 @@ def _in_lanes(label: Label, lanes: int) -> Label:
 
 
 def fold(builder: Builder, families: Sequence[Family], results: Mapping[str, Block]) -> dict[str, Block]:
-    """The results of a function with the families' common work in lanes; members that depend on each other are computed one by one."""
+    """The results of a function with the families' common work in lanes; members that depend on each other are computed singly."""
     separate: set[Family] = set()
     while True:
         try:

@@ -1,4 +1,4 @@
-"""Event indicators: values that change sign where a program changes its formulas; domains of roots, logarithms and quotients."""
+"""Event indicators, which change sign where a program switches formulas; domains of roots, logarithms and quotients."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -15,8 +15,7 @@ from cutjoint.program.lower import reachable_blocks
 class Domain:
     """A ``margin`` that is not negative where a ``function`` of a law has a value, or positive if it is ``strict``.
 
-    ``section`` is that of the program in which the function stands.  ``remedy``, a number that is positive, is a domain too, which nothing
-    leaves.
+    ``section`` is that of the program in which the function stands.  ``remedy``, a positive number, is a domain that is never left.
     """
 
     function: str
@@ -27,7 +26,8 @@ class Domain:
 
 
 def find_domains(builder: Builder, results: Iterable[Block]) -> list[Domain]:
-    """The domains of all functions that laws call, the results depend on and a parameter, the time or the motion may leave, each once."""
+    """The domains, each once, of all functions that laws call and the results depend on, if a parameter, the time or the motion may leave
+    them."""
     found: dict[Block, Domain] = {}
     for block in reachable_blocks(results):
         if block in builder.restricted:
@@ -58,8 +58,8 @@ def _domain(b: Builder, block: Block) -> Domain | None:
 class EventIndicator:
     """A scalar that changes sign where a formula changes, and the section of the program that chooses by it.
 
-    Of a lookup on a ``road`` the value is the place along it, which matters where the road's pieces meet; ``across`` is the other place, a
-    indicator of its own.  Without a road they are "" and None.  Where it ``is_continuous`` forces only get another derivative.
+    Of a lookup on a ``road`` the value is the position along it, for events where the road's pieces meet; ``across`` is the indicator of
+    the lateral position. Without a road they are "" and None. If it ``is_continuous``, only derivatives of forces jump.
     """
 
     value: Block

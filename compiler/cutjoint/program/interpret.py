@@ -1,4 +1,4 @@
-"""The interpreter of blocks, with whole-matrix NumPy; it shares no code with the lowering or the printer."""
+"""The interpreter of blocks, with whole-matrix NumPy, independent of the lowering and the printer."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
@@ -16,7 +16,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 class RoadTable(Protocol):
-    """A road's answers at a point of the ground plane: height and slope, and their derivatives by x."""
+    """The values of a road at a point of the ground plane: height and slope, and their derivatives by x."""
 
     def height(self, x: float, y: float) -> float:
         """Height, m."""
@@ -87,11 +87,11 @@ def evaluate_block(block: Block, args: list[Array], inputs: Mapping[str, Array],
 
 
 def call_function(function: str, table: str | None, args: list[Any], roads: Mapping[str, RoadTable]) -> Array:
-    """What a function, or a table of a road, makes of numbers.  Raises EquationsError for a function that a user supplies."""
+    """The value of a function, or of a road's table, for numbers.  Raises EquationsError for a function that a user supplies."""
     if table is not None:
         lookup, by = surface_lookup(function) if function.startswith(SURFACE) else (function, None)
         answer, orders = getattr(roads[table], lookup.removeprefix("road_")), () if by is None else (by.count("x"), by.count("y"))
-        places = np.broadcast_arrays(*args)  # a road answers for one place, not for a batch
+        places = np.broadcast_arrays(*args)  # a road has a value for one place, not for a batch
         return np.asarray(np.vectorize(lambda x, y: answer(float(x), float(y), *orders), otypes=[float])(*places))
     if function.startswith(SUPPLIED):
         name = SuppliedCall.read(function).name
@@ -105,7 +105,7 @@ def _stack(data: Any, args: list[Array]) -> Array:
 
 
 def _over_one_batch(args: Sequence[Array]) -> list[Array]:
-    """The matrices with equal axes before their rows; in a solution, NumPy would else take a matrix for a row of vectors."""
+    """The matrices with equal batch axes; otherwise NumPy would take a matrix for a row of vectors in a solution."""
     batches = {a.shape[:-2] for a in args}
     if len(batches) == 1:
         return list(args)

@@ -1,13 +1,12 @@
-"""Statements that repeat -> loops: what a long chain does link by link is emitted once.
+"""Repeated statements -> loops: the code of a long chain is emitted once instead of for each link.
 
-A function's statements come section by section (a body, a joint, a force).  Where sections of the same shape follow each other again and
-again, one of them, or a period of several, is the body of a loop.  What an iteration reads from outside is the same in all, or lies in
-step: inputs at regular places, values of this loop or of another some iterations away, or in the opposite direction; or it is read from a
-table, if it is known before the loop.  Values that are read outside their own iteration are stored in arrays; the first iteration's
-argument in place of a predecessor's value is copied to the same array, in front.  The order of evaluation stays, and with it every
-rounding.
+A function's statements come section by section (a body, a joint, a force). Where sections of the same shape follow each other again and
+again, one of them, or a period of several, is the body of a loop. A value from outside is the same in all iterations, or at regular places:
+of an input, or of this or another loop's values at a constant offset, in either direction. Other values known before the loop are read from
+a table. Values that are read outside their own iteration are stored in arrays; the first iteration's argument in place of a predecessor's
+value is copied to the same array, in front. The order of evaluation stays, and with it every rounding.
 
-Where no iteration reads what another has stored, several are computed side by side, if the program may have lanes.
+If no iteration reads results of another, several are computed side by side, if the program may have lanes.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -38,7 +37,7 @@ _BEYOND = 2
 #: Stands between the first and the last element of a loop's section.
 TO = " .. "
 
-#: Array and element of an input or a result: of a symbol's name and index.
+#: Array and element of an input or a result, by symbol name and index.
 Place: TypeAlias = Callable[[str, int], tuple[str, int]]
 
 
@@ -77,7 +76,7 @@ class Table:
     nodes: tuple[int, ...]
 
 
-#: The stand-in for a value from outside in the body of a loop.
+#: The placeholder for a value from outside in the body of a loop.
 Given: TypeAlias = Input | Stored | Table
 
 
@@ -102,7 +101,7 @@ class Copy:
 
 @dataclass(frozen=True, kw_only=True)
 class Loop:
-    """``body`` are nodes that stand for those of each iteration; ``given`` are those among their arguments that change, but are not theirs.
+    """``body`` are nodes that represent those of each iteration; ``given`` are their arguments from outside that change.
 
     ``iterations`` are the nodes of the function that each iteration computes (none where it only has ``stores``, results).  ``arrays`` are
     the statements whose values arrays keep, with the first and the last place of each; ``copies`` are the nodes that must be in other
@@ -146,7 +145,7 @@ class _Run:
 
 
 def roll(program: Program, function: LoweredFunction, place: Place) -> Rolled:
-    """Find what repeats in a function; ``place`` says where inputs and results stand."""
+    """Find repetitions in a function; ``place`` gives the places of inputs and results."""
     return _Rolling(program, function, place).rolled()
 
 
@@ -189,7 +188,7 @@ class _Rolling:
         return tuple(sorted(node.args, key=lambda a: repr(self._kind(a)))) if node.op in ("add", "mul") else node.args
 
     def _kind(self, a: int) -> tuple[object, ...]:
-        """The properties that an argument must share with that of another iteration."""
+        """The properties that corresponding arguments of iterations must share."""
         bare = self._graph.signless(a)
         node, negated = self._nodes[bare], bare != a
         if node.op in ("const", "lane_const"):
@@ -241,7 +240,7 @@ class _Rolling:
         return self._written()
 
     def _settled(self) -> bool:
-        """Fit what the runs read; False if one had to be made shorter, and all are to be fitted again."""
+        """Fit the arguments of the runs; False if one had to be shortened, so that all must be fitted again."""
         self._where = {
             n: (i, j, k) for i, run in enumerate(self._runs) for k, nodes in enumerate(run.iterations) for j, n in enumerate(nodes)
         }
@@ -295,7 +294,7 @@ class _Rolling:
         return self._fit_array(i, Stored(*one[:2], Step(other[2] - stride * middle, stride)), column)
 
     def _fit_input(self, places: Sequence[tuple[str, int]], column: _Column) -> Given | int:
-        """The elements of an input; where only the first or the last do not lie in step, these do not fit."""
+        """The elements of an input; if only the first or the last are irregular, these do not fit."""
         indices = [index for _, index in places]
         middle = len(indices) // 2
         stride = indices[middle] - indices[middle - 1]
@@ -306,7 +305,7 @@ class _Rolling:
         return Table(column) if len(wrong) > _BEYOND else wrong[-1] if wrong[-1] < middle else wrong[0]
 
     def _fit_array(self, i: int, stored: Stored, column: _Column) -> Given | int:
-        """The array of a value, or the first iteration that has something else, which cannot be copied to its ends."""
+        """The array of a value, or the first iteration with something else that cannot be copied to the array's ends."""
         copies = {}
         count = len(self._runs[stored.loop].iterations)
         for k, a in enumerate(column):
@@ -376,7 +375,7 @@ class _Rolling:
     def _lanes(self, i: int, run: _Run, wanted: frozenset[tuple[int, int]]) -> int:
         """The number of iterations of a run that are computed side by side.
 
-        It is 0 where they read each other's values, have lanes of their own, or keep conditions or read stored ones.
+        It is 0 if they read each other's values, have lanes of their own, or store conditions or read stored ones.
         """
         alone = not any(isinstance(g, Stored) and g.loop == i for g in run.given.values())
         nodes = [self._nodes[n] for n in run.iterations[0] if n >= 0]
@@ -418,7 +417,7 @@ def _negative(graph: Graph, n: int) -> int:
 
 
 def _step(places: Sequence[int]) -> Step | None:
-    """Places that lie in step."""
+    """The step of places at regular distances."""
     step = Step(places[0], places[1] - places[0])
     return step if all(step.at(k) == p for k, p in enumerate(places)) else None
 

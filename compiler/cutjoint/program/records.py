@@ -34,8 +34,8 @@ class Program:
     """All functions on one graph.
 
     ``loaded`` and ``stepped`` are the nodes computed when parameters are loaded and when a step begins; ``stored`` are those of them that
-    later code reads.  ``labels`` names blocks as the formulation did, in the order in which names are given.  ``lanes`` says
-    whether what is alike may be computed side by side.
+    later code reads. ``labels`` names blocks as the formulation did, in the order in which names are given. With ``lanes``, equal
+    operations may be computed side by side.
     """
 
     graph: Graph

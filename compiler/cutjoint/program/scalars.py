@@ -13,7 +13,7 @@ from functools import reduce
 from cutjoint.ops import CONDITIONS, OPERATIONS
 from cutjoint.program.blocks import BindingTime
 
-#: Beyond this square of x, sin(2 atan(x)) counts as 0; it is 2/x, below 1e-149.
+#: Beyond this square of x, sin(2 atan(x)) counts as 0; it is about 2/x, below 1e-149.
 _LARGEST = 1e300
 
 
@@ -81,7 +81,7 @@ class Graph:
         return self._make("symbol", (), (name, index), binding=binding)
 
     def lane_const(self, values: Sequence[float]) -> int:
-        """A number for each lane."""
+        """A number per lane."""
         numbers = tuple(float(x) + 0.0 for x in values)
         if not all(map(math.isfinite, numbers)):
             raise OverflowedConstantError(self.section)
@@ -90,7 +90,7 @@ class Graph:
         return self._make("lane_const", (), numbers, lanes=len(numbers))
 
     def gather(self, args: tuple[int, ...]) -> int:
-        """One uniform scalar a lane."""
+        """One uniform scalar per lane."""
         if len(set(args)) == 1:
             return args[0]
         values = [self.value(a) for a in args]
@@ -264,7 +264,7 @@ class Graph:
         if row and row.parity > 0:
             minus = self._negated(args[0])
             args = args if minus is None else (minus,)
-        when = max((BindingTime.PARAM, *(self.nodes[a].binding for a in args)))  # what is not folded is computed once
+        when = max((BindingTime.PARAM, *(self.nodes[a].binding for a in args)))  # unfolded calls are computed once
         return self._make(function, args, table, binding=when if table is None else max(when, BindingTime.STEP))
 
     def _of_arc_tangent(self, function: str, a: int) -> int | None:
@@ -275,7 +275,7 @@ class Graph:
             if self.nodes[angle].op == "atan":
                 (x,) = self.nodes[angle].args
                 below = self.add(self.const(1.0), self.mul(x, x))
-                found = self.div(self.mul(self.const(2.0), x), below)  # of the largest numbers the quotient is that of two infinite ones
+                found = self.div(self.mul(self.const(2.0), x), below)  # for the largest numbers, a quotient of two infinities
                 found = self.call("where", (self.call("lt", (self.const(_LARGEST), below)), self.const(0.0), found))
                 return found if self.signless(a) == a else self.neg(found)
         if function == "cos" and node.op == "atan":

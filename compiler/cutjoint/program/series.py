@@ -1,4 +1,4 @@
-"""Series of Chebyshev polynomials and of cosines and sines as arrays of coefficients: values, derivatives, coefficients from values."""
+"""Chebyshev and trigonometric series as arrays of coefficients: values, derivatives, coefficients from values."""
 
 from typing import TypeAlias
 
@@ -57,7 +57,7 @@ def harmonics(q: Array, size: int) -> Array:
 
 
 def fourier_integral(places: Array, derivatives: Array, nodes: Array, growth: float) -> Array:
-    """Coefficients (2 n + 1, 1) of a trigonometric series through values and derivatives (nodes, 1), beside what grows with q."""
+    """Coefficients (2 n + 1, 1) of a trigonometric series through values and derivatives (nodes, 1), besides the growth with q."""
     n = len(nodes)
     order = np.arange(1, n // 2)
     cosine, sine = (2 / n * f(np.outer(order, nodes)) @ derivatives for f in (np.cos, np.sin))

@@ -1,4 +1,4 @@
-"""Blocks interpreted in NumPy with their exact changes by given changes of inputs: forward mode, all directions at once."""
+"""Blocks interpreted in NumPy with their exact directional derivatives: forward mode, all seeds at once."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
@@ -51,8 +51,8 @@ def interpret_tangents(
     """The values (rows, columns) of roots and of all that they depend on, and their changes (directions, rows, columns) where these are not
     zero.
 
-    Inputs (n,) are columns by symbol name, ``seeds`` (directions, n) their changes.  Choices of a value or nought whose conditions are
-    ``touching`` have the value all the same, if it is finite: contacts that pull where they are open.
+    Inputs (n,) are columns by symbol name, ``seeds`` (directions, n) their changes. Choices between a value and zero whose conditions are
+    ``touching`` always have the value, if it is finite: such contacts pull while open.
     """
     constants, others = in_order(tuple(roots))
     values, changes, numbers = dict(constants), dict[Block, Array](), _Numbers(roads)
@@ -81,12 +81,12 @@ def interpret_tangents(
 
 
 def _is_root(block: Block, args: list[Array]) -> bool:
-    """Return whether a block is a power that is not whole, of nothing or less."""
+    """Return whether a block is a power with a fractional exponent of zero or a negative number."""
     return block.data[0] == "pow" and args[0].item() <= _TOUCHED and not float(args[1].item()).is_integer()  # type: ignore[index]
 
 
 def gate(block: Block) -> int:
-    """The argument of a choice that is there while its other one is nought; 0 of all other blocks."""
+    """The index of the argument of a choice whose other argument is zero; 0 for all other blocks."""
     if block.op != "call" or block.data[0] != "where":  # type: ignore[index]
         return 0
     return next((3 - i for i in (1, 2) if is_zero(block.args[i]) and not is_zero(block.args[3 - i])), 0)
@@ -98,7 +98,7 @@ def _chosen(block: Block, args: list[Array], touching: Collection[Block]) -> int
 
 
 def _change(block: Block, args: list[Array], value: Array, d: list[Array | None], numbers: _Numbers) -> Array | None:
-    """The change of a block with the changes of its arguments, None of those that do not change."""
+    """The change of a block for given changes of its arguments, None if it does not change."""
     op, data = block.op, cast("Any", block.data)
     if op == "call":
         return _of_call(block, args, value, d, numbers)

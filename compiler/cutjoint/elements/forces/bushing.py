@@ -28,8 +28,8 @@ class Bushing(Force):
     With E the axes carried by the base and G those carried by the follower, the three displacements are E^T times the vector from the
     base's to the follower's point, the three rotations half the sum of the vector products of e_k and g_k (in E): for a small angle the
     angle, for a large one its sine. ``laws`` are six expressions over ``position`` (m, rad), its ``rate``, ``t`` and parameters: forces on
-    the follower at its point (N) and what works on its rotations (N m). The base has the opposite wrench at the same point, so that the
-    power of the pair is the sum of law times rate.
+    the follower at its point (N) and generalised forces on its rotations (N m). The base has the opposite wrench at the same point, so that
+    the power of the pair is the sum of law times rate.
     """
 
     element: ClassVar[ForceElement] = ForceElement(
@@ -80,7 +80,7 @@ class Bushing(Force):
 
 
 def _read_law(reader: Reader, index: int) -> Scalar:
-    """The force along an axis, or the torque about one, that draws the follower back."""
+    """The restoring force along an axis, or torque about one, on the follower."""
     law, per_position, per_rate = _LAWS[index]
     if reader.given("laws") is not None:
         return reader.law("laws", index, law=law)

@@ -30,10 +30,10 @@ class Contact(Force):
     """A ball of radius ``ball`` (m) about ``centre`` of ``follower``, a point where that is 0, on a surface of ``base``.
 
     The surface is the plane through ``start`` with ``normal``, or the cylinder of radius ``cylinder`` (m) about the axis ``along`` through
-    ``start``, met from outside or ``inside``.  ``force`` (N) are three expressions: along ``along``, along n x along, and along the normal
-    n towards the centre.  Their variables are the ``deflection`` (m) with its rate, ``vx`` and ``vy`` (m/s), by which the follower slides,
-    and ``turn`` (rad/s) about the normal.  It acts on the follower, and its reaction on the base at the same place, where the deflection
-    is positive.
+    ``start``, met from outside or ``inside``. ``force`` (N) are three expressions: along ``along``, along n x along, and along the normal n
+    towards the centre. Their variables are the ``deflection`` (m) with its rate, ``vx`` and ``vy`` (m/s), the sliding velocity of the
+    follower, and ``turn`` (rad/s), the relative angular velocity about the normal. It acts on the follower, and its reaction on the base at
+    the same place, where the deflection is positive.
     """
 
     element: ClassVar[ForceElement] = ForceElement(
@@ -85,7 +85,7 @@ class Contact(Force):
         return frozenset(_MOTION)
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
-        """The image of the contact, whose second direction has the opposite sign."""
+        """The image of the contact, whose second direction is reversed."""
         x, y, z = (mirror.opposite(part, _SIDEWAYS) for part in self.force)
         return replace(super().mirrored(mirror, signs), force=(x, -y, z))
 

@@ -14,7 +14,7 @@ _TURN = Law({"position": "rad", "rate": "rad/s"}, "N*m")
 
 
 def law_on(unit: str) -> Law:
-    """The variables and units of a law on a coordinate in a unit: on angles it gives torques, and on one that is wrong."""
+    """The variables and units of a law on a coordinate in a unit: torques on angles, also for an invalid unit."""
     return _SLIDE if unit == "m" else _TURN
 
 

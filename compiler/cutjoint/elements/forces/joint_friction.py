@@ -16,10 +16,10 @@ _OF_LOAD = {"preload": "N", "radius": "m", "arm": "m", "thrust_radius": "m"}
 class JointFriction(OnJoint):
     """Coulomb and Stribeck friction on one scalar coordinate of a joint, in ``unit`` "m" or "rad".
 
-    The load in N is ``preload`` and, if that is ``carried`` too, what the joint carries: of its reaction the force across the slide or
-    axis, of an angle the force along the axis times ``thrust_radius``/``bearing_radius``, and the moment across the slide or axis over
-    ``arm``, with that about a slide that cannot turn.  Of these three the last two count where their lengths are not None.
-    ``law`` is the force by N of load, over ``rate`` and the bristle.
+    The load in N is ``preload`` and, if ``carried``, the load by the reaction of the joint: its force across the slide or axis, of an angle
+    the force along the axis times ``thrust_radius``/``bearing_radius``, and the moment across the slide or axis over ``arm``, with that
+    about a slide that cannot turn. Of these three the last two count where their lengths are not None. ``law`` is the force per N of load,
+    over ``rate`` and the bristle.
     """
 
     element: ClassVar[ForceElement] = ForceElement(
@@ -78,5 +78,5 @@ class JointFriction(OnJoint):
         return self.carried
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
-        """The force itself: it has no direction."""
+        """The force itself: it is the same in the image."""
         return self

@@ -24,9 +24,9 @@ _EVEN = ("Fz", "deflection")
 class Tyre(OnRoad):
     """A wheel on the road: vertical spring, Calspan lateral and aligning force.
 
-    ``constants`` maps ``stiffness``, ``radius``, ``spin_inertia`` (kg m2, of the wheel's turning about its axis, which
-    no coordinate stands for: its gyroscopic moment acts on the body) and the Calspan names ``A0 .. A4, B1, B3, B4, SN, AF1, AF2``
-    to values.  Without ``lateral``, in a reduced model, nothing pushes it sideways and it does not align.
+    ``constants`` maps ``stiffness``, ``radius``, ``spin_inertia`` (kg m2, of the wheel about its axis, whose rotation has no coordinate;
+    its gyroscopic moment acts on the body) and the Calspan names ``A0 .. A4, B1, B3, B4, SN, AF1, AF2`` to values. Without ``lateral``, in
+    a reduced model, it has no lateral force and no aligning moment.
     """
 
     element: ClassVar[ForceElement] = ForceElement(

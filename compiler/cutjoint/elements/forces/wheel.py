@@ -1,4 +1,4 @@
-"""A wheel that turns, on the road, with forces and moments by expressions."""
+"""A rotating wheel on the road, with forces and moments by expressions."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ _SIDEWAYS = ("vy", "camber", "turn")
 
 @dataclass(frozen=True, kw_only=True)
 class Wheel(OnRoad):
-    """A wheel that turns with its body, on the road.
+    """A wheel on the road that rotates with its body.
 
     ``force`` (N) and ``moment`` (N m) are three expressions each: along the rolling direction, to the left in the road's plane, and along
     the road's normal.  They act on the body where the wheel's plane meets the road, if the wheel touches it.  Their variables are the

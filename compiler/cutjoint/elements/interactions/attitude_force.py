@@ -1,7 +1,7 @@
-"""A torque that draws two bodies back to an attitude beside each other, as much as they are turned out of it, and resists their turning.
+"""A torque proportional to the rotation of two bodies out of their relative attitude of rest, with damping of their relative rotation.
 
 D has the follower's axes in the base's, counted from the attitude of rest: 1 there.  Its rotation vector theta, the angle times the axis,
-is at most half a turn long.  It follows from the unit quaternion e of D with e_0 >= 0, and that from a column p = 4 e_i e of sums of D's
+has a length of at most pi.  It follows from the unit quaternion e of D with e_0 >= 0, and that from a column p = 4 e_i e of sums of D's
 elements, of an i that is not near 0 (Shepperd 1978)::
 
     theta = 2 atan(s) p_v / |p_v|,  s = |p_v| / p_0;          near rest  theta = 2 (1 - s^2/3 + s^4/5 - ...) p_v / p_0

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class AxisForce(Interaction):
-    """A push on ``point`` along ``axis``, a law over ``travel`` (m) of the point from ``origin`` along the axis and its ``rate`` (m/s).
+    """A force on ``point`` along ``axis``, a law over ``travel`` (m) of the point from ``origin`` along the axis and its ``rate`` (m/s).
 
     The reaction acts on the same line.
     """
@@ -44,5 +44,5 @@ class AxisForce(Interaction):
         return (Coil(self.origin, self.point, self.axis),)
 
     def arrow(self, force: LawForce, context: VisualContext) -> Arrow:
-        """The push on the follower."""
+        """The force on the follower."""
         return context.apply_force_along(self.point, self.axis, "force")

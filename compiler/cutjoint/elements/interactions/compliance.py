@@ -26,7 +26,7 @@ class Compliance(Interaction):
     equation_of_points: ClassVar[str] = "x = E^T (p_f - p_b),  theta = half the sum of e_k x g_k in E,  Q = law d(x, theta)/d q"
 
     def act(self, force: Force, m: Mechanics) -> dict[str, Block]:
-        """Three laws push the follower along the axes, three work on the rotations about them."""
+        """Three laws give forces on the follower along the axes, three give torques on the rotations about them."""
         b, place, rotation = m.b, m.along(self.base, self.follower, self.frame), m.rotation(self.frame)
         places, rates, by_rotation = (place.x, rotation.x), (place.v, rotation.v), rotation.by_rotation
         laws = [

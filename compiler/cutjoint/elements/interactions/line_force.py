@@ -43,7 +43,7 @@ class LineForce(Interaction):
         return n, {"length": length, "rate": b.dot(n, displacement.v)}
 
     def swapped(self, force: LawForce) -> Mapping[str, Any]:
-        """Both ends change places."""
+        """The fields with both ends exchanged."""
         return {self.start.field: self.end.of(force), self.end.field: self.start.of(force)}
 
     def visuals(self) -> tuple[Visual, ...]:

@@ -23,7 +23,7 @@ class OnCoordinate(Interaction):
     equation_of_points: ClassVar[str] = "Q = law(position, rate) of one coordinate"
 
     def act(self, force: LawForce, m: Mechanics) -> dict[str, Block]:
-        """The law works on the coordinate, which its joint reports."""
+        """The law gives a force on the coordinate, which its joint reports."""
         law = m.law(force.law, m.coordinate(), self.position)
         m.apply_joint_force(law["force"])
         return law
@@ -35,7 +35,7 @@ class OnCoordinate(Interaction):
 
 @dataclass(frozen=True)
 class CoordinateFriction(Interaction):
-    """A law over the ``rate`` of a joint's coordinate and a bristle, times a load that stays, or that of the joint by all forces."""
+    """A law over the ``rate`` of a joint's coordinate and a bristle, times a constant load or the joint's load by all forces."""
 
     by_load: ClassVar[bool] = True
     equation: ClassVar[str] = "tau = load law(rate, s) of one coordinate, with the share s of the bristle's deflection"

@@ -1,12 +1,11 @@
 """A wheel on the road: vertical spring on the road's height, lateral and aligning force of the Calspan model.
 
-The road is met under the wheel centre.  n is the local road normal, e_x the rolling direction and e_y the lateral direction (left) in
-the road plane, e_z the wheel plane's way from the ground to the centre.  The force acts where the wheel plane's e_z meets the road.  A
+The road is met under the wheel centre. n is the local road normal, e_x the rolling direction and e_y the lateral direction (left) in the
+road plane, e_z the direction in the wheel plane from the ground to the centre. The force acts where the wheel plane's e_z meets the road. A
 standing wheel is a spring along n under its centre: no slip, no lateral force, no offset of the contact by camber.
 
-The wheel rolls at the rate v/R about its axis without a coordinate of its own.  Its angular momentum h = I v/R e turns with the body,
-which takes the moment -I v/R e', e' the rate of the axis.
-Source: Frik, Leister, Schwartz (Vehicle System Dynamics 22, suppl., 1993).
+The wheel rolls at the rate v/R about its axis without a coordinate of its own. Its angular momentum h = I v/R e rotates with the body, on
+which the moment -I v/R e' acts, e' the rate of the axis. Source: Frik, Leister, Schwartz (Vehicle System Dynamics 22, suppl., 1993).
 """
 
 from __future__ import annotations
@@ -164,7 +163,7 @@ def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> 
 
 
 def _with(m: Mechanics, combine: Callable[[Block, Block], Block], of_road: Block, own: Scalar | None) -> Block:
-    """A number of the road with that of a wheel's own ground."""
+    """A quantity of the road combined with that of the wheel's own terrain."""
     return of_road if own is None else combine(of_road, m.scalar(own, {}))
 
 

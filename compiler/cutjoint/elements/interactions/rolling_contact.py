@@ -1,4 +1,4 @@
-"""A wheel that turns, on the road: the motion of its contact, and forces and moments there by expressions.
+"""A rotating wheel on the road: the motion of its contact, and forces and moments there by expressions.
 
 The road is met under the wheel centre, as in `road_contact`.  With the wheel's axis y, the road's normal n and the distance l from the
 centre c to the road in the wheel's plane::

@@ -58,7 +58,7 @@ class Touch(Interaction):
         return dict(zip(("Fx", "Fy", "Fz"), components, strict=True)) | values
 
     def values(self, force: forces.Contact, m: Mechanics) -> dict[str, Block]:
-        """The motion of the contact."""
+        """The variables of the law: the motion of the contact."""
         return self._contact(force, m)[1]
 
     def _contact(self, force: forces.Contact, m: Mechanics) -> tuple[_Surface, dict[str, Block]]:

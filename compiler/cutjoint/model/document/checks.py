@@ -1,6 +1,6 @@
-"""Checks a document's shape with pydantic, and describes what is wrong for the user.
+"""Checks a document's shape with pydantic, and describes errors for the user.
 
-Elements of the wrong shape are left out, and references to them are not judged, so that the problems of the others come in the same go.
+Elements of the wrong shape are left out, and references to them are not checked, so that all problems are reported together.
 """
 
 import types
@@ -24,7 +24,7 @@ _P = TypeVar("_P", bound=BaseModel)
 #: From the path to a place to the element that it leads into, in words, and how many keys lead to that.
 Names: TypeAlias = Callable[[Path], tuple[str, int]]
 
-#: The stand-in for a field of the model that it cannot do without.
+#: Placeholders for required fields of a model.
 _STAND_INS: Mapping[str, Any] = {"cutjoint": 1, "gravity": (0, 0, 0), "name": "model"}
 
 #: The kind of element that each section holds.
@@ -59,7 +59,7 @@ class Shaped:
 def check_shape(source: Source, problems: Problems, lost: set[Path]) -> Shaped | None:
     """The document of a source without ``lost`` elements, noting every field that is unknown, missing or of the wrong shape.
 
-    None when too much is wrong to go on.
+    None if the errors prevent further checks.
     """
     if () in lost:
         return None
@@ -69,8 +69,8 @@ def check_shape(source: Source, problems: Problems, lost: set[Path]) -> Shaped |
 
 
 def check_part(source: Source, problems: Problems, part: type[_P], element_of: Names) -> _P | None:
-    """A document of another kind, with the same words for what is wrong; None where more than unknown fields is.  ``element_of`` is as
-    below."""
+    """A document of another kind, with errors in the same form; None for errors other than unknown fields.
+    ``element_of`` is as below."""
     document, found = _validate(source, problems, part, element_of)
     if document is None and all(flaw.kind == "extra_forbidden" for flaw in found):
         with suppress(ValidationError):  # it lacks what it may have under another name
@@ -79,7 +79,7 @@ def check_part(source: Source, problems: Problems, part: type[_P], element_of: N
 
 
 def _validate(source: Source, problems: Problems, part: type[_P], element_of: Names) -> "tuple[_P | None, list[_Flaw]]":
-    """The document, or None and its flaws, which are noted."""
+    """The document, or None and its errors, which are noted."""
     try:
         return part.model_validate(source.data), []
     except ValidationError as error:
@@ -177,7 +177,7 @@ def _words(flaw: _Flaw) -> tuple[str, str]:
     return _EXPECTATIONS.get(flaw.kind, detail["msg"]), hint
 
 
-#: Cures of fields that are missing, by the section and the field.
+#: Remedies for missing fields, by section and field.
 _MISSING: Mapping[tuple[Path, str | int], str] = {
     (("reactions",), "axes_of"): "write the body along whose axes the components are, such as axes_of: ground",
     (("states",), "start"): "write its value where a run begins, such as start: 0 rad",
@@ -272,7 +272,7 @@ def _without_broken(source: Source, found: list[_Flaw], drop: set[Path]) -> Shap
 
 
 def _left_out(flaw: _Flaw) -> Iterator[Path]:
-    """The paths to leave out of the document for a flaw; none if that would be too much."""
+    """The paths to leave out of the document for an error; none if more than elements would be left out."""
     path, start = flaw.path, element_of(flaw.path)[1]
     if flaw.kind == "extra_forbidden":
         yield path

@@ -26,7 +26,7 @@ class JointSpring(Part):
 
 
 class BallSpring(Part):
-    """A spring and a damper on all turns of a joint: ``free_rotation`` turns the follower to where the spring is at rest."""
+    """A spring and a damper on all rotations of a joint: ``free_rotation`` is the follower's attitude of rest."""
 
     stiffness: Number = 0
     damping: Number = 0

@@ -56,7 +56,7 @@ _Ratio: TypeAlias = Annotated[
 class Gear(Part):
     """The first joint's coordinate is the ratio times the second one's, or a law of it; joint.coordinate where a joint has several.
 
-    Of more joints ``ratio`` has a number for each but the first, and the products are added.
+    For more joints ``ratio`` has a number for each but the first, and the products are added.
     """
 
     joints: Annotated[tuple[StrictStr, ...], Field(min_length=2, max_length=MAX_GEARED), BeforeValidator(_joints)]
@@ -99,7 +99,7 @@ Lookup: TypeAlias = Annotated[
 
 
 class FirstOrderState(Part):
-    """A state in addition to the mechanism's: its value where a run begins, its rate of change, and how large it usually is."""
+    """A first-order state: its value at the start of a run, its rate of change, and its nominal size."""
 
     start: Number
     rate: Lookup
@@ -107,14 +107,14 @@ class FirstOrderState(Part):
 
 
 class SampledSignal(Part):
-    """A value that a controller computes at its samples, and what it is before the first of them."""
+    """A value that a controller computes at its samples, and its value before the first sample."""
 
     value: Number
     start: Number = 0
 
 
 class Memory(Part):
-    """A number that a controller keeps from sample to sample: its value before the first, and what it becomes at each."""
+    """A memory of a controller: its value before the first sample, and its next value at each sample."""
 
     start: Number
     next: Number
@@ -146,7 +146,7 @@ SampledSignalEntry: TypeAlias = Annotated[
 
 
 class Controller(Part):
-    """Values that are computed at equal intervals and constant in between; ``delay`` is how much later others see its signals."""
+    """Values that are computed at equal intervals and constant in between; ``delay`` is the delay of its signals for others."""
 
     every: Number
     offset: Number = 0

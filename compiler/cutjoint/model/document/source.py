@@ -1,7 +1,7 @@
-"""A YAML text becomes plain data, with the place of every value; nothing but data can come out.
+"""YAML text -> plain data with the place of every value; nothing but data can result.
 
-Sequences become tuples, mappings become dicts in the file's order.  Numbers follow the YAML 1.2 core schema:
-``1e3`` is a number, ``010`` is ten, ``yes`` and dates are text.
+Sequences become tuples, mappings become dicts in the file's order. Numbers follow the YAML 1.2 core schema: ``1e3`` is a number, ``010`` is
+ten, ``yes`` and dates are text.
 """
 
 import math

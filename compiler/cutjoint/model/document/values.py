@@ -186,7 +186,7 @@ class ScaledDisplacement(FromTo):
 
 
 class Along(Part):
-    """A vector of a length along a direction; backwards if it is negative."""
+    """A vector of a length along a direction; opposite to it if the length is negative."""
 
     along: Direction
     by: Number
@@ -398,7 +398,7 @@ class Table(Part):
 
 
 class SpringDamper(Part):
-    """A linear spring and damper; ``preload`` is its force where the file draws it, "drawn" its length there."""
+    """A linear spring and damper; ``preload`` is its force in the design position, "drawn" its length there."""
 
     stiffness: Number = 0
     damping: Number = 0
@@ -417,7 +417,7 @@ class OneSided(Part):
 
 
 class Stop(Part):
-    """A linear spring and damper that acts on one side of a place only and never holds on to it."""
+    """A one-sided linear spring and damper, which never pulls."""
 
     stop: OneSided
 

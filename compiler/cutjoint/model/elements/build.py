@@ -88,7 +88,7 @@ def _read_forces(scope: Scope, part: model_file.Elements) -> Iterator[Force]:
 
 
 def read_points(scope: Scope, part: model_file.Elements) -> Mapping[str, Vector]:
-    """The points, each able to use those above it; those that an instance gives are where it says."""
+    """The points, each able to use those above it; an instance may give the positions of points."""
     points: dict[str, Vector] = {}
     scope = with_points(scope, points)
     for name, point in part.points.items():
@@ -153,7 +153,7 @@ def _armature(element: Element, kind: JointElement, joint: joint_parts.Joint) ->
 
 
 def _check_fields(element: Element, kind: JointElement, vectors: Mapping[str, Vector]) -> bool:
-    """Note what is wrong between fields by the checks of a kind; returns whether nothing is."""
+    """Report problems between fields by the checks of a kind; returns whether there are none."""
     is_sound = True
     for name, check in ((field.name, field.check) for field in kind.fields if field.name in vectors):
         if check is not None and _FAULTS[check.fault](element, vectors[check.other_field], vectors[name]):

@@ -1,7 +1,7 @@
 """Controllers: from the document to records.
 
-A controller computes its signals at a sample, each behind those that it reads, then its memory. Others read the discrete states. A delay of
-n samples is a row of n values behind each signal, which shift by one at each sample.
+At a sample, a controller computes its signals, in the order of their dependencies, and then its memory. Other elements read the discrete
+states. A delay of n samples is a shift register of n values for each signal.
 """
 
 import math
@@ -20,7 +20,7 @@ from cutjoint.model.expressions.scope import FAILED_TERM, Element
 from cutjoint.model.expressions.units import NONE, TIME, Dimension
 from cutjoint.model.records import Controller, DiscreteState, Signal
 
-#: The most values that a controller holds, those of its delays included.
+#: The most discrete states of a controller, those of its delays included.
 MAX_STATES = 1000
 
 
@@ -37,7 +37,7 @@ def unit_text(dimension: Dimension | None) -> str:
 
 
 def read_controller(element: Element, part: model_file.Controller) -> Controller:
-    """A controller; its expressions read whatever outputs name."""
+    """A controller; its expressions may read all quantities that outputs may have."""
     _require_names(element, part)
     every, offset, samples = _read_times(element, part)
     terms, order = _local_terms(element, part)

@@ -1,7 +1,7 @@
 """From the document to flat elements: parameters become symbols, submodels are instantiated and mirrored.
 
-Laws of forces, rates of states, signals and controllers read quantities of elements wherever these stand.  So the elements are read
-twice where one does: first to see which there are, then with the names of their quantities.
+Laws of forces, rates of states, signals and controllers may read quantities of elements defined anywhere. Then elements are read twice:
+first to list them, then with the names of their quantities.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -60,7 +60,7 @@ def expand(source: Source, problems: Problems, shaped: Shaped, tunables: Tunable
 
 
 def _survey(scope: Scope, model: model_file.Document) -> Mapping[str, Quantified]:
-    """All elements by name; whatever reads quantities fails here, without a problem."""
+    """All elements by name; expressions that read quantities fail here without a report."""
     unheard = replace(scope, problems=IgnoredProblems(), tunables=TunableNumbers(), own=_own(scope, model), read=lambda *_: FAILED_TERM)
     return _read(unheard, model, Machine(dict)).by_name()
 
@@ -115,7 +115,7 @@ class _Scoped:
 
 
 def _uses(scope: Scope, model: model_file.Document, machine: Machine) -> Iterator[_Scoped]:
-    """All instances, each before those inside it."""
+    """All instances, each before its inner ones."""
     count, scopes = count_elements(model), {"": scope}
     for use in find_uses(model):
         outer = scopes.get(use.owner)
@@ -136,7 +136,7 @@ def _uses(scope: Scope, model: model_file.Document, machine: Machine) -> Iterato
 
 
 def _fail_use(where: Element, use: Use) -> None:
-    """Note a submodel that there is not, or that stands inside itself."""
+    """Report a submodel that does not exist or that contains itself."""
     name = use.instance.use
     if use.fault:
         where.fail(f"the submodel '{name}' {use.fault}", "remove this instance, or use another submodel", ("use",))
@@ -153,7 +153,7 @@ def _around(use: Use, scopes: Mapping[str, Scope]) -> Scope:
 
 
 def _inner(where: Element, use: Use, around: Scope) -> Scope:
-    """The scope of an instance's elements; they see the names of what is ``around`` their submodel, but for names of its own."""
+    """The scope of an instance's elements; names are looked up in the submodel, then in the scopes ``around`` it."""
     assert use.submodel is not None
     instance, mirror = use.instance, use.instance.mirror
     if not _check_accepted(where, instance, use.submodel):  # its numbers mean something else, and so does what they lead to
@@ -212,7 +212,7 @@ def absent_properties(instance: model_file.Instance, submodel: model_file.Submod
 
 
 def _check_accepted(where: Element, instance: model_file.Instance, submodel: model_file.Submodel) -> bool:
-    """Return whether properties are of a kind that the submodel is made for; others are noted."""
+    """Return whether the submodel accepts the kind of properties; others are reported."""
     sound = True
     for key, accepted in submodel.accepts.items():
         value = instance.properties.get(key)
@@ -246,7 +246,7 @@ def _match_keys(
     where: Element, field: str, given: Collection[str], wanted: tuple[str, ...], what: str, submodel: str, *,
     needed: tuple[str, ...] | None = None, others: Collection[str] = (),
 ) -> None:  # fmt: skip
-    """Note names that are given and not ``wanted``, and ``needed`` ones (by default all) that are neither given nor among ``others``."""
+    """Report names that are given and not ``wanted``, and ``needed`` ones (by default all) that are neither given nor among ``others``."""
     for name in (name for name in given if name not in wanted):
         hint = nearest(name, wanted, f"{what}s") or f"it has no {what}s"
         where.fail(f"the submodel '{submodel}' has no {what} '{name}'", hint, (field, name), at_key=True)

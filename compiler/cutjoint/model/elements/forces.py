@@ -128,7 +128,7 @@ JOINT_FORCES = {"spring": "spring", "limits": "stop"}
 
 
 def joint_forces(element: Element, joint: joint_parts.Joint) -> Iterator[Force]:
-    """The spring and the stops that are written in a joint."""
+    """The spring and the stops that are defined in a joint."""
     for field, suffix in JOINT_FORCES.items():
         part: joint_parts.JointSpring | joint_parts.BallSpring | joint_parts.JointLimits | None = getattr(joint, field)
         if part is None:

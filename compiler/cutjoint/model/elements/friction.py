@@ -9,10 +9,10 @@ With v the speed of the surfaces, s the bristle's share of the deflection at whi
     a = 2 w^2/(1 + w^2) (1 + tanh(u v/(REVERSAL damping_speed)))/2,     w = (u^2 - BREAKAWAY)/(1 - BREAKAWAY) above BREAKAWAY, else 0
     beyond = u^2 - 1 above 1, else 0, rounded by ROUNDING
 
-It slides at a = 1, u = 1.  Where u^2 is below BREAKAWAY, and where it moves back, a is 0: the bristle is a spring there, and nothing
-creeps (as in Dupont, Hayward, Armstrong, Altpeter, IEEE Transactions on Automatic Control 47 (2002) 787-792).  The force is never above
-mu_s g times the load, and under a load that stays it takes energy beyond what the bristle stores.  A sliding bristle follows its speed by
-1/settling at most.  Beyond its limit it gives way, so that nothing rests there.
+It slides at a = 1, u = 1. Where u^2 is below BREAKAWAY, and on reversal, a is 0: the bristle is a spring there, without creep (as in
+Dupont, Hayward, Armstrong, Altpeter, IEEE Transactions on Automatic Control 47 (2002) 787-792). The force is at most mu_s g times the load;
+under a constant load it is passive: it dissipates all energy that the bristle does not store. The rate of a sliding bristle is at most
+1/settling. Beyond its limit the bristle yields, so that it has no rest there.
 """
 
 from collections.abc import Collection
@@ -31,7 +31,7 @@ from cutjoint.model.expressions.units import FORCE, LENGTH, NONE, SPEED, TIME, D
 from cutjoint.model.names import name_problem
 from cutjoint.model.records import VALUE, FirstOrderState, Model, Scalar
 
-#: The square of the share of the limit up to which the bristle is a spring.
+#: The square of the share of the limit below which the bristle is a spring.
 BREAKAWAY = 0.5
 #: The speed within which the bristle's direction of sliding reverses, as a share of the damping's.
 REVERSAL = 1e-3
@@ -145,7 +145,7 @@ def bristle_of(force: JointFriction) -> FirstOrderState:
 
 
 def refuse_friction(model: Model, names: Collection[str], message: str, hint: str) -> ModelError:
-    """The error that some of a model's forces by load cannot be had."""
+    """The error that some of a model's load-dependent forces cannot be computed."""
     return ModelError(
         [Problem(span=f.span, element=f"force '{f.name}'", message=message, hint=hint) for f in model.forces if f.name in names]
     )

@@ -1,4 +1,4 @@
-"""Massless links made slender rods, for comparison with simulators in which every body needs mass."""
+"""Massless links replaced by slender rods, for comparison with simulators in which every body needs mass."""
 
 import math
 from collections.abc import Mapping, Sequence

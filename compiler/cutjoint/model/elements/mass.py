@@ -37,7 +37,7 @@ class Lump:
 
 
 def read_mass(element: Element, body: body_parts.Body) -> tuple[Scalar, Vector, Inertia, tuple[Shape, ...]]:
-    """Mass, centre of mass, inertia about it (Ixx, Iyy, Izz, Ixy, Ixz, Iyz) in global axes, and the shapes that they come from."""
+    """Mass, centre of mass, inertia about it (Ixx, Iyy, Izz, Ixy, Ixz, Iyz) in global axes, and the shapes that give them."""
     lump = _given(element, body) if body.shapes is None else _compound(element, body.shapes)
     J = lump.inertia
     return lump.mass, lump.centre, (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]), lump.shapes

@@ -60,7 +60,7 @@ class Mirror:
 
 @dataclass(frozen=True)
 class Image:
-    """The signs of quantities in the image of reflection along ``axis``, of ``joints`` by name: what the original would have there."""
+    """The signs of quantities in the image of a reflection along ``axis``, and those of ``joints`` by name, relative to the original."""
 
     axis: str
     joints: Mapping[str, Joint]

@@ -1,4 +1,4 @@
-"""Expressions by cases that stay as they are written, and how large an expression and its derivatives are.
+"""Piecewise expressions that are never rewritten, and the size of an expression and its derivatives.
 
 SymPy's own Piecewise folds the cases inside a condition into ever more conditions, which takes exponential time.
 """

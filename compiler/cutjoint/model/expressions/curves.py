@@ -1,7 +1,7 @@
-"""Curves and surfaces through points, as expressions by cases; all go on straight beyond their ends.
+"""Curves and surfaces through points, as piecewise expressions with linear extrapolation.
 
-Curves: straight from point to point, or monotone cubics.  Surfaces over a grid: straight along both variables, or cubic along both with the
-slopes of parabolas through three points next to each other, so that slopes are continuous.
+Curves: piecewise linear, or monotone cubics. Surfaces over a grid: bilinear, or bicubic with the slopes of parabolas through three adjacent
+points, so that derivatives are continuous.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
-"""The order of what uses each other, of forces and signals that follow from each other, and algebraic loops.
+"""The order of names, forces and signals by their dependencies, and algebraic loops.
 
-A signal follows from the quantities of its expression, a force from those of its laws.  States, motions and what controllers hold follow
-from the past.
+A signal follows from the quantities of its expression, a force from those of its laws. States, motions and discrete states of controllers
+depend on the past only.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,9 +14,8 @@ from cutjoint.model.records import Force, Model, Scalar, Signal
 
 
 def in_order(uses: Mapping[str, Iterable[str]]) -> tuple[list[str], list[list[str]]]:
-    """The names, each behind those that it uses, and the circles: in each a name uses the next one, and the last one the first.
-
-    A circle begins with the one of its names that stands first in ``uses``; the names of circles are left out of the order.
+    """The names, each after those that it uses, and the cycles: in each a name uses the next one, and the last one the first. A cycle
+    begins with the one of its names that is first in ``uses``; the names of cycles are left out of the order.
     """
     place = {name: i for i, name in enumerate(uses)}
     graph = {name: sorted(others, key=place.__getitem__) for name, others in uses.items()}
@@ -33,7 +32,7 @@ def in_order(uses: Mapping[str, Iterable[str]]) -> tuple[list[str], list[list[st
 
 
 def forces_in_order(model: Model) -> tuple[Force, ...]:
-    """The forces, each behind those whose quantities its law reads; the file's order where none reads any."""
+    """The forces, each after those whose quantities its law reads; in the file's order if none reads any."""
     forces = {force.name: force for force in model.forces}
     uses = _uses(model.forces, model.signals)
     if not any(uses.values()):
@@ -58,7 +57,7 @@ def seeing_forces(model: Model) -> frozenset[str]:
 
 
 def signals_below(signals: Mapping[Scalar, Signal], symbol: Scalar) -> list[Signal]:
-    """The signal of a symbol and those that it follows from by signals alone, each behind those that it reads."""
+    """The signal of a symbol and the signals that it depends on, each after those that it reads."""
     uses: dict[str, list[str]] = {}
     by_name = {signal.name: signal for signal in signals.values()}
     waiting = [signals[symbol].name]
@@ -71,12 +70,12 @@ def signals_below(signals: Mapping[Scalar, Signal], symbol: Scalar) -> list[Sign
     return [by_name[name] for name in in_order(uses)[0]]
 
 
-#: The most operations within each other, those of the signals and forces that an expression reads included.
+#: The deepest nesting of operations, those of the signals and forces that an expression reads included.
 MAX_LEVELS = 150
 
 
 def check_levels(forces: Sequence[Force], signals: Sequence[Signal], problems: Problems) -> None:
-    """Note forces and signals whose expressions are nested too deep with those that they read."""
+    """Report forces and signals whose expressions, with those that they read, are nested too deep."""
     both: tuple[Force | Signal, ...] = (*forces, *signals)
     elements, uses = {element.name: element for element in both}, _uses(forces, signals)
     levels: dict[str, int] = {}
@@ -90,7 +89,7 @@ def check_levels(forces: Sequence[Force], signals: Sequence[Signal], problems: P
 
 
 def _levels(expression: Scalar) -> int:
-    """The operations within each other; a sum or a product of n counts n - 1."""
+    """The nesting depth of operations; a sum or a product of n counts n - 1."""
     found: dict[Scalar, int] = {}
     for part in bottom_up(expression):
         own = max(len(part.args) - 1, 1) if part.args else 0
@@ -99,7 +98,7 @@ def _levels(expression: Scalar) -> int:
 
 
 def check_loops(forces: Sequence[Force], signals: Sequence[Signal], problems: Problems) -> None:
-    """Note forces and signals that follow from themselves."""
+    """Report forces and signals that depend on themselves."""
     both: tuple[Force | Signal, ...] = (*forces, *signals)
     elements = {element.name: element for element in both}
     for circle in in_order(_uses(forces, signals))[1]:
@@ -118,7 +117,7 @@ def _kind(element: Force | Signal) -> str:
 
 
 def _uses(forces: Iterable[Force], signals: Iterable[Signal]) -> dict[str, list[str]]:
-    """The forces and signals that each of them follows from, in the file's order."""
+    """The forces and signals that each of them depends on, in the file's order."""
     expressions = {force.name: force.expressions for force in forces} | {signal.name: (signal.value,) for signal in signals}
     measured = {force.name: force.measured for force in forces}
     return {

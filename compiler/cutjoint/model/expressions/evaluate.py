@@ -1,4 +1,4 @@
-"""Values of expressions in floats, one or many at once, without SymPy's arithmetic: fast, and bounded in time."""
+"""Evaluation of expressions in floats, one or many at once, without SymPy's arithmetic."""
 
 import math
 import operator
@@ -42,7 +42,7 @@ def _evaluate(node: Scalar, values: Mapping[Scalar, float]) -> Any:
 
 
 def _power(base: float, exponent: float) -> float:
-    """A power; a root of a negative number has no value, in whatever it stands.
+    """A power; a root of a negative number is undefined, and so is any expression that contains it.
 
     Raises:
         ArithmeticError: it has none.

@@ -1,7 +1,7 @@
 """Functions that the user of a model supplies as C++: the model declares them, and its expressions call them.
 
-A model file names functions and their arguments, never code.  The code comes with the call that reads the model.  A function with a
-memory reads it and never writes it; its update makes the next memory of one, where a controller samples.
+A model file names functions and their arguments, never code. The code is given by the call that reads the model. A function only reads its
+memory; its update computes the next memory at a controller's sample.
 """
 
 import re

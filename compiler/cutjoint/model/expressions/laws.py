@@ -1,4 +1,4 @@
-"""Laws of forces and functions of time: every form the file allows becomes one expression."""
+"""Laws of forces and functions of time: every form in the file becomes one expression."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -247,7 +247,7 @@ class _Law:
         return True
 
     def spring(self, law: values.SpringDamper, keys: Path) -> Scalar:
-        """Linear spring and damper: tension along a line, or the force that draws a joint back."""
+        """Linear spring and damper: tension along a line, or the restoring force of a joint."""
         for name, free, other, sign in _SPRINGS:
             if name in self.kind.variables:
                 return self.linear(law, name, free, other, keys) * sign + self.preload(law, free, keys)
@@ -267,7 +267,7 @@ class _Law:
         return stiffness * (variable(name) - origin) + damping * variable("rate")
 
     def preload(self, law: values.SpringDamper, free: str, keys: Path) -> Scalar:
-        """The force in the design position of a spring that gives it."""
+        """The force in the design position of a spring with a preload."""
         if law.preload is None:
             return sympy.Integer(0)
         if getattr(law, free) is not None:
@@ -275,7 +275,7 @@ class _Law:
         return self.element.scalar(law.preload, self.kind.result, (*keys, "preload"))
 
     def stop(self, law: values.OneSided, keys: Path) -> Scalar:
-        """A soft stop on one side of a place; what pushes two points apart is negative tension."""
+        """A soft stop on one side of a place; a force that separates two points is negative tension."""
         if _position(self.kind) is None:
             self.element.fail("a stop belongs to a force over length, travel or position", "write an expression", keys)
             return FAILED
@@ -284,14 +284,14 @@ class _Law:
 
 
 def _position(kind: LawKind) -> str | None:
-    """The variable that says where the parts of a force element are."""
+    """The variable that is the position of a force element."""
     return next((name for name in ("length", "travel", "position") if name in kind.variables), None)
 
 
 def soft_stops(
     element: Element, kind: LawKind, keys: Path, stiffness: Any, damping: Any, *, lower: Any = None, upper: Any = None
 ) -> Scalar:
-    """The law of springs and dampers that are met below ``lower`` and above ``upper``, push back, and never hold on."""
+    """The law of one-sided springs and dampers below ``lower`` and above ``upper``, which never pull."""
     name = _position(kind)
     assert name is not None
     k = element.scalar(stiffness, kind.per(name), (*keys, "stiffness"))

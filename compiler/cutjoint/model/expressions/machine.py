@@ -62,7 +62,7 @@ class Machine:
         return memory_term(owner, own, part) if isinstance(part, model_file.FunctionMemory) else None
 
     def _found(self, scope: Scope, name: str, *, reported: bool) -> tuple[str, str] | None:
-        """An element and its quantity; None where one that could not be read may be meant."""
+        """An element and its quantity; None if the name may refer to an element that could not be read."""
         whole, elements = scope.full(name), self._elements
         if whole in elements and VALUE in quantities(elements[whole]):
             return whole, VALUE
@@ -91,7 +91,7 @@ class Machine:
         return Term(quantity_symbol(name, quantity), known)
 
     def _dimension(self, signal: str) -> Dimension | None:
-        """The dimension of a signal's expression; None of one that follows from itself."""
+        """The dimension of a signal's expression; None of a signal that depends on itself."""
         if signal not in self._dimensions and signal in self._signals:
             self._dimensions[signal] = None
             scope, value = self._signals[signal]
@@ -100,7 +100,7 @@ class Machine:
         return self._dimensions.get(signal)
 
     def _dimension_of_sample(self, controller: str, value: str) -> Dimension | None:
-        """The dimension of a value that a controller holds; None of one that follows from itself."""
+        """The dimension of a discrete state of a controller; None of one that depends on itself."""
         key = f"{controller}.{value}"
         if key not in self._dimensions and controller in self._controllers:
             self._dimensions[key] = None

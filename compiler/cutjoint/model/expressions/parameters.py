@@ -1,4 +1,4 @@
-"""Parameters: numbers, and expressions of other parameters, which are put in wherever these stand."""
+"""Parameters: numbers, and expressions of other parameters, which are substituted wherever these are used."""
 
 import math
 from collections.abc import Mapping, Sequence

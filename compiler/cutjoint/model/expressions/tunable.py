@@ -1,7 +1,7 @@
 """Parameters and inputs that a model file does not name.
 
-Constants that are tunable become parameters of the names of their places, which a run may change without a compiler.  Bodies and markers
-that are pushed have forces and torques from outside: loads of inputs.  Wheels have ground from a host, inputs too.
+Tunable constants become parameters named after their places, which a run may change without compiling. External wrenches on bodies and
+markers are inputs, and so is terrain from a host under wheels.
 """
 
 from collections.abc import Iterator, MutableMapping, Sequence
@@ -34,7 +34,7 @@ class TunableNumbers:
     names: set[str] = field(default_factory=set)
 
     def takes(self, name: str, *, is_default: bool = False) -> bool:
-        """Note a number's name and return whether a pattern opens it."""
+        """Record a number's name and return whether a pattern makes it tunable."""
         self.names.add(name)
         return any(fnmatchcase(name, pattern) for pattern in (*self.patterns, *(() if is_default else self.instances)))
 
@@ -78,7 +78,7 @@ def number_name(element: str, keys: Path, *, in_triple: bool) -> str:
 
 # Forces and ground from outside
 
-#: The units of the inputs of a pushed body or marker, by the ends of their names.
+#: The units of the inputs of an external wrench, by the ends of their names.
 WRENCH_UNITS = {**dict.fromkeys(("fx", "fy", "fz"), "N"), **dict.fromkeys(("tx", "ty", "tz"), "N*m")}
 
 
@@ -91,8 +91,8 @@ def with_terrain(model: Model, patterns: Sequence[str]) -> Model:
     """The model whose wheels of names that match a pattern, with * for any text, have terrain from a host in addition to their own and the
     road's.
 
-    Each has the inputs ``NAME.terrain_height`` (m), ``NAME.terrain_slope`` and ``NAME.terrain_bank``, of value 0 where nobody gives one,
-    which are added, and ``NAME.friction``, a factor of value 1.
+    Each has the inputs ``NAME.terrain_height`` (m), ``NAME.terrain_slope`` and ``NAME.terrain_bank``, 0 by default, which are added, and
+    ``NAME.friction``, a factor of value 1.
 
     Raises:
         ModelError: a pattern matches no wheel.
@@ -119,7 +119,7 @@ def _input(name: str, unit: str, span: Span, value: float = 0.0) -> Parameter:
 def with_external_wrenches(model: Model, names: Sequence[str]) -> Model:
     """The model with a force (N) at the centre of mass of each body that is named, or at a marker, and a torque (N m), in global axes.
 
-    They are the inputs ``NAME.wrench.fx`` to ``NAME.wrench.tz``, of value 0 where nobody gives one.
+    They are the inputs ``NAME.wrench.fx`` to ``NAME.wrench.tz``, 0 by default.
 
     Raises:
         ModelError: the model has no such body or marker, or a name is given twice.

@@ -40,7 +40,7 @@ class Dimension:
 
 
 def described(dimension: Dimension | None) -> str:
-    """A dimension as text for messages: its unit, or what has none."""
+    """A dimension as text for messages: its unit, or words if it has none."""
     return "an angle or a plain number" if dimension == NONE else str(dimension)
 
 

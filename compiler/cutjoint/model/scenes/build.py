@@ -1,4 +1,4 @@
-"""Scenes: what is done with the model."""
+"""Scenes: runs of the model with their starts, inputs and settings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -122,7 +122,7 @@ def _above_zero(where: Element, value: int | float | str | None, key: str) -> fl
 
 
 def _positive(where: Element, value: float, keys: Path) -> float:
-    """A number that is noted as wrong unless it is above zero and, of a setting, in its range; NaN has been noted before."""
+    """A number that is reported unless it is above zero and, of a setting, in its range; NaN has been noted before."""
     most = RANGES.get(keys[-1], {}).get("most", inf) if isinstance(keys[-1], str) else inf
     _at_most(where, where.positive(value, keys), most, keys)
     return value
@@ -134,7 +134,7 @@ def _at_most(where: Element, value: float, most: float, keys: Path) -> None:
 
 
 def _require_steps(where: Element, scene: model_file.Scene, end: float, output_step: float, numerics: Numerics) -> None:
-    """Note steps that no run of the scene has; each of the numbers is right for itself."""
+    """Report step sizes that no run of the scene can have, although each number is valid by itself."""
     of_methods = {name: settings["dt"] for name, settings in numerics.methods.items() if "dt" in settings}
     given = {"scene": numerics.dt or min(output_step, end), **of_methods}
     if not all(value > 0 for value in (end, output_step, *given.values())):

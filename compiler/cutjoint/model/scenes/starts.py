@@ -1,4 +1,4 @@
-"""Initial coordinates, attitudes and speeds of joints, steady starts, places that a start is to have, and values of first-order states.
+"""Initial coordinates, attitudes and speeds of joints, steady starts, aims of a start, and values of first-order states.
 
 Attitudes come as rotation vectors, Euler angles or quaternions.
 """
@@ -88,7 +88,7 @@ def _angles(where: Element, angles: Sequence[Number], keys: Path) -> tuple[Scala
 
 
 def _about(vector: Sequence[Scalar]) -> Quaternion:
-    """The turn by a rotation vector's length about its direction."""
+    """The quaternion of a rotation vector."""
     angle = sympy.sqrt(sum(c**2 for c in vector))
     if angle.has(FAILED):
         return (FAILED,) * 4
@@ -101,7 +101,7 @@ def _about_axis(axis: str, angle: Scalar) -> Quaternion:
 
 
 def _product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """The turn b seen from the axes that the turn a has carried along: R(a) R(b)."""
+    """The quaternion product R(a) R(b): rotation b in the axes rotated by a."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
@@ -152,7 +152,7 @@ def read_starts(where: Element, scene: model_file.Scene, states: Sequence[FirstO
 
 
 def _has_state(where: Element, joint: Joint, component: str, section: str) -> bool:
-    """Return whether a joint's initial state has a component that the scene may give; note its faults."""
+    """Return whether a joint's initial state has a component that the scene may give; reports errors."""
     keys = (section, f"{joint.name}.{component}")
     kind = "cut" if joint.cut else joint.kind
     allowed = () if joint.cut else _COMPONENTS[section][joint.kind]
@@ -187,7 +187,7 @@ def _state(where: Element, joint: Joint, component: str, value: Any, keys: Path)
 
 
 def read_near(where: Element, scene: model_file.Scene, positions: Mapping[str, Scalar]) -> tuple[str, ...]:
-    """The components of ``positions`` that a start is sought from.  It need not have them."""
+    """The components of ``positions`` that are only initial guesses of a start."""
     found: list[str] = []
     for index, name in enumerate(scene.near):
         joint, _, component = name.rpartition(".")
