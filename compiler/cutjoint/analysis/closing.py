@@ -99,7 +99,7 @@ def evaluate_rates(equations: RecursiveEquations, q: Array, rates: Sequence[Bloc
 
 
 def _interpret(equations: RecursiveEquations, q: Array, blocks: Sequence[Block], t: float = 0.0) -> dict[Block, Array]:
-    """The blocks at all unit speeds in one batch; what depends on coordinates alone is evaluated once and has no batch axis."""
+    """The blocks at all unit speeds in one batch; blocks that depend on coordinates only are evaluated once, without a batch axis."""
     return interpret_blocks(blocks, make_inputs(equations, q, np.eye(equations.speeds), t), flat_roads(equations))
 
 
@@ -165,8 +165,8 @@ def close_loops(
 ) -> tuple[Array, Array] | None:  # fmt: skip
     """Coordinates near q that close the loops, and the Jacobian there, by Gauss-Newton steps; None where they do not converge.
 
-    Steps are taken across the direction ``across`` (speeds), so that they do not undo a step along it: where branches of motion cross,
-    shortest steps alone would lead back to the crossing. Guides are at their positions at ``t`` (s). If ``free`` (speeds,) is given, only
+    Steps are taken across the direction ``across`` (speeds), so that they do not undo a step along it: at a bifurcation of the motion,
+    minimum-norm steps would lead back to the bifurcation. Guides are at their positions at ``t`` (s). If ``free`` (speeds,) is given, only
     coordinates of these speeds change.
     """
     rows = np.zeros((0, equations.speeds)) if across is None else across[np.newaxis]

@@ -141,7 +141,7 @@ def _projected(equations: RecursiveEquations, q: Array, rank: int) -> Array | No
 
 
 def _movable(model: Model, names: Sequence[str], cuts: Collection[str]) -> Model:
-    """The model with joints that six tunable parameters each move and turn, the tree as ``cuts`` have it."""
+    """The model with joints that six tunable parameters each displace and rotate, with the tree that ``cuts`` define."""
     added = [
         Parameter(name=name, symbol=sympy.Symbol(name, real=True), value=0.0, unit="", binding=Binding.PARAM, span=model.span)
         for name in (f"{joint}@{k}" for joint in names for k in range(6))
@@ -152,7 +152,7 @@ def _movable(model: Model, names: Sequence[str], cuts: Collection[str]) -> Model
 
 
 def _moved(model: Model, names: Sequence[str], changes: NDArray[Any]) -> Model:
-    """The model with joints that are moved by three numbers and turned by Rodrigues' parameters, the next three."""
+    """The model with joints displaced by the first three numbers and rotated by the next three, Rodrigues' parameters."""
     places = {name: sympy.Matrix(change) for name, change in zip(names, changes.tolist(), strict=True) if any(change)}
 
     def point(at: Vector, name: str) -> Vector:

@@ -25,8 +25,8 @@ class Mobility:
     """Unknown speeds, cut-joint equations and how many of them are independent.
 
     ``rank`` is the largest over ``poses`` poses that close the loops, ``design_rank`` that of the design position; if it is smaller, that
-    position is singular. ``condition`` is the largest singular value there by the smallest that is not zero. ``closed`` is False where
-    guides hold the mechanism so that its loops cannot close.
+    position is singular. ``condition`` is the largest singular value there by the smallest that is not zero. ``closed`` is False if the
+    guides' positions keep the loops from closing.
     """
 
     speeds: int

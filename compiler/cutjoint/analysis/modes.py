@@ -67,7 +67,7 @@ class Modes:
     """The modes by the size of their eigenvalues.
 
     ``rigid_body_modes`` are the directions, each named by its largest coordinate, without restoring force: rigid-body motions and
-    coordinates without spring. ``zeros`` counts the eigenvalues of zero, two for a direction that also drifts on, one where a damper stops
+    coordinates without spring. ``zeros`` counts the eigenvalues of zero, two for a direction with constant drift, one where a damper stops
     it. ``undamped`` are the modes of mass and stiffness alone, of a state at rest; a positive real one there means that the state is
     unstable. ``q`` are the tree's coordinates of the state. ``held`` names controllers; their discrete states are frozen. A ``steady``
     state is trimmed without accelerations.
@@ -127,8 +127,8 @@ def find_mode_shapes(of: Linearisation, time: float) -> Modes:
 def eigenpairs(A: Array) -> tuple[Complex, Complex, Array, int]:
     """Eigenvalues other than zero, their eigenvectors as columns, the null space, and how many eigenvalues are zero.
 
-    The null space is split off before, and again from what is left while there is one: rounding would make of a double zero without two
-    eigenvectors, which each rigid-body motion is, a pair of the square root of its size.
+    The null space is deflated repeatedly before: each rigid-body motion is a defective double zero, which rounding would split into a pair
+    of about its square root.
     """
     size = len(A)
     _, singular, right = np.linalg.svd(A)

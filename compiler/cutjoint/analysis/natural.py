@@ -44,7 +44,7 @@ def call(
 ) -> dict[str, Array]:  # fmt: skip
     """The results of a function by array, in the interpreter; ``arrays`` and so on as for `evaluate_results`.
 
-    Only entries of the tangent that have their place are returned.
+    Only entries of the tangent with a slot are returned.
     """
     results = {name: block for name, block in equations.function(function).results.items() if name in equations.slots}
     pieces: dict[str, list[tuple[int, Array]]] = {}
@@ -58,7 +58,7 @@ def evaluate_results(
     equations: SystemEquations, results: Mapping[str, Block], arrays: Mapping[str, Array], roads: Mapping[str, RoadTable] | None = None,
     held: Mapping[str, float | Array] = MappingProxyType({}),
 ) -> dict[str, Array]:  # fmt: skip
-    """Results (..., length) by name, in the interpreter; what ``arrays`` does not give is zero or a parameter's default.
+    """Results (..., length) by name, in the interpreter; arguments that ``arrays`` lacks are zero or parameters' defaults.
 
     Arrays of inputs (..., length) are named as the generated functions' arguments, and may carry batch axes, as may values (...) of inputs
     that are ``held`` and do not follow the scene.  Without ``roads`` they are flat.

@@ -1,7 +1,7 @@
-"""Equations of cut joints that follow from the others, in every pose or for a moment, and reactions that are determined in spite of them.
+"""Equations of cut joints that follow from the others, in every pose or in a singular one, and reactions that are determined nevertheless.
 
-Multipliers lambda of a motion are determined but for the null space of the transposed Jacobian: A^T n = 0 moves nothing.  A component of a
-reaction that some such n changes is statically indeterminate.
+Multipliers lambda of a motion are determined up to the null space of the transposed Jacobian: n with A^T n = 0 has no effect on motion. A
+component of a reaction that some such n changes is statically indeterminate.
 """
 
 from collections.abc import Mapping, Sequence
@@ -188,7 +188,7 @@ def _is_constant(poses: Sequence[Pose]) -> bool:
 
 def _is_even(equations: RecursiveEquations, pose: Pose, t: float) -> bool:
     """Return whether multipliers of the null space and their opposites give the same loads in any motion of the loops, as across the plane
-    of a mechanism that lies, moves, and is pushed in it: by symmetry there are none."""
+    of a planar mechanism with forces in this plane: by symmetry such multipliers are zero."""
     random = np.random.default_rng(7)
     left, _, right = np.linalg.svd(pose.jacobian)
     null, free = left[:, pose.rank :].T, right[pose.rank :]
@@ -214,7 +214,7 @@ def _largest_load_changes(equations: RecursiveEquations, pose: Pose) -> Array:
 
 
 def _regular(poses: Sequence[Pose]) -> list[Pose]:
-    """The poses that are not singular for a moment."""
+    """The poses that are not singular."""
     rank = max(pose.rank for pose in poses)
     return [pose for pose in poses if pose.rank == rank]
 

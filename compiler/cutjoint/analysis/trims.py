@@ -54,11 +54,11 @@ class Trimmed:
     """The result of a trim.
 
     * ``unknowns``, ``units``: by name; ``coordinates``, ``rates``, ``states``: of the whole start, by place
-    * ``unsteady``: rates with units, of what may change
+    * ``unsteady``: rates with units, of those that may change
     * ``residual``: the largest share to which a condition is not met
     * ``redundant``: targets that follow from other conditions
-    * ``steady``: no condition depends on what changes
-    * ``strayed``: found from random coordinates, since no solution was near the given ones
+    * ``steady``: no condition depends on values that change
+    * ``strayed``: found from random coordinates, because no solution was near the given ones
     * ``gradients``: derivatives of the unknowns, by parameter
     """
 
@@ -182,7 +182,7 @@ class _Search(TrimEquations):
             span = min(_FARTHEST / fastest, span)
             A = here.A.copy()
             A[:, at] += masses * here.columns[at] / (span * here.rows[:, np.newaxis])
-            high = np.abs(A).max(axis=1, keepdims=True)  # of full rank, however stiff a contact is beside what moves freely
+            high = np.abs(A).max(axis=1, keepdims=True)  # of full rank, even with stiff contacts on bodies that move freely
             A /= (high := np.where(high > 0, high, 1.0))
             wide = np.where((wide := np.abs(A).max(axis=0)) > 0, wide, 1.0)
             step = -np.linalg.lstsq((A / wide)[among], (here.left / here.rows / high[:, 0])[among], rcond=_RANK)[0] / wide
@@ -291,7 +291,7 @@ class _Search(TrimEquations):
         return list(dict.fromkeys(words for words, is_missed in zip(self._conditions(at), missed, strict=True) if is_missed))[:4]
 
     def undetermined(self, at: Evaluated) -> list[str]:
-        """The listed unknowns that can change while all conditions stay met, then what changes with them."""
+        """The listed unknowns that can change while all conditions stay met, then all values that change with them."""
         free, A = np.flatnonzero(self._free), self._columns(at)
         _, values, right = np.linalg.svd(A, full_matrices=True)
         null = right[int(np.sum(values > _SINGULAR)) :].T

@@ -1,4 +1,4 @@
-"""The result of a pass on a model and a scene, and its notes; elements that change hands when a body is taken out."""
+"""The result of a pass on a model and a scene, and its notes; elements transferred to another body when one is removed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from cutjoint.model.records import Model, Scene, Span
 
 @dataclass(frozen=True, kw_only=True)
 class Note:
-    """What a pass did to an ``element`` of the file, or why it was left: ``words`` complete the sentence that its name begins."""
+    """The action of a pass on an ``element`` of the file, or the reason for none: ``words`` complete the sentence that its name begins."""
 
     element: str
     words: str

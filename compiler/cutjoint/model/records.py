@@ -128,7 +128,7 @@ class DiscreteState:
 class Controller:
     """Values that are computed at the times ``offset`` + k ``every`` (s) and constant in between.
 
-    ``signals`` are what it computes at a sample, by symbols of their own; ``discrete_states`` are then updated from these, all at once.
+    ``signals`` are computed at a sample, by symbols of their own; ``discrete_states`` are then updated from these simultaneously.
     """
 
     name: str
@@ -224,12 +224,12 @@ class Joint:
     """A joint between two bodies, ``base`` and ``follower``.
 
     ``element`` is the catalogue's record of its kind. ``at`` is the joint's point in the design position, common to both bodies. ``axes``
-    holds the joint's axis and second axis, if the kind has them. ``to`` is the follower's point where it is another. ``pitch`` is an
-    advance in metres a radian. The joint's coordinates and speeds are named by :data:`COORDINATES` and :data:`SPEEDS`. ``cut`` is True for
-    a joint that the model cuts, False for one it wants in the tree, None to let the compiler choose. ``guide`` prescribes the joint's
+    holds the joint's axis and second axis, if the kind has them. ``to`` is the follower's point where it is another. ``pitch`` is the
+    advance of a screw, m/rad. The joint's coordinates and speeds are named by :data:`COORDINATES` and :data:`SPEEDS`. ``cut`` is True for a
+    joint that the model cuts, False for one that must be in the tree, None for the compiler's choice. ``guide`` prescribes the joint's
     coordinates, each as a function of ``t`` and of inputs. ``armature`` is the inertia of its coordinate in addition to that of the bodies,
-    as of a geared rotor, kg m2 or kg. ``arm`` (m) multiplies the equations between directions of a cut joint, 1 unless the mechanism is far
-    from a metre long.
+    such as a geared rotor's, kg m2 or kg. ``arm`` (m) multiplies the equations between directions of a cut joint, 1 unless the mechanism's
+    size is far from 1 m.
     """
 
     name: str
@@ -351,14 +351,14 @@ class Interval:
 
 @dataclass(frozen=True, kw_only=True)
 class LoopFunctions:
-    """The loop embeddings: ``series`` has by tree joint one for each scalar coordinate, then three for the Rodrigues parameters of a ball.
+    """Loop embeddings: by tree joint, ``series`` has one for each scalar coordinate, then three for the Rodrigues parameters of a ball.
 
     They are valid on ``range`` of q and ``drive_range`` of u: one value if u is fixed, None if no guide moves the loops.
     Where ``is_periodic`` they are trigonometric polynomials over a full turn, else polynomials over the range.  ``violation`` (m, rad) is
     the largest residual of the cut joints that was found, ``violation_rate`` the largest rate of one at the speed q' = 1.
 
-    Where the geometry is ``open`` these are the functions of the model's own numbers, and coefficients are fitted again when parameters are
-    loaded, with violations of at most ``allowed`` at ``nodes`` values of q.
+    If the geometry is ``open`` (tunable), these functions are for the parameters' default values, and coefficients are fitted again when
+    parameters are loaded, with violations of at most ``allowed`` at ``nodes`` values of q.
     """
 
     series: Mapping[str, tuple[Series, ...]]
@@ -527,7 +527,7 @@ class Road:
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """One column of the results: ``element`` is a body, joint, force or sensor, ``quantity`` what of it.
+    """One column of the results: ``element`` is a body, joint, force or sensor, ``quantity`` the reported quantity.
 
     In a reduced model ``stands_for`` is the column's name in the full one, whose value is ``factor`` times this one's.  An output by an
     expression has a ``name`` of its own and may have a ``unit``, which has ``factor`` of those of the element's quantity.
@@ -556,18 +556,18 @@ class Numerics:
     """Settings of the numerical method.
 
     ``closure`` is how the recursive method enforces its cut joints: "proximal" or "solved", with penalties from the effective masses up to
-    the bound ``penalty``, or "penalty"; None for that of the integrator. A ``penalty`` of None follows from masses. ``penalty`` (alpha),
+    the bound ``penalty``, or "penalty"; None for the integrator's default. A ``penalty`` of None follows from masses. ``penalty`` (alpha),
     ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints, ``tolerance`` (relative change of the accelerations) and
     ``iterations`` (limit) to the fixed point, in whose first ``multiplier_updates`` iterations of a step the multipliers are corrected. The
-    augmented method has a penalty and ``multiplier_updates`` of its own. ``dt`` (s) is the length of equal steps, None for steps as long as
-    the tolerance allows, where the method has an integrator with such steps. ``integrator`` is that of the methods that know it, None for
-    the one that follows from method and ``dt``; of "dormand-prince", "dop853" and "radau5" ``tolerance`` is the relative error of a step
-    and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as the relative one; "generalised-alpha" leaves the
-    share ``spectral_radius`` of what is fast in each step. ``events`` says whether steps of the methods "recursive" and "recursive-newton"
-    end where forces, guides or drives change their formulas: "located" or "crossed", None for the integrator's default. ``methods`` has the
-    settings that a method overrides, by name; ``by_step`` the penalty and frequency that were written as expressions of dt, whose values
-    here are those at ``dt``. ``loops`` says how the method "recursive" closes loops of one degree of freedom, "exact" or "embedded" to
-    functions that err by at most ``loop_tolerance`` (m, rad) on a range as long as ``loop_terms`` allow.
+    augmented method has a penalty and ``multiplier_updates`` of its own. ``dt`` (s) is the length of equal steps, None for adaptive steps
+    by the tolerance, if the method has such an integrator. ``integrator`` applies to methods with a choice of integrators, None for the
+    default by method and ``dt``; of "dormand-prince", "dop853" and "radau5" ``tolerance`` is the relative error of a step and
+    ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for the same value; "generalised-alpha" has the high-frequency
+    ``spectral_radius``. ``events`` says whether steps of the methods "recursive" and "recursive-newton" end where forces, guides or drives
+    change their formulas: "located" or "crossed", None for the integrator's default. ``methods`` has the settings that a method overrides,
+    by name; ``by_step`` the penalty and frequency that were written as expressions of dt, whose values here are those at ``dt``. ``loops``
+    is the treatment of loops with one degree of freedom by the method "recursive": "exact", or "embedded" by functions with errors of at
+    most ``loop_tolerance`` (m, rad) on the range that ``loop_terms`` allow.
     """
 
     dt: float | None = None
@@ -643,7 +643,7 @@ class Unknown:
 
 @dataclass(frozen=True, kw_only=True)
 class Trim:
-    """A start at which all rates of speeds and states are zero but for those ``unsteady``, and expressions have the values of ``hold``."""
+    """A start at which rates of speeds and states are zero, except those ``unsteady``, and expressions have the values of ``hold``."""
 
     find: tuple[Unknown, ...]
     hold: tuple[Aim, ...]
@@ -655,18 +655,17 @@ class Trim:
 class Scene:
     """One run of the model: its start, inputs, switches, road, numerics and outputs.
 
-    ``pose`` is "design" or "equilibrium".  ``positions`` and ``rates`` give initial joint coordinates and speeds by ``joint.coordinate``,
-    an attitude by ``joint.e0`` to ``joint.e3``, the quaternion that takes the axes of the follower to those of the base, of length one but
-    for `UNIT_BOUND`; ``inputs`` gives inputs as expressions of ``t`` (one that is not given keeps its parameter's value); ``switches``
-    turns forces on and off by their full names.  ``method`` is the formulation that the scene wants ("" for the default) or "auto", which
-    picks model, formulation and steps so that places and angles are within ``accuracy`` (m, rad) and the run ``budget`` times as fast as
-    real time.  ``on_violation`` decides when a guard is violated: "stop", "restart" with the full model, or None to stop for forces alone.
-    ``entries`` are the places of positions and rates by "section.joint.coordinate".  ``starts`` are values of first-order states where the
-    run begins, by their places, of those that do not begin at their own.  ``guides`` are those of joints that the scene locks or drives,
-    None of joints that it releases.  ``plots`` are pictures that it names.  ``assemble`` are places that the start is to have, around which
-    its loops close; of a scene whose start has been found ``positions`` are all coordinates, of the parameters' values in the file.
-    The start is sought from the ``positions`` that ``near`` names; it need not have them.  One that is found by ``trim`` has the given
-    positions, rates and states that this does not find.
+    ``pose`` is "design" or "equilibrium". ``positions`` and ``rates`` give initial joint coordinates and speeds by ``joint.coordinate``, an
+    attitude by ``joint.e0`` to ``joint.e3``, the quaternion that takes the axes of the follower to those of the base, of length one within
+    `UNIT_BOUND`; ``inputs`` gives inputs as expressions of ``t`` (one that is not given keeps its parameter's value); ``switches`` turns
+    forces on and off by their full names. ``method`` is the formulation ("" for the default) or "auto", which selects model, formulation
+    and steps for position and angle errors within ``accuracy`` (m, rad) and a speed of ``budget`` times real time. ``on_violation`` decides
+    when a guard is violated: "stop", "restart" with the full model, or None to stop for forces alone. ``entries`` are the places of
+    positions and rates by "section.joint.coordinate". ``starts`` are initial values of first-order states, by their places, that replace
+    the states' own. ``guides`` are those of joints that the scene locks or drives, None of joints that it releases. ``plots`` are its
+    plots. ``assemble`` are conditions on the start with closed loops; once the start has been found, ``positions`` are all coordinates, for
+    the parameters' values in the file. The ``positions`` that ``near`` names are initial guesses of this search. A start by ``trim`` keeps
+    the given positions, rates and states that are not its unknowns.
     """
 
     name: str
@@ -702,7 +701,7 @@ class SuppliedFunction:
     """A function of a model: its name, the names of its arguments, and whether its code has partial derivatives too.
 
     ``units`` are those of arguments that have one.  ``results`` are their names with their units, "" where none is known; the only result
-    of a function has the name "".  ``memory`` is the size of what it reads besides its arguments, and its update writes, in bytes.
+    of a function has the name "".  ``memory`` is the size in bytes of its memory, which it reads and its update writes.
     """
 
     name: str
@@ -726,17 +725,17 @@ class SuppliedFunction:
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """A validated model: what the file says, flat and in SI units.
+    """A validated model: the content of the file, flat and in SI units.
 
-    Element names are unique over bodies, joints, gears, forces, reactions, markers, states, signals and controllers.  An element of a
-    submodel's instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.
-    ``guards`` replace forces that a pass removed: a run stops where one of them would act.  ``states`` are first-order states,
-    ``signals`` named expressions of quantities, ``controllers`` have discrete states.  ``embedded_loops`` are loops that a pass has
-    replaced by functions.  ``text`` is the model file's, ``files`` are the texts of the files that it names, by their names in places,
-    ``notes`` sentences about words of earlier versions in the file, about parameters that nothing uses and outputs
-    of forces that are off, and warnings of submodels; ``choices`` are the values that submodels declare as choices, by instance.
-    ``written`` are the joints as the file has them where those of a scene differ.  ``functions`` are those that
-    the user supplies, ``code`` is their C++.  ``frozen`` are parameters that exported code has as numbers.
+    Element names are unique over bodies, joints, gears, forces, reactions, markers, states, signals and controllers. An element of a
+    submodel's instance is called ``instance.element``. ``derived`` are parameters that are replaced by expressions of others. ``guards``
+    replace forces that a pass removed: a run stops where one of them would act. ``states`` are first-order states, ``signals`` named
+    expressions of quantities, ``controllers`` have discrete states. ``embedded_loops`` are loops that a pass has replaced by functions.
+    ``text`` is the model file's, ``files`` are the texts of the files that it names, by their names in places, ``notes`` sentences about
+    words of earlier versions in the file, about unused parameters and outputs of inactive forces, and warnings of submodels; ``choices``
+    are the values that submodels declare as choices, by instance. ``written`` are the joints as the file has them where those of a scene
+    differ. ``functions`` are those that the user supplies, ``code`` is their C++. ``frozen`` are parameters that exported code has as
+    constants.
     """
 
     name: str

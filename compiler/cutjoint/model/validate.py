@@ -116,7 +116,7 @@ def unused_properties(source: Source, model: model_file.Document) -> Iterator[st
 
 
 def choices_made(model: model_file.Document, scopes: Mapping[str, Scope]) -> dict[str, str]:
-    """The values of what submodels call choices, and of the keys of properties that they are made for, by names of instances."""
+    """The values of submodels' choices, and of the property keys that they accept, by instance."""
     made: dict[str, list[str]] = {}
     for use in find_uses(model):
         if use.submodel is not None and (scope := scopes.get(f"{use.name}.")) is not None:

@@ -205,7 +205,7 @@ class Builder:
 
     @contextmanager
     def marked(self, mark: str, turn: str) -> Iterator[None]:
-        """Names given inside begin with a mark, and headings end with a turn: the formulation repeats a part with other values."""
+        """Names given inside begin with a mark, and headings end with ``turn``: the formulation repeats a part with other values."""
         before, self._mark, self._turn = (self._mark, self._turn), self._mark + mark, turn
         try:
             yield

@@ -119,7 +119,7 @@ class Differentiator:
         return {leaf: self._b.take(d, rows, (0, d.shape[1])) for leaf, d in whole.items()}
 
     def _transpose(self, block: Block) -> Steps[Jacobian]:
-        """Of a row that is taken from a matrix."""
+        """Of a row of a matrix."""
         row = block.args[0]
         if row.op != "take":
             raise ValueError(f"{block!r} has no derivative")
@@ -155,7 +155,7 @@ def _ranges(block: Block) -> tuple[tuple[int, int], tuple[int, int]]:
 
 
 def _column(block: Block, place: int) -> Block:
-    """The column at a place of columns that stand beside each other; the block itself where it is none of these."""
+    """The column at a place of horizontally stacked columns; the block itself where it is none of these."""
     data: Any = block.data
     are_columns = block.op == "stack" and len(data[0]) == 1 and set(data[1]) == {1}
     return block.args[place] if are_columns else block
@@ -178,7 +178,7 @@ _RULES: Mapping[str, Callable[[Differentiator, Block], Steps[Jacobian]]] = {
 
 
 class Inputs:
-    """The symbols that blocks are computed from, each block looked through once."""
+    """The input symbols that blocks depend on, each block visited once."""
 
     def __init__(self) -> None:
         self._known: dict[Block, frozenset[str]] = {}
@@ -290,7 +290,7 @@ _VARIED: Mapping[str, Callable[[Variation, Block], Steps[Block]]] = {
     "add": Variation._sum, "sub": Variation._sum, "scale": Variation._scale, "mul": Variation._mul, "stack": Variation._stack,
     "take": Variation._take, "sandwich": Variation._sandwich, "call": Variation._call,
 }  # fmt: skip
-#: Operations on one block whose change is that of their argument, treated in the same way.
+#: Linear operations on one block: the same operation applies to the change of their argument.
 _LINEAR: Mapping[str, Callable[[Builder, Block], Block]] = {
     "neg": Builder.neg, "transpose": Builder.transpose, "symmetrise": Builder.symmetrise, "skew": Builder.skew, "mirror": Builder.mirror,
 }  # fmt: skip

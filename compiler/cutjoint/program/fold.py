@@ -234,7 +234,7 @@ def _fold(folding: _Folding, families: Sequence[Family], results: Mapping[str, B
 
 
 def _known_families(families: Sequence[Family], computed: Sequence[Block]) -> list[Family]:
-    """The families that ask for no input beyond those of a function's own values: others belong to other functions."""
+    """The families that need no input beyond those of a function's own values: others belong to other functions."""
     known = set(computed)
     foreign: set[Block] = set()
     for block in reachable_blocks(b for family in families for b in family if b not in known):

@@ -1,4 +1,4 @@
-"""Blocks of named functions -> Program: lower, drop what no result needs, split by binding time."""
+"""Blocks of named functions -> Program: lower, remove unused nodes, split by binding time."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace

@@ -202,7 +202,7 @@ def _guess(loops: BlockLoops, independent: Independent, chart: Chart, nodes: Arr
     """Initial guesses of the poses at nodes, interpolated between those of the curve."""
     curve = independent.curve
     along = curve[:, chart.q]
-    if independent.closes:  # on with the turn before and the one after, for nodes beyond the ends of the curve
+    if independent.closes:  # continued by the revolutions before and after, for nodes beyond the ends of the curve
         turned = full_turns(curve)
         curve = np.concatenate([curve[:-1] - turned, curve, curve[1:] + turned])
         along = curve[:, chart.q]
@@ -278,11 +278,11 @@ _ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 
 def _length(c: Array, half: float, tolerance: float) -> int:
-    """The least number of terms by which value and derivative are good to the tolerance, and the second derivative to ten times that,
+    """The least number of terms by which value and derivative are within the tolerance, and the second derivative within ten times that,
     relative to their sizes.
 
-    What is left out is bounded by the largest values 1, k^2 and k^2 (k^2 - 1)/3 of polynomial k and its derivatives.  Coefficients that
-    are the rounding of derivatives count as nothing.
+    The truncation error is bounded by the largest values 1, k^2 and k^2 (k^2 - 1)/3 of polynomial k and its derivatives. Coefficients at
+    the level of rounding of the derivatives count as zero.
     """
     longest, k = 1, np.arange(len(c), dtype=float)
     rounding = 1e-15 * half * max(1.0, float(np.abs(chebyshev.chebder(c, scl=1 / half)).max(initial=0.0))) / np.maximum(k, 1.0)

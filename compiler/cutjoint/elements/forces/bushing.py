@@ -12,7 +12,7 @@ from cutjoint.elements.terms import Scalar, Vector
 _ALONG = Law({"position": "m", "rate": "m/s"}, "N")
 _ABOUT = Law({"position": "rad", "rate": "rad/s"}, "N*m")
 
-#: Of the laws along the axes and about them: what each is over, and the units of stiffness and damping.
+#: The laws along and about the axes: the kind of displacement, and the units of stiffness and damping.
 _LAWS = (*[(_ALONG, "N/m", "N*s/m")] * 3, *[(_ABOUT, "N*m", "N*m*s")] * 3)
 
 

@@ -31,11 +31,11 @@ _POINT = (
     *(f"refpoint_{target}" for target in ("x", "y", "z", "phi")),
 )
 _SETTING = re.compile(rf"([a-z_]\w*)\s*=\s*([-+]?{UNSIGNED})(?:\s.*)?", re.IGNORECASE | re.ASCII)
-#: The share of its length by which a line may leave that of x and be taken for it; a road of 10 km is off by 0.1 mm.
+#: The share of its length by which a line may deviate from that of x; for a road of 10 km, 0.1 mm.
 _SAME = 1e-8
 #: The largest number of a header and of the data; the least distance of cross sections and of long ones, m.
 _LARGEST, _LEAST = 1e9, 1e-6
-#: The largest gap at the ends of a line that closes, m, as the format's ``check_tol`` has it.
+#: The largest distance between the ends of a closed line, m, as the format's ``check_tol`` has it.
 _CLOSE = 1e-4
 
 
@@ -69,7 +69,7 @@ class _Strip:
         return self.grid + self.z[:, None] + self.banking[:, None] * self.v
 
     def moved(self, rotation: float, about: tuple[float, float], to: tuple[float, float, float]) -> "_Strip":
-        """The strip turned about a place, which is then at another and higher."""
+        """The strip rotated about a place, which is then displaced and raised."""
         x, y = self.x - about[0], self.y - about[1]
         c, s = cos(rotation), sin(rotation)
         return replace(self, x=to[0] + c * x - s * y, y=to[1] + s * x + c * y, z=self.z + to[2])
@@ -297,7 +297,7 @@ class OpenCrg:
         rises = {"x": np.cos(headings), "y": np.sin(headings), "z": grades}
         places = {name: start[name] + np.concatenate([[0.0], np.cumsum(step * rise)]) for name, rise in rises.items()}
         given = {"x": line["phi"] is not None and None not in (ends["x"], ends["y"]), "z": line["slope"] is not None}
-        for name, end in ends.items():  # what a channel misses the end by is shared by all cross sections
+        for name, end in ends.items():  # the mismatch of a channel at the end is distributed over all cross sections
             if end is not None and given["z" if name == "z" else "x"]:
                 places[name] = places[name] + np.linspace(0, 1, len(u)) * (end[0] - places[name][-1])
         banks = np.full(len(u), start["b"]) if line["banking"] is None else line["banking"]
@@ -362,10 +362,9 @@ class OpenCrg:
 
 
 def cross_sections(x: _Array, y: _Array) -> _Array:
-    """Of the piece of a line (n,) from each of its places to the next (n, 5): cosine and sine of its heading, its length, how far the cross
-    section at its begin leans forward for each metre to the left, and what is added to that at its end; the last has the last heading.
-
-    A cross section between pieces is square to the line from the place before to the one behind.
+    """Of the piece of a line (n,) from each of its places to the next (n, 5): cosine and sine of its heading, its length, the forward
+    offset of the cross section at its begin per metre to the left, and the change of that until its end; the last has the last heading. A
+    cross section between pieces is perpendicular to the line from the place before to the one behind.
     """
     dx, dy = np.diff(x), np.diff(y)
     length = np.hypot(dx, dy)

@@ -19,7 +19,7 @@ Guides = Mapping[str, tuple[Scalar, ...] | None]
 
 
 def read_drives(where: Element, scene: model_file.Scene, joints: Mapping[str, Joint]) -> Guides:
-    """The guides of joints that a scene drives or releases; what is wrong is noted."""
+    """The guides of joints that a scene drives or releases; errors are reported."""
     found: dict[str, tuple[Scalar, ...] | None] = {}
     for index, name in enumerate(scene.release):
         joint = _joint(where, name, joints, ("release", index))
@@ -44,7 +44,7 @@ def read_drives(where: Element, scene: model_file.Scene, joints: Mapping[str, Jo
 
 
 def read_locks(where: Element, scene: model_file.Scene, joints: Mapping[str, Joint]) -> Iterator[Joint]:
-    """The joints that a scene locks; what is wrong is noted."""
+    """The joints that a scene locks; errors are reported."""
     for index, name in enumerate(scene.lock):
         joint = _joint(where, name, joints, ("lock", index))
         if joint is None or not _can_be_guided(where, joint, ("lock", index)):

@@ -208,7 +208,7 @@ def read_trim(
     where: Element, scene: model_file.Scene, known: Mapping[str, Quantified], signals: Mapping[str, Signal],
     parameters: Sequence[Parameter], inputs: Mapping[str, Scalar],
 ) -> Trim | None:  # fmt: skip
-    """What ``trim`` finds and holds: joints and states are among those ``known``; ``inputs`` have the scene's laws."""
+    """The unknowns and targets of ``trim``: joints and states are among those ``known``; ``inputs`` have the scene's laws."""
     if (trim := scene.trim) is None:
         return None
     if scene.pose == "equilibrium":
