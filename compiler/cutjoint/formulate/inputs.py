@@ -180,7 +180,7 @@ def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Sc
 #: The time at which laws are evaluated; unlike ``t`` it is not known when a step begins.
 LAW_TIME = "law_time"
 
-#: The symbol of what a step reads of the laws in addition to the inputs: values of indicators, then margins.
+#: The symbol of the values of laws that a step reads in addition to inputs: indicators, then margins.
 LAW_VALUES = "law_values"
 
 

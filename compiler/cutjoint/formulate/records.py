@@ -2,9 +2,9 @@
 
 Functions of systems that Newton's iteration solves, in whatever coordinates: runtime/include/cutjoint/lagrangian/system.hpp.
 
-The function ``energy`` of all formulations has the kinetic energy T (J), and the power P (W) of all that changes it.  Without errors T
-grows as fast as P says.  Weight, applied forces, guides and drives have power; constraints that hold still have none, and the power of
-penalties and stabilisation of loops is an error, so that P leaves it out.
+The function ``energy`` of all formulations has the kinetic energy T (J), and the power P (W) of all forces. Without numerical errors dT/dt
+= P. Weight, applied forces, guides and drives have power; time-independent constraints have none, and the power of penalties and loop
+stabilisation is a numerical error, which P excludes.
 """
 
 from __future__ import annotations

@@ -123,7 +123,7 @@ def describe_controllers(equations: Equations) -> list[dict[str, object]]:
 
 
 def _discrete_states_read(results: Iterable[Block]) -> set[int]:
-    """The places of what controllers hold that results follow from."""
+    """The places of the discrete states of controllers that results depend on."""
     found = set[int]()
     for block in reachable_blocks(results):
         if block.op == "symbol" and block.data == DISCRETE_STATES and block.shape == (1, 1):

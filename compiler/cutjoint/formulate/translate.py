@@ -22,7 +22,7 @@ MAX_DEGREE = 20
 
 
 class Translator:
-    """Turns expressions into scalar blocks; ``values`` gives the block of each symbol, ``read`` those of others when they are met."""
+    """Turns expressions into scalar blocks; ``values`` gives the block of each symbol, ``read`` those of other symbols on demand."""
 
     def __init__(self, builder: Builder, values: Mapping[Scalar, Block], read: Callable[[Scalar], Block] | None = None) -> None:
         self._b = builder

@@ -20,7 +20,7 @@ from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph
 from cutjoint.program.schedule import with_functions
 
-#: Of each function its arguments, its results, and what else the change of these depends on.
+#: Of each function its arguments, its results, and the other values on which their derivatives depend.
 _ARGUMENTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "evaluate": (("q", "v", "lambda"), ("vdot", "correction")),
     "constraint_residual": (("q", "v"), ("residual", "rate")),
@@ -32,7 +32,7 @@ _ARGUMENTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 #: Functions that close loops, and the one of accelerations without loops: with these they follow from the residual of forces.
 _OF_LOOPS, _OF_CHAINS = frozenset({"constraint_residual", "project"}), frozenset({"evaluate"})
 
-#: Arrays of what is summed over a run.
+#: Arrays of values that are summed over a run.
 _SUMMED = ("loaded", "input")
 
 #: Functions of the class that are not transposed.
@@ -147,7 +147,7 @@ def _derivatives(graph: Graph, equations: RecursiveEquations, function: LoweredF
 
 
 def _arguments(graph: Graph, scalars: Sequence[int]) -> dict[int, tuple[str, int]]:
-    """The symbols of iteration time, of inputs and of what controllers hold that scalars follow from, with name and element."""
+    """The symbols of iteration time, of inputs and of discrete states that scalars depend on, with name and element."""
     places = {n: _symbol(graph, n) for n in graph.reachable(list(scalars))}
     return {
         n: (name, index) for n, (name, index) in places.items()

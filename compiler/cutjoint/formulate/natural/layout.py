@@ -257,7 +257,7 @@ class _Builder:
         return False
 
     def lay_out(self, group: str) -> None:
-        """Choose the basis of a group and give it what it shares."""
+        """Choose the basis of a group and its shared nodes."""
         if group != GROUND:
             bodies = tuple(self._bodies_of[group])
             given = self._given(group)

@@ -24,7 +24,7 @@ _ATTITUDE = frozenset({"roll", "pitch", "yaw", "wx", "wy", "wz"})
 
 @dataclass(frozen=True, kw_only=True)
 class Need:
-    """A point or direction of a body in the design position, and what to call it."""
+    """A point or direction of a body in the design position, and its name."""
 
     kind: NodeKind
     place: Vector

@@ -35,7 +35,7 @@ class NodeName:
 
 
 def record(builder: Builder, block: Block, symbol: str, *names: NodeName | str) -> None:
-    """Say what a block is: a quantity of nodes, by their titles, and of elements, by their names."""
+    """Record a block as a quantity of nodes, by their titles, and of elements, by their names."""
     titles = [name if isinstance(name, NodeName) else NodeName(name) for name in names]
     parts = (part for title in titles for part in (title.element, title.group))
     builder.record(block, symbol, *parts, which=tuple(which for title in titles for which in (title.which, title.number)))
@@ -95,7 +95,7 @@ _ROUNDING = 1e-13
 
 
 def combine(*terms: tuple[Scalar, Form]) -> dict[Node, Scalar]:
-    """The sum of forms with factors, without what cancels."""
+    """The sum of forms with factors, without cancelled terms."""
     result: dict[Node, Scalar] = {}
     for factor, form in terms:
         for node, coefficient in form.items():

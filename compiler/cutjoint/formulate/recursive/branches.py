@@ -83,7 +83,7 @@ class BranchSystem:
         return self.branch.bodies[0]
 
     def _subspace(self, motion: JointMotion) -> Block:
-        """S; a ball turns about its centre in global axes."""
+        """S; a ball rotates about its centre in global axes."""
         b = self.k.builder
         if motion.centre is None:
             assert motion.b is not None
@@ -227,7 +227,7 @@ class BranchSystem:
         ))  # fmt: skip
 
     def take_over(self, share: _Share) -> None:
-        """Add to the equations what a branch around this hub has left in them."""
+        """Add the contribution of a branch around this hub to the equations."""
         self._shares.append(share)
 
     def solve(self, Zdd: dict[str, Block]) -> dict[str, Block]:

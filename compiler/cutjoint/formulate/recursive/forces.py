@@ -28,8 +28,7 @@ Inertia: TypeAlias = tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
 
 
 def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
-    """M_i and the weight and inertia forces of every body; rotors have their spin alone, and stand still in the bearings of their carriers
-    otherwise."""
+    """M_i and the weight and inertia forces of every body; rotors contribute their spin only, as if otherwise fixed to their carriers."""
     b = k.builder
     by_name = {body.name: body for body in model.bodies}
     wheels = {force.body for force in model.forces if isinstance(force, Wheel)}
@@ -124,8 +123,9 @@ def of_body(k: Kinematics, body: Body, gravity: Block, *, turns: bool) -> tuple[
 
 
 def _rotor(k: Kinematics, body: Body) -> Block | None:
-    """The inertia J = J_r 1 + (J_a - J_r) a a^T of a wheel that turns about its axis of symmetry a: no angle is in it.  None of any other
-    body."""
+    """The inertia J = J_r 1 + (J_a - J_r) a a^T of a wheel that rotates about its axis of symmetry a, which is independent of the angle.
+    None of any other body.
+    """
     b, t = k.builder, k.motions[body.name].tree_joint
     symmetry = _symmetry(body, t.joint)
     if symmetry is None:
@@ -217,7 +217,7 @@ class WrenchMechanics(Laws):
     force: Force
 
     def _of(self, body: str) -> str:
-        """The body in which a wheel's centre and axis stand still: the carrier of a rotor."""
+        """The body in which a wheel's centre and axis are fixed: the carrier of a rotor."""
         return self.k.rotors[body].carrier if isinstance(self.force, Wheel) and body in self.k.rotors else body
 
     def _point(self, at: Point) -> Block:
@@ -235,7 +235,7 @@ class WrenchMechanics(Laws):
         return Measured(x=displacement, v=self.b.sub(self.k.velocity(follower, last), self.k.velocity(base, first)))
 
     def direction(self, axis: Axis) -> Lazy:
-        """A direction, which turns with its body."""
+        """A direction, which rotates with its body."""
         body = self._of(axis.body(self.force))
         direction, spin = self.k.direction(body, axis.of(self.force)), self._spin(body)
         return Lazy(place=lambda: direction, rate=lambda: self.b.cross(spin, direction))

@@ -58,7 +58,7 @@ class LoadFriction:
         return force
 
     def vectors(self, k: Kinematics, reactions: Reactions) -> list[Block]:
-        """The vectors, each (3, 1), whose lengths make the load; what is in the joint's own motions does not load it."""
+        """The vectors, each (3, 1), whose lengths make the load; components along the joint's own motions are excluded."""
         b, force, joint = k.builder, self.force, self.joint
         reaction, moment = reactions.on_follower(joint.name)
         axis, slides, turns = directions(joint, force.coordinate)
@@ -81,7 +81,7 @@ def directions(joint: Joint, coordinate: str) -> tuple[Direction, list[Direction
 
 
 def _direction(k: Kinematics, joint: Joint, direction: Direction) -> Block:
-    """A direction as the joint's bodies carry it: the base all but that of a second turn."""
+    """A direction as fixed in the joint's bodies: in the base, except that of a second rotation."""
     turns = directions(joint, joint.element.coordinates[0])[2]
     return k.direction(joint.follower if direction in turns[1:] else joint.base, direction_of(joint, direction))
 

@@ -76,7 +76,7 @@ class JointMotion:
 
 @dataclass(frozen=True, kw_only=True)
 class Rotor:
-    """A wheel that turns about its axis of symmetry: the body of the bearing, the ``axis`` (3, 1), and the ``inertia`` about it (1, 1)."""
+    """A wheel that rotates about its axis of symmetry: the body of the bearing, its ``axis`` (3, 1), the ``inertia`` about it (1, 1)."""
 
     carrier: str
     axis: Block
@@ -85,10 +85,10 @@ class Rotor:
 
 @dataclass(kw_only=True)
 class Kinematics:
-    """All frames and joint motions, and the geometry that forces and closures ask for.
+    """All frames and joint motions, and the geometry for forces and closures.
 
-    Vectors are resolved in the axes of the body ``axes``, whose turn from the global ones is ``axes_rotation`` (3, 3), or in global ones.
-    ``rotors`` are wheels whose mass moves with their carriers.
+    Vectors are resolved in the axes of the body ``axes``, whose rotation from the global ones is ``axes_rotation`` (3, 3), or in global
+    ones. ``rotors`` are wheels whose mass moves with their carriers.
     """
 
     builder: Builder
@@ -155,7 +155,7 @@ class Kinematics:
         return self.builder.zero(3) if first.root == second.root else self.from_global(self.builder.sub(second.pole, first.pole))
 
     def twist_at(self, twist: Block, step: Block) -> Block:
-        """A twist with its linear part taken at a pole that stands ``step`` further: [v0 + w x s; w]."""
+        """A twist with its linear part at a pole displaced by ``step``: [v0 + w x s; w]."""
         b = self.builder
         if is_zero(step):
             return twist

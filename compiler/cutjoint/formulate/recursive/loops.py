@@ -183,7 +183,7 @@ def by_joint(
 
 
 def transport(b: Builder, step: Block) -> Block:
-    """[1, -s~; 0, 1]: a twist taken at a pole that stands s further."""
+    """[1, -s~; 0, 1]: transforms a twist to a pole displaced by s."""
     return b.stack([[b.identity(3), b.neg(b.skew(step))], [b.zero(3, 3), b.identity(3)]])
 
 

@@ -1,11 +1,11 @@
-"""Reported quantities: those of motion and of forces, and what follows from accelerations.
+"""Reported quantities: those of motion and of forces, and those that depend on accelerations.
 
 Kinetic energy and power in relative coordinates, over the bodies' motions Z at their poles::
 
     T = sum of 1/2 Z^T M Z
     P = sum of Z . Q + sum of tau . rate + sum of W . (Z - Z_p) over guided joints
 
-M and Q are without what cut joints add.  W is the wrench of a guided joint on its outer body: it has the guide's share and that of gears,
+M and Q exclude the terms of cut joints.  W is the wrench of a guided joint on its outer body: it has the guide's share and that of gears,
 whose other share has power at the free joints that they turn.
 """
 
@@ -26,7 +26,7 @@ from cutjoint.program.blocks import BindingTime, Block
 
 @dataclass(frozen=True, kw_only=True)
 class Reactions:
-    """Knows the reactions of all joints; ``M``, ``Q`` and ``Zdd`` by body, without what cut joints add to M and Q; ``acting`` are the
+    """Knows the reactions of all joints; ``M``, ``Q`` and ``Zdd`` by body, without the terms of cut joints in M and Q; ``acting`` are the
     wrenches on the followers of cut joints by forces on their coordinates."""
 
     kinematics: Kinematics
@@ -167,7 +167,7 @@ def _is_guided(motion: JointMotion) -> bool:
 
 
 def _guides(k: Kinematics, reactions: Reactions) -> Iterator[Block]:
-    """W . (Z - Z_p) of guided joints, but for those that stand still as long as the functions of assemblies hold."""
+    """W . (Z - Z_p) of guided joints, except those that are fixed while the functions of embedded loops are valid."""
     ranges = {a.drive: a.functions.drive_range for a in k.topology.model.embedded_loops}
     still = {drive for drive, found in ranges.items() if found is not None and found.half == 0}
     for body, motion in k.motions.items():

@@ -46,10 +46,10 @@ class Pivot:
 class BodySystem:
     """The block system in body space while joints are eliminated; all 6x6 and 6x1 blocks at the bodies' poles.
 
-    ``joint_forces`` act on the coordinates of tree joints, by the bodies that these carry; ``cut_joint_wrenches`` have what forces on the
-    coordinates of cut joints do to their followers.  ``friction_laws`` has the forces by N of load, by the names of their elements, which
-    join the others when the loads are known.  ``source`` names the element whose shares are being added.  Rotors have the mass of their
-    spin alone, and their carriers the rest; ``own`` has M and Q of each of these as it is, the latter beside that in the system.
+    ``joint_forces`` act on the coordinates of tree joints, by the bodies that these carry; ``cut_joint_wrenches`` are the wrenches on the
+    followers of cut joints by forces on their coordinates. ``friction_laws`` are the forces per N of load, by element, which are added when
+    the loads are known. ``source`` names the element whose shares are being added. Rotors have the mass of their spin alone, and their
+    carriers the rest; ``own`` has M and Q of each of these as it is, the latter beside that in the system.
     """
 
     builder: Builder
@@ -141,7 +141,7 @@ class Branched(Protocol):
     """Joints that are eliminated together."""
 
     def eliminate(self) -> None:
-        """Pass on to the carrier what is left of them."""
+        """Add the reduced equations of the eliminated joints to the carrier's."""
         ...
 
     def solve(self, Zdd: dict[str, Block]) -> dict[str, Block]:

@@ -73,7 +73,7 @@ def check_part(source: Source, problems: Problems, part: type[_P], element_of: N
     ``element_of`` is as below."""
     document, found = _validate(source, problems, part, element_of)
     if document is None and all(flaw.kind == "extra_forbidden" for flaw in found):
-        with suppress(ValidationError):  # it lacks what it may have under another name
+        with suppress(ValidationError):  # required fields may be present under an earlier name
             return part.model_validate(_pruned(source.data, (), {flaw.path for flaw in found}))
     return document
 
@@ -263,7 +263,7 @@ def _without_broken(source: Source, found: list[_Flaw], drop: set[Path]) -> Shap
         data |= {name: value for name, value in _STAND_INS.items() if name not in data}
         try:
             document = Document.model_validate(data)
-        except ValidationError as error:  # what lacks something without the parts that were left out
+        except ValidationError as error:  # required fields may be missing without the parts that were left out
             found = [_Flaw(detail, _data_path(data, detail), Document, element_of) for detail in error.errors(include_url=False)]
             continue
         names = frozenset(_full_names(source, document, drop))

@@ -461,9 +461,9 @@ _Names: TypeAlias = Annotated[
 
 
 class SuppliedFunction(Part):
-    """A function whose code does not stand in the model: the user supplies it as C++.
+    """A function whose code is not in the model: the user supplies it as C++.
 
-    ``unit`` is that of its value, ``results`` are names where it has several, ``memory`` is the size of what it keeps, in bytes.
+    ``unit`` is that of its value, ``results`` are names where it has several, ``memory`` is the size of its memory, in bytes.
     """
 
     arguments: _Names

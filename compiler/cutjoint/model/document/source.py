@@ -161,7 +161,7 @@ def _compose(text: str, file: str) -> yaml.Node | None:
 
 
 class _Converter:
-    """Turns composed nodes into data and notes their places."""
+    """Turns composed nodes into data and records their places."""
 
     def __init__(self, file: str) -> None:
         self.file = file

@@ -66,7 +66,7 @@ def _survey(scope: Scope, model: model_file.Document) -> Mapping[str, Quantified
 
 
 def _own(scope: Scope, part: model_file.Elements) -> frozenset[str]:
-    """The names of states and signals in a scope, and of what could not be read there and may be one."""
+    """The names of states and signals in a scope, and of elements that could not be read and may be one."""
     prefix, broken = scope.prefix, scope.directory.broken
     return frozenset((*part.states, *part.signals, *(name.removeprefix(prefix) for name in broken if name.startswith(prefix))))
 
@@ -156,7 +156,7 @@ def _inner(where: Element, use: Use, around: Scope) -> Scope:
     """The scope of an instance's elements; names are looked up in the submodel, then in the scopes ``around`` it."""
     assert use.submodel is not None
     instance, mirror = use.instance, use.instance.mirror
-    if not _check_accepted(where, instance, use.submodel):  # its numbers mean something else, and so does what they lead to
+    if not _check_accepted(where, instance, use.submodel):  # the numbers and their consequences have another meaning
         around = replace(around, problems=IgnoredProblems())
         where = replace(where, scope=replace(where.scope, problems=IgnoredProblems()))
     arguments = _arguments(where, use, use.submodel)

@@ -1,6 +1,6 @@
 """The tree of instances: a submodel may hold submodels and instances of its own.
 
-The name of a submodel is looked up where its instance stands, then in what is around that in the document, the model last.
+The name of a submodel is looked up where its instance is defined, then in the enclosing parts of the document, the model last.
 """
 
 from collections.abc import Iterator, Sized

@@ -44,7 +44,7 @@ class Mirror:
         return (sign * v[0], sign * v[1], sign * v[2])
 
     def law(self, expression: Scalar) -> Scalar:
-        """An expression over x y z vx vy vz and wx wy wz, as the image sees it; angular velocities turn over as rotations do."""
+        """An expression over x y z vx vy vz and wx wy wz, as the image sees it; angular velocities mirror as rotations."""
         axis = "xyz"[self.signs.index(-1)]
         turned = (axis, f"v{axis}", *(f"w{other}" for other in "xyz" if other != axis))
         return self.opposite(expression, turned)
@@ -88,7 +88,7 @@ class Image:
         return coordinate_signs(mirror_along(self.axis), joint).get(quantity.removesuffix("_rate"), 1)
 
     def of_component(self, quantity: str) -> int:
-        """The sign of a component of a vector (x, vy, az, Fx), of an angle (roll) or of a turn (wx, Mz)."""
+        """The sign of a component of a vector (x, vy, az, Fx), of an angle (roll) or of a rotational quantity (wx, Mz)."""
         turns = {**{angle: axis for axis, angle in ANGLES.items()}, **{f"{name}{axis}": axis for name in "wM" for axis in "xyz"}}
         if quantity in turns:
             return 1 if turns[quantity] == self.axis else -1

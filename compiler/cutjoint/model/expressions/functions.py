@@ -35,9 +35,9 @@ _VALUE = -1  #: stands for the value where a number of an argument stands for a 
 class SuppliedCall(sympy.Expr):  # type: ignore[misc]
     """The value of a supplied function, or its partial derivative by an argument: name, argument, whether it has partials, arguments.
 
-    Derivatives may be taken of one that has none: programs of which they are no part, such as those of the method recursive, go without.
-    Behind the name of one with several results or a memory stand, by colons, the result, the number of results, and that of held values at
-    the end of the arguments, which are its memory.  An update has no results; the first number is that of the held value that it writes.
+    Derivatives of a function without partials may be formed; only programs that contain them need its partials.
+    With several results or a memory, the name is followed, after colons, by the result, the number of results, and the number of memory
+    values at the end of the arguments.  An update has no results; its first number is that of the memory value that it writes.
     """
 
     is_commutative = True

@@ -39,7 +39,7 @@ class Machine:
         self._controllers.update({scope.prefix + name: (scope, controller) for name, controller in part.controllers.items()})
 
     def read(self, scope: Scope, name: str, *, reported: bool = False) -> Term:
-        """The term of "element.quantity", or of a state or a signal, as a scope calls it; in a mirrored one what the original would read.
+        """The term of "element.quantity", or of a state or a signal, by its name in a scope; as in the original if mirrored.
 
         Raises:
             ExpressionError: there is no such quantity, or only one that is ``reported`` may read it.

@@ -66,7 +66,7 @@ MAX_ROOTS = 6  #: fractional powers within each other
 
 
 class ExpressionError(ValueError):
-    """Text that is not a valid expression.  ``hint`` says what to write instead."""
+    """Text that is not a valid expression.  ``hint`` is the remedy."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -76,7 +76,7 @@ class ExpressionError(ValueError):
 
 @dataclass(frozen=True)
 class Term:
-    """An expression with what is known of it.
+    """An expression with its known properties.
 
     ``dimension`` is None when it is not known: bare numbers fit everywhere.  ``number`` is the value of a
     constant, None when the expression has symbols.  ``size`` counts the nodes of the expression, ``degree`` is
@@ -172,7 +172,7 @@ def _apply(
     terms: list[Term],
     dimension: Dimension | None = None,
 ) -> Term:
-    """Apply an operation.  Constants are tried in floats first: what overflows there never reaches SymPy."""
+    """Apply an operation.  Constants are tried in floats first: values that overflow there never reach SymPy."""
     size = 1 + sum(term.size for term in terms)
     numbers = [term.number for term in terms if term.number is not None]
     if len(numbers) < len(terms):
@@ -325,7 +325,7 @@ def choice(*branches: tuple[Scalar, Scalar]) -> Scalar:
 
 
 def check_extent(expression: Scalar, of_symbols: Mapping[Scalar, Extent] | None = None) -> None:
-    """Raises ExpressionError when an expression, or what its derivatives become, is too large."""
+    """Raises ExpressionError when an expression, or one of its derivatives, is too large."""
     extent = measure(expression, of_symbols)
     if extent.nodes > MAX_SIZE:
         raise ExpressionError(f"the expression expands to more than {MAX_SIZE} operations")

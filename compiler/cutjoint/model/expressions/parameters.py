@@ -90,11 +90,11 @@ def _plain_number(value: int | float | str) -> float:
 
 
 def _in_order(used: Mapping[str, frozenset[str]], where: Mapping[str, Element]) -> list[str]:
-    """The parameters, each behind those that it uses; circles are noted, and they and what follows from them are left out."""
+    """The parameters, each after those that it uses; cycles are reported, and they and their dependents are left out."""
     ordered, found = in_order(used)
     for circle in found:
         _note_circle(where, circle)
-    circles = {name for circle in found for name in circle}  # then what follows from them too
+    circles = {name for circle in found for name in circle}  # then their dependents, too
     order: list[str] = []
     for name in ordered:
         if circles.isdisjoint(used[name]):

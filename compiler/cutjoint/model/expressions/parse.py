@@ -1,6 +1,6 @@
 """Expressions in model files: a whitelist over Python's syntax tree, from text to SymPy.
 
-Text is never evaluated as code.  Its length, depth, numbers and the size of what it expands to are bounded.
+Text is never evaluated as code.  Its length, depth, numbers and expanded size are bounded.
 """
 
 import ast
@@ -65,7 +65,7 @@ def quantity_symbol(element: str, quantity: str) -> Scalar:
 
 
 def sample_symbol(controller: str, signal: str) -> Scalar:
-    """The symbol of what a controller computes at a sample for one of its signals; no other symbol starts with ``$``."""
+    """The symbol of a controller's signal as computed at a sample; no other symbol starts with ``$``."""
     return sympy.Symbol(f"${controller}.{signal}", real=True)
 
 

@@ -82,7 +82,7 @@ def quantities(element: Element) -> Mapping[str, str]:
 
 
 class QuantityError(ValueError):
-    """A name that is no quantity: a message and a hint; ``element`` is the full name of what it seems to mean."""
+    """A name that is no quantity: a message and a hint; ``element`` is the full name of the element that it seems to mean."""
 
     def __init__(self, element: str, message: str, hint: str) -> None:
         super().__init__(message)

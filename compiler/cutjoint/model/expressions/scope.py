@@ -126,7 +126,7 @@ class Scope:
 
 @dataclass(frozen=True)
 class Element:
-    """One element while it is read: turns its fields into expressions and notes what is wrong with them.
+    """One element while it is read: turns its fields into expressions and reports errors.
 
     Fields are given with the keys that lead to them inside the element.
     """
@@ -283,7 +283,7 @@ class Element:
         return [GROUND, *self.scope.connectors, *bodies, *self.scope.broken("bodies")]
 
     def joint(self, name: str, keys: Path) -> tuple[str, joint_parts.Joint | None]:
-        """The full name of a joint, and what the document says of it."""
+        """The full name of a joint, and its part of the document."""
         full = self.scope.prefix + name
         directory = self.scope.directory
         if full not in directory.joints and not directory.misses(full):

@@ -1,7 +1,5 @@
-"""Physical dimensions, and numbers written with a unit.  All becomes SI; pint knows the units' names.
-
-What most files are written in, SI with the usual prefixes, is known here too: importing pint and reading its table takes 0.3 s, a sixth
-of what deriving a vehicle takes.
+"""Physical dimensions, and numbers written with a unit. All becomes SI; pint knows the units' names. SI units with the usual prefixes,
+which most files use, are known here too: importing pint takes 0.3 s, a sixth of the time for deriving a vehicle.
 """
 
 from __future__ import annotations
@@ -129,7 +127,7 @@ class Quantity(float):
 
     @classmethod
     def of(cls, value: float, dimension: Dimension, text: str) -> Quantity:
-        """A value with what it was written as."""
+        """A value with its original text."""
         made = cls(value)
         made.dimension, made.text = dimension, text
         return made

@@ -182,7 +182,7 @@ class OpenCrg:
             size = np.dtype(_BINARY[self.form]).itemsize
             numbers = np.frombuffer(content[: len(content) // size * size], dtype=_BINARY[self.form]).astype(np.float64)
             rows = numbers[: len(numbers) // max(width, 1) * width].reshape(-1, max(width, 1))
-            while len(rows) and np.isnan(rows[-1]).all():  # what fills the last block
+            while len(rows) and np.isnan(rows[-1]).all():  # padding of the last block
                 rows = rows[:-1]
             return rows
         if self.form not in _TEXT:
@@ -340,7 +340,7 @@ class OpenCrg:
         return strip.moved(wanted["phi"] - heading, (x, y), (wanted["x"], wanted["y"], wanted["z"] - height))
 
     def _closed(self, strip: _Strip) -> tuple[float, float]:
-        """The beginning of a line that closes, and its length, in steps: its ends go on to where they meet, or each over half of a gap."""
+        """The beginning of a line that closes, and its length, in steps: its ends are extended to where they meet, or by half the distance."""
         begin, end = (np.array(ends) for ends in zip(*((places[0], places[-1]) for places in (strip.x, strip.y)), strict=True))
         first, last = cross_sections(strip.x, strip.y)[[0, -1], :2]
         gap, along = begin - end, float(first @ last)
