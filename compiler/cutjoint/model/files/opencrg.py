@@ -340,7 +340,7 @@ class OpenCrg:
         return strip.moved(wanted["phi"] - heading, (x, y), (wanted["x"], wanted["y"], wanted["z"] - height))
 
     def _closed(self, strip: _Strip) -> tuple[float, float]:
-        """The beginning of a line that closes, and its length, in steps: its ends are extended to where they meet, or by half the distance."""
+        """The beginning of a line that closes, and its length, in steps: its ends are extended to meet, or each by half the distance."""
         begin, end = (np.array(ends) for ends in zip(*((places[0], places[-1]) for places in (strip.x, strip.y)), strict=True))
         first, last = cross_sections(strip.x, strip.y)[[0, -1], :2]
         gap, along = begin - end, float(first @ last)
