@@ -57,7 +57,7 @@ class Mode:
 
     @property
     def time_constant(self) -> float | None:
-        """The time in which the mode falls to 1/e, s; negative where it grows, None where it is constant."""
+        """The time in which the mode falls to 1/e, s; negative where it grows, None where its amplitude is constant."""
         return -1 / self.eigenvalue.real if self.eigenvalue.real else None
 
 
