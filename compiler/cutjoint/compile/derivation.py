@@ -1,4 +1,4 @@
-"""Model -> Topology -> Equations -> Program -> Source: the symbolic half of every way to compile."""
+"""From a model to generated source: Model -> Topology -> Equations -> Program -> Source."""
 
 from collections.abc import Callable, Sequence
 from warnings import warn
@@ -27,7 +27,7 @@ def schedule_method(
     """Derive the equations and the program of a scene, without its source."""
     # Model -> Topology -> Equations -> Program
     if METHODS[method].has_system:
-        from cutjoint.compile.systems import schedule_system  # the recursive method does not wait for what this imports
+        from cutjoint.compile.systems import schedule_system  # imported here because the recursive method does not need it
 
         tunable = scene if METHODS[method].functions else with_loops(scene, Loops.EXACT)
         start = require_firmness(derive(model, tunable, (), poses=poses), method)
@@ -38,7 +38,7 @@ def schedule_method(
 
 
 def emit_scheduled(equations: Equations, program: Program, *, lanes: bool = True, precision: str = DEFAULT_PRECISION) -> Source:
-    """The source of what `schedule_method` has made."""
+    """Return the source for the results of `schedule_method`."""
     # Program -> Source
     if isinstance(equations, RecursiveEquations):
         return emit(program, equations)
@@ -52,8 +52,8 @@ def derive(
     model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = PLAIN_CLOSURE, poses: bool = False,
     load_events: bool = False,
 ) -> RecursiveEquations:  # fmt: skip
-    """The recursive equations of a model, which start the runs of every method, with loops as the scene has them; errors as in
-    `compile_scene`.  A misfit within the scene's accuracy that would lock loops is taken out, with a warning."""
+    """Derive the recursive equations of a model, from which the runs of every method start; errors as in `compile_scene`.
+    If a misfit within the scene's accuracy would lock loops, it is removed with a warning."""
     topology = require_loads(build_topology(with_requested_loops(model, scene, DEFAULT_METHOD)), scene)
     equations = formulate_recursive(topology, scene, tuple(outputs), closure=closure, poses=poses, load_events=load_events)
     words, exact = mend_misfit(require_soundness(equations), accuracy_of(scene))
@@ -66,19 +66,19 @@ def derive(
 
 
 def with_requested_loops(model: Model, scene: Scene, method: str) -> Model:
-    """The model with loops closed as a scene has them for a method: by their equations, or by functions where they hold."""
+    """Return the model with embedded loops where the scene and the method allow it, else unchanged, with cut joints."""
     if scene.numerics.loops == Loops.EXACT or not METHODS[method].functions or model.embedded_loops:
         return model
-    from cutjoint.analysis.embedding.embed import embed_loops  # others do not wait for what this imports
+    from cutjoint.analysis.embedding.embed import embed_loops  # imported here because other runs do not need it
 
     return embed_loops(model, scene).model
 
 
 def fallback(equations: Equations, compiled: Callable[[Model, Scene], Artifact]) -> Callable[[], Artifact] | None:
-    """Return a function that compiles the loops' equations, for runs that leave the range of functions; None where the scene stops."""
+    """Return a function that compiles the model without loop embedding, for runs that leave its range; None if the scene stops there."""
     topology, scene = equations.mechanism.topology, equations.mechanism.scene
     if not topology.model.embedded_loops or scene.on_violation == "stop":
         return None
-    from cutjoint.analysis.embedding.embed import without_functions  # others do not wait for what this imports
+    from cutjoint.analysis.embedding.embed import without_functions  # imported here because other runs do not need it
 
     return lambda: compiled(without_functions(topology), with_loops(scene, Loops.EXACT))

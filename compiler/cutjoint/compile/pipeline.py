@@ -1,8 +1,8 @@
 """The compiler from end to end: read this first.
 
-    model.yaml -> Model -> Topology -> Equations -> Program -> Source -> Binary -> Trajectory
+model.yaml -> Model -> Topology -> Equations -> Program -> Source -> Binary -> Trajectory
 
-`derivation` has the arrows up to Source; the last, a run, is `run.simulation`.
+`derivation` makes all up to Source; `run.simulation` runs the binary.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from cutjoint.toolchain.drivers import Kind
 
 
 def compile_model(model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), **choices: Any) -> Artifact:
-    """Compile a model or its file for a scene, by default the only one; further ``choices`` as of `CompileOptions`.
+    """Compile a model or its file for a scene, by default the only one; ``choices`` are fields of `CompileOptions`.
 
     Args:
         choices: the method is by default the scene's.
@@ -48,9 +48,9 @@ def compile_model(model: ModelLike, *, scene: str | None = None, tunable: Sequen
 def compile_scene(
     model: Model, scene: Scene, options: CompileOptions = DEFAULT, *, generated: Generated | None = None, patience: float = inf
 ) -> Artifact:  # fmt: skip
-    """Compile a model for a scene.  ``generated`` is what `generate` has made of it already.  Compiling that takes more than ``patience``
-    (s) goes on in another process.  Where there is no compiler the program is interpreted, if the package has the simulator
-    and the options say nothing that only generated code has.
+    """Compile a model for a scene; ``generated`` is the result of `generate`, if there is one.
+    A build that takes more than ``patience`` (s) continues in another process.  Without a C++ compiler the program is interpreted, if the
+    package has a simulator and no option requires generated code.
 
     Raises:
         ModelError, EquationsError, RunError: the model or the choice is wrong, or they do not go together.
@@ -90,7 +90,7 @@ def compile_scene(
 
 
 def _frozen_for_export(generated: Generated, model: Model, scene: Scene, options: CompileOptions) -> Generated:
-    """Parts of a C export."""
+    """Source with start-only parameters as constants if the export allows it, else ``generated``."""
     hosted = freeze_start_parameters(model, scene) if options.out is not None and options.precision == DEFAULT_PRECISION else model
     return _generate(hosted, scene, options) if hosted.frozen else generated
 
@@ -108,9 +108,9 @@ def generate(
     model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True,
     precision: str = DEFAULT_PRECISION, poses: bool = False, load_events: bool = False,
 ) -> Generated:  # fmt: skip
-    """The symbolic half; with ``lanes``, isomorphic subtrees are evaluated side by side in number types of which several fit a register,
-    with ``poses`` the mechanism has the function of that name, with ``load_events`` steps end where loads of friction pass zero.  A trimmed
-    start is found once.
+    """Derive the equations and the source.  A scene's trim is solved once, here.  With ``lanes``, isomorphic subtrees are evaluated
+    together in SIMD registers.  ``poses`` adds a function for poses of bodies.  With ``load_events``, steps end where a normal force of
+    friction passes zero.
 
     Raises:
         EquationsError: a derivative is needed that the code of a function does not have; others as of `compile_scene`.

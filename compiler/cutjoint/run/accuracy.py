@@ -146,12 +146,12 @@ def _remaining_error(change: Change, difference: float, before: float | None, de
 
 
 def _meets_goal(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
-    """Return whether the outputs that a goal applies to meet it."""
+    """Return whether all outputs that the goal applies to meet it."""
     return all(errors[name] <= goal * size for name, size in _judged_by(run, errors).items())
 
 
 def _judged_by(run: Trajectory, errors: Mapping[str, float]) -> dict[str, float]:
-    """Reference sizes of the outputs that a goal applies to: 1 for positions and angles; without any, all outputs with their own."""
+    """Reference sizes of positions and angles, 1 / PLACES[unit]; without any, of all outputs, by their largest absolute values."""
     judged = {name: 1.0 / PLACES[run.units[name]] for name in errors if run.units[name] in PLACES}
     return judged or {name: float(np.max(np.abs(run[name]))) for name in errors}
 
@@ -260,7 +260,7 @@ def compare(run: Trajectory, rerun: Callable[[int], Trajectory | None], *, remai
 
 
 def _controlled(plan: SimulatorRun) -> Trajectory | None:
-    """The run by an integrator with error control that projects after each step; None if the program has none, or it fails."""
+    """The run by the first adaptive integrator among the alternatives of the plan; None if there is none or the run fails."""
     other = next((settings for settings in plan.others if INTEGRATORS[settings.integrator].adaptive), None)
     return None if other is None else _completed(replace(plan, run_file=replace(plan.run_file, settings=other)))
 
@@ -369,9 +369,9 @@ def remaining_defect(before: Trajectory, after: Trajectory) -> float:
 
 
 def uncertain_jumps(run: Trajectory, other: Trajectory, within: float) -> dict[str, float]:
-    """The largest jump of each column near a sample that may lie on its other side, from a run with other steps.
+    """The largest jump of each column near a sample that another run may have on the sample's other side.
 
-    Jumps are sought ``within`` a time (s) of samples; one that the other run does not have there is at least as far away.
+    Jumps are searched for ``within`` a time (s) of samples.  A jump that the other run lacks there is at least that far away.
     """
     found: dict[str, float] = {}
     for jump in run.near_jumps:

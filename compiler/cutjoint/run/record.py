@@ -62,7 +62,7 @@ class RunFile:
         energy: whether the run integrates work and energy.
         jumps_within: report jumps within this time (s) of a sample, or None.
 
-    `run_file.make_run_file` makes one and adds the entries that tasks need.
+    `run_file.make_run_file` makes one.  Callers such as `tasks.batch` add entries of their tasks to `entries()`.
     """
 
     task: str

@@ -30,11 +30,11 @@ T = TypeVar("T")
 Array: TypeAlias = NDArray[np.float64]
 
 
-#: The name of the time among the columns of a table.
+#: The name of the time column of a table.
 TIME = "t"
 #: The beginning of untried advice.
 UNTRIED = "try: "
-#: The number of columns in a `repr`.
+#: The number of columns that a `repr` names.
 _NAMED = 6
 
 
@@ -137,14 +137,13 @@ class NearJump:
 
 @dataclass(frozen=True, kw_only=True)
 class RunStatistics:
-    """The statistics of a run's steps besides evaluations.
+    """Statistics of a run's steps.
 
-    The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured or energy was balanced.
-    ``penalty`` is that of the augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to
-    pivoting, ``substeps`` the parts that steps of recursive-newton were taken in where the iteration did not reach their end at once.
-    ``rejected`` are attempts of steps that were taken again shorter, ``stiff_steps`` steps with a length limited by stability: numbers of
-    explicit integrators and of ``radau5``.  ``events`` are the changes of formula at which steps ended, by element in
-    ``events_by_element``.  ``impacts`` are caused by jumps of guides' rates, in the order of time.
+    The recursive method has no linear ``solver`` (""), and ``residuals`` only if they were measured or the energy balance was computed.
+    ``penalty`` is that of the augmented method.  ``pivoting_fallbacks`` counts matrices that needed pivoting instead of a fixed order,
+    ``substeps`` the substeps of recursive-newton after failed iterations.  ``rejected`` steps were repeated with a shorter step.  The
+    length of ``stiff_steps`` was limited by stability.  Only explicit integrators and ``radau5`` count these two.  ``events`` are mode
+    changes at which steps ended, also by element.  ``impacts`` are caused by jumps of guides' rates, ordered by time.
     """
 
     solver: str = ""
@@ -164,16 +163,15 @@ class RunStatistics:
 @with_old_members
 @dataclass(frozen=True, kw_only=True)
 class ErrorEstimate:
-    """Errors of a run's outputs, by other runs of the same.
+    """Error estimates of a run's outputs, from runs with other steps.
 
-    ``max_error`` has the largest error of each column over all rows, in its unit of ``units``; infinite where no second run reached the
-    end. ``converged`` are runs whose differences fall from coarser steps to finer ones; of those, no more than one in two hundred tells
-    less than a third of an error.  Where steps follow from an accuracy, the ``goal`` (None elsewhere), they are those whose places and
-    angles keep it.  Laws, masses and places are taken as they are given.
+    ``max_error`` is the largest error of each column over all samples, in its unit; infinite if no other run reached the end.
+    ``converged``: differences fall as steps are refined, and the ``goal``, if there is one, is met.  At most 1 of 200 converged estimates
+    is below a third of the error.  Errors of laws, masses and geometry are not included.
 
-    ``warnings`` tell of faults that errors of the steps do not show: work and energy that differ by more than the steps explain, loops that
-    stay open.  ``rough`` are outputs that are off by more than a tenth of their largest value, or come no nearer with finer steps;
-    accelerations and forces may be, where places keep an accuracy.
+    ``warnings`` name faults that refined steps do not show: an energy defect that the steps do not explain, violated loops.  ``rough``
+    outputs have errors above a tenth of their largest value, or errors that do not fall.  Accelerations and forces may be rough although
+    positions meet the goal.
     """
 
     max_error: Mapping[str, float]
@@ -195,18 +193,15 @@ class ErrorEstimate:
 @with_old_members
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Trajectory(Columns[Array]):
-    """A table of a run, which is a mapping from the names of its columns, "t" first, to arrays (rows,), and how the run went.
+    """The samples of a run: a mapping from column names, "t" first, to arrays (samples,), and its statistics.
 
-    ``t`` (s) is the time, ``columns`` are the outputs over it, ``units`` those of each output.
-
-    ``seconds`` is the time of the steps alone; ``undetermined`` are independent speeds that neither scene nor loops determine at the
-    start, ``indeterminate`` the columns of reactions that redundant equations of loops leave open (of all solutions they are the one with
-    the smallest multipliers of cut joints), ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if
-    there is one.  ``fallback`` says which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None
-    where nothing can.  ``energy`` is the balance of work and energy, None where none was asked for.  ``near_jumps`` are rows next to a
-    jump of a column, left out of the error.  ``coordinates`` are the
-    method's own at the times of the rows (rows, coordinates), None where nobody asked for them.  ``held`` is that of a `MechanismState`,
-    of a start in static equilibrium: these forces are released at t = 0.
+    ``t`` is the time (s), ``columns`` are the outputs, ``units`` theirs; ``seconds`` is the time that the steps took.  ``undetermined`` are
+    independent speeds that neither scene nor loops determine at the start.  ``indeterminate`` are reactions that redundant loop equations
+    leave open: values are those with the smallest multipliers of cut joints.  ``failure`` is None if the run reached its end.  ``table`` is
+    the result file, if there is one.  ``fallback`` names the settings that replaced others, and why, or is "".  ``estimator`` estimates
+    errors; None if that is impossible.  ``energy`` is None unless requested.  ``near_jumps`` are samples close to a jump, which errors
+    exclude.  ``coordinates`` (samples, coordinates) are those of the method; None unless requested.  ``held`` are forces that lock
+    coordinates of a start in static equilibrium (see `MechanismState`), released at t = 0.
     """
 
     t: Array
@@ -237,13 +232,13 @@ class Trajectory(Columns[Array]):
         return f"<Trajectory to {reached}: {self.t.size} rows, {columns}, {self.steps} steps{end}>"
 
     def _repr_html_(self) -> str:
-        """A table for notebooks: of each column the unit, the first and the last value, the smallest and the largest one."""
+        """A table for notebooks: unit, first, last, smallest and largest value of each column."""
         return f"<p>{escape(repr(self))}</p>{_html_table(self)}"
 
     @accept_old_names
     def plot(self, *names: str, over: str = TIME, compare: "Mapping[str, Trajectory]" = MappingProxyType({})) -> "Figure":
-        """A figure of columns, of all without ``names``: a panel for each unit, ``over`` the time or another column; ``compare`` are other
-        runs by names for their lines.
+        """Plot columns, all by default, with a panel for each unit; ``over`` is the time or another column.
+        ``compare`` are other runs, by the names of their lines.
 
         Raises:
             KeyError: there is no such column.
@@ -258,11 +253,11 @@ class Trajectory(Columns[Array]):
         return draw(lines, x_label=labelled(over, self.unit_of(over)))
 
     def unit_of(self, column: str) -> str:
-        """The unit of a column, s of the time."""
+        """The unit of a column; s for the time."""
         return "s" if column == TIME else self.units[column]
 
     def to_xarray(self) -> "Dataset":
-        """The columns as a data set of xarray over the coordinate "t", each with its unit as the attribute "units".
+        """The columns as an xarray data set over the coordinate "t", with units as attributes "units".
 
         Raises:
             MissingPackageError: xarray is not installed.
@@ -276,7 +271,7 @@ class Trajectory(Columns[Array]):
 
     @cached_property
     def error(self) -> ErrorEstimate:
-        """The errors of the outputs: asking for them takes some more runs, which are kept.
+        """Error estimates of the outputs, from a few additional runs; computed once.
 
         Raises:
             ValueError: the run is not one that can be taken again.
@@ -291,11 +286,10 @@ class Trajectory(Columns[Array]):
 class Batch:
     """The results of a batch of runs.
 
-    ``cases`` are the parameters that each run sets (SI units).  ``end``, ``minimum`` and ``maximum`` have (runs,) values of each column:
-    of the last row, and over all rows; nan where a run did not start.  ``evaluations`` are those that each run needed, ``failures`` is
-    None for a run that reached its end.  ``undetermined`` are as in a `Trajectory`, of the first run.  ``seconds`` is the time of the steps
-    alone, summed over threads, ``elapsed`` (s) that of all.  ``settings`` are how the runs step, ``side_by_side`` is whether they do so
-    together.
+    ``cases`` are the parameters of each run (SI units).  ``end``, ``minimum`` and ``maximum`` are arrays (runs,) for each column: the last
+    value and the range; NaN if a run did not start.  ``evaluations`` are counted for each run; ``failures`` are None for runs that reached
+    their end.  ``undetermined`` is that of the first run, see `Trajectory`.  ``seconds`` is the time of the steps, summed over threads;
+    ``elapsed`` is the wall time (s).  ``settings`` are the step settings, ``side_by_side`` is whether runs share SIMD lanes.
     """
 
     cases: tuple[Mapping[str, float], ...]
@@ -324,10 +318,10 @@ class Batch:
 
 @dataclass(frozen=True, kw_only=True)
 class MechanismState:
-    """A state of a mechanism: the value and unit of each quantity by ``element.quantity``; nan where a quantity has no value there.
+    """A state of a mechanism: values and units by ``element.quantity``; NaN if a quantity is undefined there.
 
-    ``undetermined`` are independent speeds that neither scene nor loops determine, which are as small as they can be.  ``held`` has the
-    force along each coordinate that the scene's positions hold at rest, with its unit.  ``trim`` is what the scene's trim has found.
+    ``undetermined`` are independent speeds that neither scene nor loops determine; minimum-norm values are used.  ``held`` has the force
+    and unit for each coordinate that the scene locks.  ``trim`` is the result of the scene's trim.
     """
 
     values: Mapping[str, float]
@@ -344,7 +338,7 @@ class MechanismState:
 
 
 def _html_table(run: Trajectory) -> str:
-    """A row of HTML for each column of a run, with its error where that is known."""
+    """HTML rows, one for each column of a run, with its error if known."""
     known = run.__dict__.get("error")
     headings = ["", "unit", "first", "last", "smallest", "largest", *([] if known is None else ["error at most"])]
     rows = [_html_row("th", headings)]
@@ -360,7 +354,7 @@ def _html_row(cell: str, texts: Iterable[str]) -> str:
 
 
 def read_locking_forces(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
-    """The force with its unit along each coordinate that holds a pose at rest, by a summary, which names their rates; but for rounding."""
+    """The forces, with units, that lock coordinates of a pose, from a summary; forces at the level of rounding are left out."""
     found: Mapping[str, float] = summary.get("held", {})
     least = 1e-9 * max(map(abs, found.values()), default=0.0)
     named = {name: name.rpartition(".")[2] for name, force in found.items() if abs(force) > least}
@@ -384,18 +378,18 @@ def _impact(summary: Mapping[str, Any]) -> Impact:
 
 
 def read_energy(summary: Mapping[str, Any]) -> EnergyBalance | None:
-    """The balance that a simulator's summary reports, if it does."""
+    """The energy balance of a simulator's summary, if it has one."""
     balance = summary.get("energy")
     return None if balance is None else EnergyBalance(**{name: nan if value is None else value for name, value in balance.items()})
 
 
 def read_near_jumps(summary: Mapping[str, Any]) -> tuple[NearJump, ...]:
-    """The jumps beside rows that a simulator's summary reports."""
+    """The jumps near samples that a simulator's summary reports."""
     return tuple(NearJump(**each) for each in summary.get("near_jumps", ()))
 
 
 def read_table(path: Path) -> tuple[Array, dict[str, Array]]:
-    """Time and columns of a table of a run: Parquet, Arrow or NumPy by its ending, else a CSV with one header row."""
+    """Read time and columns of a result table: Parquet, Arrow or NumPy by its suffix, else CSV with one header row."""
     if path.suffix in WRITERS:
         columns = read_columns(path)
         return columns.pop(TIME), columns
@@ -406,7 +400,7 @@ def read_table(path: Path) -> tuple[Array, dict[str, Array]]:
 
 
 def columns_of(table: Array, names: Sequence[str], rows: int) -> tuple[Array, dict[str, Array]]:
-    """Time and columns of these names of a run's ``table`` (rows, 1 + names), which has to have so many rows.
+    """Time and named columns of a run's ``table`` (rows, 1 + names), which must have ``rows`` rows.
 
     Raises:
         OutputError: the table has lost rows since they were written.

@@ -1,4 +1,4 @@
-"""From a model, a scene and what a caller gives to the run file of a task."""
+"""Makes the run file of a task from a model, a scene and the caller's values."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 
 _NOTHING_ASKED = Options()
 
-#: The part that follows from parameters without being in a run file: whether bodies can have their masses and inertias.
+#: The part that depends on parameters without being in a run file: the check of masses and inertias.
 MASSES = "masses"
 
 
 def parameter_values(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
-    """The tunable parameters with their values after ``changes`` (SI units); changes of inputs have no part in them.
+    """The tunable parameters with their values after ``changes`` (SI units); changes of inputs are ignored.
 
     Raises:
         RunError: a change names neither a tunable parameter nor an input, has no finite value, or a unit that is not the parameter's.
@@ -76,15 +76,15 @@ def make_run_file(
     implementation: Implementation = Implementation.GENERATED, options: Options = _NOTHING_ASKED,
     inputs: Mapping[str, InputLike] = MappingProxyType({}), fits_samples: bool = True,
 ) -> RunFile:  # fmt: skip
-    """The run file of a task: "simulate", "realtime", "equilibrium" or "evaluate"; of methods with a linear system also "factor", of
-    batches "batch".
+    """Make the run file of a task.
 
-    ``changes`` are values (SI units) of tunable parameters, and of inputs that are held constant; ``inputs`` are constants or tables over
-    time.  Inputs that neither names follow the scene.  To its entries "steps_out" may be added, where iterations and residuals of each
-    step go, "tangents_out", where the recursive method's Jacobians at each row do, "coordinates_out", where the coordinates at each row
-    do, and "states", of which "evaluate" evaluates; a batch needs "cases", what each run has of its own, and "threads".
+    Tasks are "simulate", "realtime", "equilibrium", "evaluate", "batch", and "factor" for methods with a linear system.  ``changes`` are
+    values (SI units) of tunable parameters and constant inputs.  ``inputs`` are constants or tables over time; other inputs follow the
+    scene.
 
-    Equal steps that are given have to divide the intervals of controllers, unless they need not ``fits_samples``.
+    The caller adds optional entries: "steps_out" (iterations and residuals of each step), "tangents_out" (Jacobians of the recursive
+    method), "coordinates_out", "states" (to evaluate), and for a batch "cases" and "threads".  With ``fits_samples``, a given fixed step
+    must divide the intervals of controllers.
 
     Raises:
         RunError: a change names neither a tunable parameter nor an input, has no finite value, or leaves the start or a road
@@ -113,7 +113,7 @@ def make_run_file(
 def trimmed(
     model: Model, scene: Scene, changes: Mapping[str, float], inputs: Mapping[str, InputLike] = MappingProxyType({})
 ) -> tuple[Model, Scene, Mapping[str, InputLike]]:  # fmt: skip
-    """The model and the scene with what the scene's trim finds, and found inputs beside the given ones; arguments as of `find_trim`."""
+    """Solve the scene's trim, if it has one, and insert the results in model, scene and inputs; arguments as of `find_trim`."""
     if scene.trim is None:
         return model, scene, inputs
     model, found, _ = find_trim(model, scene, {**changes, **{name: _at_start(x) for name, x in inputs.items()}})
@@ -123,8 +123,8 @@ def trimmed(
 def find_trim(
     model: Model, scene: Scene, changes: Mapping[str, float], by: Sequence[str] = ()
 ) -> tuple[Model, Scene, "Trimmed"]:  # fmt: skip
-    """The model and the scene with what the scene's trim finds, where ``changes`` are values (SI units) of parameters and inputs; with its
-    gradients ``by`` tunable parameters.
+    """Solve the scene's trim and insert the results in model and scene; also return the solution.
+    ``changes`` are values (SI units) of parameters and inputs.  The solution has gradients ``by`` tunable parameters.
 
     Raises:
         RunError: there is no such start, it is not determined, or a change is one of what is to be found.
@@ -147,7 +147,7 @@ def find_trim(
 
 
 def _changed(model: Model, scene: Scene, changes: Mapping[str, float], name: str) -> "tuple[float, TrimInputs, TrimInputs]":
-    """A small change of a tunable parameter, and the numbers of a scene with less and with more of it."""
+    """The step of a central difference by a tunable parameter, and the numbers of the trim problem at both of its points."""
     values = parameter_values(model, {**changes, name: changes.get(name, 0.0)})
     value = parameter_values(model, changes).get(name)
     if name not in values or value is None or any(unknown.name == name for unknown in scene.trim.find):  # type: ignore[union-attr]
@@ -158,9 +158,9 @@ def _changed(model: Model, scene: Scene, changes: Mapping[str, float], name: str
 
 
 def make_trim_problem(model: Model, scene: Scene, changes: Mapping[str, float]) -> "TrimInputs":
-    """The numbers of a scene that is found."""
+    """The numbers of a scene's trim problem."""
     assert scene.trim is not None
-    from cutjoint.analysis.trim_equations import TrimInputs  # others do not wait for what this imports
+    from cutjoint.analysis.trim_equations import TrimInputs  # imported here because other starts do not need it
 
     values = parameter_values(model, changes)
     value, plain = Evaluator(model, values), replace(scene, trim=None, assemble=())
@@ -182,7 +182,7 @@ def _at_start(given: InputLike) -> float:
 
 
 def _with_start_inputs(scene: Scene, given: Mapping[str, InputLike]) -> Scene:
-    """The scene with the values that given inputs have at the start, where the start is found from places."""
+    """The scene with the initial values of given inputs, if it prescribes positions to be solved for."""
     if not scene.assemble:
         return scene
     return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(_at_start(x)) for name, x in given.items()}})
@@ -195,7 +195,7 @@ def _merge_inputs(held: Mapping[str, float], inputs: Mapping[str, InputLike]) ->
 
 
 def changing_parts(model: Model, scene: Scene) -> tuple[str, ...]:
-    """The parts of a run file that follow from tunable parameters, besides "parameters" itself; and `MASSES`.  Of a trim all may."""
+    """The parts of a run file that depend on tunable parameters, besides "parameters" itself; a trim may change all."""
     if scene.trim is not None:
         return *sources_of_parts(model, scene), "inputs", "parameters", MASSES
     symbols = {p.symbol for p in tunable_parameters(model)}
@@ -206,7 +206,7 @@ def changing_parts(model: Model, scene: Scene) -> tuple[str, ...]:
 
 
 def find_dependent_parts(model: Model, scene: Scene, parameters: Mapping[str, float], parts: Sequence[str]) -> dict[str, Any]:
-    """Parts of a run file that may follow from parameters: "positions", "rates", "roads"; of `MASSES` nothing is left but a check.
+    """Evaluate "positions", "rates" and "roads" of a run file, which may depend on parameters; `MASSES` is only checked.
 
     Raises:
         RunError: with these parameters one of them has no finite value, no body can have a mass or an inertia, or no pose has the places
@@ -229,7 +229,7 @@ def find_dependent_parts(model: Model, scene: Scene, parameters: Mapping[str, fl
 
 
 def with_solved_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Scene:
-    """The scene with the coordinates of a start that has the places it wants, in their stead, with the values of all tunable parameters.
+    """Solve for the initial coordinates at which the scene's positions are met, and insert them in the scene.
 
     Raises:
         RunError: no pose has them.
@@ -244,7 +244,7 @@ def with_solved_coordinates(model: Model, scene: Scene, parameters: Mapping[str,
 
 
 def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> None:
-    """Check that a start that is found once holds for all runs: none of the tunable parameters that are ``changed`` has a part in it.
+    """Check that a start solved once is valid for all runs: it must not depend on the ``changed`` tunable parameters.
 
     Raises:
         RunError: one has.
@@ -263,13 +263,13 @@ def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> No
             raise RunError(f"{scene.span}: {reason}; use cutjoint batch, which {words[1]} each run's")
 
 
-#: The last start that was formulated: the runs of a batch ask for the same with other parameters.
+#: The last formulated start; the runs of a batch use it again with other parameters.
 _LAST: list[tuple[Model, Scene, Any]] = []
 
 
 def formulated_start(model: Model, scene: Scene) -> Any:
     """The `TrimmedStart` of a scene with a trim, the `AimedStart` of others."""
-    from cutjoint.analysis.aims import AimedStart  # others do not wait for what this imports
+    from cutjoint.analysis.aims import AimedStart  # imported here because other starts do not need it
     from cutjoint.analysis.trims import TrimmedStart
 
     if not any(model is known and scene == of for known, of, _ in _LAST):
@@ -285,20 +285,20 @@ def _require_masses(model: Model, value: "Evaluator") -> None:
 
 
 def _changing_bodies(model: Model) -> Iterator[Body]:
-    """The bodies whose masses or inertias follow from tunable parameters."""
+    """The bodies whose masses or inertias depend on tunable parameters."""
     symbols = {p.symbol for p in tunable_parameters(model)}
     yield from (body for body in model.bodies if any(entry.free_symbols & symbols for entry in (body.mass, *body.inertia)))
 
 
 def sources_of_parts(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
-    """The expressions that these parts come from; of a road the wheel's radius."""
+    """The expressions of the parts "positions", "rates" and "roads"; a road depends on the wheel's radius."""
     radii = {f.name: f.radius for f in model.forces if f.has_road}
     states = scene.starts if scene.pose == "equilibrium" else {s.entry: scene.starts.get(s.entry, s.initial) for s in model.states}
     return {"positions": scene.positions, "rates": {**states, **scene.rates}, "roads": radii}
 
 
 def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Coordinates or speeds of a start, quaternions at length one.
+    """Check coordinates or speeds of a start and normalise quaternions.
 
     Raises:
         RunError: one is too large, or a quaternion's length is not one.
@@ -332,7 +332,7 @@ def _require_steps(scene: Scene, settings: Settings, task: str) -> None:
 
 
 class Evaluator:
-    """Numbers from expressions over parameters; inputs have their default values."""
+    """Evaluates expressions over parameters; inputs have their default values."""
 
     def __init__(self, model: Model, changed: Mapping[str, float]) -> None:
         taken = [p for p in model.parameters if p.binding is not Binding.INPUT]
@@ -340,7 +340,7 @@ class Evaluator:
         self._values = {p.symbol: changed.get(p.name, p.value) for p in taken}
 
     def __call__(self, expression: Scalar, what: str = "an expression") -> float:
-        """The value of an expression, which messages call ``what``.
+        """Return the value of an expression, which messages call ``what``.
 
         Raises:
             RunError: it has none, or none that is finite.
@@ -374,7 +374,7 @@ _WHOLE = 1e-6
 
 
 def require_sampling(model: Model, scene: Scene, integrator: str) -> None:
-    """Check that an integrator ends its steps at samples, if there are any, and that these are not too many.
+    """Check that an integrator can stop at the controllers' samples, and that there are not too many.
 
     Raises:
         RunError: it does not, or there are.
@@ -390,7 +390,7 @@ def require_sampling(model: Model, scene: Scene, integrator: str) -> None:
 
 
 def require_fitting_steps(model: Model, scene: Scene, dt: float) -> None:
-    """Check that equal steps of ``dt`` (s) divide the intervals and the first times of all samples.
+    """Check that fixed steps of ``dt`` (s) divide all sample intervals and offsets.
 
     Raises:
         RunError: they do not.
@@ -407,7 +407,7 @@ def _fault(controller: Controller, name: str, time: float, dt: float) -> str:
 
 
 def _advice(times: Sequence[float], dt: float) -> str:
-    """The nearest step that divides all times."""
+    """Advice that names the nearest step that divides all times, if there is one."""
     whole = times[0]
     for time in times[1:]:
         whole = _common(whole, time)
@@ -418,7 +418,7 @@ def _advice(times: Sequence[float], dt: float) -> str:
 
 
 def _common(a: float, b: float) -> float:
-    """The largest time of which both are multiples."""
+    """The largest common divisor of two times, up to rounding."""
     smallest = 1e-7 * min(a, b)
     while b > smallest:
         rest = fmod(a, b)

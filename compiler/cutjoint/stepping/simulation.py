@@ -13,12 +13,11 @@ from cutjoint.stepping.values import Array
 
 @with_old_members
 class Simulation(Derivatives):
-    """A simulation of a model: `reset` finds a consistent start, `step` and `advance` continue; SI units.
+    """A simulation of a model in SI units: `reset` finds a consistent start, `step` and `advance` continue.
 
-    ``inputs`` and ``parameters`` may change between steps; an input that is NaN follows the scene, without a law there it has
-    the parameter's value.  ``coordinates``, ``speeds`` and
-    ``outputs`` are those of the present state; their arrays are read-only views, those of outputs and accelerations copies.  A parameter
-    changes outputs and accelerations at once, an input with the next step.
+    ``inputs`` and ``parameters`` may change between steps.  Parameters affect outputs and accelerations at once, inputs from the next step
+    on.  An input set to NaN follows the scene, or its parameter's value if the scene has no law for it.  ``coordinates`` and ``speeds`` are
+    read-only views of the present state; ``outputs`` and accelerations are copies.
     """
 
     def copy(self) -> Simulation:
@@ -40,7 +39,7 @@ class Simulation(Derivatives):
 def _rebuilt(
     library: Library, snapshot: bytes | None, parameters: Array, inputs: Array, limits: Mapping[str, float], settings: StepSettings
 ) -> Simulation:  # fmt: skip
-    """A simulation that stands where another stood."""
+    """A simulation restored from a snapshot."""
     made = Simulation(library)
     made._settings = settings
     made.parameters.array[:], made.inputs.array[:] = parameters, inputs
