@@ -1,1 +1,1 @@
-"""Simulations that a program holds: stepping, linearising and many at once from Python, on the C interface of a compiled model."""
+"""Simulations driven from Python, one or many at once, by the C interface of a compiled model."""

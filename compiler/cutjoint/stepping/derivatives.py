@@ -31,10 +31,10 @@ from cutjoint.stepping.values import (
 
 _WITHOUT_ADJOINT = "load the model with adjoint=True"
 
-#: How many records a run may take.
+#: The largest number of records of a run.
 _MOST_RECORDS = 1 << 24
 
-#: A distance of coordinates (SI units) of two starts by the same numbers.
+#: Starts whose coordinates differ by less (SI units) are the same.
 _AT_START = 1e-9
 
 
@@ -264,7 +264,7 @@ class Derivatives(Linear):
         return np.asarray(initial_sensitivities, dtype=np.float64)
 
     def _place_of(self, places: Mapping[str, int], name: str) -> int:
-        """The place of a number by which a run is differentiated."""
+        """The index of a quantity with respect to which a run is differentiated."""
         if name not in places and name in (*self.library.names["coordinate"], *self.library.names["speed"]):
             chosen = ", ".join(each for each in self.states if each in self.library.names["speed"])
             raise KeyError(f"'{name}' is no independent coordinate now ({chosen} are): call choose_independent() with its rate first")

@@ -1,4 +1,4 @@
-"""Calls of the library that has one simulation."""
+"""Calls of the library of one simulation."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from cutjoint.stepping.values import Array, Values
 
 _NOT_LINEARISED = "load the model with linearise=True"
 
-#: Characters of what a library says of a failure.
+#: The largest length of a library's error message.
 _TEXT = 600
 
 
 class SimulationError(CutjointError):
-    """A start or a step that failed; ``status`` is that of the C interface, above 0 for a motion that cannot go on."""
+    """A start or a step that failed; ``status`` is that of the C interface, above 0 if the motion cannot continue."""
 
     def __init__(self, text: str, status: int) -> None:
         super().__init__(text)

@@ -1,4 +1,4 @@
-"""The C interface of a compiled model, by ctypes; simulations side by side have a library of their own, compiled when it is asked for."""
+"""The C interface of a compiled model, by ctypes; lanes have a library of their own, compiled on demand."""
 
 import ctypes
 import os
@@ -27,7 +27,7 @@ class StatisticsRecord(ctypes.Structure):
 
 
 class TrajectoryRecord(ctypes.Structure):
-    """The trajectory of an input in C."""
+    """The input trajectory of the C interface."""
 
     _fields_ = (
         ("input", ctypes.c_int), ("jumps", ctypes.c_int), ("pieces", ctypes.c_long),
@@ -35,11 +35,11 @@ class TrajectoryRecord(ctypes.Structure):
     )  # fmt: skip
 
 
-#: Quantities with names in every library; coordinates and speeds of the start are those of the spanning tree's joints.
+#: Kinds of quantities with names in every library; coordinates and speeds of the start belong to joints of the spanning tree.
 _NAMED = ("parameter", "coordinate", "speed", "equation", "start_coordinate", "start_speed", "output")
 
 
-#: A function of the host in C.
+#: A callback of the C interface.
 _CALL = ctypes.CFUNCTYPE(
     None, ctypes.c_void_p, ctypes.POINTER(ctypes.c_double), ctypes.c_void_p, ctypes.c_void_p, ctypes.POINTER(ctypes.c_double)
 )  # fmt: skip
@@ -60,7 +60,7 @@ class HostFunction:
     call: Callable[..., object]
 
     def pointer(self, raised: list[BaseException]) -> Any:
-        """The function for C; what it raises is kept, and its results are no numbers then."""
+        """The C function; an exception is stored, and the results are then NaN."""
         if hasattr(self.call, "argtypes"):
             return ctypes.cast(self.call, _CALL)  # type: ignore[arg-type]
 
@@ -71,7 +71,7 @@ class HostFunction:
             derivatives = np.ctypeslib.as_array(partials, (self.results, self.arguments)) if partials else None
             try:
                 self.call(np.ctypeslib.as_array(arguments, (self.arguments,)), kept, found, derivatives)
-            except BaseException as error:  # goes on from the call of the simulation
+            except BaseException as error:  # raised again by the call of the simulation
                 raised.append(error)
                 found[:] = np.nan if self.results else found
 
@@ -195,7 +195,7 @@ class Library:
             self.set_input = self._function("set_input", index, sim, index, number, number, number)
 
     def create(self, memory: int, size: int) -> int:
-        """A simulation in memory at an address, with its functions."""
+        """Create a simulation in memory at an address; returns it with its functions."""
         address: int = self._create(memory, size)
         for name, pointer in self._functions.items():
             self._set_function(address, self._find_function(name.encode()), pointer, None)
@@ -222,11 +222,11 @@ class Library:
 
 
 def _opened(path: Path, arguments: Mapping[str, Any]) -> Library:
-    """A library that was pickled."""
+    """Open the library of a pickle."""
     return Library(path, **arguments, lanes=None)
 
 
-#: Places of an array, and the values that simulations have there, (simulations, places).
+#: Indices into an array, and the values of the simulations there, (simulations, indices).
 Columns = tuple[Sequence[int], Array]
 
 
@@ -241,12 +241,12 @@ class Lanes:
         self._model, self._operations, self._build = model, operations, build
 
     def reach_break_even(self, steps: int) -> bool:
-        """Return whether lanes save more in so many steps of all simulations than they take to compile."""
+        """Return whether, for so many steps of all simulations, lanes save more time than their compilation takes."""
         return lanes_break_even(self._operations, steps)
 
     @cached_property
     def _functions(self) -> tuple[Any, int, int]:
-        """The function, the bytes of memory that it takes, and those of a snapshot."""
+        """The function, the size of its memory and that of a snapshot, in bytes."""
         library = ctypes.CDLL(os.fspath(self._build()))
         function, *sizes = (getattr(library, f"{self._model}_{name}") for name in ("rollout", "rollout_bytes", "snapshot_size"))
         pointer, number = ctypes.c_void_p, ctypes.c_long
@@ -265,7 +265,7 @@ class Lanes:
         _ = self._functions
 
     def run(self, snapshots: Sequence[bytes], parameters: Columns, inputs: Columns, rows: Array) -> None:
-        """Steps of simulations from snapshots into ``rows`` (simulations, steps, outputs), up to those that fail.
+        """Run simulations from snapshots and write outputs into ``rows`` (simulations, steps, outputs), up to those that fail.
 
         Raises:
             ValueError: some bytes are no snapshot of the model.
@@ -283,6 +283,6 @@ class Lanes:
 
 
 def with_rollout(standalone: Standalone) -> Standalone:
-    """A folder with lanes whose library also takes the steps of many simulations."""
+    """A C export with lanes whose library also steps many simulations at once."""
     template = environment().get_template("stepping/rollout.cpp.jinja")
     return standalone.with_code(template.render(p=standalone.name, P=standalone.name.upper()))

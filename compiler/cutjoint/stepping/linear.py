@@ -21,18 +21,18 @@ from cutjoint.stepping.values import (
     is_non_smooth,
 )
 
-#: Rates of states (SI units) that count as rest, and singular values, as a share of the largest, of directions in which a pose may go on.
+#: Rates of states (SI units) below the first count as rest.  Singular values below the second share of the largest count as zero.
 _AT_REST, _SINGULAR = 1e-3, 1e-11
 
-#: The step of a difference, as a share of the number, and in its unit of nought.
+#: Steps of differences: relative to the number, and in its unit if the number is zero.
 _SHARE, _SHARE_OF_NOUGHT = 1e-3, 1e-4
 
-#: Shares of that step which are tried where differences of two widths do not agree.
+#: Factors of that step that are tried if differences of two widths disagree.
 _NARROWER = (1.0, 1 / 16, 1 / 256)
 
 
 class Linear(States):
-    """A simulation with its linear model, and what follows from that."""
+    """A simulation with its linear model and the quantities derived from it."""
 
     def linearise(self) -> StateSpace:
         """Linear model about the present state: dx' = A dx + B du, dy = C dx + D du.
@@ -125,7 +125,7 @@ class Linear(States):
         return EigenvalueSensitivities(values=values, derivatives=derivatives, by=tuple(by))
 
     def _differentiate(self, name: str, find: Callable[[float], Array]) -> Array:
-        """The difference of fourth order of what is found where a number, a parameter or an input, has changed; the state stays.
+        """Fourth-order difference of a function of the model with respect to a parameter or input, at a constant state.
 
         Raises:
             ValueError: the number is at a non-smooth point or a jump.

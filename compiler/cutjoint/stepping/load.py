@@ -58,7 +58,7 @@ def load_scene(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, integrator: str | None = None, linearise: bool = False,
     adjoint: bool = False, poses: bool = False, flags: Sequence[str] = FLAGS, functions: Mapping[str, Callable[..., object]] | None = None,
 ) -> Simulation:  # fmt: skip
-    """Compile a scene of a model that has been read, as `load` does, with its errors."""
+    """Compile a scene of a loaded model; arguments and errors as of `load`."""
     _require_method(method)
     scene = with_default_closure(scene, method, integrator)
     load_events = (linearise or adjoint) and needs_load_events(scene, method, integrator)
@@ -70,14 +70,14 @@ def load_scene(
         return with_rollout(alone(side_by_side=True)).build_library(flags)
 
     hosted = _functions_of(model, functions or {})
-    fits = standalone.fits_lanes and not hosted  # whose functions are those of one simulation
+    fits = standalone.fits_lanes and not hosted  # a host function belongs to one simulation
     lanes = Lanes(standalone.name, generated.program.operations("evaluate"), build) if fits else None
     begin = partial(_begin, model, scene) if scene.trim is None and {"positions", "rates"} & set(changing_parts(model, scene)) else None
     return open_standalone(standalone, standalone.build_library(flags), lanes=lanes, functions=hosted, begin=begin)
 
 
 def open_standalone(standalone: Standalone, library: Path, **more: Any) -> Simulation:
-    """A simulation of a folder by its ``library``; ``more`` is of `Library`."""
+    """Open a simulation of a C export by its ``library``; ``more`` are arguments of `Library`."""
     equations, mechanism = standalone.parts.stepped, standalone.parts.mechanism
     return Simulation(Library(
         library, standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
@@ -88,7 +88,7 @@ def open_standalone(standalone: Standalone, library: Path, **more: Any) -> Simul
 
 
 def _begin(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """The coordinates and speeds of a scene's start with ``parameters``; none with those of its file, with which it was compiled."""
+    """Coordinates and speeds of a scene's start with ``parameters``; empty if these are the compiled ones."""
     usual = parameter_values(model, {})
     given = {**usual, **{name: value for name, value in parameters.items() if name in usual}}
     found = find_dependent_parts(model, scene, given, ("positions", "rates")) if given != usual else {}
@@ -96,7 +96,7 @@ def _begin(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple
 
 
 def _functions_of(model: Model, given: Mapping[str, Callable[..., object]]) -> dict[str, HostFunction]:
-    """The functions of a model that Python has the code of."""
+    """The functions of a model whose code Python supplies."""
     names = functions_of_host(model)
     if not names:
         return {}

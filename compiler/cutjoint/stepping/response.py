@@ -89,7 +89,7 @@ def find_scene_linear_model(
 
 
 def _begin(model: Model, scene: Scene, parameters: Mapping[str, float], at: float | None) -> Simulation:
-    """A simulation where a scene begins, or at a time."""
+    """A simulation at the scene's start, or at a time."""
     sim = load_scene(model, scene, linearise=True, poses=False)
     sim.parameters.update({name: value for name, value in parameter_values(model, parameters).items() if name in sim.parameters})
     sim.reset()
@@ -123,7 +123,7 @@ def _output(model: Model, scene: Scene, name: str) -> Output:
 
 
 def _places(model: Model) -> Iterable[tuple[str, tuple[float, float]]]:
-    """Where inputs act that are heights under wheels or move joints: x and y, m."""
+    """Positions x and y (m) of inputs that are heights under wheels or displacements of joints."""
     for parameter in (p for p in model.parameters if p.binding is Binding.INPUT):
         points = [j.at for j in model.joints if j.guide and any(parameter.symbol in sympy.sympify(g).free_symbols for g in j.guide)]
         points += [f.centre for f in model.forces if parameter.name == f"{f.name}.terrain_height"]  # type: ignore[attr-defined]
@@ -136,13 +136,13 @@ def _places(model: Model) -> Iterable[tuple[str, tuple[float, float]]]:
 
 
 def _with_sampled_inputs(model: Model, scene: Scene) -> tuple[Model, Scene, tuple[str, ...]]:
-    """The model whose controllers' held values are inputs, the scene with their next values as outputs, and the names of outputs."""
+    """The model with sampled values of controllers as inputs, the scene with their next values as outputs, and the outputs' names."""
     inputs = {
         value.symbol: Parameter(name=name, symbol=parameter_symbol(name), value=0.0, unit=value.unit, binding=Binding.INPUT, span=c.span)
         for c in model.controllers for value in c.discrete_states for name in [_sampled_input(value)]
     }  # fmt: skip
     symbols: dict[Scalar, Scalar] = {symbol: parameter.symbol for symbol, parameter in inputs.items()}
-    for signal in (signal for c in model.controllers for signal in c.signals):  # each behind those that it reads
+    for signal in (signal for c in model.controllers for signal in c.signals):  # each after those that it reads
         symbols[signal.symbol] = sympy.sympify(signal.value).xreplace(symbols)
     names = {c.name for c in model.controllers}
     follow = [_signal(model, f"{_sampled_input(v)}.next", sympy.sympify(v.next).xreplace(symbols)) for v in model.discrete_states]
@@ -156,12 +156,12 @@ def _with_sampled_inputs(model: Model, scene: Scene) -> tuple[Model, Scene, tupl
 
 
 def _sampled_input(value: DiscreteState) -> str:
-    """The name of a held value as an input; those of delays have none in the file."""
+    """The input for a sampled value; delays have none in the file."""
     return discrete_state_name(value).replace("-", ".delay")
 
 
 def _signal(model: Model, name: str, value: Scalar, unit: str = "") -> Signal:
-    """A signal that nothing reads; its element has a name of its own."""
+    """An unused signal, whose element has a name of its own."""
     own = f"{name}.reported"
     return Signal(name=own, symbol=quantity_symbol(own, VALUE), value=value, unit=unit, span=model.span, reported=True)
 
@@ -171,7 +171,7 @@ def _reported(signal: Signal) -> Output:
 
 
 def _with_symbols(part: Any, symbols: Mapping[Scalar, Scalar]) -> Any:
-    """A part of a model with other terms for symbols, wherever expressions stand in it."""
+    """Part of a model with symbols replaced in all its expressions."""
     if isinstance(part, sympy.Basic):
         return part.xreplace(symbols) if part.free_symbols & symbols.keys() else part
     if isinstance(part, tuple):

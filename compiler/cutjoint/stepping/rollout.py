@@ -60,7 +60,7 @@ def rollout(
 
 
 def _split(inputs: Mapping[str, ArrayLike], steps: int) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Inputs that are held, and those with a value for each step."""
+    """Constant inputs, and those with a value for each step."""
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in inputs.items()}
     trajectories = {name: values for name, values in arrays.items() if values.ndim > 1}
     for name, values in trajectories.items():
@@ -70,7 +70,7 @@ def _split(inputs: Mapping[str, ArrayLike], steps: int) -> tuple[dict[str, Array
 
 
 def _columns(given: Mapping[str, ArrayLike]) -> dict[str, Array]:
-    """A value for all, or for each simulation."""
+    """One value for all simulations, or one for each."""
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in given.items()}
     for name, values in arrays.items():
         if values.ndim > 1:
@@ -81,7 +81,7 @@ def _columns(given: Mapping[str, ArrayLike]) -> dict[str, Array]:
 def _alone(
     simulation: Simulation, begins: Sequence[bytes], columns: Sequence[Mapping[str, Array]], trajectories: Mapping[str, Array], rows: Array
 ) -> Callable[[int], None]:  # fmt: skip
-    """A function that runs one of the simulations, by its number."""
+    """A function that runs one of the simulations, by its index."""
     places = [(simulation.inputs.place(name), trajectory) for name, trajectory in trajectories.items()]
 
     def run(i: int) -> None:
@@ -107,7 +107,7 @@ def _alone(
 def _in_lanes(
     simulation: Simulation, lanes: Lanes, begins: Sequence[bytes], columns: Sequence[Mapping[str, Array]], rows: Array
 ) -> Callable[[int], None]:
-    """A function that runs as many of the simulations as there are lanes at most, from a number on."""
+    """A function that runs simulations together, at most as many as there are lanes, from an index on."""
     parameters, inputs = (
         ([values.place(name) for name in given], np.column_stack([*given.values()]) if given else np.empty((len(begins), 0)))
         for values, given in zip((simulation.parameters, simulation.inputs), columns, strict=True)

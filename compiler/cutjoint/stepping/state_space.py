@@ -15,11 +15,11 @@ from cutjoint.stepping.values import Array, find_place
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 
-#: What a system's inputs may be, by the integrators that stand before them.
+#: The meaning of a system's inputs: values, or rates or accelerations that are integrated first.
 ORDERS = ("value", "rate", "acceleration")
-#: Shares of a matrix below which an entry is rounding, and of the largest pole below which one is zero.
+#: Relative sizes: of matrix entries that are rounding, and of poles that count as zero.
 _ROUNDING, _NOUGHT = 1e-10, 1e-7
-#: The most samples in the common period of a loop's controllers.
+#: The largest number of samples in the common period of a loop's controllers.
 _MOST_SAMPLES = 10_000
 
 
@@ -113,7 +113,7 @@ class LinearModel:
 
     @property
     def _highest(self) -> float:
-        """The end of the usual range of frequencies, Hz."""
+        """The upper end of the default range of frequencies, Hz."""
         return 10 * float(np.abs(self.rates).max(initial=0.1)) / (2 * np.pi)
 
     def frequencies(self, points: int = 400, from_: float | None = None, to: float | None = None) -> Array:
@@ -313,7 +313,7 @@ class StateSpace(LinearModel):
         return np.asarray(np.einsum("on,nfm->fom", C, X) + self.D + at * self.D_rate + at * at * self.D_acceleration)
 
     def _reduced(self, order: int) -> tuple[list[Array], list[Array]]:
-        """Matrices of inputs' values, rates and accelerations in x' and in y, with other states, so that x' has none above an order."""
+        """Input matrices of values, rates and accelerations in x' and y; states are changed so that x' has no derivative above an order."""
         P, Q = [self.B, self.B_rate, self.B_acceleration], [self.D, self.D_rate, self.D_acceleration]
         for k in range(2, order, -1):
             P[k - 1], Q[k - 1] = P[k - 1] + self.A @ P[k], Q[k - 1] + self.C @ P[k]
@@ -323,7 +323,7 @@ class StateSpace(LinearModel):
         return P, Q
 
     def _alone(self, output: str, input: str) -> tuple[int, tuple[Array, Array, Array, Array]]:
-        """The order of the derivative of an input that an output follows, and the matrices of these two alone by that derivative."""
+        """For one output and one input: the highest derivative order of the input in y, and a realisation by that derivative."""
         one = self.choose([input], [output])
         order = next(k for k in range(len(ORDERS)) if not any(q.any() for q in one._reduced(k)[1][k + 1 :]))
         return order, one.realise(ORDERS[order])
@@ -352,7 +352,7 @@ class StateSpace(LinearModel):
 
 @dataclass(frozen=True, kw_only=True)
 class Sampler:
-    """The times of a controller, ``offset`` + k ``every`` (s), and the ``number`` of values that it holds."""
+    """A controller's sample times ``offset`` + k ``every`` (s), and the ``number`` of its sampled values."""
 
     every: float
     offset: float
@@ -374,7 +374,7 @@ class SampledStateSpace(LinearModel):
 
     @property
     def unsteady(self) -> dict[str, tuple[float, float]]:
-        """Held values that the next sample changes, by name: the values before and after."""
+        """Sampled values that the next sample would change, by name: the values before and after."""
         pairs = zip(self.plant.inputs[len(self.inputs) :], self.held, self.plant.y[len(self.outputs) :], strict=True)
         return {name: (float(a), float(b)) for name, a, b in pairs if abs(a - b) > 1e-6 * max(abs(a), abs(b), 1e-3)}
 
@@ -411,7 +411,7 @@ class SampledStateSpace(LinearModel):
 
     @cached_property
     def _samples(self) -> list[tuple[float, slice, float]]:
-        """Samples of a common period in the order in which they are taken: time, places of the values, time until the next one."""
+        """Samples of a common period in order: time, indices of the values, time until the next sample."""
         ends = np.cumsum([each.number for each in self.samplers])
         found = sorted(
             (round((each.offset + k * each.every) % self.period, 12) % self.period, i, slice(int(end) - each.number, int(end)))
@@ -421,12 +421,12 @@ class SampledStateSpace(LinearModel):
         return [(t, places, end - t) for (t, _, places), end in zip(found, [*times[1:], times[0] + self.period], strict=True)]
 
     def _flow(self, B: Array, seconds: float) -> Array:
-        """The change of states in a time in which inputs, further states, stay."""
+        """Transition matrix of states and inputs over a time in which inputs are constant (zero-order hold)."""
         n, m = B.shape
         return np.asarray(need("scipy.linalg").expm(np.vstack([np.hstack([self.plant.A, B]), np.zeros((m, n + m))]) * seconds))
 
     def _over_period(self, B: Array, follow: Array) -> tuple[Array, Array]:
-        """States, held values and inputs that stay at the end of a period and right after its first samples, by those at its start."""
+        """States, sampled values and constant inputs at the end of a period and after its first samples, by those at its start."""
         n, width = len(self.plant.A), follow.shape[1]
         M, first = np.eye(width), self._samples[0][0]
         seen, flows = M, {seconds: self._flow(B, seconds) for _, _, seconds in self._samples}
@@ -459,7 +459,7 @@ class SampledStateSpace(LinearModel):
 
     @property
     def rates(self) -> ComplexArray:
-        """Logarithms of the poles by the period, 1/s; minus infinity of what a sample forgets."""
+        """Logarithms of the poles divided by the period, 1/s; minus infinity for a pole at zero."""
         size = np.abs(self.poles)
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(np.where(size < 1e-9, 0.0, size)) / self.period + 1j * np.angle(self.poles) / self.period)

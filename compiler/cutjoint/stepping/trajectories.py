@@ -1,4 +1,4 @@
-"""Inputs over the time of a run: pieces that a library takes, and derivatives by the numbers that give them."""
+"""Input trajectories: the cubics that a library evaluates, and derivatives with respect to the values that define them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from cutjoint.run.inputs import read_table
 from cutjoint.stepping.values import Array, find_place
 
-#: Values that are held for equal numbers of steps each, or a table over time, as of `simulate`.
+#: Values, each for the same number of steps (zero-order hold), or a table over time as of `simulate`.
 InputTrajectoryLike: TypeAlias = ArrayLike | Mapping[str, Any]
 
-#: The number of knots in a row on which a piece depends at most.
+#: The largest number of consecutive knots on which a piece depends.
 _KNOTS = 4
 
 
@@ -27,14 +27,14 @@ class Knots:
     which: NDArray[np.intp]
 
     def as_matrix(self) -> Array:
-        """The change of the pieces' numbers with each knot, (knots, pieces, 4)."""
+        """Derivatives of the pieces' coefficients with respect to the knots, (knots, pieces, 4)."""
         found = np.zeros((self.number, *self.derivatives.shape[1:]))
         for derivatives, which in zip(self.derivatives, self.which, strict=True):
             found[which, np.arange(len(which))] += derivatives
         return found
 
     def apply_transposed(self, by_pieces: Array) -> Array:
-        """Derivatives by knots, (objectives, knots), from those by the pieces' numbers, (objectives, pieces, 4)."""
+        """Derivatives with respect to knots, (objectives, knots), from those with respect to coefficients, (objectives, pieces, 4)."""
         found = np.zeros((len(by_pieces), self.number))
         for derivatives, which in zip(self.derivatives, self.which, strict=True):
             np.add.at(found.T, which, np.einsum("opk,pk->po", by_pieces, derivatives))
@@ -56,7 +56,7 @@ class InputTrajectory:
 def make_trajectories(
     names: Sequence[str], given: Mapping[str, InputTrajectoryLike], start: float, steps: int, dt: float
 ) -> tuple[InputTrajectory, ...]:  # fmt: skip
-    """Trajectories of inputs from those ``given`` by name, of a run of so many steps from a time on (s).
+    """Make trajectories for a run of so many steps from a start time (s), from the inputs ``given`` by name.
 
     Raises:
         KeyError: there is no such input.
@@ -87,7 +87,7 @@ def _make(name: str, place: int, given: InputTrajectoryLike, start: float, steps
 
 
 def _rates_at(t: Array, values: Array) -> Array:
-    """Rates of parabolas through neighbouring values, as those of a run file's tables."""
+    """Rates at the knots, from parabolas through neighbouring values, as for a run file's tables."""
     length = np.diff(t)
     slope = np.diff(values) / length
     if len(slope) == 1:
@@ -97,7 +97,7 @@ def _rates_at(t: Array, values: Array) -> Array:
 
 
 def _cubics(t: Array, values: Array, rates: Array | None) -> Array:
-    """The numbers of cubics through values at times, with rates there or, without, of lines."""
+    """Coefficients of cubics through values at times, with given rates; without rates, of straight lines."""
     length = np.diff(t)
     slope = np.diff(values) / length
     if rates is None:
@@ -109,7 +109,7 @@ def _cubics(t: Array, values: Array, rates: Array | None) -> Array:
 def _linear(
     place: int, times: Array, pieces: Callable[[Mapping[str, Array]], Array], knots: Mapping[str, Array], *, jumps: bool
 ) -> InputTrajectory:  # fmt: skip
-    """A trajectory whose pieces are a linear function of knots, each of four in a row: ones at every fourth say how."""
+    """A trajectory whose pieces depend linearly on up to four consecutive knots each; found by evaluating unit knots."""
     found = {}
     for kind, values in knots.items():
         first = np.clip(np.arange(len(times)) - 1, 0, max(len(values) - _KNOTS, 0))
@@ -133,7 +133,7 @@ class Columns:
 
     @classmethod
     def of(cls, by: Sequence[str], trajectories: Sequence[InputTrajectory]) -> "Columns":
-        """Columns of the numbers ``by``."""
+        """The columns of the quantities ``by``."""
         known = {name: (i, knots) for i, trajectory in enumerate(trajectories) for name, knots in trajectory.knots.items()}
         names: list[str] = []
         plain, of_knots = {}, []
@@ -147,13 +147,13 @@ class Columns:
         return cls(names=tuple(names), plain=plain, of_knots=tuple(of_knots))
 
     def parts(self, trajectory: int) -> Iterator[tuple[slice, Knots]]:
-        """The columns of a trajectory, by its number, and their knots."""
+        """The columns that belong to a trajectory, by its index, and their knots."""
         for first, i, knots in self.of_knots:
             if i == trajectory:
                 yield slice(first, first + knots.number), knots
 
     def changes(self, trajectories: Sequence[InputTrajectory]) -> list[Array | None]:
-        """The change of the numbers of each trajectory along all columns, (columns, pieces, 4); None of one that has none."""
+        """Derivatives of each trajectory's coefficients with respect to all columns, (columns, pieces, 4); None if there are none."""
         found: list[Array | None] = []
         for i, trajectory in enumerate(trajectories):
             parts = list(self.parts(i))

@@ -1,4 +1,4 @@
-"""Numbers by name in the memory of a simulation, and the matrices of its motion near a state."""
+"""Named numbers in the memory of a simulation, and results of linearisation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def find_place(places: Mapping[str, int], name: str) -> int:
-    """The place of a name.
+    """The index of a name.
 
     Raises:
         KeyError: there is none.
@@ -36,7 +36,7 @@ class Values(MutableMapping[str, float]):
         self._places = {name: i for i, name in enumerate(names)}
 
     def place(self, name: str) -> int:
-        """The place of a name in ``array``.
+        """The index of a name in ``array``.
 
         Raises:
             KeyError: there is none.
@@ -74,7 +74,7 @@ class Outputs(Values):
 
     @property
     def array(self) -> Array:
-        """A copy of the numbers of the present state."""
+        """A copy of the values at the present state."""
         self._refresh()
         return self._memory.copy()
 
@@ -259,7 +259,7 @@ class ForwardSensitivities:
 
     @property
     def integral(self) -> tuple[Array, Array]:
-        """Integrals over time, by the trapezoidal rule."""
+        """Integrals over time by the trapezoidal rule."""
         return self._of("integral")
 
     @property
@@ -307,26 +307,25 @@ class ForwardSensitivities:
         return found, np.einsum("ro,rop->op", weights, self.derivatives)
 
 
-#: The steps of a difference of fourth order.
+#: The points of a fourth-order difference, in steps.
 DIFFERENCE_STEPS = (-2, -1, 1, 2)
 
 
 def difference(found: Sequence[Array], h: float) -> Array:
-    """The derivative of what is found so many steps h (`DIFFERENCE_STEPS`) from a number, to fourth order."""
+    """The derivative of a function, to fourth order, from its values at the steps `DIFFERENCE_STEPS` of size h."""
     return (found[0] - 8 * found[1] + 8 * found[2] - found[3]) / (12 * h)
 
 
-#: The share of a difference by which those of two widths may be apart, and of values what is rounding, or what iterations leave.
+#: Largest relative disagreement of differences of two widths; relative size of rounding and iteration errors.
 _APART, _ROUNDED = 1e-5, 1e-8
 
-#: The share by which derivatives on both sides may be apart: a smooth function bends over the step.
+#: Largest relative disagreement of one-sided derivatives: a smooth function has curvature over the step.
 _NON_SMOOTH = 0.1
 
 
 def is_non_smooth(found: Sequence[Array], h: float) -> bool:
-    """Return whether what is found so many steps h (`DIFFERENCE_STEPS`) from a number jumps or is not smooth there, row by row.
-
-    Derivatives of one side and of both, over one step and over two, are alike where it is smooth.
+    """Return whether a function jumps or is not smooth there, row by row, from its values at the steps `DIFFERENCE_STEPS` of size h.
+    If it is smooth, one-sided and central derivatives over one and two steps agree.
     """
     left, near_left, near_right, right = found
     narrow, wide = (near_right - near_left) / (2 * h), (right - left) / (4 * h)
@@ -336,15 +335,15 @@ def is_non_smooth(found: Sequence[Array], h: float) -> bool:
     return bool((np.abs(narrow - wide) > _APART * size + rounding).any() or (np.abs(sides) > _NON_SMOOTH * size + rounding).any())
 
 
-#: Eigenvalues that count as nought, and those that count as the same, as shares of the largest.
+#: Relative to the largest eigenvalue: magnitudes that count as zero, and distances at which two count as equal.
 _NOUGHT, _REPEATED = 1e-7, 1e-7
 
 
 def find_eigenvalues(
     A: Array, changes: Sequence[Array], modes: Sequence[int] | None
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:  # fmt: skip
-    """Eigenvalues of a matrix by their size, of each pair one, and how they change with it, (modes) and (modes, changes): w dA v / (w v)
-    of left and right eigenvectors.  ``modes`` are the numbers of some; all but those that are nought by default.
+    """Eigenvalues of a matrix by magnitude, one of each pair, and their derivatives, (modes) and (modes, changes).
+    They are w dA v / (w v) with left and right eigenvectors w and v.  ``modes`` are indices; default: all nonzero eigenvalues.
 
     Raises:
         ValueError: one of them repeats.
@@ -375,9 +374,8 @@ OBJECTIVES = ("end", "integral", "mean", "rms", "maximum", "minimum")
 
 
 def weigh(objective: str, times: Array, values: Array, outputs: Sequence[str]) -> tuple[Array, Array]:
-    """An objective of each output, (outputs), of `OBJECTIVES`, and its derivatives by the ``values`` of that in all rows, (rows, outputs).
-
-    Of several rows with an extreme it is that of the first.
+    """The values (outputs,) of an objective of `OBJECTIVES` and its derivatives (rows, outputs) by the ``values`` of each output.
+    If several rows share an extreme value, the first counts.
 
     Raises:
         ValueError: there is no such objective, or it has no derivative.
@@ -409,7 +407,7 @@ def weigh(objective: str, times: Array, values: Array, outputs: Sequence[str]) -
 
 
 def weigh_each(objective: str, times: Array, values: Array, outputs: Sequence[str]) -> Array:
-    """The weights of an objective of each output in turn, (outputs, rows, outputs).
+    """Weights of an objective of each output in turn, (outputs, rows, outputs).
 
     Raises:
         ValueError: it has no derivative, or rows share an extreme.
@@ -421,7 +419,7 @@ def weigh_each(objective: str, times: Array, values: Array, outputs: Sequence[st
 
 
 def ties(objective: str, values: Array) -> dict[int, NDArray[np.intp]]:
-    """By an output's number, the rows that share its extreme, where there are several."""
+    """The rows that share an extreme value, by the index of the output, if there are several."""
     if objective not in ("maximum", "minimum"):
         return {}
     extremes = (np.max if objective == "maximum" else np.min)(values, axis=0)
@@ -430,7 +428,7 @@ def ties(objective: str, values: Array) -> dict[int, NDArray[np.intp]]:
 
 
 def tie_message(times: Array, name: str, value: float) -> str:
-    """The message of an extreme that rows at some times share."""
+    """The error message for an extreme value that several samples share."""
     at = " and ".join(f"{time:.6g} s" for time in times[:2])
     return f"'{name}' is the same {value:.6g} at {at}, with other derivatives: the extreme value has no derivative"
 

@@ -14,9 +14,9 @@ from cutjoint.stepping.values import Array
 WEIGHTINGS: Mapping[str, tuple[float, ...]] = {"Wk": (12.5, 0.63, 2.37, 0.91, 3.35, 0.91), "Wd": (2.0, 0.63), "Wc": (8.0, 0.63)}
 _WEIGHTED = "m/s^2"
 
-#: The spatial frequency to which the classes of ISO 8608 refer, cycles a metre.
+#: Reference spatial frequency of the classes of ISO 8608, cycles per metre.
 _REFERENCE = 0.1
-#: Panels of the integration over frequencies, and their points.
+#: Panels of the quadrature over frequencies, and points of each.
 _PANELS, _POINTS = 240, 8
 _NONE: Mapping[str, tuple[float, float]] = MappingProxyType({})
 
@@ -117,7 +117,7 @@ def random_vibration(
 
 
 def _of_heights(model: StateSpace, speed: float) -> StateSpace:
-    """The model by heights of the road alone: slopes of terrain are their rates by the speed."""
+    """The model with road heights as its only inputs: slopes of terrain are the rates of heights divided by the speed."""
     names, slopes = list(model.inputs), dict[int, int]()
     for j, name in enumerate(names):
         height = name.removesuffix("slope") + "height"
@@ -134,7 +134,7 @@ def _of_heights(model: StateSpace, speed: float) -> StateSpace:
 
 
 def _nodes(first: float, last: float, poles: ComplexArray) -> tuple[Array, Array]:
-    """Points and weights of an integral over frequencies (Hz), with panels that narrow towards resonances."""
+    """Nodes and weights of a quadrature over frequencies (Hz), with narrower panels near resonances."""
     centres, widths = np.abs(poles.imag) / (2 * np.pi), np.maximum(np.abs(poles.real), 1e-9 * np.abs(poles)) / (2 * np.pi)
     steps = np.concatenate([[0.0], *(sign * 2.0 ** np.arange(16) for sign in (1, -1))])
     edges = np.concatenate([np.geomspace(first, last, _PANELS), (centres[:, None] + widths[:, None] * steps).ravel()])
@@ -145,7 +145,7 @@ def _nodes(first: float, last: float, poles: ComplexArray) -> tuple[Array, Array
 
 
 def _white(model: StateSpace, intensity: float, where: Array, speed: float) -> Array:
-    """Root mean squares of outputs by white noise of the road's rate along one track, by Lyapunov's equation; NaN without an answer."""
+    """RMS of outputs if the rate of the road's height is white noise along one track, by Lyapunov's equation; NaN without a solution."""
     none = np.full(len(model.outputs), np.nan)
     if not len(where) or np.ptp(where[:, 1]) > 0.0:
         return none

@@ -1,7 +1,7 @@
-"""Blocks: the largest parts of the body graph in which every joint is in a loop, and the body that carries each.
+"""Blocks: biconnected components of the body graph, and the body that carries each.
 
-Bodies that guided and fixed joints connect count as one, since their motion beside each other is known.  A block hangs on one of these;
-none of its loops goes through another body of known motion, so that only motions beside the carrier are in its equations.
+Bodies connected by guided and fixed joints count as one, since their relative motion is known.  A block is attached to one of these, its
+carrier.  No loop passes through another one, so that a block's equations contain motions relative to the carrier only.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,8 +13,8 @@ from cutjoint.topology.records import Topology, TreeJoint, degrees
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """A block: its ``joints``, the ``bodies`` that move beside the ``carrier``, and the guided joints that move ends of its joints beside
-    each other, the ``drives``."""
+    """A block: its ``joints``, the ``bodies`` that move relative to the ``carrier``, and its ``drives``.
+    Drives are guided joints that move ends of the block's joints relative to each other."""
 
     carrier: str
     bodies: tuple[str, ...]
@@ -33,7 +33,7 @@ def find_blocks(topology: Topology) -> tuple[Block, ...]:
 
 
 def _known_together(model: Model) -> Mapping[str, str]:
-    """A representative of the bodies whose motion beside each other is known, by body."""
+    """For each body, a representative of the bodies whose motion relative to it is known."""
     known = {GROUND: GROUND, **{b.name: b.name for b in model.bodies}}
     for joint in model.joints:
         if not degrees(joint):
@@ -78,7 +78,7 @@ def _biconnected(edges: Sequence[tuple[Joint, str, str]], root: str) -> Iterator
 
 
 def _block(topology: Topology, known: Mapping[str, str], joints: Sequence[Joint]) -> Block:
-    """A block of joints; bodies of known motion beside the carrier are not among its own."""
+    """A block of joints; bodies of known motion relative to the carrier do not belong to it."""
     above = {t.child: t for t in topology.tree}
     parts = {known[body] for joint in joints for body in (joint.base, joint.follower)}
     base = min(parts, key=lambda part: min(len(_bodies_in(above, b)) for b, p in known.items() if p == part))
@@ -101,7 +101,7 @@ def _bodies_in(above: Mapping[str, TreeJoint], body: str) -> list[str]:
 
 
 def _common(above: Mapping[str, TreeJoint], bodies: Sequence[str]) -> str:
-    """The outermost body that carries all."""
+    """The deepest common ancestor of the bodies."""
     shared = set.intersection(*(set(_bodies_in(above, body)) for body in bodies))
     return next(body for body in _bodies_in(above, bodies[0]) if body in shared)
 

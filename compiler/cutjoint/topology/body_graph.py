@@ -57,7 +57,7 @@ class BodyGraph:
         return path
 
     def _link(self, paths: list[list[str]], below: int = 0) -> str:
-        """The body where paths to the ground meet, ``below`` or more bodies on; bodies further out than next to it are open."""
+        """Connect the paths where they meet, ``below`` or more bodies on; bodies further out than its children are open."""
         meet = _meet([path[below:] for path in paths])
         outside = [path[: path.index(meet)] for path in paths]
         for path in outside:
@@ -76,7 +76,7 @@ class BodyGraph:
         return tuple(sorted(_Search(self).branches(), key=lambda branch: order[branch.bodies[0]]))
 
     def groups(self, carrier: str, without: str = "") -> list[list[str]]:
-        """The bodies next to a carrier, those that cut joints and gears connect together, one left out."""
+        """The children of a carrier, except one, in groups that cut joints and gears connect."""
         if carrier not in self.linked:
             return [[body] for body in self.carried[carrier]]
         group = {body: body for body in self.carried[carrier] if body != without}
@@ -92,7 +92,7 @@ class BodyGraph:
         return list(members.values())
 
     def inside(self, roots: Iterable[str]) -> set[str]:
-        """The bodies of unknown motion of some subtrees."""
+        """The bodies of unknown motion in some subtrees."""
         inside = set(roots)
         for body, below in self.carrier.items():
             if below in inside:
@@ -106,17 +106,17 @@ def _meet(paths: Sequence[Sequence[str]]) -> str:
 
 
 def _turned(gear: Gear, tree: Sequence[TreeJoint]) -> tuple[str, ...]:
-    """The bodies that a gear's joints carry, but for those that guides move; two at least, twice the same if there is one."""
+    """The bodies that a gear's joints carry, without guided ones; a single body is listed twice."""
     bodies = tuple(t.child for name in gear.joints for t in tree if t.joint.name == name and degrees(t.joint))
     return bodies if len(bodies) > 1 else 2 * bodies
 
 
-#: The most unknowns of a branch: the cost of a dense matrix grows with their cube, that of the recursion with their number.
+#: The largest number of unknowns of a branch: a dense matrix costs their cube, the recursion their number.
 MOST_UNKNOWNS = 12
 
 
 class _Search:
-    """Looks for branches from the ground outwards."""
+    """Searches for branches from the ground outwards."""
 
     def __init__(self, graph: BodyGraph) -> None:
         self._graph = graph
@@ -125,7 +125,7 @@ class _Search:
         self._needed = {root for ends in graph.geared.values() for root in self._closed_roots([graph.path(end) for end in ends])}
 
     def _summed(self, counts: Mapping[str, int]) -> dict[str, int]:
-        """The sum of counts over each body and all that it carries."""
+        """The sum of counts over the subtree of each body."""
         carrier = self._graph.carrier
         total = {body: counts.get(body, 0) for body in carrier}
         for body in reversed(carrier):

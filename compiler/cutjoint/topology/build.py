@@ -1,4 +1,4 @@
-"""Model -> Topology."""
+"""From a model to its topology."""
 
 from __future__ import annotations
 

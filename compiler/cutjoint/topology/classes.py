@@ -52,7 +52,7 @@ def _find(model: Model, graph: BodyGraph, parts: Sequence[Sequence[str]]) -> tup
     occurring = Counter(sizes)
     groups: dict[tuple[str | None, Signature], list[_Part]] = {}
     for roots, size in zip(parts, sizes, strict=True):
-        if occurring[size] > 1:  # a part of a size of its own has no match
+        if occurring[size] > 1:  # a part of a unique size has no match
             part = attached.part(roots)
             groups.setdefault((part.carrier, part.signature), []).append(part)
     covered: set[str] = set()
@@ -154,7 +154,7 @@ class _Attached:
         )  # fmt: skip
 
     def _carrier(self, bodies: Sequence[str], touched: Iterable[str]) -> str | None:
-        """The body of unknown motion that carries a part, if all that the part touches carries it too, or is its hub."""
+        """The body of unknown motion that carries a part; None if the part touches others than its carriers and its hub."""
         carrier = self._graph.top[self._joint_of[bodies[0]].parent]
         above = [*self._graph.path(carrier), self._hubs.get(bodies[0])]
         return carrier if all(self._graph.top[body] in above for body in touched) else None
@@ -169,7 +169,7 @@ def _by_body(elements: Iterable[Any], bodies: Any) -> dict[str, list[Any]]:
 
 
 def _sorted(by_body: Mapping[str, Sequence[Any]], bodies: Sequence[str], key: Any) -> list[tuple[Signature, Any]]:
-    """The elements at some bodies with their keys, in the order of these."""
+    """The elements at some bodies with their keys, sorted by these."""
     found = {element.name: element for body in bodies for element in by_body.get(body, ())}
     return sorted(((key(element), element) for element in found.values()), key=lambda pair: pair[0])
 
@@ -180,7 +180,7 @@ def force_bodies(force: Force, ends: Mapping[str, tuple[str, ...]]) -> tuple[str
 
 
 def joint_ends(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> dict[str, tuple[str, ...]]:
-    """The bodies that a force on a joint's coordinate acts on: the one that a tree joint carries, base and follower of a cut joint."""
+    """The bodies that a force on a joint's coordinate acts on: the body that a tree joint carries, both bodies of a cut joint."""
     return {**{t.joint.name: (t.child,) for t in tree}, **{cut.name: (cut.base, cut.follower) for cut in cuts}}
 
 
@@ -198,7 +198,7 @@ def _gear(gear: Gear, where: Any) -> tuple[Any, ...]:
 def _force(force: Force, where: Any, ends: Mapping[str, tuple[str, ...]], instance: str) -> tuple[str, tuple[int, ...], str]:
     shape = ";".join(_reading(law, instance) or _shape(law) for law in force.expressions) + force.coordinate_of
     places = tuple(where(b) for b in force_bodies(force, ends))
-    # a force between two members has its base in the one and its follower in the other
+    # a force between two members may have its base in either
     return type(force).__name__, tuple(sorted(places)) if min(places) < 0 else places, shape
 
 
@@ -214,8 +214,7 @@ def _reading(law: Scalar, instance: str) -> str:
 
 @lru_cache(maxsize=4096)
 def _shape(law: Scalar) -> str:
-    """A law with its numbers taken out; one over parameters, inputs and quantities alone is a number too, as the drive of one wheel and the
-    0 of another."""
+    """A law without its numbers.  One of parameters, inputs and quantities alone is a number too: a drive of one wheel, 0 of another."""
     if all(symbol.name.startswith(("p_", "@")) for symbol in law.free_symbols):
         return "number"
     placeholder = sympy.Symbol("number")

@@ -19,7 +19,7 @@ class CutRules:
     uses: Mapping[str, tuple[Use, ...]]
 
     def reason(self, cut: Joint, tree: Sequence[TreeJoint]) -> str:
-        """The reason that a joint must not be cut beside a tree; "" if it may."""
+        """The reason that a joint must not be cut with this tree; "" if it may be."""
         if cut.name in self.uncuttable and cut.cut is not True:
             return self.uncuttable[cut.name]
         uses = self.uses.get(cut.name, ())

@@ -1,6 +1,4 @@
-"""Joints as numbers in the design position: the motions of a tree joint and the conditions of a cut joint, as twists about the world's
-origin, and the condition of the equations of loops.
-"""
+"""Joints in the design position in numbers: twists of tree joints, constraints of cut joints, and their condition numbers."""
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,13 +21,13 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 def evaluate(model: Model, expressions: Sequence[Scalar], values: Mapping[Scalar, Scalar] | None = None) -> Array:
-    """The values of expressions over parameters and, where given, further symbols."""
+    """Evaluate expressions over parameters and, if given, further symbols."""
     known = {p.symbol: sympy.Float(p.value) for p in model.parameters}
     return np.array([float(sympy.sympify(e).xreplace(values or {}).xreplace(known)) for e in expressions])
 
 
 def extent(points: Iterable[Sequence[Scalar]], values: Mapping[Scalar, float]) -> float:
-    """The diagonal (m) of the box around points at values of parameters; 1 where that is no length."""
+    """The diagonal (m) of the bounding box of points at given parameters; 1 if it is not a positive length."""
     places = np.array([[value_of(sympy.sympify(x), values) for x in point] for point in points]).reshape(-1, 3)
     found = float(np.linalg.norm(np.ptp(places, axis=0))) if len(places) else 0.0
     return found if np.isfinite(found) and found > 0 else 1.0
@@ -48,13 +46,13 @@ def arm_of(model: Model) -> float:
 
 @dataclass(kw_only=True)
 class JointGeometry:
-    """Twists of joints, derived once for all joints that differ by their place alone."""
+    """Twists of joints, derived once for all joints that differ in position only."""
 
     model: Model
     _shapes: dict[Hashable, Array] = field(default_factory=dict)
 
     def free_twists(self, t: TreeJoint) -> Array:
-        """The twists [v0; w] (6, k) of the outer body beside the inner one at unit speeds of the joint; none if it is guided."""
+        """Twists [v0; w] (6, k) of the outer body relative to the inner one, at unit speeds of the joint; none if it is guided."""
         if degrees(t.joint) == 0:
             return np.zeros((6, 0))
         key = (t.reversed, *_shape(t.joint))
@@ -67,7 +65,7 @@ class JointGeometry:
         return np.concatenate([twists[:3] + centre @ twists[3:], twists[3:]])
 
     def constraint_jacobian(self, cut: Joint) -> Array:
-        """The Jacobian (m, 6) of a cut joint's equations by the twist [v0; w] of its follower beside its base."""
+        """Jacobian (m, 6) of a cut joint's constraints by the twist [v0; w] of its follower relative to its base."""
         key = ("cut", *_shape(cut))
         if key not in self._shapes:
             kernel = derive_closure(cut)
@@ -79,7 +77,7 @@ class JointGeometry:
 
 
 def _shape(joint: Joint) -> tuple[Hashable, ...]:
-    """All of a joint's geometry but its place."""
+    """A joint's geometry without its position."""
     return joint.kind, joint.axes, None if joint.to is None else _rod(joint), joint.pitch
 
 
@@ -89,7 +87,7 @@ def _rod(joint: Joint) -> tuple[Scalar, ...]:
 
 
 def _at_the_joint(cut: Joint, base: Sequence[Sequence[Scalar]], follower: Sequence[Sequence[Scalar]]) -> dict[Scalar, Scalar]:
-    """The kernel's symbols in the design position, points from the joint's own."""
+    """The kernel's symbols in the design position; points are relative to the joint's."""
     nowhere = (0, 0, 0)
     points = [(closures.P, nowhere if cut.to is None else _rod(cut)), (closures.P0, nowhere)]
     directions = [*zip(closures.B, base, strict=False), *zip(closures.F, follower, strict=False)]
@@ -107,15 +105,14 @@ TOLERANCE = 1e-9
 
 
 def balanced(jacobian: Array) -> Array:
-    """A Jacobian with rows of one length, whatever their units; rows below 1e-4 of the longest, which may be rounding, keep their share."""
+    """A Jacobian with rows of equal length; rows below 1e-4 of the longest, which may be rounding, keep their proportion."""
     lengths = np.linalg.norm(jacobian, axis=1, keepdims=True)
     scaled: Array = jacobian / np.maximum(lengths, max(1e-4 * lengths.max(initial=0.0), np.finfo(float).tiny))
     return scaled
 
 
 def loop_condition(geometry: JointGeometry, tree: Sequence[TreeJoint], cuts: Sequence[Joint], cut: Joint) -> float:
-    """The condition of the equations of a cut joint's loop and of the loops that share a joint with it: the largest singular value by the
-    smallest that is not zero."""
+    """Condition number of the constraints of a cut joint's loop and of loops that share a joint with it, without zero singular values."""
     around = loops_of(tree, cuts)
     mine = {t.joint.name for t in around[cut.name]}
     near = [(other, around[other.name]) for other in cuts if any(t.joint.name in mine for t in around[other.name])]
@@ -126,7 +123,7 @@ def loop_condition(geometry: JointGeometry, tree: Sequence[TreeJoint], cuts: Seq
 
 
 def design_jacobian(geometry: JointGeometry, loops: Sequence[tuple[Joint, Sequence[TreeJoint]]]) -> Array:
-    """d rate / d v of cut joints with the tree joints around their loops; the columns are those joints' speeds as they are met."""
+    """Jacobian of cut joints' constraint rates by the speeds of the tree joints in their loops, in order of first occurrence."""
     columns: dict[str, slice] = {}
     end = 0
     for t in (t for _, around in loops for t in around):
@@ -143,7 +140,7 @@ def design_jacobian(geometry: JointGeometry, loops: Sequence[tuple[Joint, Sequen
 
 
 def _along(cut: Joint, around: Sequence[TreeJoint]) -> list[tuple[float, TreeJoint]]:
-    """The joints from follower to base with the sign of their twist in that of the follower beside the base."""
+    """The joints from follower to base, with the sign of their twist in the relative twist of the cut joint's bodies."""
     body, signed = cut.follower, []
     for t in around:
         inwards = t.child == body

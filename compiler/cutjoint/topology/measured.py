@@ -16,7 +16,7 @@ from cutjoint.model.expressions.quantities import readings_of
 from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.topology.records import TreeJoint
 
-#: Unit vectors count as parallel where their components differ by less.
+#: Unit vectors are parallel if their components differ by less.
 _PARALLEL = 1e-9
 
 
@@ -32,7 +32,7 @@ class Use:
 
 @dataclass(frozen=True, kw_only=True)
 class SignedRotation:
-    """A tree joint whose ``coordinate`` joins an angle with a ``sign``."""
+    """A tree joint whose ``coordinate`` contributes to an angle with a ``sign``."""
 
     joint: Joint
     coordinate: str
@@ -68,10 +68,7 @@ def uses_of_coordinates(model: Model) -> Mapping[str, tuple[Use, ...]]:
 
 
 def reason_not_to_measure(cut: Joint, uses: Iterable[Use], around: Sequence[TreeJoint]) -> str:
-    """The reason that a used coordinate of a joint cannot be measured where the joint is cut; "" if all can.
-
-    ``around`` are the tree joints of its loop.
-    """
+    """The reason that a used coordinate of a cut joint cannot be measured, or "".  ``around`` are the tree joints of its loop."""
     for use in uses:
         if use.coordinate not in cut.element.measurable:
             return f"{use.reason}, which a cut {cut.kind} joint does not have"
@@ -102,7 +99,7 @@ def angles_around(cut: Joint, around: Sequence[TreeJoint]) -> tuple[SignedRotati
 
 
 def _directed(cut: Joint, around: Sequence[TreeJoint]) -> Iterator[tuple[TreeJoint, bool]]:
-    """The joints of a loop from the follower of its cut joint on, and whether each leads inwards, on the follower's side."""
+    """The joints of a loop from the cut joint's follower on, and whether each leads inwards on the follower's side."""
     body = cut.follower
     for t in around:
         is_inwards = body == t.child
@@ -111,7 +108,7 @@ def _directed(cut: Joint, around: Sequence[TreeJoint]) -> Iterator[tuple[TreeJoi
 
 
 def _sign(cut: Joint, other: Joint) -> int:
-    """1 or -1 where another joint turns about the cut joint's axis or against it, and about nothing else; 0 otherwise."""
+    """1 or -1 if another joint rotates about the cut joint's axis, in the same or in the opposite sense, and about no other; else 0."""
     element = other.element
     if tuple(element.measures.values()) != (ABOUT_AXIS,) or element.has_ball:
         return 0

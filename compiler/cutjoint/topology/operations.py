@@ -20,7 +20,7 @@ BODY = 135
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """Operations of one evaluation but for the forces, those side by side in lanes counted each, and once."""
+    """Operations of one evaluation without forces: lanes counted one by one, and lanes counted once."""
 
     all_lanes: int
     counted_once: int
@@ -39,7 +39,7 @@ def predict_operations(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[J
 
 
 def _shares(model: Model, graph: BodyGraph) -> Counter[str]:
-    """The operations by body and cut joint; all of a branch by its first body."""
+    """The operations by body and cut joint; those of a branch belong to its first body."""
     tree, cuts = graph.tree, graph.cuts
     coupled = eliminate(tree, cuts)
     still = _reached(tree, [t for t in tree if degrees(t.joint) == 0])
@@ -60,7 +60,7 @@ def _shares(model: Model, graph: BodyGraph) -> Counter[str]:
 
 
 def _reached(tree: Sequence[TreeJoint], joints: Sequence[TreeJoint]) -> set[str]:
-    """The ground and the bodies that these joints alone connect to it."""
+    """The ground and the bodies that these joints connect to it."""
     reached, names = {GROUND}, {t.joint.name for t in joints}
     for t in tree:
         if t.parent in reached and t.joint.name in names:
@@ -79,7 +79,7 @@ def _closing(tree: Sequence[TreeJoint], cuts: Sequence[Joint], still: set[str]) 
 
 
 def _condensation(t: TreeJoint, others: frozenset[str], inner: bool) -> int:
-    """Operations of eliminating a body and of its way back; ``others`` it is coupled to, ``inner`` when its parent moves."""
+    """Operations of eliminating a body and of back substitution; it is coupled to ``others``, ``inner`` if its parent moves."""
     k, s = degrees(t.joint), len(others)
     passed_on = (27 + 36 * s) * inner
     if k == 0:
@@ -94,23 +94,23 @@ def _condensation(t: TreeJoint, others: frozenset[str], inner: bool) -> int:
 
 
 def _ball(s: int, inner: bool) -> int:
-    """A ball about its centre: inertia there, moments of s couplings, and the part for a parent that moves."""
+    """Operations of a ball about its centre: inertia, moments of s couplings, and the contribution to a moving parent."""
     return 40 + 120 * inner + (70 + 90 * inner) * s
 
 
 def _projection(t: TreeJoint, s: int, inner: bool) -> int:
-    """b^T M b and b^T C of s couplings, by the rows of b that are not nought."""
+    """Operations of b^T M b and b^T C for s couplings, by the nonzero rows of b."""
     if t.joint.element.is_free and not inner:
         return 0
     k, width = degrees(t.joint), 5 if t.joint.element.keeps_attitude or not inner else 11
     return width * (6 * k * (1 + s) + k * (k + 1) // 2)
 
 
-#: Residual, stabilisation and multiplier of an equation of a cut joint in a branch; what a gear between unguided joints adds to a branch.
+#: Of an equation of a cut joint in a branch: residual, stabilisation, multiplier.  Of a gear between unguided joints in a branch.
 EQUATION, GEAR = 30, 19
-#: Of a body in a branch: the sums of masses and forces that it carries; of each unknown of its joint: the column G = M^c S.
+#: For a body in a branch: composite mass and force.  For each unknown of its joint: the column G = M^c S.
 CARRIED, COLUMN = 30, 25
-#: Of two unknowns, one of which carries the other: an entry of H; of an equation and an unknown: an entry of J.
+#: For two unknowns in one path to the ground: an entry of H.  For an equation and an unknown: an entry of J.
 ENTRY, SLOPE = 8, 8
 
 
@@ -143,7 +143,7 @@ def _branched(branch: Branch, graph: BodyGraph, massive: set[str]) -> int:
 
 
 def _coupled_unknowns(bodies: Sequence[str], unknowns: Mapping[str, int], coupled: Mapping[str, set[str]]) -> dict[str, list[int]]:
-    """The later unknowns that each unknown of a body is coupled to when it is eliminated, leaves first."""
+    """The unknowns, eliminated later, that each unknown of a body is coupled to; leaves are eliminated first."""
     neighbours = {body: set(others) for body, others in coupled.items()}
     for body, others in coupled.items():
         for other in others:
@@ -159,7 +159,7 @@ def _coupled_unknowns(bodies: Sequence[str], unknowns: Mapping[str, int], couple
 
 
 def _carriers(body: str, joint_of: Mapping[str, TreeJoint]) -> list[str]:
-    """The body and those of its branch that carry it."""
+    """The body and its ancestors in the branch."""
     found = []
     while body in joint_of:
         found.append(body)

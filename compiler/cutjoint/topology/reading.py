@@ -1,4 +1,4 @@
-"""From a model file to a :class:`Model`, with the problems of its loops beside those of the file."""
+"""From a model file to a :class:`Model`; problems of its loops are listed with those of the file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def read_model(path: AnyPath, *, tunable: Sequence[str] = (), functions: AnyPath
 
 
 def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, tunable: Sequence[str] = ()) -> Model:
-    """Read a model from a text; ``file`` names it in messages, ``folder`` has the files that it names."""
+    """Read a model from a text; messages call it ``file``, and ``folder`` contains the files that it names."""
     with _problems_of_loops():
         return read.read_model_text(text, file, folder=folder, tunable=tunable)
 
@@ -45,7 +45,7 @@ def _read_foreign(path: Path, tunable: Sequence[str]) -> Model:
 
 @contextmanager
 def _problems_of_loops() -> Iterator[None]:
-    """Adds them to the problems of a file."""
+    """Context that adds problems of loops to those of a file."""
     try:
         yield
     except ModelError as error:

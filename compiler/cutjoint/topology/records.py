@@ -11,16 +11,13 @@ from dataclasses import dataclass
 
 from cutjoint.model.records import GROUND, Gear, Joint, Model
 
-#: Members side by side: what a vector register of 256 bits holds in double precision.
+#: The largest number of lanes: double precision numbers in a vector register of 256 bits.
 WIDEST = 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class TreeJoint:
-    """A joint of the spanning tree, seen from its inner body.
-
-    ``reversed`` is whether the tree passes from the joint's follower to its base.
-    """
+    """A joint of the spanning tree, seen from its inner body; ``reversed`` if the tree passes from its follower to its base."""
 
     joint: Joint
     parent: str
@@ -69,7 +66,7 @@ class SubtreeClass:
 
     @property
     def lanes(self) -> tuple[tuple[tuple[str, ...], ...], ...]:
-        """The members that are computed side by side: in groups of four and two, since registers hold powers of two."""
+        """The sizes of groups that are evaluated together: four and two, since registers hold powers of two."""
         groups, first, width = [], 0, WIDEST if self.independent else 1
         while len(self.members) - first > 1 < width:
             while width > len(self.members) - first:
@@ -81,9 +78,8 @@ class SubtreeClass:
 
 @dataclass(frozen=True, kw_only=True)
 class Topology:
-    """The spanning tree (parents first), the cut joints, and what follows from them; ``embedded`` are joints that assemblies close.
-
-    ``arm`` is that of equations between directions, see `topology.geometry.arm_of`.
+    """The spanning tree (parents first), the cut joints, and quantities derived from them.
+    ``embedded`` are the joints that loop embedding closes.  ``arm``: see `topology.geometry.arm_of`.
     """
 
     model: Model
@@ -106,7 +102,7 @@ class Topology:
 
     @property
     def ends_on_massless(self) -> bool:
-        """True where all closings of loops join massless bodies, so that perhaps no mass resists them: kinetic energy then tells penalties
+        """Whether all loop closures join massless bodies, so that penalties are scaled by the kinetic energy instead of masses
         (runtime/include/cutjoint/core/mechanism/effective_mass.hpp)."""
         massless, joints = {b.name for b in self.model.bodies if b.is_massless}, {j.name: j for j in self.model.joints}
         ends = [[e] if isinstance(e, Joint) else [joints[name] for name in e.joints] for e in self.closing]
@@ -124,7 +120,7 @@ class Topology:
 
 
 def degrees(joint: Joint) -> int:
-    """The unknown speeds of a joint: none where it is guided."""
+    """The number of unknown speeds of a joint: 0 if it is guided."""
     return 0 if joint.guide is not None else len(joint.element.speeds)
 
 
@@ -143,7 +139,7 @@ def eliminate(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Mapping[str, 
             neighbours[body].discard(t.child)
         clique = others | ({t.parent} - {GROUND})
         for body in clique:
-            # a body without unknowns hands its couplings to its parent and makes none among the others
+            # a body without unknowns passes its couplings to its parent and adds none between others
             partners = clique if degrees(t.joint) or body == t.parent else {t.parent} - {GROUND}
             neighbours[body] |= partners - {body}
     return coupled

@@ -42,7 +42,7 @@ def span(model: Model) -> "Spanning":
 
 @dataclass(frozen=True, kw_only=True)
 class Spanning:
-    """A choice: the joints of the names ``cut`` are cut, the others form the tree."""
+    """A choice of cut joints: those of the names ``cut`` are cut, the others form the tree."""
 
     model: Model
     cut: frozenset[str]
@@ -68,7 +68,7 @@ class Spanning:
         return cost_of(self.model, self.tree, self.cuts)
 
     def exchanged(self, cut: Joint, instead: Joint) -> "Spanning":
-        """Copy the choice with another joint cut, and the cut joint in the tree."""
+        """A copy of the choice in which another joint is cut ``instead``."""
         return replace(self, cut=(self.cut - {cut.name}) | {instead.name})
 
 
@@ -84,8 +84,7 @@ class Exchanges:
         return [t.joint for t in joints_around(spanning.tree, cut) if t.joint.name not in self.rules.uncuttable]
 
     def violations(self, spanning: Spanning) -> tuple[int, int]:
-        """Two counts that come before the cost: cut joints that must not be cut, and forces on cut joints, which cost nothing in the
-        tree."""
+        """Two counts that precede the cost: cut joints that must not be cut, and forces on cut joints, which would be free in the tree."""
         return self.rules.faults(spanning.tree, spanning.cuts), self.rules.forces_on(spanning.cuts)
 
     def exchange_in_all_alike(self, spanning: Spanning, cut: Joint, instead: Joint) -> Spanning:
@@ -113,7 +112,7 @@ class _Search:
     left: set[frozenset[str]] = field(default_factory=set)
 
     def improve(self, best: Spanning) -> Spanning:
-        """Sweeps over the joints that may be cut, until none finds a better choice."""
+        """Try all exchanges repeatedly until none improves the choice."""
         improved = True
         while improved:
             improved, seen = False, set[int]()
@@ -142,14 +141,14 @@ class _Search:
         return self.costs[spanning.cut]
 
     def _condition(self, cut: Joint, spanning: Spanning) -> float:
-        """The condition of a cut joint's loop and its neighbours to three digits, so that rounding decides nothing."""
+        """The condition number of a cut joint's loop and its neighbours to three digits, so that rounding has no influence."""
         try:
             return float(f"{loop_condition(self.geometry, spanning.tree, spanning.cuts, cut):.2e}")
-        except ModelError:  # a direction of this joint depends on a tunable parameter, so that it has no numbers yet
+        except ModelError:  # a direction of this joint depends on a tunable parameter and has no value yet
             return math.inf
 
 
-#: The largest distance, in joints, of a difference that tells joints apart.
+#: The largest distance, in joints, at which surroundings of joints are compared.
 RADIUS = 8
 
 
@@ -184,7 +183,7 @@ def _numbered(shapes: Mapping[str, Any]) -> dict[str, int]:
 
 
 def _merged(model: Model) -> dict[str, str]:
-    """Each body's representative among those that guided joints connect with it."""
+    """For each body, a representative of the bodies that guided joints connect with it."""
     merged = {GROUND: GROUND, **{b.name: b.name for b in model.bodies}}
     for joint in model.joints:
         if degrees(joint) == 0 and merged[joint.base] != merged[joint.follower]:
@@ -208,14 +207,14 @@ class Option:
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """A loop's cut joint in use, and the joints of its loop that could be cut instead, cheapest first, the file's order at equal cost."""
+    """The cut joint of a loop, and its alternatives by increasing cost, then in the file's order."""
 
     used: Option
     alternatives: tuple[Option, ...]
 
 
 def rank_cuts(topology: Topology) -> tuple[Choice, ...]:
-    """The choice of each loop, in the order of the cut joints; a joint that must not be cut is no alternative."""
+    """The choices of all loops, in the order of the cut joints; joints that must not be cut are left out."""
     model = topology.model
     exchanges, place = Exchanges(rules=find_rules(model), number=number_alike(model)), {j.name: i for i, j in enumerate(model.joints)}
     used = Spanning(model=model, cut=frozenset(cut.name for cut in topology.cuts))

@@ -12,7 +12,7 @@ from cutjoint.topology.records import TreeJoint, degrees
 
 
 class TopologyError(ModelError):
-    """The graph cannot be spanned as the model asks."""
+    """The graph has no spanning tree with the cuts of the model."""
 
 
 @dataclass(frozen=True, kw_only=True, order=True)
@@ -44,7 +44,7 @@ def split(model: Model, cut: Container[str]) -> tuple[tuple[TreeJoint, ...], tup
 
 
 def loops_of(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> dict[str, list[TreeJoint]]:
-    """The tree joints of each cut joint's loop by its name, from its follower round to its base."""
+    """The tree joints of each cut joint's loop by its name, from its follower to its base."""
     above = {t.child: t for t in tree}
     return {cut.name: _around(above, cut) for cut in cuts}
 
@@ -86,7 +86,7 @@ def _orient(joints: Sequence[Joint]) -> tuple[TreeJoint, ...]:
 
 
 def _outwards(body: str, arrived: str, at: dict[str, list[Joint]]) -> list[TreeJoint]:
-    """The joints that lead on from a body, last first."""
+    """The joints that lead outwards from a body, last first."""
     return [
         TreeJoint(joint=j, parent=body, child=j.follower if j.base == body else j.base, reversed=j.base != body)
         for j in reversed(at.get(body, [])) if j.name != arrived

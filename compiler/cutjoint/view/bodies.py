@@ -1,4 +1,4 @@
-"""Bodies as they are drawn: by their meshes, their shapes, else as bars between what holds them."""
+"""Drawn bodies: their meshes or shapes, else bars between their attachment points."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from cutjoint.view.motions import rotation_to
 from cutjoint.view.records import JOINT, Array, Colour, Mesh, Part, colours_of, read_colour
 from cutjoint.view.sizes import Sizes, attached_points, point_of
 
-#: A centre of mass nearer to a bar than this, in radii of the bar, lies in it.
+#: A centre of mass within this distance of a bar, in radii, lies in it.
 _WITHIN = 1.5
-#: A body that so many points hold, such as a chassis, is drawn as their hull.
+#: A body with at least so many attachment points, such as a chassis, is drawn as their convex hull.
 _MANY = 6
 _LONG = {JointKind.PRISMATIC, JointKind.CYLINDRICAL, JointKind.POINT_ON_LINE}
 _TURNING = {JointKind.REVOLUTE, JointKind.SCREW, JointKind.UNIVERSAL}
@@ -32,7 +32,7 @@ class BodyParts:
     sizes: Sizes
 
     def all(self) -> Mapping[str, tuple[Part, ...]]:
-        """The parts of each body, of the ground first."""
+        """The parts of each body, the ground first."""
         parts: dict[str, list[Part]] = {GROUND: []}
         colours, held = colours_of([body.name for body in self.model.bodies]), self._attachments()
         for body in self.model.bodies:
@@ -42,7 +42,7 @@ class BodyParts:
         return {name: tuple(shapes) for name, shapes in parts.items()}
 
     def _attachments(self) -> dict[str, list[Array]]:
-        """The points that hold each body, each once."""
+        """The distinct attachment points of each body."""
         held: dict[str, list[Array]] = {}
         for body, point in attached_points(self.model, self.scene):
             place, shapes = point_of(self.numbers, point), held.setdefault(body, [])
@@ -58,7 +58,7 @@ class BodyParts:
         yield Part(mesh=meshes.joined(solid or bars), colour=read_colour(colours[0]) if colours else colour)
 
     def _bars(self, centre: Array, held: Sequence[Array], *, is_massless: bool) -> Iterator[Mesh]:
-        """Bars from the centre of mass to all points, or one between two points where the centre lies in it or there is none."""
+        """Bars from the centre of mass to all points; one bar between two points if it contains the centre or there is none."""
         r = self.sizes.bar
         if len(held) == 2 and (is_massless or _distance(centre, *held) < _WITHIN * r):
             yield meshes.between(held[0], held[1], r)
@@ -79,7 +79,7 @@ class BodyParts:
         match shape.kind:
             case ShapeKind.BOX:
                 a, b, c = sizes
-                x, y = axes[:2]  # a mirrored box has axes of the left hand; a box is the same without the third
+                x, y = axes[:2]  # mirrored axes are left-handed; a box is symmetric about the third
                 yield meshes.box(a, b, c).moved(np.stack([x, y, np.cross(x, y)], axis=1), places[0])
             case ShapeKind.CYLINDER:
                 yield meshes.cylinder(sizes[0], sizes[1], 40).moved(rotation_to(axes[0]), places[0])
@@ -91,7 +91,7 @@ class BodyParts:
                 yield meshes.sphere(2.2 * self.sizes.bar).moved(np.eye(3), places[0])
 
     def _joint(self, joint: Joint) -> Iterator[Mesh]:
-        """A pin for a turn about an axis, a bar for a slide along one, a ball for the others."""
+        """A pin for a rotation about an axis, a bar for a displacement along one, a ball for other joints."""
         r, at = self.sizes.joint, point_of(self.numbers, joint.at)
         axes = [point_of(self.numbers, axis) for axis in joint.axes]
         if joint.element.is_free:
