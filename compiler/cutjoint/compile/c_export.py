@@ -209,12 +209,12 @@ class Standalone:
         return with_section(build_module(self.name, self.files, self.digest), json.dumps(facts).encode())
 
     def build_twin(self) -> Path:
-        """The shared library with the bits of the module; errors as of `toolchain.wasm.build_twin`."""
+        """The shared library whose results equal those of the module bit by bit; errors as of `toolchain.wasm.build_twin`."""
         return build_twin(self.name, self.files, self.digest)
 
     @property
     def module_files(self) -> Mapping[str, str]:
-        """The files in JavaScript and TypeScript beside a module, by name."""
+        """The JavaScript and TypeScript files that accompany a module, by name."""
         equations = self.parts.stepped
         page = Page.of(equations, self.method)
         kinds = {
@@ -229,7 +229,7 @@ class Standalone:
 
 
 def module_script() -> str:
-    """The host of modules in JavaScript, for any model."""
+    """The JavaScript host of modules; it is the same for any model."""
     return (templates_folder() / "wasm" / "module.js").read_text(encoding="utf-8")
 
 
@@ -320,13 +320,13 @@ def choose_steps(scene: Scene, method: str, integrator: str | None, *, equal_ste
 
 
 def needs_load_events(scene: Scene, method: str, integrator: str | None, *, equal_steps: bool = False) -> bool:
-    """Return whether derivatives of steps are only exact where these end as loads of friction pass zero: of adaptive ones."""
+    """Return whether derivatives of adaptive steps are exact only if steps end where a normal force of friction passes zero."""
     chosen = str(choose_steps(scene, method, integrator, equal_steps=equal_steps).integrator)
     return INTEGRATORS[chosen].adaptive
 
 
 def _simulated(scene: Scene, method: str) -> str:
-    """The integrator of a run of the command line."""
+    """The integrator of a command line run."""
     return find_integrator(scene.numerics, METHODS[method], Implementation.GENERATED, Options()).name
 
 
@@ -338,7 +338,7 @@ def _require_unknowns(equations: Equations) -> None:
 
 
 def _require_relative(equations: Equations, requested: str, why: str) -> None:
-    """Check that the state has relative coordinates, from which minimal ones are chosen and all bodies follow."""
+    """Check that the state has relative coordinates, from which minimal ones and the poses of all bodies are computed."""
     if isinstance(equations, SystemEquations) and METHODS[equations.method].formulation is Formulation.NATURAL:
         able = join_or(linearised_methods())
         raise RunError(f"{requested}: the state of method '{equations.method}' has natural coordinates, {why}; use {able}")
@@ -352,7 +352,7 @@ def _require_partials(equations: Equations) -> None:
 
 
 def linearised_methods() -> tuple[str, ...]:
-    """The methods whose folders can have derivatives."""
+    """The methods whose C exports can have derivatives."""
     return names_of(METHODS, lambda m: m.formulation is not Formulation.NATURAL)
 
 
@@ -394,7 +394,7 @@ class ExportPlan:
     standalone: Standalone | None
 
     def write(self, simulator: Path, flags: Sequence[str]) -> None:
-        """Write all files or none; each replaces an earlier one as a whole, so that an earlier program that is running goes on.
+        """Write all files or none; each is replaced atomically, so that a running program keeps its earlier file.
 
         Raises:
             ToolchainError: the C++ compiler failed.

@@ -1,4 +1,4 @@
-"""A model for the interpreter, which is compiled once for all models."""
+"""Interpreted models: the interpreter is compiled once for all models."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -55,7 +55,7 @@ def compile_interpreted(
 
 
 def interpreted_by(model: Model, scene: Scene, method: str) -> Artifact | None:
-    """The model by another method, None where the simulator would have to be built first."""
+    """The interpreted model by another method; None if its simulator is not built yet."""
     driver = "lagrangian" if METHODS[method].has_system else "recursive"
     if model.functions or not (must_interpret() or interpreter_is_there(driver, find_compiler(), FLAGS)):
         return None
@@ -64,7 +64,7 @@ def interpreted_by(model: Model, scene: Scene, method: str) -> Artifact | None:
 
 def _interpret(equations: Equations, program: Program) -> tuple[Source, dict[str, Any]]:
     if isinstance(equations, SystemEquations):
-        from cutjoint.compile.systems import interpret_scheduled  # the recursive method does not wait for what this imports
+        from cutjoint.compile.systems import interpret_scheduled  # imported here because the recursive method does not need it
 
         return interpret_scheduled(equations, program)
     assert isinstance(equations, RecursiveEquations)

@@ -46,5 +46,5 @@ class CompileOptions:
         return self.precision == DEFAULT_PRECISION and not self.additions and self.out is None
 
 
-#: The choices where none is made.
+#: The default choices.
 DEFAULT = CompileOptions()

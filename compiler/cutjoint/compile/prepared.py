@@ -31,7 +31,7 @@ from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_
 from cutjoint.toolchain.compiler import find_compiler, must_interpret, resolve
 from cutjoint.toolchain.drivers import Kind
 
-#: Bytes that are read of a model file: more than a model may have, so that a truncated file cannot match a cached one.
+#: The largest number of bytes that are read of a model file: above the limit of models, so that a truncated file never matches.
 _LARGEST = 8_000_000
 
 
@@ -76,7 +76,7 @@ class PreparedRun:
     plots: tuple[Plot, ...] = ()
 
     def accepts(self, parameters: Mapping[str, float]) -> bool:
-        """Return whether parameters can be changed, and inputs held, without the model."""
+        """Return whether parameters can be changed, and inputs set to constants, without the model."""
         if any(_has_other_unit(value, self.units.get(name, "")) for name, value in parameters.items()):
             return False
         changed = parameters.keys() - ({} if "inputs" in self.dependent_parts else set(self.inputs))
@@ -101,7 +101,7 @@ def find_cached_run(request: Request, parameters: Mapping[str, float]) -> Prepar
         record = read_record(_cache_path(request, content))
         prepared = None if record is None or digests_of(record["files"]) != record["files"] else _from_json(record)
     except (OSError, CutjointError, PackageNotFoundError, ValueError):
-        return None  # whatever is wrong is an error, with its message, of preparing anew
+        return None  # errors are reported when the run is prepared anew
     if prepared is None or not prepared.accepts(parameters) or not is_sound(prepared.run.simulator):
         return None
     return replace(prepared, run=prepared.run.with_parameters(parameters))
@@ -129,7 +129,7 @@ def cache_run(request: Request, text: str, prepared: PreparedRun) -> None:
 
 
 def _can_be_read_again(request: Request) -> bool:
-    """Return whether the files that a request names are no pipes, which can be read once."""
+    """Return whether the files that a request names can be read again; pipes cannot."""
     return request.model.is_file() and (request.functions is None or request.functions.is_file())
 
 
@@ -181,7 +181,7 @@ def versions() -> tuple[str, ...]:
 
 def _as_json(prepared: PreparedRun) -> dict[str, Any]:
     found = replace(prepared.compilation, generate_seconds=0.0, compile_seconds=0.0)
-    run = replace(prepared.run, continuation=None, by_method=None)  # derived again where used
+    run = replace(prepared.run, continuation=None, by_method=None)  # derived again when needed
     prepared = replace(prepared, compilation=found, run=run)
     return {**asdict(prepared), "run": {**asdict(prepared.run), "simulator": prepared.run.simulator.parent.name}}
 

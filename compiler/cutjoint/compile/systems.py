@@ -76,7 +76,7 @@ def interpret_scheduled(equations: SystemEquations, program: Program) -> tuple[S
 
 
 def formulate_system(start: RecursiveEquations, method: str, outputs: tuple[Output, ...]) -> tuple[SystemEquations, list[NaturalState]]:
-    """The equations, and the states where the pivots of a saddle point are tried."""
+    """The equations, and the states at which pivots of a saddle point are tried."""
     if METHODS[method].formulation is Formulation.IMPLICIT:
         return formulate_implicit(start, outputs), []
     equations = formulate_lagrangian(start, method, outputs)
@@ -132,7 +132,7 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
 
 
 def _laws_without_value(equations: LagrangianEquations, state: NaturalState) -> list[str]:
-    """Messages about laws without a value, or without a derivative, in the design position and near it."""
+    """Messages about laws without a value or derivative in and near the design position."""
     words = "no finite value or derivative in the design position and near it, where classical chooses its pivots"
     advice = "give it one there, or use --method recursive"
     if not equations.domains:  # numbers grow without bound
@@ -146,7 +146,7 @@ def _laws_without_value(equations: LagrangianEquations, state: NaturalState) -> 
 
 
 def _advice(equations: LagrangianEquations) -> str:
-    """The advice where classical has no pivots: other methods, but where a motion moves no mass."""
+    """Advice if classical finds no pivots: other methods, except if a motion is massless."""
     motions = find_momentary_motions(equations.start, explore(equations.start))
     if not motions:
         return "use --method augmented or recursive"
@@ -155,7 +155,7 @@ def _advice(equations: LagrangianEquations) -> str:
 
 
 def _dependent(equations: LagrangianEquations, row: int, advice: str) -> str:
-    """The message about a coordinate or an equation that has no pivot of its own near the design position."""
+    """The message about a coordinate or an equation that has no pivot near the design position."""
     model, name = equations.topology.model, equations.row_names[row]
     element = (*equations.state.v, *equations.state.equations)[row].element
     rest = name.removeprefix(f"{element}.").split("*")

@@ -1,1 +1,1 @@
-"""A model coupled with a controller that is an FMU: its description and instances by FMPy, what is connected, the run of both."""
+"""A model coupled with controllers that are FMUs: their descriptions and instances by FMPy, the connections, the run."""

@@ -1,4 +1,4 @@
-"""The connections of controllers with a model and each other: outputs of each to inputs of others; and systems that say them.
+"""Connections between controllers and a model, from names or from a system description.
 
 Systems are those of System Structure and Parameterization 1.0 (Modelica Association, 2019).
 """
@@ -21,9 +21,9 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.toolchain.temporary import temporary_folder
 
-#: The ending of a system's archive, the file in it that has the structure, and its namespace.
+#: The suffix of a system's archive, the structure file in it, and its namespace.
 SYSTEM, _STRUCTURE, _SPACE = ".ssp", "SystemStructure.ssd", "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
-#: Bytes of the structure and of an FMU.
+#: Largest sizes in bytes: of the structure, of an FMU.
 _LARGEST_STRUCTURE, _LARGEST_FMU = 1 << 24, 1 << 30
 _FMU = "application/x-fmu-sharedlibrary"
 
@@ -95,7 +95,7 @@ def _read_system(path: Path, archive: zipfile.ZipFile, model: str, folder: Path)
 
 
 def _parsed(path: Path, content: bytes) -> Any:
-    """The root of a structure: no entity is replaced, nothing is loaded."""
+    """The root of a structure; entities are not expanded and nothing is loaded."""
     try:
         from lxml import etree  # comes with FMPy
     except ImportError:
@@ -118,7 +118,7 @@ def _content(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
 
 
 def _require_plain(path: Path, element: Any, whose: str) -> None:
-    """Check that nothing changes values that a run would not."""
+    """Check that no element changes values in a way that runs do not support."""
     if any(element.find(f"{_SPACE}{tag}") is not None for tag in ("ParameterBindings", "SignalDictionaries")):
         raise RunError(f"{path}: {whose} has parameter bindings or signal dictionaries, which are not read; put values into the FMUs")
 
@@ -190,7 +190,7 @@ def connect(
 
 @dataclass(frozen=True)
 class PortOf:
-    """A port of the FMU of a number."""
+    """A port of an FMU, which is given by its index."""
 
     fmu: int
     port: Port
@@ -217,7 +217,7 @@ def find_port(fmus: Sequence[ControllerFmu], word: str, connection: str) -> Port
 
 
 def _other_port(fmus: Sequence[ControllerFmu], here: PortOf, word: str, name: str) -> PortOf | None:
-    """The port of another FMU that is named, None where no FMU has it."""
+    """The named port of another FMU; None if no FMU has it."""
     names = {x for fmu in fmus for port in fmu.ports for x in (port, f"{fmu.path.stem}:{port}")}
     if len(fmus) == 1 or name not in names:
         return None

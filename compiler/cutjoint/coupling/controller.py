@@ -12,11 +12,11 @@ from cutjoint.coupling.process import ControllerError, SlaveProcess
 from cutjoint.package.errors import RunError
 from cutjoint.toolchain.temporary import temporary_folder
 
-#: The types that are real numbers, in FMI 2 and 3.
+#: The types of real numbers in FMI 2 and 3.
 _REAL = ("Real", "Float64")
 _BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")
 
-#: The longest time, in s, of a call of an FMU.
+#: The longest duration of a call of an FMU, s.
 CALL_LIMIT = 60.0
 
 
@@ -46,12 +46,12 @@ class Port:
         return value if self.unit is None else self.unit.factor * value + self.unit.offset
 
     def from_si(self, value: float) -> float:
-        """A value in SI units as the FMU has it."""
+        """A value in the FMU's unit, from SI units."""
         return value if self.unit is None else (value - self.unit.offset) / self.unit.factor
 
 
 class ControllerFmu:
-    """An FMU that has been opened: its ``ports`` by name, ``step`` of its default experiment (s, None without one)."""
+    """An opened FMU: its ``ports`` by name, ``step`` of its default experiment (s), None if it has none."""
 
     def __init__(self, path: Path, description: Any, process: SlaveProcess) -> None:
         self.path, self._description, self._process = path, description, process
@@ -63,7 +63,7 @@ class ControllerFmu:
 
     @property
     def fault(self) -> str:
-        """The fault of an instance while it was ended; "" without one."""
+        """The error while an instance was terminated; "" without one."""
         return self._process.fault
 
     @property
@@ -72,7 +72,7 @@ class ControllerFmu:
         return str(self._description.fmiVersion)[0]
 
     def instantiate(self) -> "Controller":
-        """A new instance, once the one before is closed.
+        """Make a new instance; the previous one must be closed.
 
         Raises:
             ControllerError: the binary cannot be loaded, or makes no instance.
@@ -165,11 +165,11 @@ class Controller:
         self._call("it cannot begin", "begin", end)
 
     def start(self) -> None:
-        """Initialisation is over."""
+        """End the initialisation."""
         self._call("it cannot begin", "start")
 
     def set(self, ports: Sequence[Port], values: Sequence[float]) -> None:
-        """Give inputs."""
+        """Set inputs."""
         self._call(f"inputs {', '.join(p.name for p in ports)} cannot be given", "set", [p.reference for p in ports], list(values))
 
     def get(self, ports: Sequence[Port]) -> list[float]:

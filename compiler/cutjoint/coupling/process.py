@@ -1,4 +1,4 @@
-"""Calls of an FMU in a process of its own (`slave`), which may end, hang or print as it likes."""
+"""Calls of an FMU in a process of its own (`slave`), which may end, hang or print anything."""
 
 import json
 import os
@@ -17,23 +17,20 @@ from cutjoint.toolchain.supervisor import end_session
 
 _START = "from cutjoint.coupling.slave import main; main()"
 
-#: Seconds for what nobody needs any longer, and for Python to begin on a busy machine.
+#: Time limits, s: for a process to exit, and for Python to start on a busy machine.
 _LEAVE, _BEGIN = 2.0, 120.0
-#: Bytes that are kept of what an FMU prints.
+#: Bytes of an FMU's output that are stored.
 _KEPT = 300
-#: Characters of an answer at most.
+#: The largest length of an answer, in characters.
 _MOST = 1_000_000
 
 
 class ControllerError(RunError):
-    """A call that an FMU refused or did not come back from, or a step that it could not take."""
+    """An FMU refused a call, did not return from it, or could not take a step."""
 
 
 class SlaveProcess:
-    """The process of the FMU in a folder, in which a call may take so many seconds.
-
-    It begins with the first call, and anew after one that did not come back.
-    """
+    """The process of the FMU in a folder, with a time limit for each call.  It starts with the first call, and again after a timeout."""
 
     def __init__(self, path: Path, folder: Path, seconds: float) -> None:
         self._path, self._folder, self._seconds = path, folder, seconds
@@ -41,7 +38,7 @@ class SlaveProcess:
         self._printed, self.fault = b"", ""
 
     def call(self, what: str, name: str, *arguments: Any) -> Any:
-        """The value of a method of `Slave`; ``what`` did not work says the error.
+        """The result of a method of `Slave`; errors say that ``what`` did not work.
 
         Raises:
             ControllerError: the FMU refused it, ended or crashed its process, or took too long.
@@ -60,7 +57,7 @@ class SlaveProcess:
         return found.get("value")
 
     def close(self) -> None:
-        """End the instance as the standard says, also after a call that failed; `fault` says what went wrong with it."""
+        """End the instance as the standard requires, also after a failed call; `fault` describes its errors."""
         if self._process is not None:
             self._connection.settimeout(min(self._seconds, _LEAVE))
             try:
@@ -73,7 +70,7 @@ class SlaveProcess:
             self.fault = f"{self._path}: it cannot be terminated: {reason}" if reason else self.fault
 
     def kill(self) -> int:
-        """End the process and what it has started; its status."""
+        """End the process and its children; returns its status."""
         process, self._process = self._process, None
         if process is None:
             return 0
@@ -105,13 +102,13 @@ class SlaveProcess:
         self._connection.settimeout(self._seconds)
 
     def _listen(self, printed: Any) -> None:
-        """Keep the end of the FMU's output, however long that is."""
+        """Store the end of the FMU's output."""
         with printed:
             while some := printed.read1():
                 self._printed = (self._printed + some)[-_KEPT:]
 
     def _ask(self, name: str, arguments: tuple[Any, ...]) -> dict[str, Any]:
-        """The answer of the process; an OSError or a ValueError where there is none."""
+        """The answer of the process; raises OSError or ValueError if there is none."""
         self._connection.sendall((json.dumps([name, *arguments]) + "\n").encode())
         return self._receive()
 

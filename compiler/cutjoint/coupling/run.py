@@ -1,4 +1,4 @@
-"""The run of a model with controllers: all take steps of communication, and exchange values between them."""
+"""The run of a model with controllers: all take communication steps and exchange values."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -24,17 +24,17 @@ from cutjoint.run.simulator import Progress
 from cutjoint.stepping.handle import SimulationError
 from cutjoint.stepping.simulation import Simulation
 
-#: Exchanges at the start until outputs and inputs go together.
+#: The largest number of exchanges at the start to make outputs and inputs consistent.
 _EXCHANGES = 20
-#: Times that are nearer than this share of a step of communication are one.
+#: Times closer than this share of a communication step are equal.
 _ROUNDING = 1e-6
-#: Exchanges of an FMU in a run at most: hours.
+#: The largest number of exchanges of an FMU in a run: hours.
 _MOST = 1e8
 
 
 @dataclass(frozen=True, kw_only=True)
 class Participant:
-    """An FMU with its connections, whose steps of communication are ``step`` long (s)."""
+    """An FMU with its connections; its communication steps have the length ``step`` (s)."""
 
     fmu: ControllerFmu
     connections: Connections
@@ -60,7 +60,7 @@ class Plan:
 
     @property
     def step(self) -> float:
-        """The shortest step of communication, s."""
+        """The shortest communication step, s."""
         return min(participant.step for participant in self.parties)
 
     @property
@@ -126,7 +126,7 @@ def _text(number: float) -> str:
 
 @contextmanager
 def _table(out: Path | None, units: Mapping[str, str]) -> Iterator[TableFile | Stream | None]:
-    """The table of a run with its header, whole where nothing goes wrong."""
+    """The table of a run with its header; it is complete unless an error occurs."""
     if out is None:
         yield None
         return
@@ -178,14 +178,14 @@ def _times(plan: Plan) -> Iterator[tuple[float, bool]]:
 
 
 def _exchange_times(plan: Plan) -> Iterator[float]:
-    """The times of exchanges behind the start."""
+    """The times of exchanges after the start."""
     steps = [participant.step for participant in plan.parties]
     times = merge(*(map(mul, repeat(step), range(1, _count(plan.end, step) + 1)) for step in steps))
     return (next(group) for _, group in groupby(times, lambda time: round(time / (_ROUNDING * plan.step))))
 
 
 def _require_exchanges(plan: Plan) -> None:
-    """Check that the steps of communication are not so many that something else was meant."""
+    """Check that the number of communication steps is plausible."""
     for participant in plan.parties:
         if (count := plan.end / participant.step) > _MOST:
             raise RunError(
@@ -195,7 +195,7 @@ def _require_exchanges(plan: Plan) -> None:
 
 
 def _begin(plan: Plan, simulation: Simulation, ends: "list[_End]") -> None:
-    """Start all, with values that go together."""
+    """Initialise all participants with consistent values."""
     for name, value in plan.parameters.items():
         if name in simulation.parameters:
             simulation.parameters[name] = value
@@ -225,11 +225,11 @@ class _End:
         self._steps = 0
 
     def is_due(self, time: float, end: float) -> bool:
-        """Return whether a step of communication ends at a time."""
+        """Return whether a communication step ends at a time."""
         return self._steps < _count(end, self._step) and time >= (self._steps + 1 - _ROUNDING) * self._step
 
     def step(self) -> None:
-        """Take the step of communication that ends now."""
+        """Take the communication step that ends now."""
         self.controller.step(self._steps * self._step, self._step)
         self._steps += 1
 
@@ -239,7 +239,7 @@ class _End:
         self._read_outputs()
 
     def passed(self) -> list[float]:
-        """The values, in SI units, that other FMUs have for this one."""
+        """The values (SI units) that other FMUs pass to this one."""
         return [value for source, port, _ in self._connections.passed for value in self._others[source]._read([port])]
 
     def _write_inputs(self) -> None:
@@ -258,7 +258,7 @@ class _End:
         return values
 
     def _read_outputs(self) -> None:
-        """The controller's outputs to the model's inputs, which hold them; guides go there until the next exchange."""
+        """Set the model's inputs to the controller's outputs (zero-order hold); guides reach them at the next exchange."""
         driven, before = self._connections.driven, self.given
         self.given = self._read(list(driven.values()))
         has_started = self._simulation.time > 0

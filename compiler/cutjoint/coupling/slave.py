@@ -50,11 +50,11 @@ class Slave:
             self._instance.enterInitializationMode(startTime=0.0, stopTime=end)
 
     def start(self) -> None:
-        """Initialisation is over."""
+        """End the initialisation."""
         self._instance.exitInitializationMode()
 
     def set(self, references: Sequence[int], values: Sequence[float]) -> None:
-        """Give inputs."""
+        """Set inputs."""
         (self._instance.setReal if self._is_2 else self._instance.setFloat64)(references, values)
 
     def get(self, references: Sequence[int]) -> list[float]:
@@ -73,7 +73,7 @@ class Slave:
 
 
 def answer(slave: Any, request: Sequence[Any]) -> dict[str, Any]:
-    """The answer to a request."""
+    """Return the answer to a request."""
     name, *arguments = request
     try:
         return {"value": getattr(slave, name)(*arguments)}

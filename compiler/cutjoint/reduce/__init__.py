@@ -1,1 +1,1 @@
-"""Models cut down to what a scene needs."""
+"""Models reduced to the parts that a scene needs."""

@@ -32,23 +32,23 @@ from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.platforms import machine
 
-#: The share of the accuracy that a choice may use, since it is measured against a truth that has an error of its own.
+#: The share of the accuracy that a choice may use; the rest is for the error of the reference.
 SHARE = 0.8
 
-#: Steps are tried as multiples of the scene's own for the method: from longer ones down.
+#: Range of tried steps, as multiples of the scene's step for the method, longest first.
 LONGEST, SHORTEST = 16, 2**-9
 
-#: From one step that is tried to the next.
+#: The ratio of successive trial steps.
 RATIO = 2**0.5
 
-#: Tolerances of steps that are tried, from the first down to the last, and from one to the next.
+#: Range of tried tolerances, largest first, and the ratio of successive ones.
 LARGEST_TOLERANCE, SMALLEST_TOLERANCE, TOLERANCE_RATIO = 1e-2, 1e-10, 10**0.5
 
 #: A reduced model is given up where a compiled run takes so many times as long as the best so far, or any run so many times the
 #: instructions.  An error counts as lower below this share of another.
 PATIENCE, DEARER, SETTLING = 3.0, 1.5, 0.9
 
-#: Rounds in which the fastest are timed again, in turns.
+#: The number of rounds in which the fastest are timed again alternately.
 ROUNDS = 2
 
 
@@ -69,7 +69,7 @@ class Candidate:
 
     @property
     def steps(self) -> Steps:
-        """The steps of its run."""
+        """The number of steps of its run."""
         return Steps(dt=self.dt, integrator=self.integrator, tolerance=self.tolerance)
 
 
@@ -96,7 +96,7 @@ class _ReducedModels:
         self._of: dict[str, Future[list[ReducedModel]]] = {}
 
     def begin(self) -> None:
-        """Derive those of all methods in other threads, one after the other."""
+        """Derive those of all methods in other threads, one method after the other."""
         for method in METHODS:
             self._begin(method)
 
@@ -137,13 +137,13 @@ def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None
     try:
         place = _cache_path(model, scene, parameters or {})
     except PackageNotFoundError:
-        return _calibrate(model, scene, parameters or {})  # installed without its versions
+        return _calibrate(model, scene, parameters or {})  # installed without versions
     kept = _read(place)
     return kept if kept is not None else _keep(_calibrate(model, scene, parameters or {}), place)
 
 
 def chosen_model(model: Model, scene: Scene, choice: Choice) -> ReducedModel:
-    """The reduced model that was picked, with its steps as the scene's own."""
+    """The chosen reduced model, with the chosen steps in its scene."""
     picked = choice.picked
     variant = choice.reduced or _find(picked, _ReducedModels(model, scene))
     numerics = replace(variant.scene.numerics, methods={**variant.scene.numerics.methods, picked.method: _own(variant.scene, picked)})
@@ -171,7 +171,7 @@ def _cache_path(model: Model, scene: Scene, parameters: Mapping[str, float]) -> 
 
 
 def _read(place: Path) -> Choice | None:
-    """A choice that was made before; None where there is none, or not as it was written."""
+    """An earlier choice; None if there is none or its file is damaged."""
     data = read_record(place)
     if data is None:
         return None
@@ -180,7 +180,7 @@ def _read(place: Path) -> Choice | None:
 
 
 def _keep(made: Choice, place: Path) -> Choice:
-    with suppress(ToolchainError):  # a cache that cannot be written: it is measured again next time
+    with suppress(ToolchainError):  # without a cache it is measured again next time
         write_record(place, {
             "picked": asdict(made.picked), "evidence": [asdict(c) for c in made.evidence], "settled": made.settled,
         })  # fmt: skip
@@ -205,7 +205,7 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
 
 
 def _timed_alternately(tried: Sequence[tuple[Candidate, Artifact | None]], parameters: Mapping[str, float]) -> tuple[Candidate, ...]:
-    """The candidates; those that may be the fastest are timed again, in turns, so that all are disturbed alike."""
+    """The candidates; those that may be the fastest are timed again alternately, so that disturbances affect all equally."""
     fastest = min((c.seconds for c, _ in tried if not c.failure), default=inf)
     close = {
         c: at_step(artifact, c.steps)
@@ -282,7 +282,7 @@ def trials_by(variant: ReducedModel) -> Callable[[str], Trials]:
 
 
 def _fastest(found: Sequence[tuple[Candidate, Trials | None]]) -> Candidate | None:
-    """The candidate with the fewest instructions among all that keep the accuracy."""
+    """The candidate with the fewest instructions among those that meet the accuracy."""
     return min((c for c, _ in found if not c.failure), key=lambda c: c.instructions, default=None)
 
 
@@ -320,7 +320,7 @@ def find_tolerated(
 
 
 def _cannot_win(name: str, share: float, tried: Candidate, best: Candidate) -> bool:
-    """Return whether a setting has fallen to less than a share of that of the best run."""
+    """Return whether a setting is less than its value in the best run, divided by ``share``."""
     return bool(getattr(tried, name) < getattr(best, name) / share)
 
 
@@ -378,12 +378,12 @@ def _gives_up(trials: Trials, run: Trajectory, fastest: Candidate | None) -> str
         return ""
     if trials.instructions(run) > DEARER * fastest.instructions:
         return f"more than {DEARER:g} times the instructions of another at longer steps already"
-    slower = trials.is_compiled and run.seconds > PATIENCE * fastest.seconds  # which may have been interpreted, and is faster then
+    slower = trials.is_compiled and run.seconds > PATIENCE * fastest.seconds  # the run may be interpreted; generated code is faster
     return "slower than another at longer steps already" if slower else ""
 
 
 def _falling(scene: Scene, method: str, ratio: float) -> list[float]:
-    """Steps that share rows with the truth, long ones first."""
+    """Decreasing steps that have samples in common with the reference."""
     given = scene.numerics.of_method(method).step
     longest = min(LONGEST * given, scene.end / 8)
     count = ceil(log(longest / (SHORTEST * given)) / log(ratio)) + 1

@@ -130,7 +130,7 @@ def _moved_force(force: Force, body: str, rotation: NDArray[np.float64], shift: 
     return replace(force, **placed)
 
 
-#: A body that has moved by less when the scene starts stands where it was drawn (m and rad).
+#: A body that has moved by less at the scene's start is in its design position (m and rad).
 _SAME = 1e-9
 
 
@@ -144,7 +144,7 @@ class Frozen:
 
     @property
     def carriers(self) -> Mapping[str, str]:
-        """For each body the one that it becomes a part of, or itself: the ground, or the first in the file."""
+        """For each body the one that it is merged into, or itself: the ground, or the first in the file."""
         order = {name: i for i, name in enumerate((GROUND, *(b.name for b in self.model.bodies)))}
         carrier = {name: name for name in order}
         for joint in self.joints:
@@ -153,12 +153,12 @@ class Frozen:
         return carrier
 
     def shift(self, body: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The rotation (3, 3) and shift (3,) of the body from its drawn pose to that at the start, in the frame of its carrier."""
+        """The rotation (3, 3) and displacement (3,) of the body from its design pose to the start, in the frame of its carrier."""
         seen = self.poses[body].seen_from(self.poses[self.carriers[body]])
         return seen.R[0], seen.r[0]
 
     def is_moved(self, body: str) -> bool:
-        """Return whether the body is away from the place at which it is drawn."""
+        """Return whether the body is away from its design position."""
         rotation, shift = self.shift(body)
         return bool(max(np.abs(rotation - np.eye(3)).max(), np.abs(shift).max()) > _SAME)
 
@@ -190,7 +190,7 @@ class Frozen:
         return note, {j.name for j in self.joints if body in (j.base, j.follower)}
 
     def _path_around(self, joint: Joint) -> set[str]:
-        """The joints that hold the two bodies of a joint together: itself, or one path between them."""
+        """The joints that connect the bodies of a joint: itself, or one path between them."""
         if joint in self.joints:
             return {joint.name}
         paths: dict[str, set[str]] = {joint.base: set()}
@@ -214,7 +214,7 @@ def _need(model: Model, scene: Scene, joint: Joint) -> str:
 
 
 def _fixed_in(element: Any, inner: Collection[str]) -> set[str]:
-    """The bodies in which an element that stays has parts that cannot be moved in one of them alone."""
+    """The bodies in which a remaining element has parts that cannot be moved individually."""
     match element:
         case Joint():
             return set() if element.name in inner else bodies_of(element)

@@ -20,7 +20,7 @@ from cutjoint.run.results import Trajectory
 
 
 def guardable(model: Model, scene: Scene) -> tuple[str, ...]:
-    """The forces that are switched on and whose law is zero in a part of its range."""
+    """The active forces whose law is zero in a part of its range."""
     return tuple(f.name for f in model.forces if not _reason(f, scene))
 
 
@@ -84,7 +84,7 @@ def _region(force: Force) -> "Region":
 
 
 def _reason(force: Force, scene: Scene) -> str:
-    """The reason that a force stays, "" if it need not."""
+    """The reason that a force is not removed, "" if it can be."""
     if not is_active(force, scene):
         return "stays: it is switched off"
     if not force.can_be_guarded:
@@ -173,7 +173,7 @@ def _all_of(regions: Iterable[Region]) -> Region:
 
 
 def _exclude(one: Scalar, other: Scalar) -> bool:
-    """Return whether two margins are positive together nowhere: a law that is zero at one place, as |x|, acts all around it."""
+    """Return whether two margins are nowhere positive together.  A law that is zero at one point only, as |x|, acts all around it."""
     if (one + other).has(sympy.Piecewise):
         return False
     total, share = sympy.expand(one + other), sympy.cancel(one / other)

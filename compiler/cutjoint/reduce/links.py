@@ -33,7 +33,7 @@ def shorten_links(model: Model, scene: Scene) -> Outcome:
 
 
 class _StaysError(Exception):
-    """The reason that a link stays."""
+    """The reason that a link is not replaced."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,7 @@ class _Link:
         return joint.follower if joint.base == self.body.name else joint.base
 
     def rods(self) -> tuple[Joint, ...]:
-        """The distances that stand for it, from the cut joint's other body to the tree joint's."""
+        """The distances that replace it, from the cut joint's other body to the tree joint's."""
         kinds = {self.cut.kind, self.tree.kind}
         if kinds <= set(_BALLS) and JointKind.SPHERICAL in kinds:
             return (self._rod(self.body.name, self.cut.at, self.tree.at),)
@@ -68,7 +68,7 @@ class _Link:
 
 
 def _offset_circle(hinge: Joint, point: Vector, side: int) -> Vector:
-    """A point of a hinge's axis, as far from the centre of the circle on which ``point`` moves as that is wide."""
+    """A point of a hinge's axis, as far from the centre of the circle of ``point`` as its radius."""
     at, axis, p = (sympy.Matrix(v) for v in (hinge.at, hinge.axes[0], point))
     centre = at + axis * (axis.dot(p - at) / axis.dot(axis))
     x, y, z = centre + side * axis * ((p - centre).norm() / axis.norm())
@@ -93,7 +93,7 @@ def _shorten(outcome: Outcome, link: _Link) -> Outcome:
 
 
 def _require_idle(outcome: Outcome, link: _Link) -> None:
-    """Nothing asks for the link's own motion, prescribes it or couples it to another."""
+    """Check that nothing reads the link's own motion, prescribes it or couples it."""
     names = (link.body.name, link.cut.name, link.tree.name)
     for name in (o.column for o in outcome.scene.outputs if o.element in names):
         raise _StaysError(f"stays: the output '{name}' needs it")
@@ -114,7 +114,7 @@ def _require_idle(outcome: Outcome, link: _Link) -> None:
 
 
 def _moved(force: Force, link: _Link) -> Force:
-    """A force whose ends on the link are at its joints, on the bodies that these join it to."""
+    """A force whose points on the link are at its joints; it acts on the bodies that these connect."""
     if force.joint_of in (link.cut.name, link.tree.name):
         raise _StaysError(f"stays: the force '{force.name}' acts in its joint")
     changed: dict[str, Any] = {}
@@ -164,7 +164,7 @@ def _converted(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint]
 
 
 def _at_end(forces: Sequence[Force], link: _Link) -> Iterator[Force]:
-    """Forces on the link at its cut joint."""
+    """The forces on the link at its cut joint."""
     for force in forces:
         for point in (found for carrier in Carrier if (found := force.sole_point(carrier)) is not None):
             if point.body(force) == link.body.name and point.of(force) == link.cut.at:

@@ -26,16 +26,16 @@ from cutjoint.run.simulator import SimulatorError
 
 # Truth
 
-#: The share that the last halving of the truth's step may move it by: at order two a third of that is left.
+#: The largest change of the reference by the last halving, as a share of the accuracy; at order 2 a third of it remains.
 SETTLED = 0.1
 
-#: The truth's step is halved at most so often.
+#: The largest number of halvings of the reference's step.
 MOST_HALVINGS = 9
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """A run of the full model that halving its step moves by ``settled`` (m, rad) only."""
+    """A run of the full model; halving its step changes it by ``settled`` (m, rad) only."""
 
     run: Trajectory
     settled: float
@@ -84,7 +84,7 @@ def _converge(trials: Trials, step: float, scene: Scene, parameters: Mapping[str
 
 
 def fraction(row: float, about: float) -> float:
-    """The whole fraction or multiple of the rows' distance that is next below a step."""
+    """The largest step not above a given one that is a whole fraction or multiple of the sample interval."""
     return row * floor(about / row * (1 + 1e-9)) if about >= row else row / ceil(row / about * (1 - 1e-9))
 
 

@@ -57,7 +57,7 @@ def _require_body(body: Body, reflection: Body, plane: Plane) -> None:
 
 
 def _joint_signs(joint: Joint, reflection: Joint, plane: Plane) -> Mapping[str, int]:
-    """1 for each coordinate that the reflection counts the same way, else -1."""
+    """1 for each coordinate that the reflection leaves unchanged, -1 for each that it reverses."""
     alike = all(is_same(getattr(reflection, name), getattr(joint, name)) for name in ("at", "to", "pitch"))
     of_axes = [_axis_sign(a, b) for a, b in zip(reflection.axes, joint.axes, strict=True)]
     if not alike or 0 in of_axes:
@@ -77,7 +77,7 @@ def _axis_sign(a: Vector, b: Vector) -> int:
 
 
 def _flips(element: JointElement, of_axes: Sequence[int]) -> Mapping[str, int]:
-    """The signs of coordinates when axes are reversed; the second direction across one is a product with two of them."""
+    """The signs of coordinates when axes are reversed; the second transverse direction is a product with two of them."""
     signs = dict(zip((Direction.AXIS, Direction.AXIS_2), of_axes, strict=False))
     if of_axes:
         signs[Direction.ACROSS_1] = of_axes[0]
@@ -85,7 +85,7 @@ def _flips(element: JointElement, of_axes: Sequence[int]) -> Mapping[str, int]:
 
 
 def _require_forces(forces: Sequence[Force], mirrored: Iterable[Force], signs: Mapping[str, Mapping[str, int]], plane: Plane) -> None:
-    """Check that each force equals its reflection, or another one's."""
+    """Check that each force equals its own reflection or that of another force."""
     free = list(forces)
     for force, reflection in zip(forces, mirrored, strict=True):
         image = next((f for f in free if _is_image(force, reflection, f, signs)), None)
@@ -95,7 +95,7 @@ def _require_forces(forces: Sequence[Force], mirrored: Iterable[Force], signs: M
 
 
 def _is_image(force: Force, reflection: Force, candidate: Force, signs: Mapping[str, Mapping[str, int]]) -> bool:
-    """Return whether a candidate is what the plane shows of a force."""
+    """Return whether a candidate is the reflection of a force."""
     if type(force) is not type(candidate):
         return False
     if force.joint_of:

@@ -47,7 +47,7 @@ def drop_idle_equations(model: Model, scene: Scene) -> Outcome:
 
 
 def _moves_across(joint: Joint, normal: Vector, values: dict[object, float]) -> bool:
-    """Return whether a joint leaves directions along the normal alone: it turns about it or slides across it."""
+    """Return whether a joint moves parallel to a plane of this normal: it rotates about the normal or slides across it."""
     if joint.kind is JointKind.FIXED:
         return True
     if joint.kind in _ROTATIONS:
@@ -86,7 +86,7 @@ def flatten(model: Model, scene: Scene) -> Outcome:
 
 
 def confined_bodies(joints: Collection[Joint], plane: Plane) -> set[str]:
-    """The ground, and the bodies that joints alone keep in a plane."""
+    """The ground, and the bodies that joints alone confine to the plane."""
     confined, grows = {GROUND}, True
     while grows:
         ends_of = [{j.base, j.follower} for j in joints if _holds(j, plane)]
@@ -97,7 +97,7 @@ def confined_bodies(joints: Collection[Joint], plane: Plane) -> set[str]:
 
 
 def _holds(joint: Joint, plane: Plane) -> bool:
-    """Return whether a joint leaves its bodies' planes parallel, and at their distance."""
+    """Return whether a joint keeps the planes of its bodies parallel and at constant distance."""
     match joint.kind:
         case JointKind.FIXED:
             return True

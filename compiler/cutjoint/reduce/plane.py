@@ -33,7 +33,7 @@ class Plane:
 
     @property
     def mirror(self) -> Mirror:
-        """The reflection."""
+        """The reflection matrix."""
         return mirror_along(self.axis)
 
     @property
@@ -47,7 +47,7 @@ class Plane:
         return "z" if self.axis == "x" else "x"
 
     def along_normal(self, direction: Vector) -> bool:
-        """Return whether a direction stands across the plane."""
+        """Return whether a direction is normal to the plane."""
         return all(is_zero(c) for c in cross(self.normal, direction))
 
     def within(self, direction: Vector) -> bool:
@@ -155,7 +155,7 @@ def _cylindrical(joint: Joint, plane: Plane) -> InPlane | None:
 
 
 def _universal(joint: Joint, plane: Plane) -> InPlane | None:
-    """One of the axes stands across the plane, the other turns nothing."""
+    """A universal joint becomes a hinge: one axis is normal to the plane, the other does not rotate."""
     along = [i for i, axis in enumerate(joint.axes) if plane.along_normal(axis)]
     return _changed(joint, K.REVOLUTE, (joint.axes[along[0]],), {f"angle_{along[0] + 1}": "angle"}) if along else None
 
@@ -170,7 +170,7 @@ def _spherical(joint: Joint, plane: Plane) -> InPlane:
 
 
 def _free(joint: Joint, plane: Plane) -> InPlane | None:
-    """A planar joint from the ground on, whose displacements stand along global axes."""
+    """A planar joint relative to the ground, with displacements along global axes."""
     if GROUND not in (joint.base, joint.follower):
         return None
     body = joint.follower if joint.base == GROUND else joint.base

@@ -46,12 +46,12 @@ def _influences(element: Any, model: Model) -> set[str]:
 
 
 def _is_between_prescribed(reaction: Reaction | RodForce, model: Model, prescribed: set[str]) -> bool:
-    """Return whether a reaction is of a joint between bodies of given motion, which may carry all others."""
+    """Return whether a reaction belongs to a joint between prescribed bodies, which may carry all others."""
     return isinstance(reaction, Reaction) and next(bodies_of(j) for j in model.joints if j.name == reaction.joint) <= prescribed
 
 
 def _prescribed_motion(model: Model) -> set[str]:
-    """The ground, and bodies that guides alone lead to."""
+    """The ground, and the bodies whose motion guides alone prescribe."""
     prescribed, grows = {GROUND}, True
     while grows:
         found = {
@@ -64,7 +64,7 @@ def _prescribed_motion(model: Model) -> set[str]:
 
 
 def _groups(model: Model, scene: Scene, prescribed: set[str]) -> dict[str, str]:
-    """The bodies that move, each with the name of those that it acts on."""
+    """The moving bodies, each with a name of the group of bodies that it interacts with."""
     group = {body.name: body.name for body in model.bodies if body.name not in prescribed}
     links = [_influences(element, model) for element in (*model.joints, *model.gears)]
     links += [bodies_of(force) for force in model.forces if is_active(force, scene)]

@@ -1,4 +1,4 @@
-"""Runs that passes look at, by the recursive method, and the motion of bodies in them, seen from each other."""
+"""Runs by the recursive method that passes evaluate, and relative motions of bodies in them."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.compiler import must_interpret
 
-#: Of `compiling_seconds`, s: some, and some for each operation of an evaluation; a system's factorisation is as long as its evaluation.
+#: For `compiling_seconds` (s): a constant, the time per operation, and the factor of a system with a factorisation.
 _COMPILING, _COMPILING_AN_OPERATION, _WITH_FACTORISATION = 1.0, 1.5e-4, 2
 
 #: Seconds that an interpreted operation takes, in all evaluations of a step, and of steps that are halved twice.
@@ -41,7 +41,7 @@ def run_scene(model: Model, scene: Scene, outputs: Sequence[Output] | None = Non
 
 
 def compiling_seconds(operations: int, method: str) -> float:
-    """About what compiling takes, s, of a model with so many operations an evaluation; for ever without a compiler."""
+    """Estimated time (s) to compile a model with so many operations per evaluation; infinite without a compiler."""
     if must_interpret():
         return inf
     return _COMPILING + _COMPILING_AN_OPERATION * operations * (_WITH_FACTORISATION if METHODS[method].has_system else 1)
@@ -49,7 +49,7 @@ def compiling_seconds(operations: int, method: str) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Poses:
-    """The poses of a body at the rows of a run: turns ``R`` (n, 3, 3) and places ``r`` (n, 3) of its origin in the design frame's axes."""
+    """Poses of a body at the samples of a run: rotations ``R`` (n, 3, 3) and positions ``r`` (n, 3) of its origin in global axes."""
 
     R: NDArray[np.float64]
     r: NDArray[np.float64]
@@ -60,7 +60,7 @@ class Poses:
         return Poses(R=back @ self.R, r=np.einsum("nij,nj->ni", back, self.r - other.r))
 
     def change(self, point: NDArray[np.float64]) -> float:
-        """The most by which a pose differs from the first: the angle in rad, or the way of a point of the body in m."""
+        """The largest change of a pose from the first: the rotation angle in rad, or the displacement of a point of the body in m."""
         turned = self.R @ self.R[0].T
         sines = np.stack([turned[:, i, j] - turned[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=1) / 2
         cosine = (np.trace(turned, axis1=1, axis2=2) - 1) / 2

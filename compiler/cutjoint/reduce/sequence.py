@@ -56,18 +56,18 @@ STEPS: tuple[Step, ...] = (
     Step(name="guards", reduce=guard_idle, motion="guarded"),
 )
 
-#: Approximations in the order in which they are tried: each changes the full model, and the passes above then reduce what it leaves.
+#: Approximations in the order in which they are tried: each changes the full model, to which the passes above are then applied.
 APPROXIMATIONS: tuple[Step, ...] = (
     Step(name="frozen", reduce=freeze_idle, motion="approximate", gears=False),
     Step(name="light", reduce=lighten_links, motion="approximate"),
 )
 
 
-#: Reasons for which a method may refuse a reduced model: equations that depend on each other, loops that cannot be cut as the file wants.
+#: Errors by which a method may refuse a reduced model: redundant equations, cuts of the file that are impossible.
 _REFUSALS = (ModelError, EquationsError, RunError)
 
 
-#: The approximation of what all others leave, since its guards watch the tyres that are left.
+#: Applied after all other approximations, since its guards watch the remaining tyres.
 ROLLING = Step(name="rolling", reduce=roll_straight, motion="approximate")
 
 
@@ -159,7 +159,7 @@ def _ruled_out(model: Model, steps: Sequence[Step]) -> Iterator[Note]:
 
 
 def _reduce(name: str, motion: str, outcome: Outcome, method: str) -> list[ReducedModel]:
-    """The model as it is, then a reduced model for each pass, exact or guarded, that lowers its operations."""
+    """The model itself, then a reduced model for each exact or guarded pass that lowers its operations."""
     variants = [_variant(name, outcome, method, motion=motion)]
     for step in STEPS:
         _try_pass(variants, step)
@@ -219,12 +219,12 @@ def _count(name: str, outcome: Outcome, method: str, *, motion: str) -> ReducedM
 
 
 def _refused(notes: Sequence[Note], name: str, method: str) -> list[Note]:
-    """The notes of a pass whose result the method does not take."""
+    """The notes of a pass whose result the method does not support."""
     return [replace(note, words=f"stays: the method {method} cannot solve the model after the pass '{name}'") for note in notes]
 
 
 def _dearer(notes: Sequence[Note], name: str, found: int, before: int) -> list[Note]:
-    """The notes of a pass that was left undone since it would cost more."""
+    """The notes of a pass that was not applied because it would cost more."""
     words = f"stays: the pass '{name}' would take {found} operations in place of {before}"
     return [replace(note, words=words) for note in notes]
 

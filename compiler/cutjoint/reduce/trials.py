@@ -26,10 +26,10 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 
-#: The function of a system that each iteration calls beside its tangent.
+#: The function of a system that each iteration calls in addition to its Jacobian.
 _RESIDUAL = "dynamic_residual"
 
-#: Seconds that an interpreted operation takes, before a run has shown it.
+#: Initial estimate of the time of an interpreted operation, s.
 _INTERPRETING = 4e-9
 
 
@@ -64,7 +64,7 @@ class Trials:
         with DERIVING:
             self._scheduled = scheduled or schedule_method(model, scene, scene.outputs, method=method)
             interpreted = compile_interpreted(model, scene, method=method, scheduled=self._scheduled)
-            self._interpreted = interpreted.with_rows(scene.output_step)  # which finds what its loops leave open
+            self._interpreted = interpreted.with_rows(scene.output_step)  # determines what its loops leave open
         self._left = compiling_seconds(self._operations, method)
         self._step_seconds = _INTERPRETING * self._operations
         self._last = 0.0
@@ -141,12 +141,12 @@ def run_at(artifact: Artifact, steps: Steps, parameters: Mapping[str, float]) ->
 
 Result = TypeVar("Result")
 
-#: Held by a thread that derives equations: SymPy is not made for several.
+#: Lock of threads that derive equations, since SymPy is not thread-safe.
 DERIVING = RLock()
 
 
 def begin(work: Callable[[], Result]) -> Future[Result]:
-    """Begin some work.  Nobody waits for it when the program ends, by Ctrl-C or otherwise."""
+    """Start work in a daemon thread, which does not delay the end of the program."""
     future: Future[Result] = Future()
     context = copy_context()  # who listens to the compiler
 

@@ -48,7 +48,7 @@ def _weld(outcome: Outcome, joint: Joint) -> Outcome:
 
 
 def _obstacle(outcome: Outcome, joint: Joint) -> str:
-    """The reason for which the joint stays, "" for none."""
+    """The reason that the joint is not welded, "" if there is none."""
     for other in _parallel_joints(outcome.model, joint):
         if reason := _need(outcome, other):
             return f"'{other.name}' joins the same bodies, and {reason}"
@@ -68,7 +68,7 @@ def _parallel_joints(model: Model, joint: Joint) -> tuple[Joint, ...]:
 
 
 def _need(outcome: Outcome, joint: Joint) -> str:
-    """The reason for which the joint itself is needed, "" for none."""
+    """The reason that the joint itself is needed, "" if it is not."""
     for name in (o.column for o in outcome.scene.outputs if o.element == joint.name):
         return f"the output '{name}' needs it"
     for entry in (*outcome.scene.positions, *outcome.scene.rates):
@@ -101,7 +101,7 @@ def at_centre(model: Model, scene: Scene, body: Body) -> tuple[Model, Scene]:
 
 
 def merged(a: Body, b: Body) -> Body:
-    """Both masses, the common centre, and the inertia about it (Steiner)."""
+    """The sum of two masses, their common centre, and the inertia about it (Steiner)."""
     drawn: dict[str, Any] = {"shapes": (*a.shapes, *b.shapes), "visuals": (*a.visuals, *b.visuals)}
     if b.is_massless:
         return replace(a, **drawn)

@@ -1,1 +1,1 @@
-"""Output for people: tables for the terminal, plots."""
+"""Reports: tables for the terminal, plots."""

@@ -20,10 +20,10 @@ from cutjoint.tasks.kinematics.sweep import CHANGES, LEADING, LOADS, ROLL, STEER
 _ROWS = 11
 #: The scale, the unit and the decimals of numbers for people, by the unit in files.
 _FOR_PEOPLE = {"m": (1e3, "mm", 2), "rad": (degrees(1.0), "deg", 3), "1": (1.0, "", 3), "m/rad": (1e3 / degrees(1.0), "mm/deg", 3)}
-#: The figures of one wheel that the table of travel has; those of the other are the same on a symmetric axle.
+#: Figures of one wheel in the table of travel; those of the other are equal on a symmetric axle.
 _OF_ONE_WHEEL = ("camber", "toe", "caster", "kingpin_inclination", "scrub_radius", "caster_trail")
 _OF_BOTH = ("camber", "toe")
-#: The figures of the axle in each sweep's table.
+#: Figures of the axle in the table of each sweep.
 _OF_AXLE = {
     TRAVEL: ("track", "roll_centre_height"), ROLL: ("track", "roll_centre_height", "roll_centre_y"),
     STEERING: ("ackermann", STEERING_RATIO),
@@ -55,7 +55,7 @@ def _about(found: AxleKinematics) -> Iterator[tuple[str, str]]:
 
 
 def _design(found: AxleKinematics) -> Table:
-    """The figures that have no table over a sweep, in the design position, a row a figure."""
+    """The figures that are known in the design position only, one per row."""
     table = Table(title="design position", title_justify="left", box=None)
     for heading in ("", *SIDES):
         table.add_column(heading, justify="right" if heading else "left")
@@ -99,7 +99,7 @@ def _number(value: float, unit: str) -> str:
 
 
 def write_kinematics(found: AxleKinematics, path: Path) -> Path:
-    """Write all sweeps into one CSV file, each row with the name of its sweep; units stand beside.
+    """Write all sweeps into one CSV file, each row with its sweep's name; a second file has the units.
 
     Raises:
         OutputError: it cannot be written.
@@ -128,7 +128,7 @@ def compliance_tables(found: AxleCompliance) -> Iterator[Table]:
 
 
 def write_compliance(found: AxleCompliance, path: Path) -> Path:
-    """Write the figures as a CSV file of one row; units stand beside.
+    """Write the figures as a CSV file of one row; a second file has the units.
 
     Raises:
         OutputError: it cannot be written.

@@ -1,4 +1,4 @@
-"""Plots of a run, and of others beside it, as files: those that its scene names, else one picture a dimension."""
+"""Plots of a run and of other runs as files: those that its scene defines, else one file for each dimension."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -59,7 +59,7 @@ def _require_table(path: Path) -> None:
 
 
 def _chosen(run: Trajectory, title: str, plot: Plot, folder: Path, beside: Others) -> Path:
-    """A picture that a scene names: a panel for each unit."""
+    """A plot that a scene defines: a panel for each unit."""
     lines = [line for name in plot.y for line in _lines(run, name, plot.x, name, beside)]
     figure = draw(lines, x_label=labelled(plot.x, run.unit_of(plot.x)), title=f"{title}: {plot.name}")
     return write_whole(folder / f"{plot.name}.png", as_png(figure))

@@ -15,7 +15,7 @@ from cutjoint.stepping.state_space import FrequencyResponse, LinearModel, Sample
 from cutjoint.stepping.values import Array
 from cutjoint.stepping.vibration import RandomVibration
 
-#: The most poles that a table has, and the most zeros.
+#: The largest numbers of poles and zeros in a table.
 _POLES, _ZEROS = 40, 3
 
 
@@ -84,7 +84,7 @@ def vibration_table(found: RandomVibration, title: str, weight: str) -> Table:
 
 
 def write_response(response: FrequencyResponse, path: Path) -> Path:
-    """Write gains and phases (rad) over the frequency as a CSV file; units stand beside.
+    """Write gains and phases (rad) over the frequency as a CSV file; a second file has the units.
 
     Raises:
         OutputError: it cannot be written.
@@ -100,7 +100,7 @@ def write_response(response: FrequencyResponse, path: Path) -> Path:
 
 
 def write_densities(found: RandomVibration, path: Path) -> Path:
-    """Write power spectral densities over the frequency as a CSV file; units stand beside.
+    """Write power spectral densities over the frequency as a CSV file; a second file has the units.
 
     Raises:
         OutputError: it cannot be written.

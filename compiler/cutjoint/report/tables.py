@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def closing_equations(model: Model) -> str:
-    """The equations of which a report gives number and rank."""
+    """The equations whose number and rank a report lists."""
     return "equations of cut joints and gears" if model.gears else "cut-joint equations"
 
 
@@ -70,18 +70,18 @@ def _further(model: Model) -> tuple[tuple[str, Sequence[object]], ...]:
 
 
 def _motion(mobility: Mobility, guided: int) -> str:
-    """The words about a model that has no freedom."""
+    """Describe the motion of a model without degrees of freedom."""
     if mobility.degrees_of_freedom:
         return ""
     return KINEMATIC if guided else "none: loops and joints leave no degree of freedom, and no joint is guided"
 
 
-#: The motion of a model that guides drive whole.
+#: The description of a model with prescribed motion only.
 KINEMATIC = "kinematic: guides prescribe all degrees of freedom; runs report guide forces and all reactions"
 
 
 def _assemblies(model: Model) -> str:
-    """Loops that functions close, with the largest gap and the ranges of the coordinates that lead."""
+    """Facts about embedded loops: largest constraint violation, ranges of the independent coordinates."""
     gap = max(embedded_loop.functions.violation for embedded_loop in model.embedded_loops)
     found = [(a.independent, a.functions) for a in model.embedded_loops]
     ranges = "; ".join(f"{x} {'turns' if f.is_periodic else f'from {f.range.lower:.4g} to {f.range.upper:.4g}'}" for x, f in found)
@@ -89,7 +89,7 @@ def _assemblies(model: Model) -> str:
 
 
 def _design_position(mobility: Mobility) -> str:
-    """The design position beside other poses in words: ordinary, singular or not closed."""
+    """Describe the design position compared to nearby poses: ordinary, singular or not closed."""
     if not mobility.closed:
         return "not closed: no pose near it closes the loops with the guides at their initial positions"
     others = f"{mobility.poses - 1} other pose{'s' if mobility.poses != 2 else ''} of the motion"
@@ -103,14 +103,14 @@ def _design_position(mobility: Mobility) -> str:
     return f"rank {mobility.rank} as in {others}, {condition}" if mobility.poses > 1 else f"rigid, {condition}"
 
 
-#: Words about an ordinary design position, and about one whose numbers are rounded.
+#: Descriptions of an ordinary design position, and of one with rounded numbers.
 _ORDINARY, _NEARLY = (" as in ", "rigid, "), "some equations are nearly redundant"
-#: A condition above this is that of lengths that were meant to be equal, rather than of a mechanism.
+#: Above this condition number, lengths were probably meant to be equal.
 _NEARLY_SINGULAR = 1e5
 
 
 def loop_table(topology: Topology) -> Table:
-    """One row a loop."""
+    """A table with one row for each loop."""
     table = Table(title="loops", title_justify="left", box=None)
     for heading in ("cut joint", "kind", "line", "base body", "bodies of the loop", "width"):
         table.add_column(heading, overflow="fold")
@@ -123,7 +123,7 @@ def loop_table(topology: Topology) -> Table:
 
 
 def redundancy_table(redundancy: Redundancy, model: Model) -> Table:
-    """One row a cut joint or gear and kind: the equations that follow from the others."""
+    """A table of redundant equations, one row for each cut joint or gear and kind."""
     table = Table(title=f"redundant {closing_equations(model)}", title_justify="left", box=None)
     for heading in ("cut joint or gear" if model.gears else "cut joint", "line", "equations", "redundant"):
         table.add_column(heading, overflow="fold")
@@ -135,7 +135,7 @@ def redundancy_table(redundancy: Redundancy, model: Model) -> Table:
 
 
 def _redundant_equation(redundant: RedundantEquation) -> str:
-    """The equation's name, and which others might be left out in its stead."""
+    """The name of the equation, and which others could be left out instead."""
     others = [name.removeprefix(f"{redundant.joint}.") for name in redundant.instead]
     if len(others) > _SHOWN:
         others = [*others[:_SHOWN], f"{len(others) - _SHOWN} more"]
@@ -202,7 +202,7 @@ def legend(*, with_loops: bool) -> Table:
     return facts("words", [(word, meaning) for word, meaning, of_loops in _LEGEND if with_loops or not of_loops])
 
 
-#: The value in the columns of indeterminate reactions.
+#: How the values of indeterminate reactions are chosen.
 LEAST = "the solution with the smallest multipliers of cut joints"
 
 
@@ -212,13 +212,13 @@ def indeterminate_reactions(columns: Iterable[str]) -> str:
 
 
 def locking_force_facts(held: Mapping[str, tuple[float, str]]) -> list[tuple[str, str]]:
-    """The forces that hold coordinates of a start at rest and are gone in motion; none where nothing holds it."""
+    """The forces that lock coordinates at the start and vanish in motion; none if no coordinate is locked."""
     forces = [f"{name} {f'{force / 1e3:.4g} k' if abs(force) >= 1e4 else f'{force:.4g} '}{unit}" for name, (force, unit) in held.items()]
     return [("locked at the start by", f"{', '.join(forces)}, released at t = 0")] if forces else []
 
 
 def trim_facts(found: Trimmed) -> list[tuple[str, str]]:
-    """What a trim has found, how well conditions are met, and what its reader should know."""
+    """The results of a trim, the residuals of its conditions, and notes."""
     numbers = [f"{name} = {value + 0.0:.7g} {found.units[name]}".rstrip() for name, value in found.unknowns.items()]
     changing = [f"{name} by {rate:.4g} {unit}" for name, (rate, unit) in found.unsteady.items()]
     several = {"found": numbers, "follow from other conditions": found.redundant, "change at the start": changing}
@@ -234,7 +234,7 @@ _REPORTED = (
     "indeterminate",
 )  # fmt: skip
 
-#: The words about a run that is interpreted since there is no compiler.
+#: The note on runs that are interpreted because there is no compiler.
 _GAIN = f"interpreted; generated code is 5 to 20 times as fast: {ADVICE}"
 
 
@@ -300,14 +300,14 @@ def _balance_facts(energy: EnergyBalance | None) -> list[tuple[str, str]]:
 
 
 def _unspecified_speeds(start: Start, undetermined: tuple[str, ...]) -> list[tuple[str, str]]:
-    """The speeds that a run has chosen; none where it begins at rest, since no speed is given."""
+    """The independent speeds chosen by the run; none if it starts at rest, since no speed is given."""
     if start.at_rest or not undetermined:
         return []
     chosen = "minimum norm" if start.closes_loops else "zero"
     return [("initial velocities not specified", f"{len(undetermined)}, {chosen}: {', '.join(undetermined)}")]
 
 
-#: The outputs that a line names at most.
+#: The largest number of outputs that a line names.
 _NAMED = 4
 
 
@@ -387,5 +387,5 @@ def _stepping_facts(statistics: RunStatistics) -> list[tuple[str, str]]:
 
 #: The share of steps limited by stability from which a run is called stiff.
 STIFF = 0.1
-#: A run that stability limits in so many steps is no longer for it.
+#: A run with so few steps limited by stability is not called stiff.
 FEW_STEPS = 10

@@ -27,7 +27,7 @@ from cutjoint.tasks.realtime import StepTimes
 
 # Equilibria
 
-#: m and rad; smaller ones are rounding.
+#: Smaller values (m, rad) are rounding errors.
 _NOTHING = 1e-12
 
 
@@ -60,7 +60,7 @@ def force_table(state: MechanismState) -> Table:
 
 
 def drive_table(found: Drives) -> Table:
-    """The largest force of each drive, and its root mean square over the rows."""
+    """The largest force of each drive, and its root mean square over the samples."""
     table = Table(title="drives", title_justify="left", box=None)
     for heading in ("joint", "largest", "at, s", "root mean square", "unit"):
         table.add_column(heading, justify="left" if heading in ("joint", "unit") else "right")
@@ -72,21 +72,21 @@ def drive_table(found: Drives) -> Table:
 
 
 def write_drives(found: Drives, path: Path) -> Path:
-    """Write the forces over the time as a CSV file, units beside it; OutputError where it cannot be written."""
+    """Write the forces over time as a CSV file, and a file of units; raises OutputError if it cannot be written."""
     rows = zip(found.t, *found.forces.values(), strict=True)
     lines = [",".join(found), *(",".join(f"{x + 0.0:.17g}" for x in row) for row in rows)]
     return write_table(path, found.units, "\n".join([*lines, ""]))
 
 
 def _decimals(values: Sequence[float]) -> list[str]:
-    """Numbers with as many decimals as give the largest five digits, five at least."""
+    """Numbers with as many decimals as give the largest five digits, but at least five."""
     largest = max(map(abs, values), default=0.0)
     decimals = max(5, 4 - floor(log10(largest))) if largest > _NOTHING else 5
     return [f"{round(value, decimals) + 0.0:.{decimals}f}" for value in values]
 
 
 def _posed(state: MechanismState) -> list[str]:
-    """The elements of which the whole pose is known."""
+    """The elements whose complete pose is known."""
     elements = dict.fromkeys(column.rpartition(".")[0] for column in state.values)
     return [e for e in elements if all(f"{e}.{quantity}" in state.values for quantity in POSE)]
 
@@ -95,7 +95,7 @@ def _posed(state: MechanismState) -> list[str]:
 
 _PERCENTILES = (50.0, 90.0, 99.0, 99.9)
 
-#: Classes of the histogram that each power of ten has.
+#: Classes of the histogram per power of ten.
 _CLASSES = 5
 
 
@@ -129,7 +129,7 @@ def _short(seconds: float) -> str:
 
 
 def _histogram(times: StepTimes) -> Table:
-    """Classes of equal width on a logarithmic scale; bars by the number's logarithm, so that single late steps show."""
+    """Classes of equal width on a logarithmic scale; bars have logarithmic lengths, so that single late steps are visible."""
     classes = np.floor(_CLASSES * np.log10(np.maximum(times.durations, 1e-9))).astype(int)
     counts = np.bincount(classes - classes.min())
     table = Table(title="histogram", title_justify="left", box=None)
@@ -142,7 +142,7 @@ def _histogram(times: StepTimes) -> Table:
     return table
 
 
-#: The least share of a mode's kinetic energy with which a coordinate is listed, and the number of listed ones.
+#: The smallest share of a mode's kinetic energy for which a coordinate is listed, and the largest number of listed coordinates.
 _LISTED, _MOST = 0.05, 4
 
 
@@ -157,7 +157,7 @@ _MODE_WORDS = (
 
 
 def mode_tables(modes: Modes) -> Iterator[Table | str]:
-    """The eigenvalues, the frequencies without dampers, the directions that nothing brings back, and what the words mean."""
+    """Eigenvalues, undamped frequencies, rigid-body modes, and a legend."""
     moving = "the steady motion" if modes.steady else f"the motion at {modes.time:.6g} s, coefficients frozen"
     about = "the static equilibrium" if modes.at_rest else moving
     if modes.modes:
@@ -216,7 +216,7 @@ def participants(shape: Mapping[str, Participant]) -> tuple[tuple[str, str], ...
 
 
 def _amplitude(value: complex) -> str:
-    """Signed where in phase or opposite, else with the phase in degrees."""
+    """A signed number if in phase or opposite, else magnitude and phase in degrees."""
     if abs(value.imag) <= 1e-3 * abs(value):
         return f"{value.real:.3g}"
     return f"{abs(value):.3g} at {degrees(phase(value)):.0f} deg"
@@ -258,7 +258,7 @@ def _reduced_table(title: str, headings: Sequence[str], left: int) -> Table:
 
 
 def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> Table:
-    """One row a model: the rest of the model, its cost, and its distance from the full one."""
+    """A table with one row for each model: its size, its cost, and its distance from the full model."""
     full = variants[0]
     headings = ("model", "motion", "unknowns", "equations", "ops", "share", "ms", "faster", "error")
     table = _reduced_table(f"{full.model.name}, scene {full.scene.name}, method {full.method}", headings, 2)
@@ -273,12 +273,12 @@ def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> 
 
 
 def note_lines(variant: ReducedModel) -> Iterator[str]:
-    """The notes of a reduced model, done ones first, each with its place in the file."""
+    """The notes of a reduced model, with places in the file; changes come first."""
     yield from map(str, (*variant.done, *variant.left))
 
 
 def choice_table(choice: Choice, scene: Scene) -> Table:
-    """A table of the choice beside the other candidates."""
+    """A table of the choice and the other candidates."""
     title = f"scene {scene.name}: the fastest within {accuracy_of(scene):g} m and rad (reference solution: {choice.settled:.0e})"
     table = _reduced_table(title, ("", "method", "model", "steps", "error", "ms", "of real time"), 3)
     for candidate in choice.evidence:
