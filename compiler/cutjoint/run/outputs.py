@@ -138,7 +138,7 @@ def _of_tables(tables: Mapping[str, Path | None]) -> Iterator[list[_Written]]:
 
 
 def _pictures(folder: Path) -> Iterator[_Written]:
-    """The pictures in a folder of plots, any of which may be drawn again."""
+    """The pictures in a folder of plots, each of which may be overwritten."""
     for path in sorted(folder.glob("*.png")):
         yield _Written(requested=f"--plots {folder}", path=path, part="the pictures")
 

@@ -98,7 +98,7 @@ class RunFile:
         return replace(self, settings=replace(self.settings, **changes))
 
     def with_tolerance(self, factor: float) -> "RunFile":
-        """The file with the tolerances of its steps times a factor."""
+        """The file with its step tolerances multiplied by a factor."""
         absolute = self.settings.absolute_tolerance
         return self.with_settings(tolerance=factor * self.settings.tolerance, absolute_tolerance=absolute and factor * absolute)
 

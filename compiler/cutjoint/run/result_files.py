@@ -1,4 +1,4 @@
-"""Result files: written beside their destination, and renamed when they are complete."""
+"""Result files: written under a temporary name in the destination's folder and renamed when they are complete."""
 
 import json
 import os
@@ -94,7 +94,7 @@ class Stream:
         return self.path
 
     def leave(self, reason: str) -> Path | None:
-        """Stop writing; the reader has what was written."""
+        """Stop writing; the reader keeps the part that was written."""
         self.file.close()
         return None
 
@@ -109,7 +109,7 @@ def open_table(path: Path, units: Units | None = None) -> TableFile | Stream:
 
 
 def write_table(path: Path, units: Units, text: str) -> Path:
-    """Write a complete table, and its units beside it.
+    """Write a complete table and a file with its units.
 
     Raises:
         OutputError: it cannot be written.
@@ -163,7 +163,7 @@ class RunTables:
         Raises:
             OutputError: it has another size, or cannot be written.
         """
-        while self._tables and (name := next(reversed(self._tables))) != "out":  # which is the last
+        while self._tables and (name := next(reversed(self._tables))) != "out":  # the last one
             self._tables.pop(name).finish()
         if not self._tables:
             return None
@@ -212,7 +212,7 @@ def read_rows(file: BinaryIO, columns: int) -> Array:
 
 
 def write_error(table: Path, error: ErrorEstimate | None, implementation: str) -> None:
-    """Write the error estimate of a table and the implementation of its run beside it; a stream gets none.
+    """Write the error estimate of a table and the implementation of its run to a file next to it; not for streams.
 
     Raises:
         OutputError: it cannot be written.
@@ -258,7 +258,7 @@ def write_files(folder: Path, files: Mapping[str, str | bytes], modes: Mapping[s
 
 @contextmanager
 def _written_beside() -> Iterator[Callable[..., None]]:
-    """Yields a function that writes a temporary file beside a path; at the end all are renamed, or none after an error."""
+    """Yield a function that writes a temporary file in the folder of a path; at the end rename all files, or none after an error."""
     written: list[tuple[Path, Path, Path]] = []
 
     def write(path: Path, data: bytes, mode: int | None = None) -> None:
@@ -315,7 +315,7 @@ def _mode_of(file: Path) -> int | None:
 
 
 def _lock(path: Path) -> BinaryIO:
-    """Open and lock a file against other processes that write it in this way."""
+    """Open and lock a file against other processes that use the same lock."""
     while True:
         number = os.open(path, open_flags("O_RDWR", "O_CREAT", "O_NOFOLLOW"), 0o666)
         file = cast(BinaryIO, os.fdopen(number, "r+b", buffering=0))

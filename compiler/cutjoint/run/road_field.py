@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 from cutjoint.model.files.opencrg import cross_sections
 from cutjoint.model.records import CurvedGrid, HeightTable, Patch, Road, RoughSurface
 
-#: The spectral density of heights at 0.1 cycles a metre, m^3: the geometric means of ISO 8608.
+#: Spectral density of heights at 0.1 cycles per metre, m^3: geometric means of the classes of ISO 8608.
 ROUGHNESS = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6}
-#: The band of a rough road, cycles a metre along it.
+#: Spatial frequencies of a rough road along its length, cycles per metre.
 BAND = (0.011, 2.83)
-#: The distance of places of a rough road, m, and their number along it, after which it repeats: 102.4 m.
+#: Grid interval of a rough road, m, and the number of grid points along it, after which it repeats: 102.4 m.
 STEP, LENGTH = 0.05, 2048
-#: The fewest places of a wave in any direction.
+#: The smallest number of grid points per wavelength in any direction.
 _FINEST = 4
-#: The number of waves, in as many directions, for each number of cycles along the road.
+#: The number of waves, each in its own direction, for each frequency along the road.
 _DIRECTIONS = 32
 
 _WORD = np.uint64(0x9E3779B97F4A7C15)
@@ -68,7 +68,7 @@ class Field:
         }  # fmt: skip
 
     def _weights(self, axis: int, place: float, order: int) -> tuple[list[int], NDArray[np.float64]]:
-        """The places of an axis about one between them, and the weights of their heights."""
+        """The grid points of an axis that influence a point, and the weights of their heights."""
         count, step = self.heights.shape[axis], self.step[axis]
         wraps, u = self.wraps and axis == 0, (place - self.start[axis]) / step
         if not wraps and not -1 <= u <= count:
@@ -92,7 +92,7 @@ class Field:
 
 
 def _hermite(t: float, order: int) -> Sequence[float]:
-    """The shares of both ends' heights and of their slopes in a cubic, or in its derivative."""
+    """Weights of the heights and slopes at both ends of a cubic, or of its derivative."""
     if order == 0:
         return (1 - t) ** 2 * (1 + 2 * t), t * t * (3 - 2 * t), t * (1 - t) ** 2, t * t * (t - 1)
     if order == 1:
@@ -100,9 +100,9 @@ def _hermite(t: float, order: int) -> Sequence[float]:
     return 12 * t - 6, 6 - 12 * t, 6 * t - 4, 6 * t - 2
 
 
-#: Cross sections in a leaf of the tree by which the nearest one is found.
+#: Cross sections per leaf of the search tree for the nearest one.
 _IN_LEAF = 8
-#: Places along and across at most by which a curved road is drawn.
+#: The largest number of drawn grid points along and across a curved road.
 _DRAWN = 200
 _Array = NDArray[np.float64]
 
@@ -134,7 +134,7 @@ class CurvedField:
         return self.at(along.ravel(), across.ravel()).reshape(len(x), len(y))
 
     def at(self, x: _Array, y: _Array, by_x: int = 0, by_y: int = 0) -> _Array:
-        """The heights at places (n,), m, or their derivatives."""
+        """The heights (n,) at points, m, or their derivatives."""
         begin, along, beside, c, s, length, lean, spread = self._located(x, y)
         way = 1 / (length + spread * beside)
         t = (along - lean * beside) * way
@@ -160,7 +160,7 @@ class CurvedField:
         }  # fmt: skip
 
     def drawn(self) -> Field:
-        """The heights about the line on an even grid along x and y."""
+        """The heights around the line on a uniform grid along x and y."""
         ends = [(a.min(), a.max()) for a in self.line[:, :2].T]
         reach = max(map(abs, self.grid.across))
         places = [np.linspace(a - reach, b + reach, min(_DRAWN, 2 + int(4 * (b - a + 2 * reach)))) for a, b in ends]
@@ -210,12 +210,12 @@ class CurvedField:
         return dx * c + dy * s, dy * c - dx * s
 
     def _side_of_piece(self, k: NDArray[np.int_], x: _Array, y: _Array) -> _Array:
-        """1 for places ahead of a piece of the line, -1 for those behind it, else 0."""
+        """1 for points ahead of a segment of the line, -1 for points behind it, else 0."""
         (along, beside), (length, lean, spread) = self._line_coordinates(k, x, y), self.line[k, 4:7].T
         return np.where(along > length + (lean + spread) * beside, 1.0, np.where(along < lean * beside, -1.0, 0.0))
 
     def _grid_derivatives(self, u: _Array, v: _Array) -> tuple[_Array, ...]:
-        """The heights at steps along the line and metres across, and their derivatives by both, mixed and twice along."""
+        """The heights at stations along the line and distances across it, with their derivatives."""
         grid, across, last = self.grid, np.array(self.grid.across), len(self.line) - 1
         if grid.closed[1]:
             u = np.mod(u - grid.closed[0], grid.closed[1]) + grid.closed[0]
@@ -279,11 +279,11 @@ class Surface:
         return {"field": None if self.field is None else self.field.described(), "patches": patches}
 
     def height(self, x: float, y: float, by_x: int, by_y: int) -> float:
-        """The height at a place, m, or its derivative of orders 0 to 2."""
+        """The height at a point, m, or its derivative of orders 0 to 2."""
         return 0.0 if self.field is None else self.field.derivative(x, y, by_x, by_y)
 
     def friction(self, x: float, y: float, by_x: int, by_y: int) -> float:
-        """The factor of friction at a place, or its derivative of order 1 by x or y."""
+        """The friction factor at a point, or its first derivative by x or y."""
         value, slope = 1.0, 0.0
         for patch in self.patches:
             share, its_slope = _share(patch, x, y, 0, 0), _share(patch, x, y, by_x, by_y)
@@ -293,7 +293,7 @@ class Surface:
 
 
 def _share(patch: Patch, x: float, y: float, by_x: int, by_y: int) -> float:
-    """The share of a patch at a place, or its derivative: it rises by a cubic over the width of its edge."""
+    """The weight of a patch at a point, or its derivative; it rises by a cubic over the width of the edge."""
 
     def rise(way: float, order: int) -> float:
         t = min(max(way / patch.edge + 0.5, 0.0), 1.0)
@@ -306,7 +306,7 @@ def _share(patch: Patch, x: float, y: float, by_x: int, by_y: int) -> float:
 
 @lru_cache(maxsize=4)
 def surface_of(road: Road) -> Surface | None:
-    """The surface of a scene's road, None where it has neither heights nor friction."""
+    """The surface of a scene's road; None if it has neither heights nor friction patches."""
     field: Field | CurvedField | None
     match road.surface:
         case HeightTable() as table:
@@ -355,7 +355,7 @@ def rough_field(
 
 
 def uniform(seed: int, count: int) -> NDArray[np.float64]:
-    """The first numbers of SplitMix64 for a seed, in [0, 1), by 53 bits each."""
+    """The first numbers of SplitMix64 for a seed, in [0, 1), with 53 bits each."""
     return (split_mix(seed, count) >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
@@ -368,7 +368,7 @@ def split_mix(seed: int, count: int) -> NDArray[np.uint64]:
 
 
 def cos_sin_of_turns(turns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Cosine and sine of angles in turns, to 1e-15, by sums and products alone."""
+    """Cosine and sine of angles in revolutions, to 1e-15, by sums and products alone."""
     quarter = np.floor(4 * turns + 0.5)
     r = (turns - quarter / 4) * (2 * np.pi)
     cosine, sine = np.zeros_like(r), np.zeros_like(r)

@@ -17,7 +17,7 @@ from typing import Any
 from cutjoint.model.records import Road, RoadSegment, SegmentKind
 from cutjoint.run.road_field import Surface
 
-#: Parts into which a cosine bump is cut where a disc rolls over it.
+#: The number of straight parts that replace a cosine bump for a disc.
 BUMP_PARTS = 400
 
 
@@ -59,8 +59,8 @@ class Piece:
 
 @dataclass(frozen=True, kw_only=True)
 class WheelRoad:
-    """A road as one wheel meets it, as in runtime core/roads/road.hpp: a point follower sees height and slope, a rigid disc its
-    envelope and no slope."""
+    """A road as one wheel meets it, as in runtime core/roads/road.hpp.
+    A point follower has height and slope, a rigid disc only its envelope's height."""
 
     left: Sequence[Piece]
     right: Sequence[Piece]
@@ -83,7 +83,7 @@ class WheelRoad:
         return self._piece(x, y).height(x)
 
     def slope(self, x: float, y: float) -> float:
-        """dz/dx as the wheel feels it."""
+        """dz/dx as the wheel meets it."""
         return 0.0 if self.disc else self._piece(x, y).slope(x)
 
     def height_dx(self, x: float, y: float) -> float:
@@ -99,7 +99,7 @@ class WheelRoad:
         return 0.0 if self.on_it is None else self.on_it.height(x, y, by_x, by_y)
 
     def friction(self, x: float, y: float, by_x: int, by_y: int) -> float:
-        """The factor of friction, or its derivative."""
+        """The friction factor, or its derivative."""
         return float(by_x + by_y == 0) if self.on_it is None else self.on_it.friction(x, y, by_x, by_y)
 
 
@@ -168,7 +168,7 @@ def _offset_lines(corners: Sequence[tuple[float, float]], radius: float) -> Iter
         if xb <= xa:
             continue
         slope = (zb - za) / (xb - xa)
-        lean = radius * slope / math.hypot(1, slope)  # the contact stands ahead of the centre by this
+        lean = radius * slope / math.hypot(1, slope)  # distance of the contact ahead of the centre
         lift = radius * (math.hypot(1, slope) - 1)
         piece = Piece(kind="line", begin=xa, a=za + lift, b=slope, c=0.0)
         yield _Candidate(piece, xa - lean, xb - lean)
@@ -180,7 +180,7 @@ def _arcs(corners: Sequence[tuple[float, float]], radius: float) -> Iterable[_Ca
 
 
 def _envelope(candidates: Sequence[_Candidate]) -> list[_Candidate]:
-    """The highest curve at every x, in parts from left to right: that of two halves, each found in the same way."""
+    """The highest curve at every x, in pieces from left to right, by divide and conquer."""
     if len(candidates) < 2:
         return list(candidates)
     half = len(candidates) // 2
@@ -188,7 +188,7 @@ def _envelope(candidates: Sequence[_Candidate]) -> list[_Candidate]:
 
 
 def _higher(one: Sequence[_Candidate], other: Sequence[_Candidate]) -> list[_Candidate]:
-    """The envelope of two envelopes."""
+    """The upper envelope of two envelopes."""
     parts: list[_Candidate] = []
     breaks = sorted({x for c in (*one, *other) for x in (c.first, c.last) if math.isfinite(x)})
     ahead = [list(reversed(one)), list(reversed(other))]

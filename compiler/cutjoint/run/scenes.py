@@ -12,7 +12,7 @@ from cutjoint.package.locations import AnyPath
 
 
 def find_scene(model: Model, name: str | None) -> Scene:
-    """The scene of that name, the only one, or an empty one when the model has none.
+    """The scene of a name; by default the only one, or an empty one if the model has none.
 
     Raises:
         RunError: there is no such scene, or several and none was named.
@@ -35,7 +35,7 @@ def in_scene(model: Model, scene: Scene) -> Model:
 
 
 def find_case(model: Model, name: str | None) -> tuple[Model, Scene]:
-    """The model as its scene of a name has it (`find_scene`), and the scene."""
+    """The model in the scene of a name (`find_scene`), and the scene."""
     scene = find_scene(model, name)
     return in_scene(model, scene), scene
 
@@ -48,12 +48,12 @@ def _empty_scene(model: Model) -> Scene:
 
 
 def with_closure(scene: Scene, closure: str) -> Scene:
-    """The scene with another closure; what it says of the penalty stays."""
+    """The scene with another closure; its penalty settings stay."""
     return replace(scene, numerics=replace(scene.numerics, closure=closure))
 
 
 def with_default_closure(scene: Scene, method: str, integrator: str | None, dt: float | None = None) -> Scene:
-    """The scene with the closure of the integrator that a caller asks for, or of equal steps ``dt`` (s), if it names none."""
+    """The scene with the closure that belongs to the requested integrator, or to fixed steps ``dt`` (s), if it names none."""
     own = scene.numerics
     requested = integrator or (None if dt is None or own.integrator else DEFAULT_INTEGRATOR)
     if own.closure is not None or requested is None or requested not in INTEGRATORS or method not in METHODS:
@@ -63,7 +63,7 @@ def with_default_closure(scene: Scene, method: str, integrator: str | None, dt: 
 
 
 def with_loops(scene: Scene, loops: str | None) -> Scene:
-    """The scene with loops closed in another way, its own where none is given."""
+    """The scene with another loop closure; unchanged if ``loops`` is None."""
     return scene if loops in (None, scene.numerics.loops) else replace(scene, numerics=replace(scene.numerics, loops=loops))
 
 
@@ -97,7 +97,7 @@ def model_of(given: ModelLike, tunable: Sequence[str] = ()) -> Model:
         RunError: numbers are to be ``tunable`` after the file was read.
     """
     if isinstance(given, str | PathLike):
-        from cutjoint.topology.reading import read_model  # runs that are kept do without
+        from cutjoint.topology.reading import read_model  # cached runs do not need it
 
         return read_model(given, tunable=tunable)
     if not isinstance(given, Model | Compiled):
@@ -119,5 +119,5 @@ def load_model(given: ModelLike, scene: str | None = None, tunable: Sequence[str
 
 
 def method_of(scene: Scene) -> str:
-    """The method that a scene names; one that leaves the choice open, or names none, has the default one."""
+    """The method that a scene names; the default one if the scene leaves the choice open."""
     return scene.method if scene.method in METHODS else DEFAULT_METHOD

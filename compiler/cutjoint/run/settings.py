@@ -1,4 +1,4 @@
-"""The settings of a run: the caller's options, and what the scene, the method and the integrator say, made one record and checked."""
+"""The settings of a run: options of the caller, the scene, the method and the integrator, merged and checked."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from cutjoint.package.errors import RunError
 from cutjoint.run.record import Settings, Stabilisation
 from cutjoint.run.scenes import with_settings
 
-#: The largest error of places and angles (m, rad) of a run whose steps follow from it, where its scene gives none.
+#: Default target error of positions and angles (m, rad), if the scene gives none.
 GOAL = 1e-4
 
-#: Tolerances of steps that are taken once: for the usual goal, and the least.
+#: Tolerances of steps without refinement: for the default goal, and the smallest.
 _USUAL_TOLERANCE, _LEAST_TOLERANCE = 1e-7, 1e-11
 
-#: The largest difference of a row's number of steps from a whole one by rounding of the two times.
+#: The largest rounding error of the number of steps in a sample interval.
 _WHOLE = 1e-6
 
 
@@ -86,7 +86,7 @@ def with_options(scene: Scene, method: str, options: Options, *, has_rows: bool 
 
 
 def _fitting(scene: Scene, dt: float | None) -> float | None:
-    """Equal steps of at most ``dt`` (s) of which whole numbers fit into a row; None where those of ``dt`` do, or are longer than a row."""
+    """The largest step up to ``dt`` (s) that divides the sample interval; None if ``dt`` divides it or is longer."""
     row = min(scene.output_step, scene.end or scene.output_step)
     if dt is None or not 1 < row / dt < MOST_STEPS or abs(row / dt - round(row / dt)) <= _WHOLE:
         return None
@@ -149,7 +149,7 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
 
 
 def find_closure(numerics: Numerics, method: Method, implementation: Implementation = Implementation.GENERATED) -> Closure:
-    """The closure of a scene; where it names none, that of its integrator."""
+    """The closure that a scene names, else that of its integrator."""
     usual = None
     if numerics.closure is None and method.closures and not implementation.is_generic:
         usual = find_integrator(numerics, method, implementation, Options()).closure
@@ -184,7 +184,7 @@ def _require_accuracy(options: Options) -> None:
 
 
 def accuracy_of(scene: Scene) -> float:
-    """The largest error of places and angles (m, rad) that a scene allows."""
+    """The largest error of positions and angles (m, rad) that a scene allows."""
     return GOAL if scene.accuracy is None else scene.accuracy
 
 
@@ -199,7 +199,7 @@ def find_tolerance(scene: Scene, method: str, integrator: str) -> float | None:
 
 
 def _step(scene: Scene, dt: float | None, integrator: Integrator) -> float:
-    """The length of steps (s): of an integrator that chooses them where they end, else the given one, or one that fits into a row."""
+    """The step size (s): for adaptive integrators the sample interval, else the given one, or by default one that divides it."""
     row = min(scene.output_step, scene.end or scene.output_step)
     if integrator.adaptive:
         return row
@@ -254,7 +254,7 @@ def _solver(method: Method, implementation: Implementation, requested: str | Non
 
 
 def _penalty(numerics: Numerics, method: Method, integrator: Integrator) -> float | None:
-    """The penalty of a method; one that is given for the method itself has no bound."""
+    """The penalty of a method; a penalty given for that method is not bounded."""
     given = numerics.methods.get(method.name, {}).get("penalty")
     if given is not None or method.default_updates is not None:
         return given
@@ -268,7 +268,7 @@ def _absolute_tolerance(settings: Numerics) -> float:
 
 
 def _require_ranges(scene: Scene, settings: Settings) -> None:
-    """Check the numbers that a simulator is given; an expression of dt may have no value at the step of this run."""
+    """Check the settings of a simulator; expressions of dt may be undefined for the step of this run."""
     for part in (settings, settings.stabilisation):
         for name, value in vars(part).items():
             if isinstance(value, float | int) and not isinstance(value, bool) and (fault := fault_of_setting(name, value)):
@@ -297,5 +297,5 @@ class Options:
     accuracy: float | None = None
 
 
-#: Equal steps by the default rule over events, whatever the scene says; also of tasks without steps.
+#: Fixed steps by the default integrator, which ignore events, whatever the scene says; also for tasks without steps.
 PLAIN_STEPS = Options(integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)

@@ -19,20 +19,20 @@ from cutjoint.run.result_files import write_all
 from cutjoint.run.results import FailureReport
 from cutjoint.run.stopping import StopRequest, stop_requests
 
-#: Called with the share of a run that is done, 0 to 1.
+#: Called with the completed share of a run, 0 to 1.
 Progress = Callable[[float], None]
 
-#: Called with the summary so far, and its ``time`` (s), of a run that has taken ten seconds; what it raises ends the run.
+#: Called once a run has taken ten seconds, with its partial summary and the ``time`` (s); an exception ends the run.
 Slow = Callable[[Mapping[str, Any]], None]
 
 _SLOW: ContextVar[Slow | None] = ContextVar("slow", default=None)
 
-#: Called with a record that a run writes before its summary.
+#: Called with each record that a run writes before its summary.
 Receive = Callable[[dict[str, Any]], None]
 
 
 class SimulatorError(CutjointError, RuntimeError):
-    """The simulator could not begin, or what it wrote is no summary."""
+    """The simulator could not start, or its output is no summary."""
 
 
 @contextmanager
@@ -88,13 +88,13 @@ def call_simulator(
 
 
 def _is_descriptor(place: Any) -> bool:
-    """Return whether a run file has an open file there."""
+    """Return whether a path in a run file is an open descriptor."""
     return isinstance(place, Mapping) and "descriptor" in place
 
 
 @contextmanager
 def _killed_after(seconds: float | None, process: subprocess.Popen[str]) -> Iterator[None]:
-    """Kill a process after so many seconds, if they are given, while this lasts."""
+    """Context that kills a process after so many seconds, if given."""
     timer = None if seconds is None else Timer(seconds, process.kill)
     if timer is not None:
         timer.start()
@@ -108,18 +108,18 @@ def _killed_after(seconds: float | None, process: subprocess.Popen[str]) -> Iter
 def _follow(
     process: subprocess.Popen[str], request: StopRequest, progress: Progress | None, receive: Receive | None
 ) -> tuple[int, dict[str, Any]]:  # fmt: skip
-    """The status that a simulator ends with and its summary, the last record that it writes; a request to stop closes its input."""
+    """Follow a simulator to its end; return its status and its last record, the summary.  A stop request closes its input."""
     assert process.stdin is not None
     try:
         request.answer_by(process.stdin.close)
         summary = _read_records(process, progress, receive)
         return process.wait(), summary
     finally:
-        process.kill()  # who follows it has given up; one that has ended is left alone
+        process.kill()  # the caller has given up; a process that has ended is not affected
 
 
 def _read_records(process: subprocess.Popen[str], progress: Progress | None, receive: Receive | None) -> dict[str, Any]:
-    """The summary of a run; records before go to ``progress`` and ``receive``."""
+    """The summary of a run; earlier records go to ``progress`` and ``receive``."""
     assert process.stdout is not None
     summary: dict[str, Any] = {}
     for line in process.stdout:
@@ -138,7 +138,7 @@ def _read_records(process: subprocess.Popen[str], progress: Progress | None, rec
 
 
 def _when(summary: Mapping[str, Any]) -> str:
-    """The time at which a run was interrupted, as far as its summary says, in words."""
+    """The time at which a run was interrupted, in words, if its summary has it."""
     time = summary.get("time")
     return "interrupted" if time is None else f"interrupted at t = {time:.6g} s"
 
@@ -157,7 +157,7 @@ def _begin(command: Sequence[str], **how: Any) -> subprocess.Popen[str]:
 
 
 def _read_record(line: str) -> dict[str, Any]:
-    """A line as a record; none if the simulator ended within it."""
+    """A line as a record; empty if the simulator ended while writing it."""
     try:
         record = json.loads(line)
     except json.JSONDecodeError:

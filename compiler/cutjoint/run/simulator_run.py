@@ -27,7 +27,7 @@ from cutjoint.run.results import (
 )
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 
-#: Jumps are looked for within this share of the time between rows.
+#: Jumps within this share of a sample interval of a sample are reported.
 _BESIDE = 0.05
 
 
@@ -78,7 +78,7 @@ class SimulatorRun:
     switches: bool = False
 
     def with_checks(self) -> "SimulatorRun":
-        """The run with a balance of work and energy, if its program has one, and a look at the jumps beside its rows."""
+        """The run with an energy balance, if its program has one, and with a search for jumps near samples."""
         balanced = self.balances_energy and INTEGRATORS[self.run_file.settings.integrator].balances_energy
         checked = replace(self.run_file, jumps_within=_BESIDE * self.run_file.output_step, energy=self.run_file.energy or balanced)
         return replace(self, run_file=checked)
@@ -94,7 +94,7 @@ class SimulatorRun:
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """The origin of the speeds at a start: ``at_rest`` tells that neither scene nor guides give one."""
+    """How the initial speeds are determined; ``at_rest`` if neither scene nor guides prescribe any."""
 
     at_rest: bool
     closes_loops: bool
@@ -162,13 +162,13 @@ def _fallback(run: SimulatorRun, ended: FailureReport, summary: Mapping[str, Any
 
 
 def _read_coordinates(file: BinaryIO, rows: int) -> Array:
-    """The coordinates of a run, (rows, coordinates), from the table that its simulator has written; (0, 0) where it wrote none."""
+    """The coordinates of a run, (rows, coordinates), from its simulator's table; (0, 0) if there is none."""
     return read_rows(file, os.fstat(file.fileno()).st_size // (8 * rows))[:, 1:] if rows else np.zeros((0, 0))
 
 
 @contextmanager
 def _coordinates_file(wanted: bool) -> Iterator[BinaryIO | None]:
-    """A file without a name for the coordinates of a run, None where they are not wanted."""
+    """An unnamed file for the coordinates of a run; None if they are not requested."""
     if not wanted:
         yield None
         return
@@ -176,7 +176,7 @@ def _coordinates_file(wanted: bool) -> Iterator[BinaryIO | None]:
         yield cast(BinaryIO, file)
 
 
-#: The numbers of a summary that add up; of impacts and of jumps beside rows the lists do.
+#: The numbers of a summary that are added; lists of impacts and near jumps are joined.
 _SUMS = frozenset((
     "steps", "rows", "bytes", "seconds", "evaluations", "iterations", "factorisations", "substeps", "pivoting_fallbacks", "rejected",
     "events", "stiff_steps", "impacts", "near_jumps",
@@ -206,11 +206,11 @@ def _merge_entry(name: str, first: Mapping[str, Any], second: Mapping[str, Any])
 
 
 def _without_end(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """A summary without what tells how its run has failed."""
+    """A summary without the entries that describe a failure."""
     ends = ("message", "time", "step", "element", "residual", "advice", "guards", "kept")
     return {name: value for name, value in summary.items() if name not in ends}
 
 
 def _largest(one: float | None, other: float | None) -> float | None:
-    """The larger number; None if one is none that is finite."""
+    """The larger number; None if one of them is not finite."""
     return None if one is None or other is None else max(one, other)

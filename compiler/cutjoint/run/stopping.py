@@ -1,4 +1,4 @@
-"""Signals that end a command, or a run before its end time: what it has written stays."""
+"""Signals that end a command, or a run before its end time; results written so far are kept."""
 
 import signal
 import sys
@@ -31,14 +31,14 @@ class Terminated(SystemExit):
 
 @dataclass(eq=False)
 class StopRequest:
-    """The signal that has come, if any, and the call for then; requests of other threads come with it."""
+    """A signal that may have arrived, and a callback for it; stop requests of other threads are included."""
 
     number: int | None = None
     answer: Callable[[], None] | None = None
     others: "list[StopRequest]" = field(default_factory=list)
 
     def notify(self, number: int) -> None:
-        """The signal is here."""
+        """Record that the signal has arrived."""
         self.number = number
         if self.answer is not None:
             self.answer()
@@ -46,7 +46,7 @@ class StopRequest:
             other.notify(number)
 
     def answer_by(self, answer: Callable[[], None]) -> None:
-        """Call ``answer`` when a signal comes; at once where one has come."""
+        """Call ``answer`` when a signal arrives, or at once if one has arrived."""
         self.answer = answer
         if self.number is not None:
             answer()
@@ -57,7 +57,7 @@ class StopRequest:
         return Interrupted(message) if self.number == signal.SIGINT else Terminated(self.number, message)
 
 
-#: Seconds after which a finalizer or a callback is over.
+#: Seconds after which finalizers and callbacks have returned.
 _SOON = 0.05
 
 
@@ -73,14 +73,14 @@ if hasattr(signal, "SIGHUP"):  # Windows has none
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Signals that would end the program at once raise `Terminated` while this lasts, so that nothing of it is left behind."""
+    """Context in which signals that would end the program raise `Terminated`, so that temporary files are removed."""
     with _resend_lost_signals(), _handled({s: usual for s, usual in _USUAL.items() if usual == signal.SIG_DFL}, _terminate):
         yield
 
 
 @contextmanager
 def _resend_lost_signals() -> Iterator[None]:
-    """Signals come once more while this lasts if they came where Python drops exceptions, as in a finalizer or a callback."""
+    """Context in which a signal is sent again if Python dropped its exception, as in a finalizer or a callback."""
     usual = sys.unraisablehook
 
     def hook(dropped: "sys.UnraisableHookArgs") -> None:
@@ -100,7 +100,7 @@ def _resend_lost_signals() -> Iterator[None]:
 
 @contextmanager
 def stop_requests() -> Iterator[StopRequest]:
-    """Signals that would end the program are requests while this lasts; a second one raises `KeyboardInterrupt`."""
+    """Context in which signals that would end the program become stop requests; a second one raises `KeyboardInterrupt`."""
     request = StopRequest()
 
     def handle(number: int, frame: FrameType | None) -> None:
@@ -119,7 +119,7 @@ _HANDLED: list[StopRequest] = []
 
 @contextmanager
 def _registered(request: StopRequest, handled: bool) -> Iterator[None]:
-    """Let a request of another thread come too, while this lasts, beside one that is ``handled``."""
+    """Context in which a request of another thread receives the signals of the one that is ``handled``."""
     above = None if handled or not _HANDLED else _HANDLED[-1]
     beside = above.others if above is not None else _HANDLED if handled else []
     beside.append(request)

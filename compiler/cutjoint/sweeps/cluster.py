@@ -18,20 +18,20 @@ from cutjoint.sweeps.kernel import require_loadable
 from cutjoint.sweeps.scheduler import dask
 from cutjoint.sweeps.work import Chunk, Rows, Work
 
-#: Seconds to wait for a scheduler.
+#: Timeout for finding a scheduler, s.
 _PATIENCE = 10
 
-#: Seconds to wait for what is undone at the end.
+#: Timeout for cancelling tasks at the end, s.
 _LEAVE = 2
 
-#: Seconds after which the scheduler is asked again which workers there are.
+#: Interval for asking the scheduler for its workers, s.
 _OFTEN = 1.0
 
 #: Timers of Dask's workers, fifty or a hundred times a second, for its dashboard: the profile of tasks, which ends at the call of a
 #: library, and the delays of the event loop.  They are stopped in a worker while it has a sweep.
 _TIMERS = "profile", "tick"
 
-#: In each worker: what it performs, by digest.
+#: In each worker: its work by digest.
 _works: dict[str, Work] = {}
 
 
@@ -53,7 +53,7 @@ class WorkPlugin:
             timer.stop()
 
     def teardown(self, worker: Any) -> None:
-        """The timers go on; the work stays, as another sweep may have the same."""
+        """Restart the timers.  The work stays, since another sweep may have the same."""
         worker.periodic_callbacks.update(self._stopped)
         for timer in self._stopped.values():
             timer.start()
@@ -69,7 +69,7 @@ def find_fault(key: str, version: str) -> str:
 
 
 def perform(key: str, version: str, chunk: Chunk) -> Rows | str:
-    """The rows of a chunk, or why this worker cannot make them."""
+    """The rows of a chunk, or the reason that this worker cannot compute them."""
     return find_fault(key, version) or _works[key].perform(chunk)
 
 
@@ -95,7 +95,7 @@ class Cluster:
             raise RunError(f"--scheduler {address}: no scheduler answers: {error}; start one with `dask scheduler`") from None
         self._plugin = f"cutjoint-{self._key[:16]}-{self._client.id}"
         try:
-            with suppress(Exception):  # whatever a worker has against it is found out below, with its name
+            with suppress(Exception):  # errors of a worker are found below, with its name
                 plugin = type("SweepPlugin", (WorkPlugin, self._dask.WorkerPlugin), {})
                 self._client.register_plugin(plugin(self._key, work, self._plugin))
             self._client.wait_for_workers(1, timeout=_PATIENCE)
@@ -109,12 +109,12 @@ class Cluster:
 
     @property
     def number(self) -> int:
-        """The number of chunks that are performed at a time."""
+        """The number of chunks that run at the same time."""
         return max(1, sum(number for worker, number in self._present.items() if worker in self._fit))
 
     @property
     def dashboard(self) -> str:
-        """The address at which Dask shows its workers."""
+        """The address of Dask's dashboard."""
         return str(self._client.dashboard_link)
 
     def submit(self, chunk: Chunk) -> None:
@@ -152,8 +152,8 @@ class Cluster:
         return rows
 
     def close(self) -> None:
-        """Give the cluster back."""
-        with suppress(Exception):  # the scheduler may have gone
+        """Disconnect from the cluster."""
+        with suppress(Exception):  # the scheduler may be gone
             self._client.sync(self._client.scheduler.unregister_worker_plugin, name=self._plugin, callback_timeout=_LEAVE)
         self._client.close(timeout=_LEAVE)
 
@@ -165,7 +165,7 @@ class Cluster:
         """
         found = self._client.run(find_fault, self._key, __version__, workers=sorted(workers), on_error="return")
         for worker, fault in found.items():
-            if said := str(fault):  # of an exception what it says
+            if said := str(fault):  # the message of an exception
                 self._refused[worker] = said
                 self._note(f"worker {self._name(worker)} is refused: {said}")
             else:
@@ -202,7 +202,7 @@ class Cluster:
         self._next_poll = monotonic() + _OFTEN
 
     def _refuse(self, future: Any, why: str) -> None:
-        """A worker that a chunk was on cannot run the libraries."""
+        """Exclude the workers of a chunk that cannot run the libraries; an error if none is left."""
         for worker in next(iter(self._client.who_has([future]).values()), ()):
             self._fit.discard(worker)
             if worker not in self._refused:

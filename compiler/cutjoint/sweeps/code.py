@@ -57,7 +57,7 @@ _CALLS = {
 
 
 def _calls(p: str, variables: Sequence[Variable], names: Mapping[str, Sequence[str]]) -> list[tuple[Variable, str]]:
-    """The call that gives a simulation each variable but the scene."""
+    """The call that sets each variable except the scene in a simulation."""
     calls = []
     for i, v in enumerate(variables):
         if v.kind is not Kind.SCENE:
@@ -77,7 +77,7 @@ def _place(v: Variable, names: Sequence[str]) -> int:
 def _following(
     p: str, study: Study, scene: Scene, symbols: Mapping[Scalar, Scalar], names: Mapping[str, Sequence[str]]
 ) -> list[str]:  # fmt: skip
-    """The calls that give a start everything that follows from parameters of the study."""
+    """The calls that set all quantities of a start that depend on parameters of the study."""
     model, changed = study.model, {v.name for v in study.variables if v.kind is Kind.PARAMETER}
     moving = {q.symbol for q in model.parameters if q.name in changed}
     if "roads" in changing_parts(model, scene) and any(moving & f.radius.free_symbols for f in model.forces if f.has_road):
@@ -96,7 +96,7 @@ def _following(
         for name, value in given.items():
             joint, _, component = name.rpartition(".")
             if component in ATTITUDE[1:]:
-                continue  # its first component gives an attitude
+                continue  # its first component sets the attitude
             values = [given[f"{joint}.{e}"] for e in ATTITUDE] if component in ATTITUDE else [value]
             if any(each.free_symbols & moving for each in values):
                 call, printed = f"{p}_{function}", ", ".join(_print(each, symbols) for each in values)
@@ -154,12 +154,12 @@ def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
     )  # fmt: skip
 
 
-#: Rows of a run at most, and of all that go side by side: a chunk of runs holds them all in memory.
+#: The largest number of rows of a run, and of a group of lanes; a chunk of runs stays in memory.
 _MOST_ROWS = 10_000_000
 
 
 def _count_rows(scene: Scene, standalone: Standalone) -> tuple[int, float]:
-    """The number of rows of a run, and their distance, s."""
+    """The number of rows of a run, and their interval, s."""
     row_step, end, rows = float(standalone.run_file.output_step), float(standalone.run_file.end), 1
     while (rows - 1) * row_step < end * (1 - 1e-12):
         rows += 1
@@ -169,18 +169,18 @@ def _count_rows(scene: Scene, standalone: Standalone) -> tuple[int, float]:
 
 
 def _reaches_break_even(study: Study, program: Program, standalone: Standalone) -> bool:
-    """Return whether a study has so many steps in a scene that lanes pay."""
+    """Return whether a study takes enough steps in a scene that lanes save time."""
     steps = float(standalone.run_file.end) / float(standalone.run_file.settings.dt)
     return lanes_break_even(program.operations("evaluate"), steps * study.runs / len(study.scenes))
 
 
 def _dimension(unit: str) -> Dimension | None:
-    """The dimension of a unit; a number without one fits everywhere."""
+    """The dimension of a unit; a number without a unit fits any."""
     return measure(1.0, unit).dimension if unit else None
 
 
 def symbol_of(column: str) -> Scalar:
-    """The symbol that stands for an output in expressions."""
+    """The symbol of an output in expressions."""
     element, _, quantity = column.rpartition(".")
     return quantity_symbol(element, quantity)
 

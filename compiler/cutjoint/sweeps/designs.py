@@ -64,8 +64,7 @@ class Masses:
 
 @dataclass(frozen=True, kw_only=True)
 class Extent:
-    """The range of a variable: one of ``levels``, or anything from ``low`` to ``high``, evenly by its logarithm or itself, or by a
-    distribution ``spread`` of SciPy."""
+    """The range of a variable: ``levels``, or ``low`` to ``high``, linear or logarithmic, or SciPy's distribution ``spread``."""
 
     levels: tuple[float, ...] = ()
     low: float = 0.0
@@ -84,7 +83,7 @@ class Extent:
         return float(np.mean(self.levels)), float(np.std(self.levels))
 
     def at(self, share: Array) -> Array:
-        """The values at shares of the range from 0 to 1."""
+        """The values at fractions of the range from 0 to 1."""
         if self.spread is not None:
             return np.asarray(self.spread.ppf(share))
         if self.levels:
@@ -105,13 +104,13 @@ def distribution(kind: str, mean: float, size: float, low: float, high: float) -
 
 
 def spread(low: float, high: float, count: int, *, by_ratio: bool) -> tuple[float, ...]:
-    """The levels from one number to another, ``count`` of them."""
+    """``count`` levels from one number to another."""
     values = np.geomspace(low, high, count) if by_ratio else np.linspace(low, high, count)
     return tuple(map(float, values))
 
 
 def count_runs(design: Design, extents: Sequence[Extent]) -> int:
-    """The number of a design's runs; of a table it is not known before that is read."""
+    """The number of runs of a design; unknown for a table that is not read yet."""
     match design:
         case LatinHypercube():
             return design.latin_hypercube
@@ -142,12 +141,12 @@ def draw(design: Design, extents: Sequence[Extent], names: Sequence[str] = ()) -
     return np.stack([np.array(extent.levels)[at] for extent, at in zip(extents, places, strict=True)], axis=1)
 
 
-#: The step of differences to either side of a mean, as a share of the standard deviation.
+#: The step of central differences at a mean, as a share of the standard deviation.
 STEP = 0.1
 
 
 def correlation(names: Sequence[str], pairs: Sequence[tuple[str, str, float]]) -> Array:
-    """The matrix of correlations."""
+    """The correlation matrix."""
     found = np.eye(len(names))
     for one, other, value in pairs:
         i, j = list(names).index(one), list(names).index(other)
@@ -173,7 +172,7 @@ def _shares(design: LatinHypercube | Sobol | SobolIndices, dimensions: int) -> A
     if isinstance(design, LatinHypercube):
         return np.asarray(qmc.LatinHypercube(dimensions, rng=design.seed).random(design.latin_hypercube))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # numbers of points that are no power of two are as the user wants them
+        warnings.simplefilter("ignore", UserWarning)  # the user may choose a number of points that is no power of two
         return np.asarray(qmc.Sobol(dimensions, rng=design.seed).random(design.sobol))
 
 
@@ -199,7 +198,7 @@ def _stats() -> Any:
 # Sobol' indices: the share of each variable in the variance of an objective, by itself and with all that it does together with others.
 # The estimator is SciPy's (scipy.stats.sobol_indices, Saltelli 2010), over the runs of the design `sobol_indices`.
 
-#: Draws of points by which intervals are found, and their share of the draws.
+#: Resamples for confidence intervals, and their confidence level.
 _DRAWS, _SHARE = 200, 0.95
 
 
@@ -217,7 +216,7 @@ class Indices:
 
 
 def has_indices(done: "Sweep") -> bool:
-    """Return whether the sweep's design is one that indices follow from."""
+    """Return whether indices can be computed from the sweep's design."""
     return "sobol_indices" in done.manifest["design"]
 
 
@@ -247,7 +246,7 @@ def find_indices(done: "Sweep", objective: str) -> Indices:
 
 
 def _estimate(values: Array) -> tuple[Array, Array]:
-    """The indices of first order and the total ones, of (2 + variables, points) values."""
+    """The first-order and total indices, from (2 + variables, points) values."""
     from scipy.stats import sobol_indices
 
     sets = {"f_A": values[:1], "f_B": values[1:2], "f_AB": values[2:, np.newaxis]}

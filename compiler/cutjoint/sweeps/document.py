@@ -8,7 +8,7 @@ from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS
 from cutjoint.model.document.model_file import json_schema
 from cutjoint.model.document.values import MAX_PIECES, Name, Number, OneOf, Part, Unit, discriminated_by, shape_error
 
-#: Runs that a study has at most.
+#: The largest number of runs of a study.
 MOST_RUNS = 10**8
 
 Count = Annotated[StrictInt, Field(ge=1, le=MOST_RUNS)]
@@ -110,7 +110,7 @@ class Csv(Part):
 
 
 class Listed(Part):
-    """Values of all variables, run by run."""
+    """Values of all variables, one row for each run."""
 
     list: Annotated[tuple[dict[StrictStr, Number], ...], Field(min_length=1)]
 
@@ -130,7 +130,7 @@ Design: TypeAlias = Annotated[
     ),
 ]
 
-#: The results that an objective can have of an expression over time; each is a key of the file.
+#: The reductions of an expression over time; each is a key of the file.
 REDUCTIONS = (
     "end", "minimum", "maximum", "range", "mean", "rms", "deviation", "integral", "percentile", "crossing", "frequency", "amplitude",
 )  # fmt: skip
@@ -181,7 +181,7 @@ class TaskOptions(Part):
     inverse: Inverse | None = None
 
 
-#: The tasks other than runs whose results objectives can take.
+#: The tasks besides runs whose results can be objectives.
 TASKS = tuple(TaskOptions.model_fields)
 
 TaskForm: TypeAlias = Annotated[
@@ -189,7 +189,7 @@ TaskForm: TypeAlias = Annotated[
     discriminated_by({str: "<task>", dict: "<options>"}, f"needs one of {', '.join(TASKS)}, or {{kinematics: {{axle: front}}}}"),
 ]
 
-#: Reductions of results of tasks besides.
+#: Additional reductions for results of tasks.
 OF_TASKS = ("value", "slope")
 
 

@@ -1,4 +1,4 @@
-"""The library of a study in one scene: bytes that any worker loads, its needs of the machine, and its results."""
+"""The library of a study in one scene: bytes that any worker can load, its requirements on the machine, and its results."""
 
 import ctypes
 import os
@@ -35,7 +35,7 @@ _FEATURES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """The kind of machine that a library is built for: system and processor, features of the latter, and how it was built."""
+    """The machine type of a library: system, processor, processor features, and build flags."""
 
     system: str
     machine: str
@@ -72,14 +72,14 @@ def find_target(flags: Sequence[str]) -> Target:
 
 
 def _present() -> frozenset[str]:
-    """The features of this machine's processor, as Linux names them."""
+    """The features of this machine's processor, by Linux's names."""
     lines = [line.partition(":") for line in processor()]
     return frozenset(word for name, _, words in lines if name in ("flags", "Features") for word in words.split())
 
 
 # Kernels
 
-#: Characters of what is said of a run that failed.
+#: The largest length of a failed run's message.
 _TEXT = 400
 
 

@@ -35,7 +35,7 @@ def _without_mean(window: Array) -> Array:
 
 
 def _crossing(objective: Objective, window: Array, begin: float, step: float) -> Array:
-    """The first time at which a series comes to a level from below or above, by a line between two rows."""
+    """The first time at which a series crosses a level from below or above, by linear interpolation between rows."""
     before, after, level = window[:, :-1], window[:, 1:], objective.at
     up, down = (before < level) & (after >= level), (before > level) & (after <= level)
     crosses = {"up": up, "down": down, "any": up | down}[objective.direction]
@@ -49,7 +49,7 @@ def _crossing(objective: Objective, window: Array, begin: float, step: float) ->
 
 
 def _spectrum(window: Array) -> tuple[Array, Array]:
-    """The largest line of a spectrum but that of the mean: its number, and its amplitude; by a Hann window."""
+    """The largest line of a spectrum without the mean, by a Hann window: its index and amplitude."""
     if window.shape[1] < 4:
         return np.full(len(window), np.nan), np.full(len(window), np.nan)
     weights = np.hanning(window.shape[1])

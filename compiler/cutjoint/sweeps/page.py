@@ -33,13 +33,13 @@ from cutjoint.view.ghost import GhostRun, read_page
 from cutjoint.view.page import as_data, as_table, script_hash
 from cutjoint.view.views import show_run, write_shown
 
-#: Bytes of numbers that a page has at most; of more runs it shows some.
+#: The largest size of a page's numbers, bytes; of larger sweeps it shows a selection of runs.
 _BYTES = 300_000
 
-#: The number of the best and the worst runs of each objective, and of failed runs, that a page always has.
+#: The numbers of best and worst runs of each objective, and of failed runs, that a page always contains.
 _EXTREME, _FAILED = 20, 20
 
-#: The number of rows that curves over the time have at most, and at least.
+#: The largest and the smallest number of rows of curves over time.
 _ROWS, _FEW_ROWS = 400, 20
 
 
@@ -84,7 +84,7 @@ def make_page(study: Study, done: Sweep, command: str, replays: Mapping[int, Rep
 
 
 def _curves(replays: Mapping[int, Replay]) -> dict[str, str]:
-    """The outputs of runs in some rows of each, evenly."""
+    """The outputs of runs at evenly selected rows."""
     runs = {run: replay.run for run, replay in replays.items()}
     most = min(_ROWS, max(_FEW_ROWS, _BYTES // (4 * sum(1 + len(run.columns) for run in runs.values()) or 1)))
     kept = {number: np.linspace(0, run.t.size - 1, min(run.t.size, most)).astype(np.int64) for number, run in runs.items()}
@@ -92,7 +92,7 @@ def _curves(replays: Mapping[int, Replay]) -> dict[str, str]:
 
 
 def _numbers(study: Study, done: Sweep, name: str) -> Array:
-    """A column as numbers; of scenes their places."""
+    """A column as numbers; scenes by their indices."""
     values = done[name]
     if values.dtype == object:
         places = {scene.name: i for i, scene in enumerate(study.scenes)}
@@ -127,7 +127,7 @@ def runs_to_replay(study: Study, done: Sweep, most: int) -> dict[int, int | None
     best: dict[int, int | None] = {}
     others: dict[int, int | None] = {}
     for objective in study.objectives:
-        values = done[objective.name].astype("<f4")  # as a page has them
+        values = done[objective.name].astype("<f4")  # in the precision of a page
         order = np.argsort(-values if objective.goal == "larger" else values, kind="stable")[: int((~np.isnan(values)).sum())]
         best.update(dict.fromkeys(map(int, order[: min(most, 1)])))
         others.update(dict.fromkeys(map(int, order[:most])))
@@ -139,7 +139,7 @@ def runs_to_replay(study: Study, done: Sweep, most: int) -> dict[int, int | None
 
 
 def pareto_front(objectives: Sequence[Objective], values: Sequence[Array]) -> list[int]:
-    """The runs of which none is better in one of two objectives without being worse in the other."""
+    """The runs on the Pareto front: no other run is better in one of two objectives without being worse in the other."""
     first, second = (v if o.goal == "smaller" else -v for o, v in zip(objectives, values, strict=True))
     order = np.lexsort((second, first))
     order = order[~np.isnan(first[order] + second[order])]

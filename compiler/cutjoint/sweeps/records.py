@@ -17,7 +17,7 @@ Counts: TypeAlias = NDArray[np.int64]
 
 
 class Kind(StrEnum):
-    """The thing that a variable of a study changes."""
+    """The kind of quantity that a variable of a study changes."""
 
     SCENE = "scene"
     PARAMETER = "parameter"
@@ -28,7 +28,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Variable:
-    """A column of a study's design; of scenes the values are their numbers."""
+    """A column of a study's design; values of scenes are their indices."""
 
     name: str
     kind: Kind
@@ -110,7 +110,7 @@ class Study:
 
     @property
     def has_runs(self) -> bool:
-        """Whether anything is made of runs, and not of other tasks alone."""
+        """Whether any result comes from runs rather than other tasks."""
         return bool(self.trajectories) or any(o.asked is None for o in self.objectives)
 
     def settings_of(self, run: int) -> dict[str, float]:
@@ -124,5 +124,5 @@ class Study:
 
 
 def of_kind(variables: Sequence[Variable], *kinds: Kind) -> list[int]:
-    """The places of variables of these kinds."""
+    """The indices of variables of these kinds."""
     return [i for i, v in enumerate(variables) if v.kind in kinds]

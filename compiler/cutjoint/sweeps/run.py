@@ -45,13 +45,13 @@ LEAST_WORK, USUAL_WORK = 0.1, 1.0
 #: Chunks a second that a scheduler and one client are given, usually and towards the end; with more workers chunks are larger.
 _USUAL_RATE, _LAST_RATE = 64, 256
 
-#: Seconds of work after which it is known how long a run takes.
+#: Seconds of work after which the duration of a run is known.
 _ENOUGH = 0.02
 
-#: Bytes of rows that a chunk sends at most, unless one run has more.
+#: The largest size of a chunk's rows, bytes, unless one run has more.
 _MOST_BYTES = 32_000_000
 
-#: Called with how many of how many runs are done.
+#: Called with the number of completed runs and that of all runs.
 Progress = Callable[[int, int], None]
 
 
@@ -144,7 +144,7 @@ def perform_study(
     study: Study, out: Path, *, scheduler: str | None = None, threads: int | None = None, progress: Progress | None = None,
     note: Callable[[str], None] | None = None,
 ) -> Sweep:  # fmt: skip
-    """Perform a study that was read."""
+    """Perform a study that has been read."""
     say, begin = note or (lambda text: None), perf_counter()
     arrow()
     has_tasks = any(o.asked is not None for o in study.objectives)
@@ -210,7 +210,7 @@ class _Driver:
     _largest: int = field(default=1, init=False)
 
     def perform(self, ranges: list[tuple[int, int]], request: StopRequest) -> None:
-        """Make the runs of all ranges, each from the first to the one before the last."""
+        """Make the runs of all ranges; the end of each is excluded."""
         left = count_runs(ranges)
         waiting, done, chunks = 0, self.study.runs - left, self._chunks(ranges)
         try:
@@ -236,7 +236,7 @@ class _Driver:
         self._largest = max(self._largest, runs)
 
     def _chunks(self, ranges: list[tuple[int, int]]) -> Iterator[Chunk]:
-        """The runs in order, in chunks of as much work as known so far."""
+        """The runs in order, in chunks of similar work as far as durations are known."""
         left, masses = count_runs(ranges), Masses(self.study)
         for first, last in ranges:
             while first < last:
@@ -267,7 +267,7 @@ class _Driver:
         return in_lanes(max(1, min(most, ceil(work / each))), lanes)
 
 
-#: The form of tables; another number where columns or their meaning change.
+#: The version of the table format; it changes if columns or their meaning change.
 FORMAT = 2
 
 
@@ -295,7 +295,7 @@ def make_manifest(study: Study, kernels: Sequence[Kernel]) -> dict[str, Any]:
 
 
 def steps_of(manifest: Mapping[str, Any]) -> dict[str, str]:
-    """The steps of each scene's runs, in words."""
+    """Describe the steps of each scene's runs."""
     return {
         scene: f"{StepSettings(**{each.name: manifest[each.name][scene] for each in fields(StepSettings)})}, runs {_describe_lanes(lanes)}"
         for scene, lanes in manifest["lanes"].items()

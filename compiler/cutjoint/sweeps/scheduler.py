@@ -1,4 +1,4 @@
-"""Asks an address for a scheduler of Dask, before anything is compiled for it."""
+"""Checks the address of a Dask scheduler before anything is compiled for it."""
 
 import asyncio
 import re
@@ -10,13 +10,13 @@ from typing import Any
 
 from cutjoint.package.errors import RunError
 
-#: Seconds to wait for an answer; the look-up of a name, which nothing can end, may take as long again.
+#: Timeout for an answer, s.  The look-up of a name cannot be interrupted and may take as long again.
 _PATIENCE = 4.0
 
-#: Largest number of a port.
+#: The largest port number.
 _PORTS = 65_535
 
-#: The addresses that schedulers of Dask have.
+#: The form of addresses of Dask schedulers.
 _ADDRESS = re.compile(r"(?:tcp|tls|ucx|ws|wss)://(?P<host>[\w.-]+|\[[0-9a-fA-F:.]+\]):(?P<port>[0-9]{1,5})", re.ASCII)
 
 
@@ -67,7 +67,7 @@ def require_scheduler(address: str) -> None:
 
 
 def _ask(distributed: Any, address: str, host: str, port: int, answers: Queue[Any]) -> None:
-    """Put the answer into a queue, or what went wrong: what is no Dask ends in errors of all kinds."""
+    """Put the answer or the error into a queue; servers other than Dask cause errors of all kinds."""
     try:
         socket.getaddrinfo(host, port)
         answers.put(asyncio.run(asyncio.wait_for(_identify(distributed, address), _PATIENCE)))
@@ -76,7 +76,7 @@ def _ask(distributed: Any, address: str, host: str, port: int, answers: Queue[An
 
 
 async def _identify(distributed: Any, address: str) -> Any:
-    """The answer of a server of Dask about itself."""
+    """The answer of a Dask server about itself."""
     connection = distributed.Security().get_connection_args("client")
     comm = await distributed.comm.connect(address, timeout=_PATIENCE / 2, **connection)
     try:
@@ -102,7 +102,7 @@ def _describe(answer: Any) -> str:
 
 
 def _causes(answer: Any) -> Iterator[BaseException]:
-    """An error and those behind it."""
+    """An error and its causes."""
     while isinstance(answer, BaseException):
         yield answer
         answer = answer.__cause__

@@ -25,7 +25,7 @@ from cutjoint.sweeps.work import Rows
 #: The key of the manifest in a table's metadata.
 MANIFEST = b"cutjoint"
 
-#: Bytes of a group of rows, and how many rows it has at most; readers take the groups that they need.
+#: The largest size of a row group, in bytes and in rows; readers load the groups that they need.
 _GROUP_BYTES, _GROUP_ROWS = 16_000_000, 65_536
 
 
@@ -83,7 +83,7 @@ class Layout:
 
     @property
     def row_bytes(self) -> int:
-        """About how many bytes a row takes."""
+        """The approximate size of a row, bytes."""
         lengths = [-(-(int(scene.end / scene.output_step) + 2) // self.study.every) + 1 for scene in self.study.scenes]
         return 8 * (4 + len(self.study.variables) + len(self.study.objectives) + len(self.study.trajectories) * max(lengths))
 
@@ -110,7 +110,7 @@ class Layout:
 
 
 def manifest_text(manifest: Mapping[str, Any]) -> str:
-    """A manifest as it stands in files."""
+    """The text of a manifest in files."""
     return json.dumps(manifest, indent=2)
 
 
@@ -129,7 +129,7 @@ def _nullable(values: Any) -> Any:
 
 
 def is_whole(out: Path, layout: Layout) -> bool:
-    """True where a table is there with all rows of a study, as they were written."""
+    """Return whether a complete table of a study exists, unchanged since it was written."""
     target = resolved(out)
     if not target.is_file():
         return False
@@ -163,7 +163,7 @@ def require_room(layout: Layout, out: Path) -> None:
         )
 
 
-#: The bytes of a digest, those behind a footer (its length and a mark), and how many are read at a time.
+#: The size of a digest, of the end of a file after its footer (length and mark), and of blocks for reading, bytes.
 _DIGEST, _TAIL, _BLOCK = 32, 8, 1 << 20
 
 
@@ -178,7 +178,7 @@ def seal(file: BinaryIO, label: str) -> None:
 
 
 def is_sealed(file: BinaryIO, label: str) -> bool:
-    """True where a file is, byte by byte, as it was sealed with that label."""
+    """Return whether all bytes of a file are those that were sealed with that label."""
     footer = _find_footer(file)
     rows = footer - _DIGEST
     if rows < 0:
@@ -188,7 +188,7 @@ def is_sealed(file: BinaryIO, label: str) -> bool:
 
 
 def _find_footer(file: BinaryIO) -> int:
-    """The place at which a file's footer would begin; below 0 where it cannot have one."""
+    """The offset at which a file's footer would begin; negative if there can be none."""
     size = file.seek(0, os.SEEK_END)
     if size < _TAIL:
         return -1

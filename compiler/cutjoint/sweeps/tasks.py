@@ -33,7 +33,7 @@ REDUCTIONS_OF = {
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """What a task has found: numbers by name, or series over an ``axis`` (rows,), with ``units`` of all names."""
+    """The results of a task: numbers by name, or series over an ``axis`` (rows,), with ``units`` of all names."""
 
     units: Mapping[str, str]
     find: Callable[[str], Any]
@@ -119,12 +119,12 @@ def _modes(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
 
 
 _OF_MODE = {"frequency": "Hz", "damping": "", "real": "1/s"}
-#: How alike two vectors of a mode must be, and the smallest part of the way by which it is followed.
+#: The smallest modal assurance criterion of a tracked mode, and the smallest part into which its parameter path is divided.
 _ALIKE, _LEAST_PART = 0.9, 1 / 64
 
 
 def _track_mode(mode: Mode, modes_at_share: Callable[[float], Sequence[Mode]]) -> Mode:
-    """A mode at the end of a way of parameters, which is cut until vectors of neighbours are alike.
+    """A mode at the end of a parameter path, which is subdivided until successive mode shapes are similar.
 
     Raises:
         RunError: it mixes with another one.
@@ -144,7 +144,7 @@ def _track_mode(mode: Mode, modes_at_share: Callable[[float], Sequence[Mode]]) -
 
 
 def _modal_assurance(one: Mode, other: Mode) -> float:
-    """The modal assurance criterion of two modes by displacements and velocities, weighted by shares of the kinetic energy."""
+    """The modal assurance criterion of two modes by displacements and velocities, weighted by kinetic energy."""
     scale = abs(one.eigenvalue)
     a, b = (np.array([np.sqrt(abs(p.share)) * np.exp(1j * np.angle(p.amplitude)) for p in mode.shape.values()]) for mode in (one, other))
     a, b = np.append(a, one.eigenvalue / scale * a), np.append(b, other.eigenvalue / scale * b)
@@ -170,7 +170,7 @@ def _response(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
 
 
 def _number_of(near: LinearModel, name: str, frequencies: Array) -> float:
-    """The number of a response by its name, "output/input.number"."""
+    """A number of a response, by the name "output/input.number"."""
     output, _, rest = name.partition("/")
     given, _, number = rest.rpartition(".")
     if number in ("peak", "peak_frequency"):
@@ -189,7 +189,7 @@ def _inverse(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
     return find
 
 
-#: What makes the tasks of which objectives can take results, and the reductions of these.
+#: Functions that make the tasks whose results can be objectives, and the reductions of each.
 TASKS: Mapping[str, Callable[[Model, Scene, Mapping[str, Any]], Task]] = {
     "kinematics": _kinematics, "modes": _modes, "response": _response, "inverse": _inverse,
 }  # fmt: skip

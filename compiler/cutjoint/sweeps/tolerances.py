@@ -13,7 +13,7 @@ from cutjoint.sweeps.records import Array
 if TYPE_CHECKING:
     from cutjoint.sweeps.run import Sweep
 
-#: The shares of runs below which quantiles lie.
+#: The probabilities of the reported quantiles.
 QUANTILES = (0.00135, 0.05, 0.5, 0.95, 0.99865)
 
 
@@ -71,7 +71,7 @@ class Tolerance:
         if not (left > 0.0 and (sensitivities > 0.0).all()):
             raise RunError(f"objective '{self.objective}': the yield {wanted:g} needs smaller tolerances of variables without a cost, or a "
                            "variable with a cost has no influence")  # fmt: skip
-        shape = np.cbrt(np.array(list(costs.values())) / sensitivities**2)  # where the derivatives of cost and variance are in one ratio
+        shape = np.cbrt(np.array(list(costs.values())) / sensitivities**2)  # optimal: proportional derivatives of both
         return dict(zip(costs, map(float, shape * np.sqrt(left / np.sum((sensitivities * shape) ** 2))), strict=True))
 
 

@@ -30,10 +30,10 @@ from cutjoint.sweeps.records import Array, Kind, Variable
 #: Reads a number as it is written at a place, in SI units; NaN, with a problem noted, where the model cannot have it.
 Read: TypeAlias = Callable[[int | float | str, Keys], float]
 
-#: The column that says which scene a run has.
+#: The column with the scene of each run.
 SCENE = "scene"
 
-#: The other columns of a table; no variable or objective can have their names.
+#: The other columns of a table, whose names variables and objectives cannot have.
 TAKEN = ("run", "failure", "failure_time")
 
 _SECTIONS = ("parameters", "positions", "rates")

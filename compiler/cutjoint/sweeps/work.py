@@ -17,12 +17,12 @@ from cutjoint.sweeps.kernel import Kernel, KernelResults
 from cutjoint.sweeps.objectives import reduce_series
 from cutjoint.sweeps.records import Array, Counts, Objective
 
-#: Bytes of series that a worker holds at a time, unless one run, or those that go side by side, have more.
+#: The largest size of series in a worker's memory, bytes, unless one run, or those in lanes, need more.
 _HELD = 32_000_000
 
 
 def in_lanes(runs: int, lanes: int) -> int:
-    """The number of runs, or a few more, that leaves no lane empty."""
+    """The number of runs, increased so that all lanes are used."""
     return -(-runs // lanes) * lanes
 
 
@@ -119,26 +119,26 @@ class Work:
             objectives[at[done], j] = reduce_series(objective, left.series[done, objective.series], kernel.times, kernel.row_step)
 
     def _kept_rows(self, kernel: Kernel) -> Counts:
-        """The rows of a trajectory that stay: each so many, and the last."""
+        """The rows of a trajectory that are stored: every n-th and the last."""
         rows: Counts = np.unique([*range(0, kernel.rows, self.every), kernel.rows - 1])
         return rows
 
 
 class Workers(Protocol):
-    """Workers that perform chunks, several at a time."""
+    """Workers that perform several chunks at a time."""
 
     @property
     def number(self) -> int:
-        """The number of chunks that are performed at a time."""
+        """The number of chunks that run at the same time."""
 
     def submit(self, chunk: Chunk) -> None:
         """Begin to perform a chunk."""
 
     def take(self, seconds: float) -> Rows | None:
-        """The rows of a chunk that is done, None if there is none in this time; what went wrong with one is raised."""
+        """The rows of a completed chunk, None if there is none in this time; raises the error of a failed one."""
 
     def close(self) -> None:
-        """Begin no more chunks."""
+        """Start no more chunks."""
 
 
 class Threads:
@@ -154,12 +154,12 @@ class Threads:
         self._pool.submit(self._work.perform, chunk).add_done_callback(self._done.put)
 
     def take(self, seconds: float) -> Rows | None:
-        """The rows of a chunk that is done, None if there is none in this time."""
+        """The rows of a completed chunk; None if there is none in this time."""
         try:
             return self._done.get(timeout=seconds).result()
         except Empty:
             return None
 
     def close(self) -> None:
-        """Begin no more chunks, and wait for those that were begun."""
+        """Start no more chunks, and wait for those that are running."""
         self._pool.shutdown(cancel_futures=True)

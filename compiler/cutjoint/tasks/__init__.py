@@ -1,1 +1,1 @@
-"""Tasks beside a run: batches, steps against the clock, equilibria."""
+"""Tasks other than single runs: batches, real-time steps, equilibria."""

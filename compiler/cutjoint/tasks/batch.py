@@ -118,7 +118,7 @@ def _compile_alone(model: Model, scene: Scene, flags: Sequence[str]) -> BatchArt
 
 
 def _require_batch(scene: Scene) -> None:
-    """Check that a scene says nothing that batches do not have."""
+    """Check that a scene requests nothing that batches do not support."""
     numerics = scene.numerics
     integrator = INTEGRATORS[numerics.integrator or DEFAULT_INTEGRATOR]
     faults = (
@@ -196,14 +196,14 @@ def simulate_batch(
     return batch
 
 
-#: Makes the runs of a batch, tells of their progress and their results, and returns the seconds of their steps.
+#: Makes the runs of a batch, reports progress and results, and returns the time of the steps, s.
 _Execute = Callable[[Progress | None, Receive], float]
 
 
 def _plan_side_by_side(
     artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], requested: Options, threads: int
 ) -> tuple[StepSettings, _Execute]:  # fmt: skip
-    """Steps of a batch whose runs are all made by one simulator, and that simulator."""
+    """Step settings of a batch that one simulator runs in lanes, and that simulator."""
     options = replace(requested, integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)
     file = make_run_file(artifact.model, artifact.scene, {}, task="batch", method=METHOD, options=options)
     entries = {**file.entries(), "cases": _own_parts(artifact.model, artifact.scene, cases), "threads": threads}
@@ -217,7 +217,7 @@ def _plan_side_by_side(
 def _plan_one_by_one(
     single: Artifact, cases: Sequence[Mapping[str, float]], requested: Options, threads: int
 ) -> tuple[StepSettings, _Execute]:  # fmt: skip
-    """Steps of a batch with a simulator for each run."""
+    """Step settings of a batch with one simulator process for each run."""
     options = _as_simulated(single.scene, requested)
     plans = [make_simulator_run(single, options, case) for case in cases]
 

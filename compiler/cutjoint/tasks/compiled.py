@@ -1,4 +1,4 @@
-"""Compiled models that tasks take, or compile."""
+"""Compiled models for tasks."""
 
 from collections.abc import Sequence
 

@@ -30,9 +30,9 @@ from cutjoint.run.simulation import simulate
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.geometry import balanced
 
-#: Singular values below this share of the largest are nothing.
+#: Singular values below this share of the largest are zero.
 _RANK = 1e-9
-#: Drives that leave more than this share of the largest force of the guides do not drive the motion.
+#: The largest share of the guides' force that drives may leave unbalanced.
 _LEFT = 1e-8
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 #: Flags for generated code, unless $CUTJOINT_FLAGS says otherwise; measured on the Iltis, see docs/evidence/performance.md.
 FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3 -march=native").split())
 
-#: The compiler of the package's own simulators, for people.
+#: The displayed name of the compiler of the package's own simulators.
 SHIPPED = "no C++ compiler"
 
 
@@ -41,13 +41,13 @@ _PLAIN = Kind()
 
 
 def write_source(source: Source, folder: Path) -> None:
-    """Put the generated files into a folder."""
+    """Write the generated files into a folder."""
     for name, text in source.files.items():
         write_text(folder / name, text)
 
 
 def write_text(file: Path, text: str) -> None:
-    """A file with its folders."""
+    """Write a file and make its folders."""
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(text, encoding="utf-8")
 
@@ -111,7 +111,7 @@ def build_interpreter(driver: str, *, flags: Sequence[str] = FLAGS) -> Binary:
 
 
 def simulator_of(name: str) -> str:
-    """The program that the folder of a model makes."""
+    """The program that a C export builds."""
     return f"{name}_simulator"
 
 
@@ -145,7 +145,7 @@ def build_files(
 
 
 def _is_library(made: str) -> bool:
-    """Return whether a file that is made is a library that is loaded, by its suffix; programs have none."""
+    """Return whether a built file is a shared library, by its suffix; programs have none."""
     return bool(Path(made).suffix)
 
 

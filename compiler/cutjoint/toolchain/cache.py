@@ -36,7 +36,7 @@ def cache_folder() -> Path:
 
 
 def installed_folder() -> Path:
-    """The folder of files that all caches share: beside the installation."""
+    """The folder of files that all caches share, inside the installation."""
     return Path(sys.prefix) / "share" / "cutjoint"
 
 
@@ -118,7 +118,7 @@ def fetch(file: Path, target: Path) -> bool:
         return False
     try:
         shutil.copy(file, target)
-    except FileNotFoundError:  # removed since
+    except FileNotFoundError:  # removed in the meantime
         return False
     return _digest_place(file).read_text(encoding="ascii", errors="replace") == _describe(target)
 
@@ -162,7 +162,7 @@ def require_writable(folder: Path) -> None:
 
 
 def _store_of(file: Path) -> Path:
-    """The folder that has a file, one of the two above."""
+    """The store that contains a file: the cache or the installation's."""
     return installed_folder() if file.is_relative_to(installed_folder()) else cache_folder()
 
 
@@ -229,12 +229,12 @@ def _writing(folder: Path) -> Iterator[None]:
         ) from error
 
 
-#: Parts of the runtime that only one kind of simulator has: batches, and the interpreter.
+#: Parts of the runtime that only one kind of simulator needs.
 _PARTS = ("batch", "interpreter")
 
 
 def digest_of(parts: Sequence[str]) -> str:
-    """A digest of texts, as names of files have it."""
+    """A digest of texts, as used in file names."""
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
 
 

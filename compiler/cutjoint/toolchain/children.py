@@ -1,4 +1,4 @@
-"""Tools that this process starts, none of which outlives it or the wait for it (`supervisor`)."""
+"""Tools that this process starts; none outlives it or the call that waits for it (`supervisor`)."""
 
 import atexit
 import os
@@ -11,7 +11,7 @@ from pathlib import Path
 from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain import supervisor
 
-#: The supervisors of tools that are at work, also those of threads that nobody waits for.
+#: The supervisors of running tools, including those of threads that nobody waits for.
 _at_work: set[subprocess.Popen[str]] = set()
 
 
@@ -53,7 +53,7 @@ def _start(command: Sequence[str], environment: Mapping[str, str], folder: Path)
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """Wait for a supervisor, which ends its tool now if that is still at work."""
+    """Wait for a supervisor, which ends a running tool first."""
     assert process.stdin is not None
     process.stdin.close()
     process.wait()

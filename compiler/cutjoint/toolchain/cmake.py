@@ -1,4 +1,4 @@
-"""CMake and Ninja, in a place whose name means nothing to them."""
+"""Runs CMake and Ninja in a folder whose path has no special characters."""
 
 import os
 import shlex
@@ -17,17 +17,17 @@ from cutjoint.toolchain.temporary import is_plain
 #: Warnings are errors if the environment asks for it, as the tests do (from CMake 3.24 on); a user's compiler may have others.
 _STRICT = ("-DCMAKE_COMPILE_WARNING_AS_ERROR=ON",) if os.environ.get("CUTJOINT_STRICT", "0") != "0" else ()
 
-#: CMake's words about a program that it does not take for a compiler.
+#: CMake's message about a program that it does not recognise as a compiler.
 _UNKNOWN = "compiler identification is unknown"
 
 
 def plain_runtime(folder: Path) -> Path:
-    """The runtime's folder; a copy in ``folder`` where its own path is not plain."""
+    """The runtime's folder; a copy in ``folder`` if its own path is not plain."""
     return plain_tree(runtime_folder(), folder / "runtime")
 
 
 def plain_tree(tree: Path, copy: Path) -> Path:
-    """A folder; a ``copy`` of it where its own path is not plain."""
+    """A folder; a ``copy`` of it if its own path is not plain."""
     return tree if is_plain(tree) else Path(shutil.copytree(tree, copy))
 
 
@@ -76,14 +76,14 @@ def zig_tools(folder: Path, *zig: str, target: Sequence[str] = ()) -> dict[str, 
 
 
 def _script(file: Path, command: Sequence[str]) -> Path:
-    """A program that calls a command with its own words behind it."""
+    """A program that calls a command with further arguments appended."""
     file.write_bytes(b"#!/bin/sh\nexec " + os.fsencode(shlex.join(command)) + b' "$@"\n')
     file.chmod(0o700)
     return file
 
 
 def _compile(source: Path, out: Path, environment: Mapping[str, str], compiler: Compiler, flags: Sequence[str]) -> None:
-    """Build the configured project, and tell a listener of its progress.
+    """Build the configured project, and report progress to a listener.
 
     Raises:
         ToolchainError: the compiler refused it.

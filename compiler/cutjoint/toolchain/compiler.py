@@ -1,4 +1,4 @@
-"""The C++ compiler that is used, and the processor that its flags mean."""
+"""The C++ compiler, and the processor that its flags target."""
 
 import os
 import platform
@@ -23,19 +23,19 @@ from cutjoint.package.system import IS_WINDOWS
 TOOLS = "g++ cmake ninja-build"
 PACKAGES = f"{TOOLS} libeigen3-dev libsuitesparse-dev nlohmann-json3-dev"
 
-#: The way to the tools: Debian's packages, or those of PyPI, which need no rights.
+#: How to install the tools: by Debian's packages, or by those of PyPI, which need no administrator rights.
 ADVICE = (
     "run it on Linux, or in the Windows Subsystem for Linux"
     if IS_WINDOWS
     else f"apt-get install {TOOLS}, or pip install 'cutjoint[compiler]'"
 )
 
-#: Variables besides $CXX that compilers and CMake read, and that change what is built.
+#: Environment variables besides $CXX that influence builds.
 _VARIABLES = (
     "CXXFLAGS", "LDFLAGS", "CPATH", "CPLUS_INCLUDE_PATH", "LIBRARY_PATH", "COMPILER_PATH", "CMAKE_PREFIX_PATH", "CMAKE_TOOLCHAIN_FILE",
 )  # fmt: skip
 
-#: The longest time (s) for a compiler to say its version.
+#: Timeout for a compiler's version, s.
 _PATIENCE = 30.0
 
 
@@ -48,7 +48,7 @@ class Compiler:
 
     @property
     def name(self) -> str:
-        """For people: the version, and the words of $CXX."""
+        """The displayed name: the version, and the arguments of $CXX."""
         return f"{self.version}, called by {shlex.join(self.command)}" if len(self.command) > 1 else self.version
 
     @property
@@ -58,7 +58,7 @@ class Compiler:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The words behind those that call Zig's compiler of C++."""
+        """The arguments after those that call Zig's C++ compiler."""
         return self.command[len(self.zig) + 1 :]
 
     @property
@@ -99,7 +99,7 @@ def must_interpret() -> bool:
 
 
 def require_tools(*missing: str) -> None:
-    """Check that there are the tools that call compilers, and that nothing else is ``missing``.
+    """Check that the build tools are installed, and that nothing else is ``missing``.
 
     Raises:
         MissingToolsError: a tool is missing.
@@ -113,7 +113,7 @@ def require_tools(*missing: str) -> None:
 
 
 def find_tool(name: str) -> str | None:
-    """The absolute path of a tool, None where there is none."""
+    """The absolute path of a tool; None if there is none."""
     found = shutil.which(name, path=tools_path())
     return found and os.path.abspath(found)
 
@@ -125,7 +125,7 @@ def tools_path() -> str:
 
 
 def _command_of_environment() -> tuple[str, ...]:
-    """The command in $CXX; nothing if it is not set."""
+    """The command in $CXX; empty if it is not set."""
     requested = os.environ.get("CXX", "").strip()
     try:
         words = [requested] if find_tool(requested) else shlex.split(requested)
@@ -140,7 +140,7 @@ def _command_of_environment() -> tuple[str, ...]:
 
 
 def _usual_command() -> tuple[str, ...]:
-    """The first compiler that is installed; nothing if none is."""
+    """The first installed compiler; empty if there is none."""
     if found := find_tool("g++") or find_tool("clang++"):
         return (found,)
     return (found, "c++") if (found := find_zig()) else ()
@@ -167,7 +167,7 @@ def _for_all_processors(command: tuple[str, ...]) -> tuple[str, ...]:
 
 @cache
 def ask_version(command: tuple[str, ...]) -> str:
-    """The compiler's first line about itself.
+    """The first line of the compiler's version message.
 
     Raises:
         ToolchainError: it says none.
@@ -208,6 +208,6 @@ def processor(file: Path = Path("/proc/cpuinfo")) -> tuple[str, ...]:
         for name, _, value in (line.partition(":") for line in stream):
             known.setdefault(name.strip(), " ".join(sorted(value.split())))
             if not name.strip() and len(known) > 1:
-                break  # the other processors are like the first
+                break  # all processors are alike
     found = tuple(f"{name}: {known[name]}" for name in _CAPABILITIES if name in known)
     return found or (f"machine: {platform.machine()} {platform.node()}",)

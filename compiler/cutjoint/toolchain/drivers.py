@@ -74,7 +74,7 @@ class Kind:
         return () if self.precision in PRECISIONS else (PRECISIONS.added.load(self.precision).folder,)
 
     def _added_folders(self) -> tuple[Path, ...]:
-        """The folders of the additions, each once."""
+        """The distinct folders of the additions."""
         solvers = SOLVERS.added.names() if self.additions else ()
         doors = ((SOLVERS if name in solvers else INTEGRATORS).added for name in self.additions)
         return tuple(sorted({door.load(name).folder for door, name in zip(doors, self.additions, strict=True)}))
@@ -98,11 +98,11 @@ class Part:
 
     @property
     def places(self) -> tuple[Path, Path]:
-        """The places that may have the part: beside the installation, and in the cache."""
+        """The locations of the part: the installation and the cache."""
         return self.place(_installed_drivers()), self.place(cache_folder())
 
     def fetch(self, folder: Path) -> Path | None:
-        """A copy in a folder; None where there is nothing to copy."""
+        """A copy in a folder; None if there is nothing to copy."""
         return next((folder / self.file for place in self.places if fetch(place, folder / self.file)), None)
 
     @property
@@ -203,17 +203,17 @@ def make_drivers(driver: str, compiler: Compiler, flags: Sequence[str], kind: Ki
             project = (f"-DCUTJOINT_DRIVER_KIND={driver}", *kind.definitions(folder), *definitions)
             build_project(runtime / "driver" / "alone", folder / "out", compiler, flags, *project)
             store_parts(missing, folder / "out", library)
-        store_parts([part for part in parts if not is_sound(part.place(library))], folder, library)  # what only the cache had
+        store_parts([part for part in parts if not is_sound(part.place(library))], folder, library)  # parts that only the cache had
     return bool(missing)
 
 
 def _installed_drivers() -> Path:
-    """The folder of the drivers of this version of the runtime, beside the installation."""
+    """The folder of the drivers of this version of the runtime, inside the installation."""
     return installed_folder() / f"drivers-{runtime_digest(part='batch')}"
 
 
 def _library() -> Path:
-    """The folder for parts that are built for all caches: the cache where the installation cannot be written."""
+    """The folder for parts that all caches share; the cache if the installation is not writable."""
     installed = _installed_drivers()
     try:
         require_writable(installed)

@@ -13,7 +13,7 @@ from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.records import GROUND, AxialForce, Binding, BodyLoad, Bushing, Force, Joint, Model, PointSpring, Scalar, Span, Vector
 from cutjoint.package.errors import RunError
 
-#: The name of a force that carries a wheel, where it is neither of kind tyre nor of kind wheel.
+#: The name of a force that carries a wheel, if its kind is neither tyre nor wheel.
 TYRE = "tyre"
 SIDES = ("left", "right")
 
@@ -58,7 +58,7 @@ class Axle:
 
 @dataclass(frozen=True, kw_only=True)
 class _WheelCandidate:
-    """A wheel as the model names it: the force that carries it, if one does."""
+    """A wheel as the model names it, with the force that carries it, if any."""
 
     name: str
     body: str
@@ -225,7 +225,7 @@ def _wheel(model: Model, values: Values, found: _WheelCandidate, side: int, radi
 
 
 def _height(model: Model, values: Values) -> float:
-    """The height of the centre of all masses, m; 0 of a model without any."""
+    """The height of the centre of mass, m; 0 if the model has no mass."""
     masses = np.array([values.number(body.mass) for body in model.bodies])
     heights = np.array([values.number(body.centre_of_mass[2]) for body in model.bodies])
     return float(masses @ heights / masses.sum()) if masses.sum() else 0.0
@@ -235,7 +235,7 @@ def _height(model: Model, values: Values) -> float:
 
 
 def _connected_bodies(model: Model, start: Iterable[str], without: str) -> set[str]:
-    """The bodies that joints and bushings connect, without a way through one body."""
+    """The bodies that joints and bushings connect with a start body on paths that avoid another body."""
     ways: dict[str, set[str]] = {}
     ends = [(joint.base, joint.follower) for joint in model.joints]
     ends += [(force.base, force.follower) for force in model.forces if isinstance(force, Bushing)]
@@ -251,7 +251,7 @@ def _connected_bodies(model: Model, start: Iterable[str], without: str) -> set[s
 
 
 def _chassis(model: Model, carriers: Sequence[str]) -> str:
-    """The body through which all ways from the ground to the wheels lead, the nearest to them; the ground where there is none."""
+    """The body nearest to the wheels that lies on all paths from the ground to them; the ground if there is none."""
     on_the_way = []
     for body in model.bodies:
         standing = _connected_bodies(model, {GROUND}, body.name)
@@ -261,7 +261,7 @@ def _chassis(model: Model, carriers: Sequence[str]) -> str:
 
 
 def _carrier(model: Model, values: Values, wheel: Wheel, chassis: str) -> str:
-    """The body on which a wheel that turns about its axis is carried; the wheel's own body if it has no such hinge."""
+    """The carrier of a wheel that rotates about its axis; the wheel's own body if it has no such hinge."""
     joints = [joint for joint in model.joints if wheel.body in (joint.base, joint.follower)]
     if len(joints) != 1 or joints[0].kind != "revolute":
         return wheel.body
@@ -271,7 +271,7 @@ def _carrier(model: Model, values: Values, wheel: Wheel, chassis: str) -> str:
 
 
 def _suspension_bodies(model: Model, carriers: set[str], chassis: str) -> set[str]:
-    """The bodies that joints, bushings and gears connect with the wheels' bodies, without a way through the chassis or the ground."""
+    """The bodies that joints, bushings and gears connect with the wheels' bodies on paths that avoid the chassis and the ground."""
     joints = {joint.name: joint for joint in model.joints}
     bodies: set[str] = set()
     start = carriers
@@ -283,7 +283,7 @@ def _suspension_bodies(model: Model, carriers: set[str], chassis: str) -> set[st
 
 
 def _belongs_to(joint: Joint, bodies: set[str], chassis: str) -> bool:
-    """True if a joint connects bodies of the part with each other or with the chassis."""
+    """Return whether a joint connects bodies of the axle with each other or with the chassis."""
     ends = {joint.base, joint.follower}
     return bool(ends & bodies) and ends <= bodies | {chassis}
 
@@ -309,7 +309,7 @@ def _steering(model: Model, values: Values, bodies: set[str], chassis: str, stee
 
 
 def _is_rack(joint: Joint, values: Values, chassis: str) -> bool:
-    """True of a slider of the chassis along y."""
+    """Return whether a joint is a slider of the chassis along y."""
     if joint.element.kind is not JointKind.PRISMATIC or chassis not in (joint.base, joint.follower):
         return False
     axis = values.vector(joint.axes[0])
@@ -332,7 +332,7 @@ def _part(model: Model, values: Values, bodies: set[str], chassis: str, steering
 
 
 def _is_spring(force: Force, bodies: set[str], chassis: str) -> bool:
-    """True if a force acts between bodies of the axle and its chassis, along a length or a joint's coordinate."""
+    """Return whether a force acts between bodies of the axle and the chassis, along a length or a joint's coordinate."""
     if isinstance(force, PointSpring | AxialForce):
         ends = {force.base, force.follower}
         return bool(ends & bodies) and ends <= bodies | {chassis}

@@ -13,7 +13,7 @@ from cutjoint.tasks.kinematics.axles import Axle, Wheel
 from cutjoint.tasks.kinematics.linkage import Pose, WheelState, side_of
 
 _UP = np.array([0.0, 0.0, 1.0])
-#: Changes below this share are none.
+#: Smaller relative changes count as zero.
 _NOTHING = 1e-9
 
 #: The units of figures of a wheel and of an axle, without those of springs and of the steering joint; "1" of ratios.
@@ -80,7 +80,7 @@ def _upright(outward: Array) -> Array:
 
 
 def contact_velocity(wheel: Wheel, state: WheelState, by: int) -> Array:
-    """The change of the contact centre by one of the prescribed numbers; it moves round the wheel as that turns."""
+    """Derivative of the contact centre by a prescribed coordinate; the contact stays at the lowest point while the wheel rotates."""
     e, rotation_rate = state.outward, state.rotation_rate[:, by]
     rate = np.cross(rotation_rate, e)
     across = _UP - e[2] * e
@@ -112,9 +112,8 @@ def _support(axle: Axle, wheel: Wheel, state: WheelState, i: int, share: float) 
 
 
 def _steering_axis(axle: Axle, wheel: Wheel, state: WheelState, pose: Pose, i: int) -> dict[str, float]:
-    """The axis about which the carrier turns when it is steered while the first of its springs keeps its length.
-
-    Without a spring the wheel's centre keeps its height.
+    """The axis about which the carrier rotates under steering at constant length of its first spring.
+    Without a spring, the wheel centre keeps its height.
     """
     change = next((c for spring in axle.springs if abs((c := pose.changes[spring.name])[i]) > 1e-3), None)
     back = 0.0 if change is None else change[2] / change[i]
@@ -139,7 +138,7 @@ def _steering_axis(axle: Axle, wheel: Wheel, state: WheelState, pose: Pose, i: i
 
 
 def _motion_ratio(pose: Pose, spring: str) -> float:
-    """The change of a length by the travel of the wheel that changes it most, positive where the spring shortens as the wheel rises."""
+    """The change of a spring's length per travel of the wheel with the largest effect; positive if the spring shortens in bump."""
     left, right = pose.changes[spring][:2]
     return float(-(left if abs(left) >= abs(right) else right))
 
@@ -163,7 +162,7 @@ def _of_axle(axle: Axle, pose: Pose) -> Iterator[tuple[str, float]]:
 
 
 def _roll_centre(axle: Axle, pose: Pose, grounds: list[Array]) -> Array:
-    """The point (y, z) in which the lines across the paths of both contact centres meet; NaN where they are parallel."""
+    """Point (y, z) in which the normals to the paths of both contact centres intersect; NaN if they are parallel."""
     paths = np.array([
         contact_velocity(wheel, state, i)[1:] for i, (wheel, state) in enumerate(zip(axle.wheels, pose.wheels, strict=True))
     ])  # fmt: skip
@@ -173,7 +172,7 @@ def _roll_centre(axle: Axle, pose: Pose, grounds: list[Array]) -> Array:
 
 
 def _steer_rate(state: WheelState) -> float:
-    """The change of the steer angle by the steering joint, the wheel's centre at its height."""
+    """The derivative of the steer angle by the steering joint, at constant height of the wheel centre."""
     x, y = state.outward[:2]
     dx, dy = np.cross(state.rotation_rate[:, 2], state.outward)[:2]
     return float((x * dy - y * dx) / (x * x + y * y))

@@ -22,19 +22,19 @@ from cutjoint.topology.build import build_topology
 from cutjoint.topology.geometry import TOLERANCE
 from cutjoint.topology.records import Topology
 
-#: Violations of loops and errors of what is prescribed, m or rad, below which steps end when they gain nothing.
+#: Below these loop violations and errors of prescribed coordinates (m, rad), iterations stop when they no longer improve.
 _CLOSED = 1e-12
 _ITERATIONS = 25
-#: A motion (m or rad by one of what is prescribed) below this is none.
+#: A smaller motion (m or rad per unit of a prescribed coordinate) counts as zero.
 _NOTHING = 1e-7
-#: A step that moves a coordinate further (m, rad) leads to another way of assembly.
+#: A step that moves a coordinate further (m, rad) would lead to another assembly mode.
 _FARTHEST = 0.7
 
 
 @dataclass(frozen=True, kw_only=True)
 class WheelState:
-    """A wheel in a pose: centre and outward axis (3,), m, and their changes and the turn of its carrier by what is prescribed, (3,
-    prescribed)."""
+    """A wheel in a pose: centre (m) and outward axis, (3,), with their derivatives by prescribed coordinates and that of the carrier's
+    rotation, (3, prescribed)."""
 
     centre: Array
     outward: Array
@@ -116,7 +116,7 @@ class Linkage:
         return interpret_blocks(roots, inputs, {})
 
     def _by_speeds(self, values: Mapping[Block, Array], block: Block) -> Array:
-        """The matrix (rows, speeds) of a column that is linear in the speeds."""
+        """The Jacobian (rows, speeds) of a column that is linear in the speeds."""
         return np.broadcast_to(values[block][..., 0], (self._speeds, block.shape[0])).T
 
     def _equations(self, q: Array, prescribed: Array) -> tuple[Array, Array, dict[Block, Array]]:
@@ -136,7 +136,7 @@ class Linkage:
 
     @property
     def prescribed(self) -> int:
-        """The number of what is prescribed: two heights, and the steering joint's coordinate."""
+        """The number of prescribed coordinates: two heights, and the steering joint's coordinate if any."""
         return 2 + (self.axle.steering is not None)
 
     def design(self) -> Pose:
@@ -216,7 +216,7 @@ class Linkage:
 
 
 def side_of(axle: Axle, wheel: Wheel) -> str:
-    """The word for a wheel's side."""
+    """The name of a wheel's side."""
     return SIDES[axle.wheels.index(wheel)]
 
 

@@ -31,9 +31,9 @@ from cutjoint.tasks.kinematics.linkage import Linkage, Pose, WheelState, side_of
 from cutjoint.topology.geometry import TOLERANCE
 
 TRAVEL, ROLL, STEERING = "travel", "roll", "steer"
-#: The column of what changes in each sweep.
+#: The column of the independent variable of each sweep.
 LEADING = {TRAVEL: "left.travel", ROLL: "roll", STEERING: "steer"}
-#: The travel of the steering joint where nobody says it, m and rad.
+#: The default travel of the steering joint, m and rad.
 _TURNS = {"m": 0.02, "rad": 0.5}
 
 
