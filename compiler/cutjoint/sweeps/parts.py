@@ -55,7 +55,7 @@ class Parts:
             raise
 
     def _resume(self) -> None:
-        """Begin, or go on where an earlier call stopped."""
+        """Begin, or continue an earlier call."""
         file = self.folder / _MANIFEST
         found = _read_manifest(file)
         if found is not None:
@@ -97,7 +97,7 @@ class Parts:
         return [path for path in paths if not path.name.startswith(".") and path.name != _MANIFEST and os.path.lexists(path)]
 
     def _set_aside(self, path: Path, why: str) -> None:
-        """Move something out of the folder, under a name that is free, and say so."""
+        """Move something out of the folder under an unused name, with a message."""
         with naming_output(self.aside):
             self.aside.mkdir(exist_ok=True)
             names = chain([path.name], (f"{path.name}.{i}" for i in count(1)))
@@ -156,7 +156,7 @@ class Parts:
             yield arrow().parquet.read_table(arrow().BufferReader(content), schema=self.layout.schema)
 
     def incomplete(self, gaps: Sequence[tuple[int, int]]) -> OutputError:
-        """The error that rows which were there are not there any more."""
+        """The error for rows that have disappeared."""
         return OutputError(f"{self.folder}: {count_runs(gaps)} completed runs have disappeared; find the cause, and repeat the call")
 
     def _remove(self, ranges: Sequence[tuple[int, int]]) -> None:
@@ -173,7 +173,7 @@ class Parts:
             self._note(f"{self.folder} stays: it has files that are not of the sweep")
 
     def close(self) -> None:
-        """Let others write."""
+        """Release the lock."""
         with suppress(OSError):
             os.close(self._lock)
 
@@ -184,7 +184,7 @@ def count_runs(ranges: Sequence[tuple[int, int]]) -> int:
 
 
 def _read_part(path: Path, label: str) -> bytes | None:
-    """The content of a part, None where it does not have the digest that goes with the label."""
+    """The content of a part; None if its digest does not match the label."""
     try:
         content = path.read_bytes() if path.is_file() else b""
     except OSError:
@@ -193,7 +193,7 @@ def _read_part(path: Path, label: str) -> bytes | None:
 
 
 def _regrouped(tables: Iterator[Any], size: int) -> Iterator[Any]:
-    """Rows again, in tables of ``size`` rows, the last one shorter."""
+    """Regroup rows into tables of ``size`` rows; the last one may be shorter."""
     pa, held, rows = arrow(), [], 0
     for table in tables:
         held.append(table)
@@ -218,7 +218,7 @@ def require_same(found: Mapping[str, Any], asked: Mapping[str, Any], place: Path
 
 
 def _read_manifest(path: Path) -> dict[str, Any] | None:
-    """The manifest of parts; None where there is none, or not as it was written."""
+    """The manifest of parts; None if there is none or it is damaged."""
     try:
         found = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
     except (OSError, ValueError, RecursionError):
@@ -230,7 +230,7 @@ def _read_manifest(path: Path) -> dict[str, Any] | None:
 
 
 def missing(done: Sequence[tuple[int, int]], runs: int) -> list[tuple[int, int]]:
-    """The ranges of runs that are not in ``done``, which is in order."""
+    """The ranges of runs that are not in the ordered ranges ``done``."""
     gaps, at = [], 0
     for first, last in done:
         if first > at:

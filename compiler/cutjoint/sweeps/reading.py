@@ -47,7 +47,7 @@ _OPTIONS = {
 
 
 def element_of(path: Keys) -> tuple[str, int]:
-    """The part of a study that a path leads into, in words, and how many keys lead to it."""
+    """Describe the part of a study that a path leads to; also the number of keys of the path that belong to it."""
     if len(path) >= 2 and path[0] in _LABELS:
         return f"{_LABELS[str(path[0])]} '{path[1]}'", 2
     return ("design", 1) if path[:1] == ("design",) else ("study", 0)
@@ -121,7 +121,7 @@ class _Reading:
         if not path.is_file():
             self.where.fail(f"model: there is no file {path}", "write its path from the folder of the study", ("model",))
             raise self.problems.error()
-        try:  # what is generated names the model as the study does, wherever that is called from
+        try:  # generated text names the model as the study does, whatever the present folder
             return read_model_text(read_text(path), self.document.model, folder=path.parent, tunable=self.document.tunable)
         except ModelError:
             return read_model(path, tunable=self.document.tunable)

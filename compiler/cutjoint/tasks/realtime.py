@@ -112,7 +112,7 @@ def run_in_real_time(
     """
     artifact = compile_unless_compiled(model, scene, tunable)
     if artifact.implementation != Implementation.GENERATED:
-        find_compiler()  # who has none is told so
+        find_compiler()  # raises an error without a compiler
         raise RunError("real-time runs need generated code")
     options = Options(dt=dt, end=end, iterations=iterations, integrator=DEFAULT_INTEGRATOR)
     run_file = make_run_file(
@@ -134,7 +134,7 @@ def run_in_real_time(
 
 @contextmanager
 def _scheduled(priority: int | None, processor: int | None) -> Iterator[None]:
-    """Give what this thread begins meanwhile a priority and a processor."""
+    """Context that gives processes started by this thread a priority and a processor."""
     if (priority is not None or processor is not None) and not hasattr(os, "sched_setscheduler"):
         raise RunError("--priority and --processor: not supported on this operating system; set them outside")
     with ExitStack() as before:

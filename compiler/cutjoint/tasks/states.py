@@ -76,7 +76,7 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
     failure = failure_of(summary)
     if failure is not None:
         raise NoEquilibriumError(_describe(failure, artifact, parameters), failure)
-    values = {name: nan if value is None else value for name, value in summary["columns"].items()}  # not finite: null
+    values = {name: nan if value is None else value for name, value in summary["columns"].items()}  # null: not finite
     units = {o.column: unit_of(model, o) for o in outputs}
     return MechanismState(values=Columns({name: values[name] for name in units}), units=Columns(units), held=read_locking_forces(summary))
 

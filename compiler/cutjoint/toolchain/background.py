@@ -60,7 +60,7 @@ def build_in_background(source: Source, *, flags: Sequence[str], patience: float
 
 
 def main() -> None:
-    """Build by the record named on the command line."""
+    """Build from the record named on the command line."""
     os.nice(10)
     place = Path(sys.argv[1])
     record: Mapping[str, Any] = read_record(place)

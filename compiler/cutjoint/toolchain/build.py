@@ -20,7 +20,7 @@ from cutjoint.toolchain.platforms import Platform
 if TYPE_CHECKING:
     from cutjoint.emit.source import Source
 
-#: Flags for generated code, unless $CUTJOINT_FLAGS says otherwise; measured on the Iltis, see docs/evidence/performance.md.
+#: Default flags for generated code, unless $CUTJOINT_FLAGS is set; measured on the Iltis, see docs/evidence/performance.md.
 FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3 -march=native").split())
 
 #: The displayed name of the compiler of the package's own simulators.

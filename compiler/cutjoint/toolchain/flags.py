@@ -10,10 +10,10 @@ from cutjoint.toolchain.cache import cache_folder, digest_of, read_record, write
 from cutjoint.toolchain.children import call
 from cutjoint.toolchain.compiler import Compiler, resolve
 
-#: Flags that every compiler takes; those that are used by default are among them.
+#: Flags that every compiler accepts, including the default ones.
 _KNOWN = re.compile(r"-O[0-3]|-march=native")
 
-#: A program that needs as much of the language as generated code does, and prints a result.
+#: A program that uses the language features of generated code and prints a result.
 _PROGRAM = """
 #include <cmath>
 #include <concepts>
@@ -37,12 +37,12 @@ int main(int words, char**) {
 """
 _PRINTED = "2\n"
 
-#: The status of a program that the system does not start, as where programs on a disk must not be run.
+#: The status of a program that the system refuses to run, for example on a disk mounted with noexec.
 _NOT_STARTED = 126
 
 
 def are_known(flags: Sequence[str]) -> bool:
-    """True where flags need no check."""
+    """Return whether flags need no check."""
     return all(map(_KNOWN.fullmatch, flags))
 
 

@@ -42,11 +42,11 @@ class Object:
         return cache_folder() / f"object-{self.digest}" / "code.o"
 
     def built(self, out: Path) -> Path:
-        """The place in which CMake puts it."""
+        """The path at which CMake builds it."""
         return out / "CMakeFiles" / f"{self.target}.dir" / f"{self.source}.o"
 
     def copied(self, folder: Path) -> Path:
-        """The place in which CMake finds it (CMakeLists.txt.jinja)."""
+        """The path at which CMake looks for a copy (CMakeLists.txt.jinja)."""
         return folder / self.target / f"{self.source}.o"
 
 
@@ -97,6 +97,6 @@ def _project_digest() -> str:
 
 
 def _prepared(file: Path) -> Path:
-    """A place for a file, with its folder."""
+    """A path for a file; makes its folder."""
     file.parent.mkdir(parents=True, exist_ok=True)
     return file

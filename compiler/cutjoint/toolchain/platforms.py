@@ -43,7 +43,7 @@ class Platform:
 
     @property
     def settings(self) -> tuple[str, ...]:
-        """The settings of CMake for the platform; none for this machine's."""
+        """CMake's settings for the platform; none for this machine."""
         if self.is_here():
             return ()
         return (
@@ -56,7 +56,7 @@ _AVX2 = ("-mavx2", "-mfma")
 #: GCC does not align the stack for AVX on Windows (its bug 54412); the assembler writes moves that take any address.
 _UNALIGNED = "-Wa,-muse-unaligned-vector-move"
 
-#: By the names that commands have.
+#: Platforms by the names that commands use.
 PLATFORMS: Mapping[str, Platform] = {
     "linux-x86_64": Platform(system="Linux", processor="x86_64", tools="x86_64-linux-gnu", package="g++-x86-64-linux-gnu", avx2=_AVX2),
     "windows-x86_64": Platform(
@@ -77,7 +77,7 @@ def machine() -> Mapping[str, str]:
     return {"processor": _processor(), "system": platform.system(), "python": platform.python_version()}
 
 
-#: The names of a processor's widest vectors, by the flag that stands for them.
+#: The names of a processor's widest vector registers, by CPU flag.
 _VECTORS = {"avx512f": "AVX-512", "avx2": "AVX2"}
 
 

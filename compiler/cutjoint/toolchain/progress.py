@@ -32,9 +32,9 @@ Listener: TypeAlias = Callable[[Compiling], None]
 
 #: The beginning of Ninja's line about a file that it has made, or would make; the file comes last.
 STATUS = "[%f/%t] "
-#: The beginning of the names of a driver's files.
+#: The prefix of the names of a driver's files.
 _DRIVER = "driver/"
-#: Seconds that a byte of generated code takes; of a vehicle's long functions twice that.
+#: Typical time per byte of generated code, s; long functions of vehicles take twice as long.
 _USUAL = 8e-6
 
 _LINE = re.compile(r"\[\d+/\d+\] .*?(\S+)$")
@@ -44,7 +44,7 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Tell a listener how far compiling is."""
+    """Context in which a listener is called with the progress of compiling."""
     token = _listener.set(listener)
     try:
         yield
@@ -59,7 +59,7 @@ def forecast(sources: Mapping[str, int], how: Sequence[str]) -> float:
 
 
 def made_file(line: str) -> str | None:
-    """The file that a line of Ninja's is about."""
+    """The file that a line of Ninja names."""
     found = _LINE.match(line.rstrip())
     return found[1] if found else None
 
@@ -72,19 +72,19 @@ class Watch:
         self._known: Mapping[str, Any] = _read().get(self._key, {})
 
     def notify(self) -> None:
-        """Tell whoever listens how far it is."""
+        """Report progress to the listener."""
         if (listener := _listener.get()) is not None:
             share = any(name.startswith(_DRIVER) for name in self._left)
             listener(Compiling(done=self._total - len(self._left), total=self._total, seconds=self._seconds(), share=share))
 
     def finish(self, name: str) -> None:
-        """A file has been made."""
+        """A file has been built."""
         if name in self._left:
             self._left.remove(name)
         self.notify()
 
     def keep(self, log: Path) -> None:
-        """Remember what files took, by Ninja's log."""
+        """Store the times of files from Ninja's log."""
         lines = [line.split("\t") for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if not line.startswith("#")]
         took = {x[3]: [(int(x[1]) - int(x[0])) / 1000, self._size(x[3])] for x in lines if len(x) == 5}
         every = _read()
@@ -97,12 +97,12 @@ class Watch:
         return _spread([self._known[name][0] * self._growth(name) for name in self._left])
 
     def _growth(self, name: str) -> float:
-        """A source twice as long takes twice as long."""
+        """The estimated growth of a file's time: proportional to the size of its source."""
         before, now = self._known[name][1], self._size(name)
         return now / before if before and now else 1.0
 
     def _size(self, name: str) -> int:
-        """Bytes of the source of an object file, zero of a source outside of the project."""
+        """The size of an object file's source, bytes; zero outside the project."""
         file = self._source / _source_of(name)
         return file.stat().st_size if file.is_file() else 0
 
@@ -113,12 +113,12 @@ def _source_of(name: str) -> str:
 
 
 def _spread(each: Sequence[float]) -> float:
-    """The seconds of files that this machine's processors share."""
+    """The total time of files that this machine's processors compile in parallel, s."""
     return max(sum(each) / processors(), *each) if each else 0.0
 
 
 def has_listener() -> bool:
-    """Return whether anybody listens."""
+    """Return whether there is a listener."""
     return _listener.get() is not None
 
 

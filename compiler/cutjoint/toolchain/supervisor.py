@@ -13,7 +13,7 @@ from time import sleep
 #: Python ignores these signals, and what it starts would.
 _IGNORED = tuple(getattr(signal, name) for name in ("SIGPIPE", "SIGXFSZ") if hasattr(signal, name))
 
-#: The status where the tool cannot be started, as shells have it.
+#: The status if the tool cannot be started, as in shells.
 _NOT_STARTED = 126
 
 #: Held while the session is ended, since the tool may end before the others.
@@ -32,7 +32,7 @@ def end_session(session: int) -> None:
 
 
 def _is_member(pid: int, session: int) -> bool:
-    """True where a process is another one of a session, and alive."""
+    """Return whether a process is another living one of a session."""
     try:
         with open(f"/proc/{pid}/stat", "rb") as stream:
             state, _, _, its_session = stream.read().rpartition(b")")[2].split()[:4]

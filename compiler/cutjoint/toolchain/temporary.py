@@ -19,7 +19,7 @@ from filelock import FileLock, Timeout
 from cutjoint.package.errors import ToolchainError
 from cutjoint.package.system import IS_WINDOWS, user
 
-#: The beginning of locks' names, those of the cache too, and of the temporary folders beside them.
+#: The prefix of lock files, including the cache's, and of the temporary folders next to them.
 PREFIX = "cutjoint-"
 
 #: Paths that CMake, Ninja, the shell and the compiler all take as they are.  In others CMake splits at semicolons, and the shell that
@@ -70,7 +70,7 @@ def is_plain(path: Path) -> bool:
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
     """Hold a lock; its file is there for no longer than that, unless the process is killed."""
-    with FileLock(path, mode=0o664):  # a group that shares a cache takes turns
+    with FileLock(path, mode=0o664):  # members of a group that shares a cache use it in turn
         try:
             yield
         finally:
@@ -80,7 +80,7 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def remove_stale(place: Path) -> None:
-    """Remove this user's locks that nobody holds, and the temporary folders beside them."""
+    """Remove this user's unused locks and their temporary folders."""
     for lock in place.glob(f"{PREFIX}*.lock"):
         with suppress(OSError, Timeout):
             if lock.lstat().st_uid == user():

@@ -26,7 +26,7 @@ if sys.platform != "win32":
 #: The environment variable with the name or number of a group that shares the cache.
 GROUP = "CUTJOINT_CACHE_GROUP"
 
-#: Links that a path may lead through, as in Linux.
+#: The largest number of links on a path, as in Linux.
 _MOST_LINKS = 40
 
 
@@ -97,7 +97,7 @@ def trust_of(store: Path, *, installed: bool) -> Trust:
     shares = None if IS_WINDOWS else _shared_by()
     owners, groups = {0, user()}, {g for g in (_private_group(user()), shares) if g is not None}
     if installed:
-        with suppress(OSError):  # a place that is not there has no files
+        with suppress(OSError):  # a missing place has no files
             found = os.stat(sys.prefix)
             owners.add(found.st_uid)
             groups |= {found.st_gid} if found.st_mode & stat.S_IWGRP else set()
@@ -129,7 +129,7 @@ def _parts(path: Path) -> Iterator[tuple[Path, os.stat_result, bool]]:
 
 
 def _shared_by() -> int | None:
-    """The number of the group that shares the cache; None where it is the user's alone."""
+    """The number of the group that shares the cache; None if it belongs to the user only."""
     requested = os.environ.get(GROUP, "")
     if not requested or (requested.isascii() and requested.isdigit()):
         return int(requested) if requested else None

@@ -39,7 +39,7 @@ def draw(placed: Placed, t: Array, *, failed: str = "", columns: Mapping[tuple[s
 
 
 def up_of(numbers: Numbers, model: Model) -> Array:
-    """The direction against gravity, (3,); z where there is none."""
+    """The direction against gravity, (3,); z without gravity."""
     gravity = point_of(numbers, model.gravity)
     size = float(np.linalg.norm(gravity))
     return -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
@@ -52,14 +52,14 @@ def _moved(part: Part, shift: Array) -> Part:
     )  # fmt: skip
 
 
-#: A body that goes further than this many extents of the mechanism is followed; what turns about a pivot goes two at most.
+#: The camera follows a body that moves further than this many extents of the mechanism; rotation about a pivot gives at most two.
 _FAR = 3.0
-#: At how many times it is looked at where a node is.
+#: The number of times at which a node's position is sampled.
 _SAMPLES = 50
 
 
 def find_camera(placed: Placed, drawing: Drawing) -> Camera:
-    """The camera looks from the side if all axes of turns are one direction, else from ahead, the left and above."""
+    """The camera looks from the side if all rotation axes are parallel, else from ahead, the left and above."""
     model, numbers, sizes = placed.model, placed.numbers, placed.sizes
     has_road = any(force.has_road for force in model.forces)
     return Camera(
@@ -70,7 +70,7 @@ def find_camera(placed: Placed, drawing: Drawing) -> Camera:
 
 def _direction(model: Model, numbers: Numbers, up: Array) -> Array:
     axes = [point_of(numbers, joint.axes[0]) for joint in model.joints if joint.axes and "rad" in joint.element.units.values()]
-    level = rotation_to(up)  # x, y and z of an observer who stands upright
+    level = rotation_to(up)  # axes of an upright observer
     across = axes[0] if axes else None
     if across is not None and all(np.linalg.norm(np.cross(across, axis)) < 1e-6 for axis in axes) and abs(across @ up) < 0.5:
         right = np.cross(up, across)
@@ -80,7 +80,7 @@ def _direction(model: Model, numbers: Numbers, up: Array) -> Array:
 
 
 def _floor(sizes: Sizes, drawing: Drawing) -> float:
-    """A little below the lowest point at any time."""
+    """A height slightly below the lowest point at any time."""
     lowest = [_lowest(node, drawing.up) for node in drawing.nodes if node.parts and "arrow" not in node.about]
     return min(lowest, default=0.0) - 0.02 * sizes.extent
 
@@ -96,7 +96,7 @@ def _lowest(node: Node, up: Array) -> float:
 
 
 def _followed(placed: Placed) -> str:
-    """The heaviest body if it goes far."""
+    """The heaviest body if it moves far, else none."""
     if not placed.model.bodies:
         return ""
     body = max(placed.model.bodies, key=lambda b: placed.numbers.number(b.mass))

@@ -38,7 +38,7 @@ _ROLES: Mapping[str, re.Pattern[str]] = {
     "steer": re.compile(r"steer|rack"), "throttle": re.compile(r"throttle|accel|gas|drive|engine"), "brake": re.compile(r"brak"),
 }  # fmt: skip
 
-#: The keys of what a car does, and of other inputs in their order, by the codes of the UI Events standard: down and up.
+#: The keys for a car's roles and for further inputs in order, by codes of the UI Events standard: decrease and increase.
 _CAR_KEYS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "steer": (("ArrowLeft", "KeyA"), ("ArrowRight", "KeyD")), "throttle": ((), ("ArrowUp", "KeyW")), "brake": ((), ("ArrowDown", "KeyS")),
 }  # fmt: skip
@@ -53,7 +53,7 @@ _REACH = {"rad": 0.5, "m/s": 10.0, "rad/s": 10.0}
 #: Moments that drive a wheel of a car, and that brake it, as a share of the weight at one metre.
 _MOMENTS = {"throttle": 0.03, "brake": 0.1}
 
-#: Rows of the record in a second, and the wheels of what is driven as a car.
+#: Samples of the record per second, and the smallest number of wheels of a car.
 _ROWS, _WHEELS = 60.0, 3
 
 #: The outputs that each wheel has in a page.
@@ -83,7 +83,7 @@ class LaidRoad:
 
 
 def _steps() -> Sequence[tuple[float, float, float]]:
-    """Plates of 3, 5 and 8 cm in turn, each 20 m, up within a length that a tyre stands on, down by a longer ramp."""
+    """Plates of 3, 5 and 8 cm alternately, each 20 m long, with a short ramp up and a longer one down."""
     lines = [(-1.0, 0.0, 0.0)]
     for i in range(127):
         x, rise = 25.0 + 20 * i, (0.03, 0.05, 0.08)[i % 3]
@@ -119,7 +119,7 @@ class Replay:
 
     @property
     def text(self) -> str:
-        """The table as CSV, in all digits."""
+        """The table as CSV, with all digits."""
         return "\n".join([",".join(self.units), *(",".join(map(repr, row)) for row in self.rows.tolist()), ""])
 
 
@@ -192,7 +192,7 @@ def _wheels(model: Model) -> Iterator[tuple[Force, Wheel]]:
 
 
 def _wheel(wheel: Force, visual: Wheel, numbers: Numbers, outputs: Sequence[Output]) -> dict[str, Any]:
-    """The place of a wheel in the design position, m, and the numbers of its outputs."""
+    """The position of a wheel in the design position, m, and the indices of its outputs."""
     of = {o.quantity: i for i, o in enumerate(outputs) if o.element == wheel.name}
     at = [float(x) for x in numbers.triple(visual.at.of(wheel))]
     return {"name": wheel.name, "at": at, "of": {q: of[q] for q in _OF_WHEELS if q in of}}

@@ -17,9 +17,9 @@ from cutjoint.view.motions import along, continuous, product, quaternions_of, ro
 from cutjoint.view.records import FORCE, ICE, JOINT, REACTION, ROAD, RUBBER, STEEL, Array, Mesh, Node, Part
 from cutjoint.view.sizes import Placed, named_visuals, point_of
 
-#: A wheel that turns further than this from one row to the next, rad, is drawn without its turning, which nobody could follow.
+#: A wheel that rotates further than this between samples, rad, is drawn without rotation, which would alias.
 _LARGEST_TURN = 2.0
-#: Cells at most in which a track with a surface is drawn.
+#: The largest number of drawn cells of a track with a surface.
 _MOST_CELLS = 20_000
 
 
@@ -76,7 +76,7 @@ class ForceNodes(Placed):
         return self._stretched(name, meshes.coil(self.sizes.spring), start, end, axis)
 
     def _ring(self, force: Force, name: str, visual: Ring) -> Node:
-        """A ring that turns with its frame's body."""
+        """A ring that rotates with its frame's body."""
         ring = meshes.revolved([(0.8, -0.5), (1.3, -0.5), (1.3, 0.5), (0.8, 0.5), (0.8, -0.5)])
         mesh = Mesh(points=1.2 * self.sizes.joint * ring.points, normals=ring.normals, faces=ring.faces)
         rotated = mesh.moved(rotation_to(point_of(self.numbers, visual.frame.of(force)[2])), np.zeros(3))
@@ -84,7 +84,7 @@ class ForceNodes(Placed):
         return self._node(name, (Part(mesh=rotated, colour=JOINT),), self.point(force, visual.at), rotation)
 
     def _wheel(self, force: Force, name: str, wheel: Wheel) -> Node:
-        """A wheel that turns with its body, or as far as it goes where no coordinate of the model says how far it turns."""
+        """A wheel that rotates with its body, or rolls by its centre's displacement if no coordinate has its angle."""
         axis, pose = point_of(self.numbers, wheel.axis.of(force)), self.poses[wheel.axis.body(force)]
         radius, centre = self.numbers.number(force.radius), self.point(force, wheel.at)
         angle = np.zeros(len(centre)) if wheel.rotates else self._rolled(centre, pose.rotate(axis), radius)
@@ -98,7 +98,7 @@ class ForceNodes(Placed):
         return self._node(name, parts, centre, continuous(rotation))
 
     def _rolled(self, centre: Array, axis: Array, radius: float) -> Array:
-        """The angle that a wheel has rolled, rad, by the way of its centre; zero where it turns too far between rows to be followed."""
+        """The rolling angle of a wheel, rad, from the displacement of its centre; zero if it is too large between samples."""
         ahead = np.cross(axis, self.up)
         ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
         turns = np.sum(np.diff(centre, axis=0) * (ahead[1:] + ahead[:-1]) / 2, axis=1) / radius
@@ -136,7 +136,7 @@ def _relief(surface: Surface, x: Array, z: Array, right: float, left: float) -> 
 
 
 def _profile(pieces: list[Piece], first: float, last: float) -> tuple[Array, Array]:
-    """Places along a road and its heights there, both sides of a step."""
+    """Positions along a road and its heights there, on both sides of a step."""
     begins = [piece.begin for piece in pieces]
     x, z = [], []
     for index, piece in enumerate(pieces):
@@ -154,9 +154,9 @@ def _profile(pieces: list[Piece], first: float, last: float) -> tuple[Array, Arr
     return points[0, moves], points[1, moves]
 
 
-#: The longest arrow of all, as a share of the mechanism's extent.
+#: The length of the longest arrow, as a share of the mechanism's extent.
 _LONGEST = 0.3
-#: The smallest share of the longest arrow that is drawn; a mesh of no size has no normals.
+#: The smallest drawn share of the longest arrow; a mesh without size has no normals.
 _SMALLEST = 1e-6
 _COMPONENTS = ("Fx", "Fy", "Fz")
 
@@ -169,7 +169,7 @@ class Arrows(Placed):
     up: Array
 
     def all(self) -> tuple[Node, ...]:
-        """A node for each force and reaction, its arrow as long beside the longest of all as its force is."""
+        """A node for each force and reaction; the lengths of arrows are proportional to the forces."""
         found = [*self._forces(), *self._reactions()]
         largest = max((float(np.linalg.norm(force, axis=1).max()) for _, _, _, force in found), default=0.0)
         return tuple(self._arrow(*each, largest) for each in found) if largest > 0 else ()

@@ -16,7 +16,7 @@ from cutjoint.view.glb import TRIANGLES, Glb, GltfNode, Primitive, read_glb
 from cutjoint.view.motions import rotated
 from cutjoint.view.records import Array, Drawing, Mesh, Node, Part
 
-#: Bytes of a page: more than any that is written.
+#: The largest size of a page, bytes: more than any that is written.
 _LARGEST = 60_000_000
 
 
@@ -57,7 +57,7 @@ def _read(file: str, text: str) -> GhostRun:
 
 
 def _element(text: str, name: str) -> str:
-    """The content of an element of a page, as it was written."""
+    """The content of an HTML element, unchanged."""
     found = re.search(f'<script type="application/[a-z-]+" id="{name}"(?: data-crc="([0-9]+)")?>([^<]*)</script>', text)
     if found is None or (found[1] and int(found[1]) != crc32(found[2].encode())):
         raise ValueError(name)

@@ -19,11 +19,11 @@ from pydantic.alias_generators import to_camel
 
 from cutjoint.view.records import Array, Faces
 
-#: The most rows of all accessors together, and the most entries of a list: more than any mesh that can be drawn has.
+#: Limits: rows of all accessors together, and entries of a list; more than any mesh that can be drawn has.
 _ROWS, _ENTRIES = 10_000_000, 100_000
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-#: Modes of parts: lists, and after strips fans, of triangles; below are points and lines.
+#: Modes of primitives: triangle lists, strips, fans; lower numbers are points and lines.
 TRIANGLES, _FAN = 4, 6
 #: Beginnings of extensions that change no triangle, or only the types of numbers that are read anyhow.
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_mesh_quantization")
@@ -41,7 +41,7 @@ class GlbError(ValueError):
 
 
 class _Described(BaseModel):
-    """An object of a document; keys that are not listed say nothing about triangles and motions."""
+    """An object of a document; keys that are not listed have no influence on triangles and motions."""
 
     model_config = ConfigDict(strict=True, frozen=True, alias_generator=to_camel, allow_inf_nan=False)
 
@@ -136,7 +136,7 @@ class Animation(_Described):
 
 
 class Document(_Described):
-    """The part of a document that triangles and motions follow from."""
+    """The part of a document that determines triangles and motions."""
 
     asset: Asset
     scene: Index = 0
@@ -173,7 +173,7 @@ def read_glb(content: bytes) -> "Glb":
 
 
 def _chunks(content: bytes) -> tuple[bytes, bytes]:
-    """The JSON text of a file and its buffer, empty where it has none."""
+    """The JSON text of a file and its binary buffer, empty if there is none."""
     if len(content) < 20 or content[:8] != struct.pack("<4sI", b"glTF", 2):
         raise GlbError("it does not begin as binary glTF 2.0 does")
     if struct.unpack_from("<I", content, 8) != (len(content),):
@@ -219,7 +219,7 @@ class Glb:
             waiting += [(child, matrix) for child in node.children]
 
     def triangles(self) -> Iterator[Array]:
-        """Corners (n, 3, 3) of triangles of the scene, where they stand, a part of a mesh at a time; points and lines are left out."""
+        """Corners (n, 3, 3) of the scene's triangles in global axes, one primitive at a time; points and lines are left out."""
         for node, matrix in self.nodes():
             if node.mesh is None:
                 continue

@@ -18,7 +18,7 @@ from cutjoint.view.records import Array, Colour, Drawing, Mesh, Node, Part
 _FLOAT, _UNSIGNED = 5126, 5125
 _VERTICES, _INDICES = 34962, 34963
 _SIZES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
-#: A row that differs by less than this from the first one, by size, does not move.
+#: A node is constant if all rows differ from the first by less than this, relative to its size.
 _STILL = 1e-7
 
 
@@ -88,7 +88,7 @@ class _Writer:
         return {**self._arrays(part.mesh), "material": material}
 
     def _arrays(self, mesh: Mesh) -> dict[str, Any]:
-        """The arrays of a mesh, once where several parts have it."""
+        """The arrays of a mesh; primitives share them."""
         if id(mesh) not in self._known:
             attributes = {"POSITION": self._add(mesh.points, _VERTICES), "NORMAL": self._add(mesh.normals, _VERTICES)}
             self._known[id(mesh)] = {"attributes": attributes, "indices": self._add(mesh.faces.reshape(-1, 1), _INDICES)}

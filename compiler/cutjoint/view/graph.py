@@ -1,4 +1,4 @@
-"""The topology of a model as a picture: bodies from left to right, parents first, cut joints as ways back at the right."""
+"""The topology of a model as a picture: bodies from left to right, parents first, cut joints as return lines on the right."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -113,7 +113,7 @@ class _Layout:
 
     @cached_property
     def _rows(self) -> Mapping[str, float]:
-        """Bodies that carry none stand one below the other, each other body beside the middle of its children."""
+        """Leaf bodies stand below each other, every other body in the middle of its children."""
         rows: dict[str, float] = {}
         count = 0
         for name in reversed((GROUND, *self._outwards())):
@@ -126,7 +126,7 @@ class _Layout:
         return {name: row + count - 1 for name, row in rows.items()}
 
     def _outwards(self) -> Iterator[str]:
-        """The bodies, each followed by all that it carries."""
+        """The bodies, each followed by its subtree."""
         stack = [*reversed(self._children.get(GROUND, ()))]
         while stack:
             name = stack.pop()
@@ -204,7 +204,7 @@ class _Layout:
         return _ROW * (self._rows[body] + 0.5) + _MARGIN / 2
 
     def _heights(self, base: str, follower: str, number: int) -> tuple[float, float]:
-        """At the bodies that carry none; from others where nothing stands to their right."""
+        """Heights at leaf bodies, or, for other bodies, where nothing stands to their right."""
         shift = 3.0 * (number % 5) - 6.0
 
         def leaves_at(body: str) -> float:

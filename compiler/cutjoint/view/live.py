@@ -17,7 +17,7 @@ from cutjoint.formulate.recursive.quantities import NUMBERS_PER_POSE, digest_of_
 from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError
 
-#: s between what a page is told, and between signs of life where nothing comes.
+#: Seconds between updates of a page, and between keep-alive messages.
 _PAUSE, _LIFE = 1 / 60, 5.0
 _LOCAL = ("localhost", "127.0.0.1")
 
@@ -108,7 +108,7 @@ def _handler(poses: Poses, page: bytes, *, is_open: bool) -> type[BaseHTTPReques
         def do_GET(self) -> None:
             name = self.headers.get("Host", "").rpartition(":")[0]
             if not is_open and name not in _LOCAL:
-                self.send_error(403)  # a name that leads here by somebody else's wish
+                self.send_error(403)  # a foreign host name that resolves to this address
             elif self.path == "/":
                 self._begin("text/html; charset=utf-8", ("Content-Length", str(len(page))))
                 self.wfile.write(page)
@@ -137,6 +137,6 @@ def _handler(poses: Poses, page: bytes, *, is_open: bool) -> type[BaseHTTPReques
                 return  # the page was closed
 
         def log_message(self, format: str, *args: object) -> None:
-            """Say nothing."""
+            """Log nothing."""
 
     return Handler

@@ -14,7 +14,7 @@ from cutjoint.view.glb import GlbError, read_glb
 from cutjoint.view.records import Array, Mesh
 from cutjoint.view.sizes import point_of
 
-#: Bytes of a file, triangles of a mesh, and the largest coordinate, m.
+#: Limits: bytes of a file, triangles of a mesh, and the largest coordinate, m.
 _BYTES, _TRIANGLES, _FAR = 50_000_000, 200_000, 1e6
 
 
@@ -68,7 +68,7 @@ def _triangles(body: Body, visual: Visual) -> Array:
             largest = float(np.abs(corners).max(initial=0.0)) * visual.scale
     except GlbError as error:
         raise _problem(body, visual, f"is no sound glTF: {printable(str(error))}", "write it anew, or as STL") from None
-    except Exception:  # whatever a library makes of a file that is none of its own
+    except Exception:  # any exception of a library for a file that it cannot read
         raise _problem(body, visual, "is no mesh that can be read", "write it anew as STL") from None
     if not len(corners) or not largest < _FAR:
         raise _problem(body, visual, "has no triangles, or some that are not finite or far away", "write it in metres, or give a scale")

@@ -99,7 +99,7 @@ def hull(points: Array, least: float) -> list[Mesh]:
 
 
 def _outermost(points: Array) -> Array:
-    """At most forty points: those that are the furthest ones in some directions."""
+    """At most forty points, each the extreme one in some direction."""
     if len(points) <= 40:
         return points
     turns = np.arange(120) * np.pi * (3 - np.sqrt(5))
@@ -124,7 +124,7 @@ def arrow(length: float) -> Mesh:
     return revolved([(0.0, 0.0), (shaft, 0.0), (shaft, neck), (head, neck), (0.0, length)], 16)
 
 
-#: The length at which the wire of a coil is round, in radii of the coil.
+#: The length at which the wire of a coil has a round section, in radii of the coil.
 _DRAWN = 8.0
 
 
@@ -149,7 +149,7 @@ def _tube(path: Array, radius: float) -> Mesh:
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     first = np.cross(ahead, np.eye(3)[np.abs(ahead[0]).argmin()])[0]
     across = np.empty_like(path)
-    for i, direction in enumerate(ahead):  # carried along, so that the tube does not twist
+    for i, direction in enumerate(ahead):  # parallel transport, so that the tube does not twist
         first = first - (first @ direction) * direction
         first /= np.linalg.norm(first)
         across[i] = first
@@ -168,7 +168,7 @@ def tyre(radius: float) -> Mesh:
 
 
 def rim(radius: float) -> Mesh:
-    """The rim of a wheel with spokes, by which one sees it turn."""
+    """The rim of a wheel, with spokes that make its rotation visible."""
     inner, w = 0.62 * radius, 0.1 * radius
     ring = revolved([(0.9 * inner, -w), (inner, -w), (inner, w), (0.9 * inner, w), (0.9 * inner, -w)], 36)
     bar = box(0.16 * radius, 1.9 * inner, w)

@@ -39,7 +39,7 @@ def quaternions_of(rotations: Array) -> Array:
 
 
 def continuous(q: Array) -> Array:
-    """Each quaternion or its opposite, which is the same rotation, so that none is far from the one before."""
+    """Each quaternion or its negative, which is the same rotation, so that neighbours are close."""
     flips = np.sum(q[1:] * q[:-1], axis=1) < 0
     signs = np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]).cumprod()
     return np.asarray(q * signs[:, np.newaxis])
@@ -49,7 +49,7 @@ def shortest(start: Array, end: Array) -> Array:
     """The quaternion (4,) of the smallest rotation between two directions (3,)."""
     a, b = start / np.linalg.norm(start), end / np.linalg.norm(end)
     w = 1 + a @ b
-    if w < 1e-9:  # opposite: half a turn about any direction across
+    if w < 1e-9:  # opposite: a rotation by 180 degrees about any normal direction
         axis = np.cross(a, np.eye(3)[np.abs(a).argmin()])
         return np.append(axis / np.linalg.norm(axis), 0.0)
     q = np.append(np.cross(a, b), w)
@@ -70,7 +70,7 @@ def rotated(q: Array, vectors: Array) -> Array:
 
 
 def along(directions: Array) -> Array:
-    """Quaternions (n, 4) that take z to each of the directions (n, 3), without a turn about them from one to the next."""
+    """Quaternions (n, 4) that rotate z to each of the directions (n, 3), without rotation about the directions from one to the next."""
     result = np.empty((len(directions), 4))
     q, before = np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0])
     for i, direction in enumerate(directions):
@@ -88,9 +88,9 @@ def rotation_to(direction: Array) -> Array:
 
 #: A motion takes so many seconds on screen, and has so many frames.
 PERIOD, FRAMES = 2.0, 33
-#: A point moves by this share of the mechanism's extent at most, and a coordinate by so many rad or m.
+#: The largest motion of a point, as a share of the mechanism's extent, and of a coordinate, rad or m.
 _REACH, _LARGEST = 0.08, 0.5
-#: A small step, rad and m, by which it is found how far points move.
+#: The step, rad and m, of the differences that show how far points move.
 _STEP = 1e-4
 
 
@@ -145,13 +145,13 @@ class Mover:
         return self.poses(np.array([self.closed(retract(self.equations, q, step), step) for step in steps]))
 
     def closed(self, q: Array, across: Array) -> Array:
-        """Coordinates near q that close the loops, found across a direction (speeds,) if it has one; q itself where none are near."""
+        """Coordinates near q that close the loops, normal to a direction (speeds,) if given; q itself if there are none nearby."""
         size = float(np.abs(across).max(initial=0.0))
         found = close_loops(self.equations, q, across=across / size if size > _STEP else None, t=self.time)
         return q if found is None or np.abs(found[0] - q).max(initial=0.0) > _LARGEST else found[0]
 
     def _amplitude(self, q: Array, shape: Complex) -> float:
-        """An amplitude with which the motion is seen, and still like a small one."""
+        """An amplitude at which the motion is visible and still nearly linear."""
         largest = float(np.abs(shape).max())
         step = _STEP / largest
         rows = [q, *(retract(self.equations, q, step * part) for part in (shape.real, shape.imag))]

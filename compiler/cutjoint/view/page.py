@@ -130,7 +130,7 @@ def as_table(t: Array, columns: Sequence[Array]) -> str:
 
 
 def as_data(content: Mapping[str, object]) -> str:
-    """JSON that ends no element of the page, whatever its texts are."""
+    """JSON in which no text can end an HTML element."""
     return re.sub("[<>&\u2028\u2029]", lambda found: f"\\u{ord(found[0]):04x}", json.dumps(content, allow_nan=False))
 
 
@@ -156,7 +156,7 @@ class Failure:
 
 
 def find_failure(model: Model, run: Trajectory) -> Failure | None:
-    """The reason that a run stopped; None of one that came to its end."""
+    """The reason that a run stopped; None if it reached its end."""
     if run.failure is None:
         return None
     bodies, spans = bodies_of(model), {**{f.name: f.span for f in model.force_elements}, **model.constraint_spans}

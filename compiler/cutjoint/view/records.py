@@ -74,7 +74,7 @@ FORCE, REACTION = read_colour("#d9480f"), read_colour("#0b7fab")
 ALARM = read_colour("#e5202b")
 RUBBER = read_colour("#33373d")
 ROAD = (read_colour("#a3a8ae"), read_colour("#b6bac0"))
-#: Colours of strips of a road where friction is another one.
+#: Colours of strips of a road with a different friction.
 ICE = (read_colour("#8fb4cf"), read_colour("#a4c4da"))
 
 _OF_BODIES = tuple(

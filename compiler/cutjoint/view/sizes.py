@@ -46,13 +46,13 @@ def point_of(numbers: Numbers, point: Vector) -> Array:
 
 
 def force_points(force: Force) -> Iterator[tuple[str, Vector]]:
-    """The points in which a force holds bodies, each with its body; a load holds nothing."""
+    """The attachment points of a force, each with its body; a load has none."""
     if force.interaction.holds_bodies:
         yield from ((place.body(force), place.of(force)) for place in force.places if isinstance(place, Point))
 
 
 def named_visuals(force: Force) -> Iterator[tuple[str, Visual]]:
-    """The shapes of a force, the first by its name, others with a number."""
+    """The shapes of a force: the first has its name, others a number too."""
     for number, visual in enumerate(force.interaction.visuals(), start=1):
         yield (force.name if number == 1 else f"{force.name} {number}"), visual
 

@@ -27,7 +27,7 @@ from cutjoint.view.motions import Mover, quaternions_of
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import find_sizes, named_visuals, point_of
 
-#: The range of an angle (rad) either way, and of a displacement as a share of the mechanism's extent.
+#: The range of an angle (rad) in both directions, and of a displacement as a share of the mechanism's extent.
 _TURN, _SLIDE = pi, 0.5
 
 

@@ -26,12 +26,12 @@ from cutjoint.view.page import PlotColumn
 from cutjoint.view.records import Array
 from cutjoint.view.views import ViewSpec
 
-#: A part of a direction below this is rounding.
+#: Smaller entries of a direction are rounding.
 _PART = 1e-6
 
 
 def show_modes(model: Model, scene: Scene, parameters: Mapping[str, float], modes: Modes) -> ViewSpec:
-    """The mechanism in each of its modes, then in each indifferent direction; decay and growth are left out."""
+    """The mechanism in each of its modes, then in each rigid-body mode; decay and growth are left out."""
     mover = Mover(model=model, scene=scene, parameters=parameters, time=modes.time)
     motions = [
         Motion(name=f"{i}: {_title(mode)}", facts=(*mode_figures(mode), *participants(mode.shape)),
@@ -86,7 +86,7 @@ def show_equilibrium(model: Model, scene: Scene, parameters: Mapping[str, float]
 
 
 def _between(equations: RecursiveEquations, start: Array, end: Array, share: float) -> Array:
-    """Coordinates on the way between two others; quaternions take the shorter way round."""
+    """Interpolated coordinates; quaternions take the shorter arc."""
     q = start + share * (end - start)
     for chart in equations.charts:
         if chart.ball:

@@ -35,13 +35,13 @@ from cutjoint.view.records import Array
 from cutjoint.view.sizes import Placed, find_sizes
 from cutjoint.view.sliders import Sliders, coordinates_of, make_sliders
 
-#: The endings of files that show something.
+#: The suffixes of views.
 PAGE, GLTF = ".html", ".glb"
 
-#: The largest number of shown rows of a run, and of their bytes: a page opens at once, and nobody sees more.
+#: The largest number of shown samples of a run, and their size in bytes, so that a page opens quickly.
 _ROWS, _BYTES = 2000, 1_800_000
 
-#: m; pictures have numbers of 32 bits, and squares of larger ones are none.
+#: m; pictures have 32 bit numbers, in which squares of larger ones overflow.
 _FAR = 1e18
 
 
@@ -193,7 +193,7 @@ def _content(
     placed = _placed(shown, shown.poses, shown.t)
     outputs = {o.column: (o.element, o.quantity) for o in shown.scene.outputs}
     columns = {outputs[c.name]: c.values for c in shown.columns if c.name in outputs and c.values.size == shown.t.size}
-    has_arrows = kind == PAGE and not shown.motions  # forces are known at the times of a run alone
+    has_arrows = kind == PAGE and not shown.motions  # forces are known for runs only
     drawing = draw(placed, shown.t, failed=shown.failure.element if shown.failure else "", columns=columns if has_arrows else {})
     camera = find_camera(placed, drawing)
     if drive:  # the page draws the road that it lays
@@ -236,7 +236,7 @@ def _placed(shown: ViewSpec, poses: Mapping[str, BodyPose], t: Array) -> Placed:
 
 
 def _kept(run: Trajectory, nodes: int) -> Array:
-    """The numbers of the rows that are shown: all, or as many as there is place for, evenly; of a run that failed all of the last ones."""
+    """The indices of the shown samples: all, or evenly selected ones; all of the last ones if the run failed."""
     rows = run.t.size
     place = max(200, _BYTES // (40 * nodes + 4 * len(run.columns)))
     most = min(rows, _ROWS, place)

@@ -92,7 +92,7 @@ def find_kinematics(
 
 
 def _sweep(linkage: Linkage, start: Pose, end: Array, rows: int, name: str, limits: list[str]) -> list[Pose]:
-    """The poses from one end through the start to the other."""
+    """The poses from one end through the start to the other end."""
     ways = []
     for sign in (-1, 1):
         way = linkage.follow(start, sign * end, rows)
@@ -107,12 +107,12 @@ def _sweep(linkage: Linkage, start: Pose, end: Array, rows: int, name: str, limi
 
 # Compliance
 
-#: The loads on each wheel, with the units of what they are counted in.
+#: The loads on each wheel, and their units.
 LOADS = {"lateral": "N", "braking": "N", "driving": "N", "aligning": "N*m"}
 _BY = {"N": "N", "N*m": "(N*m)"}
 #: The changes by each load.
 CHANGES = {"toe": "rad", "camber": "rad", "x": "m", "y": "m"}
-#: A share of a load that nothing holds.
+#: The largest share of a load that may remain unbalanced.
 _LOOSE = 1e-6
 
 
@@ -188,7 +188,7 @@ def _constrained_wheels(axle: Axle, equations: RecursiveEquations, at: Linearisa
 
 
 def _static_response(free: Array, stiffness: Array, load: Array) -> Array | None:
-    """The small motion (speeds,) along free directions by which springs balance a load; None where they do not."""
+    """The small motion (speeds,) along free directions by which springs balance a load; None if they cannot."""
     n = len(load)
     along, given = free.T @ stiffness[:n, :n] @ free, free.T @ load
     if not given.size:
