@@ -33,8 +33,8 @@ _BESIDE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Continuation:
-    """The way on for a run that one of the ``guards`` ends, where loop embeddings do: ``prepare`` compiles the program that has the
-    loops' equations, and ``begin`` makes of a run file and the state that a run has kept the entry of that name."""
+    """The continuation of a run that leaves the range of loop embedding, which one of the ``guards`` reports.
+    ``prepare`` compiles the model with cut joints; ``begin`` makes its initial state from a run file and the saved state."""
 
     guards: tuple[str, ...]
     prepare: "Callable[[], SimulatorRun]"

@@ -226,7 +226,7 @@ class Derivatives(Linear):
     def _follow(
         self, trajectories: Sequence[InputTrajectory], *, changes: Sequence[Array | None] = (), derivatives: Sequence[Array] = ()
     ) -> None:  # fmt: skip
-        """Let the next run follow trajectories, with their changes along its directions, or room for derivatives."""
+        """Set the input trajectories of the next run, with their derivatives along its seeds, or arrays that receive derivatives."""
         if not trajectories:
             return
         records = (TrajectoryRecord * len(trajectories))()
@@ -239,7 +239,7 @@ class Derivatives(Linear):
         self._call(self.library.set_input_trajectories, len(trajectories), records)
 
     def _record_events(self, most: int, directions: int, outputs: int) -> Callable[[], EventSensitivities]:
-        """Let the next run tell its events, ``most`` at most; returns the maker of their record behind it."""
+        """Let the next run record at most ``most`` events; returns a function that makes the record after the run."""
         found, which = ctypes.c_int(0), np.empty(most, dtype=np.intc)
         told = [np.empty(shape) for shape in ((most,), (most, directions), (most, outputs), (most, outputs, directions))]
         if most and self.library.records_events:

@@ -47,11 +47,10 @@ _CALL = ctypes.CFUNCTYPE(
 
 @dataclass(frozen=True, kw_only=True)
 class HostFunction:
-    """The code of a model's function from Python: a pointer to a function of C, or a callable that fills arrays.
+    """A model's function implemented in Python: a pointer to a C function, or a callable that fills arrays.
 
-    A callable has ``arguments`` and ``memory`` (bytes, none without a memory), ``results`` and the ``partials`` that it fills, (results,
-    arguments), which are None where nobody needs them.  Of an update, which has no results, ``results`` are the bytes that the memory
-    becomes.
+    A callable gets ``arguments``, ``memory`` (bytes; none without one), ``results`` and ``partials`` (results, arguments) to fill;
+    partials are None if they are not needed.  An update has no results: there ``results`` is the new memory in bytes.
     """
 
     arguments: int
@@ -83,14 +82,13 @@ Begin: TypeAlias = Callable[[Mapping[str, float]], tuple[Mapping[str, float], Ma
 
 
 class Library:
-    """The C interface of one model, by the names of its header without the model's.
+    """The C interface of one model; members have the names of its header without the model's prefix.
 
-    ``equations`` is the number of equations, ``dofs`` that of degrees of freedom where the library has derivatives, ``states`` that of
-    first-order states. ``seed_rows`` is the number of rows of their matrix, ``record`` the
-    numbers of a record of a run. ``has_poses`` says whether it has poses of bodies and
-    markers, ``steps`` are the properties of the integrator, ``settings`` those of a simulation's start, ``lanes`` the steps of several
-    together, if the method can. ``functions`` are those that simulations call, by their names. ``begin`` finds the coordinates and speeds
-    of the scene's start from parameters that a host has changed, where they follow from any.
+    ``equations``, ``dofs`` and ``states`` are the numbers of equations, degrees of freedom (with derivatives) and first-order states.
+    ``seed_rows`` is the number of rows of the seed matrix, ``record`` the size of a run's record.  ``has_poses``: whether poses of
+    bodies and markers are available.  ``steps`` are the properties of the integrator, ``settings`` those of a simulation's start.
+    ``lanes`` steps several simulations together, None if the method cannot.  ``functions`` are host functions by name.  ``begin``
+    computes the coordinates and speeds of the scene's start if they depend on changed parameters.
 
     Raises:
         OSError: the file is no library.
@@ -233,8 +231,7 @@ Columns = tuple[Sequence[int], Array]
 class Lanes:
     """Steps of several simulations together.
 
-    ``build`` makes the library, of a model whose evaluations have so many ``operations``; its simulations are those of `Library` with the
-    same flags.
+    ``build`` makes the library of a model with so many ``operations`` per evaluation.  Flags are those of `Library`.
     """
 
     def __init__(self, model: str, operations: int, build: Callable[[], Path]) -> None:

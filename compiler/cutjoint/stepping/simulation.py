@@ -1,4 +1,4 @@
-"""One simulation of a model."""
+"""Simulations that Python code starts and steps."""
 
 from __future__ import annotations
 

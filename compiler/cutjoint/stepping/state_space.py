@@ -363,9 +363,9 @@ class Sampler:
 class SampledStateSpace(LinearModel):
     """Linear model of a loop with sampled controllers, exact for zero-order hold.
 
-    The ``plant`` has the inputs and outputs, then as inputs the values that controllers hold, and as outputs their next values.  A
-    frequency response is the component at the input's own frequency, as of a long run's Fourier transform: a sampled loop adds
-    components at other frequencies, too.  ``held`` are the values about which it holds.
+    Inputs of the ``plant`` are the loop's inputs, then the controllers' sampled values.  Its outputs are the loop's outputs, then the
+    next sampled values.  ``held`` are the sampled values at the state of linearisation.  A frequency response is the component at the
+    input's frequency; a sampled loop also responds at other frequencies.
     """
 
     plant: StateSpace

@@ -19,8 +19,8 @@ _KNOTS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Knots:
-    """The numbers by which a trajectory is given, ``number`` of them, and the pieces' dependence on these: that of each piece on four of
-    them in a row, ``derivatives`` (4, pieces, 4), whose numbers are ``which`` (4, pieces)."""
+    """The ``number`` knots that define a trajectory; each piece depends on up to four consecutive ones, ``which`` (4, pieces).
+    ``derivatives`` (4, pieces, 4) are those of the pieces' coefficients with respect to these knots."""
 
     number: int
     derivatives: Array
@@ -43,8 +43,8 @@ class Knots:
 
 @dataclass(frozen=True, kw_only=True)
 class InputTrajectory:
-    """The input at a ``place`` over time: value, rate, acceleration and third derivative, ``numbers`` (pieces, 4), of cubics that begin
-    at ``times`` (s); ``jumps`` says whether it may from one to the next.  ``knots`` are the numbers that gave it, by name."""
+    """The input of index ``place`` as cubics that begin at ``times`` (s).  ``numbers`` (pieces, 4): value and three derivatives there.
+    ``jumps`` is whether the pieces may be discontinuous.  ``knots`` are the defining numbers, by name."""
 
     place: int
     times: Array
@@ -123,9 +123,9 @@ def _linear(
 
 @dataclass(frozen=True, kw_only=True)
 class Columns:
-    """The numbers by which a run is differentiated: columns by ``names``, each of ``by`` but a trajectory with a column for each of its
-    knots, ``name[0]`` on; ``plain`` are columns of other numbers with their names, ``of_knots`` the first column, the trajectory and the
-    knots of each other."""
+    """The quantities with respect to which a run is differentiated: ``names`` of columns.  A trajectory in ``by`` has a column for
+    each of its knots, ``name[0]``, ``name[1]``, ...  ``plain`` are the names of other columns.  ``of_knots`` has, for each
+    trajectory, its first column, its index and its knots."""
 
     names: tuple[str, ...]
     plain: Mapping[int, str]

@@ -63,9 +63,9 @@ class Values(MutableMapping[str, float]):
 
 
 class Outputs(Values):
-    """The outputs of the present state by name, whenever they are read; ``array`` copies all of them.
+    """Outputs by name, evaluated at the present state on access; ``array`` is a copy of all.
 
-    ``refresh`` brings their memory up to date.
+    ``refresh`` updates their memory.
     """
 
     def __init__(self, names: Sequence[str], memory: Array, units: Mapping[str, str], refresh: Callable[[], object]) -> None:
@@ -93,12 +93,12 @@ class Outputs(Values):
 @with_old_members
 @dataclass(frozen=True, kw_only=True)
 class StepStatistics:
-    """The statistics of a step.
+    """Statistics of a step.
 
-    ``violation`` (m or rad) is that of the ``equation`` that stands open by the largest share of its limit, ``violation_rate`` (m/s or
-    rad/s) the largest rate at which one opens; ``change`` is that of the accelerations by the last iteration, as a share of 1 + the
-    largest; ``pivot`` the smallest of the factors, as a share of its column, infinity by a method without factors; ``iterations``
-    (tries of explicit steps) and ``evaluations`` are numbers.
+    ``violation`` (m or rad) is that of the ``equation`` with the largest violation relative to its limit; ``violation_rate`` (m/s or
+    rad/s) is the largest rate.  ``change`` is the change of the accelerations in the last iteration, relative to 1 + the largest one.
+    ``pivot`` is the smallest pivot relative to its column; infinity if the method has none.  ``iterations`` (attempts of explicit
+    steps) and ``evaluations`` are counts.
     """
 
     violation: float
@@ -111,13 +111,12 @@ class StepStatistics:
 
 
 class Poses:
-    """The poses of bodies, markers and wheels by ``names``, in global axes and SI units: views of ``array`` (names, 16), which the
-    simulation owns.
+    """Poses of bodies, markers and wheels in global axes and SI units: views of the simulation's ``array`` (names, 16).
 
-    ``position`` (names, 3) is that of a body's centre of mass or of a marker, ``attitude`` (names, 4) a unit quaternion w, x, y, z with
-    w >= 0 that is 1, 0, 0, 0 in the design position, ``velocity`` (names, 3) the point's, ``angular_velocity`` (names, 3) the body's, and
-    ``point`` (names, 3) where the point is in the design position.  A wheel's position is that of its contact, its attitude has x along the
-    rolling direction, y to the left and z along the road's normal, its velocities are the wheel's there, and its ``point`` is 0.
+    For a body, the reference point is its centre of mass.  ``position``, ``velocity``: of the point, (names, 3).  ``attitude``: unit
+    quaternion w, x, y, z (names, 4) with w >= 0, identity in the design position.  ``angular_velocity``: of the body, (names, 3).
+    ``point``: the point in the design position, (names, 3).  For a wheel, the position is that of the contact.  Its attitude has x along
+    the rolling direction, y to the left, z along the road's normal.  Its velocities are the wheel's there, and ``point`` is 0.
     """
 
     def __init__(self, names: Sequence[str], array: Array) -> None:

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 
 class Masses:
-    """Says of runs why no body can have the masses and inertias that their parameters ask for.
+    """Finds runs whose parameters give a body an impossible mass or inertia.
 
-    All runs are looked at with NumPy; those that seem impossible are judged as single runs are, in the same words.
+    NumPy checks all runs; suspicious ones are checked like single runs, with the same messages.
     """
 
     def __init__(self, study: Study) -> None:

@@ -1,7 +1,7 @@
-"""Parts of a sweep's table: the folder in which the table grows, file by file, until it is whole.
+"""Parts of a sweep's table: files in a folder that become the table when all rows are complete.
 
-Parts are written beside and renamed, and each has a digest of its rows, its runs and the sweep's key.  What does not fit is set aside, and
-its runs are made again.
+Parts are written under temporary names and renamed.  Each has a digest of its rows, its runs and the sweep's key.  Parts that do not
+match are set aside, and their runs are repeated.
 """
 
 import json
@@ -31,7 +31,7 @@ _UNFIT = "is damaged, renamed or of another sweep"
 
 
 class Parts:
-    """The folder beside a table in which it grows; one command at a time writes it.  ``note`` is told what is set aside.
+    """The folder of a table's parts, which one command at a time writes.  ``note`` is called when a part is set aside.
 
     Raises:
         OutputError: it cannot be written, another command writes it, or it is of another study.

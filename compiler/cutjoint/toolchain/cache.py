@@ -1,12 +1,12 @@
-"""Files by content keys, and digests of texts and of C++ as such keys.
+"""A cache of files by content keys; digests of texts and of C++ are the keys.
 
-Each file has its digest beside it, and counts as absent unless it is what was stored.
+Each file has a file with its digest next to it, and counts as absent if they do not match.
 
-A digest is compared at each use: a file of 1 MB takes a millisecond, while size and time of change do not show a flipped bit.  For the same
-reason nothing is flushed to the disk: a file cut off by a power failure does not match its digest.  Files that somebody else could have
-written are refused (`trust`).
+The digest is checked at each use: that takes a millisecond for 1 MB and finds flipped bits, which size and time do not show.  Files are not
+flushed to the disk: a file truncated by a power failure does not match its digest.  Files that other users could have written are refused
+(`trust`).
 
-What all caches share is stored beside the installation, in the same form.
+Files that all caches share are in a folder of the installation, in the same form.
 """
 
 import hashlib
