@@ -169,7 +169,7 @@ def _count(end: float, step: float) -> int:
 
 
 def _times(plan: Plan) -> Iterator[tuple[float, bool]]:
-    """The times of rows and of exchanges, and whether there is a row; times that rounding tells apart are one.  None is kept."""
+    """The times of samples and of exchanges, and whether each is a sample; times that differ by rounding are merged."""
     exchanges = ((time, False) for time in _exchange_times(plan))
     rows = ((min(i * plan.output_step, plan.end), True) for i in range(_count(plan.end, plan.output_step) + 1))
     for _, group in groupby(merge(exchanges, rows, [(plan.end, True)]), lambda item: round(item[0] / (_ROUNDING * plan.step))):

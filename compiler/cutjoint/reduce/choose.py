@@ -328,8 +328,8 @@ def _first_within(
     best: Candidate, wanted: Iterable[Candidate], scene: Scene, parameters: Mapping[str, float], truth: Reference, trials: Trials,
     fastest: Candidate | None, vain: tuple[Callable[[Candidate, Candidate], bool], str],
 ) -> Candidate:  # fmt: skip
-    """The first of the wanted candidates that keeps the accuracy, else the best of them; ``vain`` says of one beside the best whether to
-    give up, and why."""
+    """The first of the wanted candidates that meets the accuracy, else the best one.
+    ``vain`` decides from a candidate and the best whether to give up, and has the reason."""
     for tried in wanted:
         try:
             run = trials.run(tried.steps, parameters)

@@ -1,6 +1,6 @@
-"""Forces that do not act in a scene are taken out of the model; a guard watches that they would not have acted.
+"""Removes forces that do not act in a scene; guards watch that they would not have acted.
 
-A law is zero in a region, which has margins that are not negative there, from the conditions of its cases.
+A law is zero in a region.  Margins, from the conditions of the law's cases, are not negative in this region.
 """
 
 from collections.abc import Callable, Collection, Iterable

@@ -1,8 +1,7 @@
-"""Mechanisms that move in a plane: joints with the motions in it.  What cut joints hold across it folds to zero.
+"""Planar mechanisms: joints are replaced by planar ones, and constraints of cut joints normal to the plane are dropped.
 
-Joints that turn about the plane's normal or slide across it hold bodies in the plane, whatever acts on them.  A body that none of
-them holds, such as a rod between balls, stays there as long as it and all that touches it are their own image in the plane: then nothing
-pushes it out.
+Joints that rotate about the plane's normal or slide normal to it confine bodies to the plane under any load.  Other bodies, such as a rod
+between balls, stay there if they and everything attached to them are symmetric about the plane.
 """
 
 from collections.abc import Collection, Iterator, Mapping

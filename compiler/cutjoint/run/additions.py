@@ -1,4 +1,4 @@
-"""The contracts of what other packages add: exports to other simulators, and implementations of models beside generated code."""
+"""Interfaces for other packages: exports to other simulators, and backends in place of generated code."""
 
 from __future__ import annotations
 

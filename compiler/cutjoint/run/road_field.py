@@ -115,8 +115,8 @@ class CurvedField:
 
     @cached_property
     def line(self) -> _Array:
-        """Of each cross section (n, 9): its place, cosine and sine of the heading behind it, the way to the next, how far it leans forward
-        for each metre to the left, and what is added to that at the next, height and banking."""
+        """For each cross section (n, 9): position, heading (cosine, sine), distance to the next, forward skew per metre to the left and its
+        change up to the next, height and banking."""
         x, y, z, banking = np.array(self.grid.sections).T
         return np.column_stack([x, y, cross_sections(x, y), z, banking])
 
@@ -183,8 +183,8 @@ class CurvedField:
         return boxes
 
     def _located(self, x: _Array, y: _Array) -> tuple[_Array, ...]:
-        """The piece of the line to which each place belongs, by its begin in steps; the place in its axes, their cosine and sine, and the
-        piece's length, lean and spread."""
+        """For each point, the segment of the line by its starting station, the local coordinates, the axes' cosine and sine, and the
+        segment's length, skew and its change."""
         line, last = self.line, len(self.line) - 1
         nearest = np.empty(len(x), dtype=int)
         for i in range(0, len(x), 512):
@@ -257,7 +257,7 @@ def _bordered(places: _Array, length: float, mode: int) -> tuple[_Array, _Array]
 
 
 def _faded(parts: list[_Array], share: _Array, level: float, slope: float) -> list[_Array]:
-    """Heights and their derivatives that become a level where a share of a way becomes zero."""
+    """Heights and derivatives, blended into a constant level where the share of a distance becomes zero."""
     near, w = share < 1, np.maximum(share, 0.0)
     rises, above = slope * (share > 0), parts[0] - level
     _, u, v, uv, uu = parts

@@ -154,7 +154,7 @@ def start(
 
 
 def _fallback(run: SimulatorRun, ended: FailureReport, summary: Mapping[str, Any]) -> Continuation | None:
-    """The way on behind the end of functions; None where a force that was left out would act too, or the run has kept no state."""
+    """The continuation of a run outside the range of loop embedding; None if an omitted force would act too, or no state was saved."""
     continuation = run.continuation
     if continuation is None or not ended.guards or not summary.get("kept"):
         return None

@@ -491,7 +491,7 @@ class SampledStateSpace(LinearModel):
         M, forced = np.eye(n + h), np.zeros((len(G), n + h, u), dtype=np.complex128)
         held = list[tuple[Array, ComplexArray, Any]]()
         start = self._samples[0][0]
-        for t, places, seconds in self._samples:  # the free motion beside what the plant alone does
+        for t, places, seconds in self._samples:  # free motion in addition to the plant's own response
             rows, wave = slice(n + places.start, n + places.stop), np.exp(at * (t - start))
             forced[:, rows] = follow[places] @ forced + wave * G[:, y:, :u][:, places]
             M[rows] = follow[places] @ M

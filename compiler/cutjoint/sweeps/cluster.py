@@ -74,7 +74,7 @@ def perform(key: str, version: str, chunk: Chunk) -> Rows | str:
 
 
 class Cluster:
-    """The workers of a Dask cluster; ``note`` is told of those that are refused.
+    """The workers of a Dask cluster; ``note`` is called with each refused worker.
 
     Raises:
         RunError: Dask is not installed, there is no scheduler at the address, or none of its workers can run the libraries.

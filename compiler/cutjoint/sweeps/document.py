@@ -96,7 +96,7 @@ class SobolIndices(Part):
 
 
 class Tolerances(Part):
-    """Random points of distributions, and beside them the means and a step to either side of each, from which first order follows."""
+    """Random points of distributions; in addition the means and a step to either side of each, for first-order derivatives."""
 
     tolerances: Annotated[StrictInt, Field(ge=2, le=MOST_RUNS)]
     seed: Seed = 0

@@ -1,6 +1,6 @@
-"""Reductions of series: from rows over time to one number of each run.
+"""Reductions of series: from rows over time to one number for each run.
 
-Each run's numbers follow from its own rows alone, whichever runs stand beside it: sums go along the last axis, which is contiguous.
+Each run's numbers depend on its own rows only, whichever runs share its chunk: sums are along the last axis, which is contiguous.
 """
 
 from collections.abc import Callable, Mapping

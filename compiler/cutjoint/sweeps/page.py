@@ -122,8 +122,8 @@ def choose_runs(study: Study, done: Sweep, most: int) -> NDArray[np.int64]:
 
 
 def runs_to_replay(study: Study, done: Sweep, most: int) -> dict[int, int | None]:
-    """The best and the worst runs of each objective, as many as ``most`` of each, as a page lists them, and as many of those that began
-    and failed; with a worst run the best one, which has none itself, that is to be seen beside it.  Best ones come first."""
+    """The best and the worst runs of each objective, up to ``most`` each, and as many failed ones; the best come first.
+    A worst run is paired with the best run, for comparison on its page; a best run has none."""
     best: dict[int, int | None] = {}
     others: dict[int, int | None] = {}
     for objective in study.objectives:
@@ -199,7 +199,7 @@ def replay(study: Study, run: int, view: Path, ghost: GhostRun | None = None) ->
     )
     parameters = {name: value for name, value in values.items() if kinds[name] in (Kind.PARAMETER, Kind.INPUT)}
     steps = choose_steps(scene, study.method, study.integrator)
-    read = read_model(Path(study.file).parent / study.model.span.file, tunable=study.tunable)  # whose meshes are beside it
+    read = read_model(Path(study.file).parent / study.model.span.file, tunable=study.tunable)  # whose meshes are in the same folder
     model = in_scene(replace(read, code=study.model.code), scene)
     held = with_default_closure(scene, study.method, study.integrator)
     artifact = compile_scene(model, held, CompileOptions(method=study.method, flags=study.flags))

@@ -249,7 +249,7 @@ class _Driver:
         return self.seconds >= _ENOUGH
 
     def _queue_limit(self) -> int:
-        """The largest number of chunks under way: each worker has the next one, or a few try how long a run takes."""
+        """The largest number of submitted chunks: each worker has the next one, or a few chunks measure how long a run takes."""
         return 2 * self.workers.number if self._is_known() else min(4, 2 * self.workers.number)
 
     def _size(self, left: int) -> int:

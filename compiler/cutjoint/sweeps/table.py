@@ -149,7 +149,7 @@ def require_file(out: Path) -> None:
 
 
 def require_room(layout: Layout, out: Path) -> None:
-    """Check that a table, and its parts beside it, fit on the disk.
+    """Check that a table and its parts fit on the disk.
 
     Raises:
         RunError: they do not; it names the line of the design.

@@ -1,4 +1,4 @@
-"""Tolerances: how distributions of variables spread objectives, by Monte Carlo runs and by first and second order beside each other."""
+"""Tolerance analysis: distributions of objectives, by Monte Carlo runs and by first and second order."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -81,7 +81,7 @@ def has_tolerances(done: "Sweep") -> bool:
 
 
 def find_tolerance(done: "Sweep", objective: str, limits: tuple[float, float] | None = None) -> Tolerance:
-    """The distribution of an objective by the runs of a sweep; runs that failed count as outside of limits.
+    """The distribution of an objective over the runs of a sweep; failed runs count as outside the limits.
 
     Raises:
         RunError: the design is another one, or runs at the means or beside them have no value.

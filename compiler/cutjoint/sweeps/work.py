@@ -1,6 +1,6 @@
-"""The work of workers: chunks of runs, from values to rows, and the workers that are threads of this process.
+"""The work of workers: chunks of runs, from values to rows, and workers that are threads of this process.
 
-A worker needs this module, the libraries and NumPy, and no compiler.  The libraries' code runs beside Python's.
+A worker needs this module, the libraries and NumPy, but no compiler.  The libraries' code runs without Python's lock.
 """
 
 from collections.abc import Callable, Mapping, Sequence

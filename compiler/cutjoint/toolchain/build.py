@@ -90,8 +90,8 @@ def warm(driver: str, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> b
 
 
 def build_interpreter(driver: str, *, flags: Sequence[str] = FLAGS) -> Binary:
-    """Build the simulator that interprets the programs of a driver's methods, or find it beside the installation or in the cache; where
-    there is no compiler it is that of the package.
+    """Build the interpreter for the programs of a driver's methods, or find it in the installation or the cache.
+    Without a compiler it is that of the package.
 
     Raises:
         ToolchainError: a tool is missing and the package has no simulator, or the compiler refused the code.

@@ -102,7 +102,7 @@ def _compile(source: Path, out: Path, environment: Mapping[str, str], compiler: 
 def _call(
     command: Sequence[str], environment: Mapping[str, str], compiler: Compiler, flags: Sequence[str], watch: Watch | None = None
 ) -> str:  # fmt: skip
-    """The output of a command; ``watch`` is told of the files that it makes.
+    """The output of a command; ``watch`` is called with the files that it makes.
 
     Raises:
         ToolchainError: it failed.

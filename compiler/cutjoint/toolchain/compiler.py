@@ -69,8 +69,7 @@ class Compiler:
 
 
 def find_compiler() -> Compiler:
-    """The C++ compiler: $CXX, which may have flags or a launcher such as ccache as `make` takes them, else g++, clang++, or that
-    of the package ziglang beside this one.
+    """The C++ compiler: $CXX, with flags or a launcher such as ccache as in `make`, else g++, clang++, or that of the package ziglang.
 
     Raises:
         MissingToolsError: a tool is missing, or the system is Windows.
@@ -147,7 +146,7 @@ def _usual_command() -> tuple[str, ...]:
 
 
 def find_zig() -> str | None:
-    """The program of the package ziglang, which is not taken from the present folder; None where there is none."""
+    """The program of the package ziglang, ignoring the current folder; None if it is not installed."""
     here = os.getcwd()
     package = PathFinder.find_spec("ziglang", [folder for folder in sys.path if os.path.abspath(folder) != here])
     return shutil.which("zig", path=os.path.dirname(package.origin)) if package and package.origin else None

@@ -1,7 +1,7 @@
 """The parts of simulators that do not depend on the model: libraries that are built once for all models.
 
-`make_drivers` builds them beside the installation, where every cache finds them.  What is not there goes into the cache with the first
-simulator that needs it.
+`make_drivers` builds them in a folder of the installation, which all caches use.  Missing parts are stored in the cache with the first
+simulator that needs them.
 """
 
 import shutil

@@ -1,6 +1,6 @@
-"""Temporary folders that do not outlive their process for long: those of a killed one are removed by the next.
+"""Temporary folders; those of a killed process are removed by the next one.
 
-Each folder has a lock beside it, which its process holds.  A lock that nobody holds any more is that of a dead process.
+Each folder has a lock file next to it, which its process locks.  An unlocked lock file belongs to a process that has ended.
 """
 
 import atexit
