@@ -266,7 +266,7 @@ Fail = Callable[[str, str], None]
 
 
 def read_numbers(path: Path, fail: Fail) -> tuple[list[str], Array]:
-    """Names and numbers (rows, names) of a CSV file (SI units); blank lines are skipped.  ``fail`` is called with errors and their lines."""
+    """Names and numbers (rows, names) of a CSV file (SI units), without blank lines; ``fail`` is called with errors and their lines."""
     empty: tuple[list[str], Array] = ([], np.zeros((0, 0)))
     if path.is_char_device():
         fail(f"{path} is a device, which has no end", "name a file")
