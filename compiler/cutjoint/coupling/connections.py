@@ -56,8 +56,8 @@ class System:
 
 @contextmanager
 def open_system(files: Sequence[Path], named: Mapping[str, str], model: str) -> Iterator[System]:
-    """FMUs as they are given, or those of an archive whose component of the model's name stands for the model; they lie in a temporary
-    folder meanwhile, by the names of their components.
+    """Open FMUs, or the FMUs of a system archive; the component with the model's name stands for the model.
+    The FMUs are extracted to a temporary folder, by the names of their components.
 
     Raises:
         RunError: the archive stands beside other files or connections, is damaged, or has what a run beside a model does not know.

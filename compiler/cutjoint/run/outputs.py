@@ -83,7 +83,7 @@ def require_apart(
     inputs: Mapping[str, Path | None], *, tables: Mapping[str, Path | None] | None = None,
     documents: Iterable[tuple[str, Path | None]] = (), plots: Path | None = None,
 ) -> None:  # fmt: skip
-    """Check that the outputs of a command are neither inputs of it nor the same file, by device and inode or by resolved path.
+    """Check that no output of a command is one of its inputs or another output, by device and inode or by resolved path.
 
     Args:
         inputs: files that are read, by what they are, as ``the model``.

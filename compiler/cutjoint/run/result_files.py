@@ -298,7 +298,7 @@ def _as_json(content: Mapping[str, Any]) -> str:
 
 @contextmanager
 def naming_output(path: Path) -> Iterator[None]:
-    """Turn errors of the system into `OutputError`."""
+    """Convert system errors to `OutputError`."""
     try:
         yield
     except OSError as error:

@@ -46,7 +46,7 @@ class WorkPlugin:
         self._stopped: dict[str, Any] = {}
 
     def setup(self, worker: Any) -> None:
-        """Keep the work by its digest.  A worker that joins starts its timers after this: those that it shall not are taken away."""
+        """Store the work by its digest.  A worker starts its timers after this, so that unwanted ones are removed here."""
         _works[self._key] = self._work
         self._stopped = {name: worker.periodic_callbacks.pop(name) for name in _TIMERS if name in worker.periodic_callbacks}
         for timer in self._stopped.values():

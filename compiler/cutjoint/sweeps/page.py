@@ -52,8 +52,8 @@ class Replay:
 
 
 def make_page(study: Study, done: Sweep, command: str, replays: Mapping[int, Replay] = MappingProxyType({})) -> str:
-    """The page of a table, with links to the pages of ``replays``, in a folder beside it, and their curves; ``command`` begins the command
-    that makes the page of another run."""
+    """The page of a table with the curves of ``replays`` and links to their pages.
+    ``command`` is the start of the command that makes the page of another run."""
     columns = [(v.name, "variable", v.unit) for v in study.variables] + [(o.name, "objective", o.unit) for o in study.objectives]
     numbers = [_numbers(study, done, name) for name, _, _ in columns]
     goals = {o.name: o.goal for o in study.objectives}

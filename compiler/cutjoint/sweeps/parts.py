@@ -21,7 +21,7 @@ from cutjoint.run.result_files import naming_output, write_whole
 from cutjoint.sweeps.table import Layout, arrow, is_sealed, key_of, manifest_text, parts_label, seal
 from cutjoint.sweeps.work import Rows
 
-#: The names of files in the folder beside parts, and of parts; each of these, while it is written, with more to its name.
+#: File names in the folder of parts, and of parts; unfinished files have a longer name.
 _MANIFEST, _LOCK, _WHOLE = "manifest.json", ".lock", "whole.partial"
 _PART = re.compile(r"(\d{12})-(\d{12})\.parquet", re.ASCII)
 _UNFINISHED = re.compile(rf"\.(?:\d{{12}}-\d{{12}}\.parquet|{re.escape(_MANIFEST)})\.[0-9a-f]{{12}}", re.ASCII)

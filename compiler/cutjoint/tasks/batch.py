@@ -253,7 +253,7 @@ def _in_order(plans: Sequence[SimulatorRun], threads: int) -> Iterator[Trajector
 
 
 def _as_simulated(scene: Scene, requested: Options) -> Options:
-    """Options with the tolerance of steps that are taken once."""
+    """Options with the tolerance for steps without refinement."""
     if requested.dt is not None or requested.tolerance is not None:
         return requested
     integrator = find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, requested)

@@ -83,7 +83,7 @@ def find_compiler() -> Compiler:
 
 
 def must_interpret() -> bool:
-    """Return whether tools are missing and the package has simulators that do without.
+    """Return whether tools are missing and the package has simulators that need none.
 
     Raises:
         ToolchainError: such a package is told of a compiler by $CXX, and that is none.

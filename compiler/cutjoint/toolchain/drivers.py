@@ -186,9 +186,8 @@ def store_parts(missing: Sequence[Part], out: Path, library: Path) -> None:
 
 
 def make_drivers(driver: str, compiler: Compiler, flags: Sequence[str], kind: Kind, library: Path | None = None) -> bool:
-    """Build the parts of a driver for a ``library``, by default beside the installation, or in the cache where that cannot be written.
-
-    Parts for other versions of the runtime are removed from beside the installation.  Returns whether anything had to be built.
+    """Build the parts of a driver for a ``library``: by default in the installation, else, if that is not writable, in the cache.
+    Parts for other versions of the runtime are removed from the installation.  Returns whether anything had to be built.
 
     Raises:
         ToolchainError: a tool is missing, the compiler refused the code, or neither place can be written.

@@ -32,9 +32,8 @@ _MOST_LINKS = 40
 
 @dataclass(frozen=True, kw_only=True)
 class Trust:
-    """The owners and writers of the files of a ``store``, which one is that beside the installation if it is ``installed``.
-
-    Files of one of ``groups`` may be written by its members, and files of the group that ``shares`` the store may have any owner.
+    """The owners and writers of the files of a ``store``; ``installed`` if it is the installation's.  Files of one of ``groups`` may be
+    written by its members, and files of the group that ``shares`` the store may have any owner.
     """
 
     store: Path
@@ -89,7 +88,7 @@ class Trust:
 
 
 def trust_of(store: Path, *, installed: bool) -> Trust:
-    """The users trusted with a store: this user and root, and with one beside the installation who can write the installation.
+    """The users trusted with a store: this user and root; for the installation's store also users who can write the installation.
 
     Raises:
         ToolchainError: there is no group of the name in $CUTJOINT_CACHE_GROUP.

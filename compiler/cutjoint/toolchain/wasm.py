@@ -32,7 +32,7 @@ _C = ("-O2", *_LIBM)
 #: Vectors are those that the code has: with those that the compiler finds in it modules are larger, and no faster .
 _WASM = ("-target", "wasm32-wasi", "-msimd128", "-fno-slp-vectorize", "-fno-vectorize")
 
-#: The bytes of a module's stack, many times what a step of any model has taken.
+#: The size of a module's stack, bytes: many times the need of a step of any model.
 _STACK = 1 << 20
 
 #: The name of the section of a module that has facts about its model.
