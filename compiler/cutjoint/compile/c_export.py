@@ -320,7 +320,7 @@ def choose_steps(scene: Scene, method: str, integrator: str | None, *, equal_ste
 
 
 def needs_load_events(scene: Scene, method: str, integrator: str | None, *, equal_steps: bool = False) -> bool:
-    """Return whether derivatives of adaptive steps are exact only if steps end where a normal force of friction passes zero."""
+    """Return whether derivatives of adaptive steps are exact only if steps end where the load of a friction force passes zero."""
     chosen = str(choose_steps(scene, method, integrator, equal_steps=equal_steps).integrator)
     return INTEGRATORS[chosen].adaptive
 

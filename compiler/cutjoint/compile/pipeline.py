@@ -109,8 +109,8 @@ def generate(
     precision: str = DEFAULT_PRECISION, poses: bool = False, load_events: bool = False,
 ) -> Generated:  # fmt: skip
     """Derive the equations and the source.  A scene's trim is solved once, here.  With ``lanes``, isomorphic subtrees are evaluated
-    together in SIMD registers.  ``poses`` adds a function for poses of bodies.  With ``load_events``, steps end where a normal force of
-    friction passes zero.
+    together in SIMD registers.  ``poses`` adds a function for poses of bodies.  With ``load_events``, steps end where the load of a
+    friction force passes zero.
 
     Raises:
         EquationsError: a derivative is needed that the code of a function does not have; others as of `compile_scene`.
