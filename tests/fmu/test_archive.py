@@ -181,8 +181,8 @@ def test_the_command_writes_an_fmu(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
-        (("--to", "fmu", "--set", "stiffness=1", "--out", "x.fmu"), 2, "--set is not for --to fmu"),
-        (("--to", "fmu", "--output", "slider.x", "--out", "x.fmu"), 2, "--output is not for --to fmu"),
+        (("--to", "fmu", "--set", "stiffness=1", "--out", "x.fmu"), 2, "--set does not apply to --to fmu"),
+        (("--to", "fmu", "--output", "slider.x", "--out", "x.fmu"), 2, "--output does not apply to --to fmu"),
         (("--to", "mujoco", "--fmi", "2", "--out", "x"), 2, "--fmi is for --to fmu, not for --to mujoco"),
         (("--to", "mujoco", "--sources", "--out", "x"), 2, "--sources is for --to fmu, not for --to mujoco"),
         (("--to", "fmu", "--out", "x"), 1, "--out x: an FMU is one file whose name ends in .fmu"),

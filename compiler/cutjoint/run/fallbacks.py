@@ -20,7 +20,7 @@ _BEYOND = "the guide of {} may exceed the reach of the links: inspect the last p
 #: The message of a step over an event, where steps that end at events may help.
 _OVER = "a force may change its formula within the step, as at the first touch of a contact: use an integrator that locates it"
 #: The message at singular poses: other integrators may continue, but only other methods cross the pose accurately.
-_SINGULAR = "the pose is singular or nearly singular"
+_SINGULAR = "the pose is singular, or nearly: equations depend on each other for a moment"
 #: Seconds for all trials, unless the run itself took longer.
 _SECONDS = 2.0
 #: A trial has to pass the failure by this many equal steps, and by this share of the time up to it.

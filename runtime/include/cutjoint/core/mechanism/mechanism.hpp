@@ -85,6 +85,14 @@ std::span<const double> nominals_of(const M& subject) {
   else return {};
 }
 
+/// The number of first-order states of a mechanism or system.
+template <class M>
+std::size_t number_of_states(const M& subject) {
+  if constexpr (requires { M::sizes.states; }) return M::sizes.states;
+  else if constexpr (requires { subject.description(); }) return subject.description().states;
+  else return 0;
+}
+
 /// Those of the states alone.
 template <class M>
 std::span<const double> nominals_of_states(const M& subject) {

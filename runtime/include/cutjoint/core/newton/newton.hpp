@@ -105,7 +105,7 @@ class Newton : public Workspace<S, Solver> {
     this->number_ = number;
     const Fault fault = advance(state);
     if (!fault || (own().halves() && advance_by_parts(state))) return {};
-    if (m_ == 0 && has_lost_its_way(fault) && advance_damped(state)) return {};
+    if (m_ == 0 && number_of_states(this->system_) != 0 && has_lost_its_way(fault) && advance_damped(state)) return {};
     system_.begin_step(state.t, Real(1));
     return fault;
   }

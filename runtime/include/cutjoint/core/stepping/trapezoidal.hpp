@@ -153,11 +153,11 @@ class Trapezoidal {
     return failed;
   }
 
-  /// The step of a mechanism alone whose fixed point was not found, again by Newton's iteration; the state stays where it fails.  Not where there are
-  /// loops, which it may turn over.
+  /// The step of a mechanism alone whose fixed point was not found, again by Newton's iteration; the state stays where it fails.  For first-order
+  /// states, whose rates may be stiff; not where there are loops, which it may turn over.
   [[gnu::noinline, gnu::cold]] bool advance_damped(StateOf<M>& state) {
     const Cause cause = faults_[0].cause;
-    if (fixed_point_.fixed_cost || !correction_.empty() || (cause != Cause::not_converged && cause != Cause::diverged)) return false;
+    if (fixed_point_.fixed_cost || !correction_.empty() || number_of_states(mechanism_) == 0 || (cause != Cause::not_converged && cause != Cause::diverged)) return false;
     const bool found = damped_.solve(state.vdot, nominals_of(mechanism_), Real(fixed_point_.tolerance), fixed_point_.iterations, [&](Speeds<M>& residual) {
       follow(state);
       mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), vdot_.data(), correction_.data());
