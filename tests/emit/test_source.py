@@ -99,7 +99,7 @@ def test_numbers_are_printed_by_shortest_round_trip(value: float) -> None:
     from cutjoint.program.scalars import Graph
 
     graph = Graph()
-    printer = Printer(graph=graph, names={}, known={}, prefixes=[], taken=frozenset(), roads={})
+    printer = Printer(graph=graph, names={}, known={}, prefixes=[], used_names=frozenset(), roads={})
     text = printer.text(graph.const(value))
     assert float(text.removeprefix("Real(").removesuffix(")")) == value
     assert text == f"Real({value!r})"
