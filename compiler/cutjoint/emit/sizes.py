@@ -43,6 +43,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
     if parts.system is None:
         stored += 7 * n + 5 * m + 2 * q + min(64, m) * (2 * m + n) + 4 * m + state + (n + m if m else 0)
         stored += 0 if steps.stages else 12 * n + 8  # accelerations of steps and iterations before
+        stored += n * n + 5 * n + 8 if equations.state.states and not m else 0  # `DampedNewton`
     else:
         stored += _stored(parts.system.program) + _size_of_newton(parts.system)
         if steps.finds_events:  # a second iteration, for single states, the complex tangent of stages, and what they and the step hold

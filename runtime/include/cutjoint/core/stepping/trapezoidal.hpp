@@ -105,7 +105,11 @@ class Trapezoidal {
   void reset_count() { evaluations_ = typename Instances::Count{}; }
 
  private:
-  /// Instances side by side are not damped.
+  /// Whether failed steps are tried by damped iterations: of a mechanism alone, with first-order states and without loops.
+  static constexpr bool may_damp = Instances::number == 1 && [] {
+    if constexpr (requires { M::sizes.states; }) return M::sizes.states > 0 && M::sizes.equations == 0;
+    else return true;
+  }();
   struct None {
     explicit None(std::size_t) {}
   };
@@ -156,19 +160,22 @@ class Trapezoidal {
   /// The step of a mechanism alone whose fixed point was not found, again by Newton's iteration; the state stays where it fails.  For first-order
   /// states, whose rates may be stiff; not where there are loops, which it may turn over.
   [[gnu::noinline, gnu::cold]] bool advance_damped(StateOf<M>& state) {
-    const Cause cause = faults_[0].cause;
-    if (fixed_point_.fixed_cost || !correction_.empty() || number_of_states(mechanism_) == 0 || (cause != Cause::not_converged && cause != Cause::diverged)) return false;
-    const bool found = damped_.solve(state.vdot, nominals_of(mechanism_), Real(fixed_point_.tolerance), fixed_point_.iterations, [&](Speeds<M>& residual) {
+    if constexpr (!may_damp) return false;
+    else {
+      const Cause cause = faults_[0].cause;
+      if (fixed_point_.fixed_cost || !correction_.empty() || number_of_states(mechanism_) == 0 || (cause != Cause::not_converged && cause != Cause::diverged)) return false;
+      const bool found = damped_.solve(state.vdot, nominals_of(mechanism_), Real(fixed_point_.tolerance), fixed_point_.iterations, [&](Speeds<M>& residual) {
+        follow(state);
+        mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), vdot_.data(), correction_.data());
+        Instances::count(true, evaluations_);
+        for (std::size_t i = 0; i < vdot_.size(); ++i) residual[i] = vdot_[i] - state.vdot[i];
+      });
       follow(state);
-      mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), vdot_.data(), correction_.data());
-      Instances::count(true, evaluations_);
-      for (std::size_t i = 0; i < vdot_.size(); ++i) residual[i] = vdot_[i] - state.vdot[i];
-    });
-    follow(state);
-    state.t = before_.t + dt_;
-    restore(state, !found);
-    if (found) expected_.keep(state.vdot, true);
-    return found;
+      state.t = before_.t + dt_;
+      restore(state, !found);
+      if (found) expected_.keep(state.vdot, true);
+      return found;
+    }
   }
 
   /// Coordinates and velocities from the state's accelerations.
@@ -232,7 +239,7 @@ class Trapezoidal {
   StateOf<M> before_;
   Extrapolation<M> expected_;
   Mixing<M> mixing_;
-  [[no_unique_address]] std::conditional_t<Instances::number == 1, DampedNewton<M>, None> damped_;
+  [[no_unique_address]] std::conditional_t<may_damp, DampedNewton<M>, None> damped_;
   Projection<M> projection_;
   Real change_{0}, size_{1};
   typename Instances::Count evaluations_{};
