@@ -110,13 +110,13 @@ def motion_text(motion: Motion) -> str:
     """An elementary motion in words."""
     match motion:
         case Translation():
-            return "slide"
+            return "translation"
         case Ball():
             return "ball"
         case Offset():
             return "offset (the rod)"
         case Rotation(share=share) if share != 1:
             return f"{share} {motion.coordinate}"
-        case Rotation(advances=True):
-            return "turn with a pitch"
-    return "turn"
+        case Rotation(is_screw=True):
+            return "rotation with a pitch"
+    return "rotation"

@@ -153,7 +153,7 @@ def test_what_is_alike_is_explained_once(iltis: Explained) -> None:
     assert iltis.entries("Body") == ["`chassis`", "`front_left.arm`", "`front_left.carrier`"]
     assert iltis.entries("Force") == ["`speed_controller`", "`front_left.shock`", "`front_left.leaf`", "`front_left.tyre`"]
     others = ", ".join(f"`{corner}.tyre`" for corner in ("front_right", "rear_left", "rear_right"))
-    assert f"The same with names and numbers of their own: {others}." in iltis.chapter("Force")
+    assert f"Of the same form, with other names, numbers or signs: {others}." in iltis.chapter("Force")
 
 
 def test_what_is_printed_for_all_has_one_form(one: Explained) -> None:

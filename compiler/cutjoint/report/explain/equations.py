@@ -58,7 +58,7 @@ def _entries(forms: dict[tuple[str, ...], list[Lines]]) -> Iterator[Entry]:
         first, *others = dict.fromkeys(name for name, _ in members)
         notes = [f"`{equation}`"] if equation else []
         if others:
-            notes.append(f"The same with names and numbers of their own: {code(others)}.")
+            notes.append(f"Of the same form, with other names, numbers or signs: {code(others)}.")
         title = (code(first) if first else "All together") + (f", {turn}" if turn else "")
         yield Entry(title=title, notes=tuple(notes), formula=_aligned(members[0][1]))
 

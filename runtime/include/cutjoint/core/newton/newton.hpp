@@ -409,7 +409,7 @@ class Newton : public Workspace<S, Solver> {
   }
 
   /// A step whose iteration is damped, with a tangent in each iteration, from the accelerations before it.  Equations of loops have other solutions
-  /// nearby, with links turned over, to which a damped iteration may go: this is for systems without any.
+  /// nearby, with links turned over, to which a damped iteration may go: this is for systems without any, with first-order states, which may be stiff.
   [[gnu::noinline, gnu::cold]] bool advance_damped(StateOf<S>& state) {
     stay(state);
     damped_ = true;
