@@ -17,7 +17,7 @@ def command(file: Path, base: str, name: str, folder: Path | None, out: Path | N
     if not is_foreign(file):
         raise click.UsageError(f"{file.name} has an unknown format; known endings are {', '.join(READERS)}")
     if name and READERS[file.suffix.lower()] != "SDF":
-        raise click.UsageError(f"--model chooses a model of an SDF file;  {file.name} is none")
+        raise click.UsageError(f"--model chooses a model of an SDF file; {file.name} is not one")
     if folder and not file.resolve().is_relative_to(folder.resolve()):
         raise click.UsageError(f"--folder {folder}: {file.name} is not below it")
     out = Path(name_of(file).name) if out is None else out

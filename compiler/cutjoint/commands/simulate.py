@@ -110,7 +110,7 @@ def command(
         options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)
         raise SystemExit(1)
     if error and prepared.run.is_asked and run.error.goal is not None and not run.error.converged:
-        options.err.print(f"accuracy not reached: positions and angles may exceed {run.error.goal:g} m or rad", markup=False)
+        options.err.print(f"accuracy not reached: errors of positions and angles may exceed {run.error.goal:g} m or rad", markup=False)
         raise SystemExit(1)
 
 
