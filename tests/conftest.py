@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import shutil
+import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,9 @@ MODELS = ROOT / "models"
 DATA = ROOT / "tests" / "data"
 
 gc.set_threshold(100_000)  # as commands have it: an eighth less time
+# Modules are compiled once, here and in the commands that tests start, also where the environment says that bytecode is not kept
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 os.environ.setdefault("CUTJOINT_FLAGS", "-O1")
 os.environ.setdefault("CUTJOINT_STRICT", "1")
 os.environ.setdefault("CUTJOINT_IMPLEMENTATION", "generated")  # whatever a machine's speed and cache are
