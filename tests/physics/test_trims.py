@@ -7,16 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from numpy.typing import NDArray
 from scipy.optimize import fsolve
 
 from cutjoint import find_equilibrium, find_modes, find_trim, read_model_text
 from cutjoint.analysis.trim_equations import TrimEquations
+from cutjoint.cli import main
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import formulated_start, make_trim_problem, require_same_start, trimmed
 from cutjoint.run.simulation import simulate
+from cutjoint.stepping.load import load_scene
 from cutjoint.tasks.batch import simulate_batch
 from tests.mechanisms.starts import CRANE, LOADER, MOTORCYCLE
 from tests.physics.simulation import compile_model, compile_scene
@@ -386,6 +389,27 @@ def test_gradients_by_what_has_none(by: str, said: str) -> None:
     with pytest.raises(RunError) as error:
         find_trim(read_model_text(MOTOR, "m.yaml"), by=[by])
     assert said in str(error.value)
+
+
+def test_the_command_prints_gradients(tmp_path: Path) -> None:
+    """The drag is 0.7 v|v|; differences of trims agree."""
+    (tmp_path / "m.yaml").write_text(SLED)
+    command = ["gradient", str(tmp_path / "m.yaml"), "--objective", "start"]
+    result = CliRunner().invoke(main, [*command, "--set", "target=15", "--check"])
+    assert result.exit_code == 0
+    title, _, value, row, deviation = result.output.splitlines()
+    assert (title, float(value.split()[0])) == ("found by the trim", pytest.approx(0.7 * 15**2 / 900, rel=1e-5))
+    assert (row.split()[0], float(row.split()[1])) == ("target", pytest.approx(2 * 0.7 * 15 / 900, rel=1e-5))
+    assert float(deviation.split()[5]) < 1e-8
+    words = "scene 'steady': trim: 'throtle' is not under 'find'; did you mean 'throttle'?"
+    assert words in CliRunner().invoke(main, [*command, "--output", "throtle"]).output
+
+
+@pytest.mark.heavy
+def test_a_frozen_start_has_no_derivatives() -> None:
+    sim = load_scene(model := read_model_text(SLED, "m.yaml"), model.scenes["steady"], linearise=True).reset()
+    with pytest.raises(ValueError, match="the start is trimmed once"):
+        sim.initial_state_sensitivities([], ["target"])
 
 
 def test_scenes_without_a_trim() -> None:

@@ -13,6 +13,7 @@ from cutjoint import find_kinematics, sweep
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import RunError
 from tests.conftest import MODELS
+from tests.physics.test_trims import SLED
 
 _POST = """
 cutjoint: 1
@@ -101,6 +102,18 @@ def test_inverse(tmp_path: Path) -> None:
     assert np.allclose(done["force"], np.array([5.0, 10.0]) * 10.81e-3, rtol=1e-9)
 
 
+def test_equilibrium_and_trim(tmp_path: Path) -> None:
+    """The compression of a spring by a weight; the throttle against a drag 0.7 v|v|, found with another speed in each run."""
+    k, speeds = np.array([1e4, 2e4]), np.array([10.0, 30.0])
+    done = _study(tmp_path, _POST, "stiffness", list(k), {"z": {"value": "block.z", "of": "equilibrium", "unit": "mm"}})
+    assert np.allclose(done["z"], 1e3 * (1 - 50 * 9.81 / k), rtol=1e-9)
+    done = _study(tmp_path, SLED, "target", list(speeds), {
+        "throttle": {"value": "throttle", "of": "equilibrium"}, "drag": {"value": "engine.force", "of": {"equilibrium": {}}},
+    })  # fmt: skip
+    assert np.allclose(done["throttle"], 0.7 * speeds**2 / 900, rtol=1e-9)
+    assert np.allclose(done["drag"], 0.0, atol=1e-9)
+
+
 def test_kinematics_at_moved_hardpoints(tmp_path: Path) -> None:
     model, name, values = str(MODELS / "axle.yaml"), "left.TO.z", [0.15, 0.16]
     kinematics = {"kinematics": {"travel": "20 mm", "points": 5}}
@@ -127,7 +140,8 @@ def test_kinematics_at_moved_hardpoints(tmp_path: Path) -> None:
         ({"value": "lowest.frequencies", "of": "modes"}, "the task has no result 'lowest.frequencies'; did you mean 'lowest.frequency'?"),
         ({"maximum": "lowest.frequency", "of": "modes"}, "'maximum' is no reduction of a result of modes; of modes take one of value"),
         ({"value": "lowest.frequency", "of": "modes", "unit": "m"}, "unit m does not fit: it is in 1/s; write a unit of that"),
-        ({"value": "block.z"}, "'value' belongs to the result of a task; name it: of: kinematics or modes or response or inverse"),
+        ({"value": "block.z"}, "'value' belongs to the result of a task; name it: of: kinematics or modes or response or inverse "
+         "or equilibrium"),
         ({"value": "lowest.frequency", "of": "modes", "from": 0, "to": 1}, "'to' has no effect on a result of modes"),
         ({"value": "a", "of": "drift"}, "drift"),
         ({"value": "a", "of": {"modes": {}, "inverse": {}}}, "'of' needs one task; write for example of: {kinematics: {axle: front}}"),

@@ -1,6 +1,6 @@
 """`cutjoint gradient`."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,9 +10,10 @@ from rich.table import Table
 
 from cutjoint.commands import options, table
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Formulation
-from cutjoint.model.records import Binding
+from cutjoint.model.errors import nearest
+from cutjoint.model.records import Binding, Model, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.run.run_file import parameter_values
+from cutjoint.run.run_file import find_trim, parameter_values
 from cutjoint.run.scenes import load_model
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation
@@ -35,10 +36,14 @@ def command(
     """Run MODEL and print how its outputs change with parameters and inputs, for the steps as taken; where there are more of these than
     outputs, by the adjoint method.
 
-    The states at the beginning stay as they are, unless they are those of a pose at rest that changes too.
+    The states at the beginning stay as they are, unless they are those of a pose at rest that changes too.  With --objective start a scene
+    with a trim shows the derivatives of what is found.
     """
     read, chosen = load_model(model, scene, tunable)
     given = options.read_parameters(changes)
+    if objective == "start" and chosen.trim is not None:
+        _print_trim(read, chosen, given, requested, by, check)
+        return
     method = method or chosen.method or DEFAULT_METHOD
     if METHODS[method].formulation is Formulation.NATURAL:
         raise RunError(f"scene '{chosen.name}' has the method {method}, which has no derivatives of steps; use --method recursive")
@@ -72,8 +77,38 @@ def command(
         names, derivatives = _without_driven_inputs(sim, names, found.derivatives)
         sim.restore(start)
         begins_anew = from_equilibrium or objective in ("equilibrium", "start") or (objective == "modes" and chosen.pose == "equilibrium")
-        share = _error(sim, lambda name, value: _trajectory(run, None if begins_anew else start, name, value), names, derivatives)
-        options.out.print(f"largest deviation from finite differences: {share:.1e} of the largest derivative", markup=False)
+        _print_deviation(
+            _error(sim, lambda name, value: _trajectory(run, None if begins_anew else start, name, value), names, derivatives)
+        )  # fmt: skip
+
+
+def _print_trim(
+    model: Model, scene: Scene, given: Mapping[str, float], requested: Sequence[str], by: Sequence[str], check: bool
+) -> None:  # fmt: skip
+    """Print what the trim of a scene finds, with its derivatives by parameters; nothing is compiled."""
+    assert scene.trim is not None
+    unknowns, values = {unknown.name: unknown.unit for unknown in scene.trim.find}, parameter_values(model, given)
+    if unknown := [name for name in requested if name not in unknowns]:
+        words = f"'{unknown[0]}' is not under 'find'; {nearest(unknown[0], unknowns, 'it finds')}"
+        raise RunError(f"{scene.trim.span}: scene '{scene.name}': trim: {words}")
+    names, columns = list(by) or [name for name in values if name not in unknowns], list(requested) or list(unknowns)
+    found = find_trim(model, scene, given, names)[2]
+    derivatives = np.array([[found.gradients[name][column] for name in names] for column in columns])
+    numbers, units = np.array([found.unknowns[column] for column in columns]), [unknowns[column] for column in columns]
+    for part in _fit_tables(_Result("found by the trim", columns, units, numbers, derivatives), names, options.out.width):
+        options.out.print(part)
+
+    def of_value(name: str, value: float) -> Array:
+        other = find_trim(model, scene, {**given, name: value})[2].unknowns
+        return np.array([other[column] for column in columns])
+
+    if check:
+        errors = [_deviation(of_value, name, values[name], row) for name, row in zip(names, derivatives.T, strict=True)]
+        _print_deviation(max(errors, default=0.0))
+
+
+def _print_deviation(share: float) -> None:
+    options.out.print(f"largest deviation from finite differences: {share:.1e} of the largest derivative", markup=False)
 
 
 @dataclass(frozen=True)
@@ -199,12 +234,17 @@ def _error(sim: Simulation, trajectory: Callable[[str, float], Array], names: Se
         sim.restore(start)
         numbers = next((numbers for numbers in (sim.states, sim.parameters) if name in numbers), None)
         value = sim.get_input(name) if numbers is None else numbers[name]
-        h = _SHARE * max(abs(value), 1.0 if value == 0.0 else 1e-3)
-        ends = [trajectory(name, value + steps * h) for steps in DIFFERENCE_STEPS]
-        found = difference(ends, h)
-        size = max(np.abs(found).max(), _LEAST * np.abs(ends).max() / h)
-        errors.append(np.abs(row - found).max() / size if size > 0.0 else np.abs(row).max())
-    return float(max(errors, default=0.0))
+        errors.append(_deviation(trajectory, name, value, row))
+    return max(errors, default=0.0)
+
+
+def _deviation(function: Callable[[str, float], Array], name: str, value: float, row: Array) -> float:
+    """The deviation of derivatives of a function by a number from fourth-order central differences, relative to the largest of these."""
+    h = _SHARE * max(abs(value), 1.0 if value == 0.0 else 1e-3)
+    ends = [function(name, value + steps * h) for steps in DIFFERENCE_STEPS]
+    found = difference(ends, h)
+    size = max(np.abs(found).max(), _LEAST * np.abs(ends).max() / h)
+    return float(np.abs(row - found).max() / size if size > 0.0 else np.abs(row).max())
 
 
 def _trajectory(run: _Run, start: bytes | None, name: str, value: float) -> Array:

@@ -197,10 +197,12 @@ class Derivatives(Linear):
         Raises:
             TypeError: the model was loaded without derivatives.
             KeyError: there is no such output, parameter or input.
-            ValueError: the present state is not the start, or a number is at a non-smooth point.
+            ValueError: the present state is not the start, or a number is at a non-smooth point; or the start is trimmed.
             SimulationError: no start was found, or the pose is singular.
         """
         require_list("by", by)
+        if self.library.is_trimmed:
+            raise ValueError("the start is trimmed once, with the parameters of the file; find_trim(..., by=[...]) has its derivatives")
         here, q = self.snapshot(), self.coordinates.array.copy()
         found = self.reset().coordinates.array.copy()
         self.restore(here)

@@ -88,7 +88,7 @@ class Library:
     ``seed_rows`` is the number of rows of the seed matrix, ``record`` the size of a run's record.  ``has_poses``: whether poses of
     bodies and markers are available.  ``steps`` are the properties of the integrator, ``settings`` those of a simulation's start.
     ``lanes`` steps several simulations together, None if the method cannot.  ``functions`` are host functions by name.  ``begin``
-    computes the coordinates and speeds of the scene's start if they depend on changed parameters.
+    computes the coordinates and speeds of the scene's start if they depend on changed parameters; the start ``is_trimmed`` once.
 
     Raises:
         OSError: the file is no library.
@@ -97,17 +97,18 @@ class Library:
     def __init__(
         self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, dofs: int | None, states: int,
         seed_rows: int, record: int, has_poses: bool, steps: Steps, settings: StepSettings, lanes: "Lanes | None",
-        functions: Mapping[str, HostFunction] | None = None, begin: Begin | None = None,
+        functions: Mapping[str, HostFunction] | None = None, begin: Begin | None = None, is_trimmed: bool = False,
     ) -> None:  # fmt: skip
         self._path = Path(path)
         self._made_with = {
             "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "dofs": dofs, "states": states,
             "seed_rows": seed_rows, "record": record, "has_poses": has_poses, "steps": steps, "settings": settings,
-            "functions": functions, "begin": begin,
+            "functions": functions, "begin": begin, "is_trimmed": is_trimmed,
         }  # fmt: skip
         self.model, self.size, self.equations, self.dofs, self.states = model, size, equations, dofs, states
         self.seed_rows, self.record = seed_rows, record
         self.steps, self.settings, self.lanes, self.has_poses, self.begin = steps, settings, lanes, has_poses, begin
+        self.is_trimmed = is_trimmed
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
         sim, index, text, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_double

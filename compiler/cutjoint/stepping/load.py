@@ -73,7 +73,8 @@ def load_scene(
     fits = standalone.fits_lanes and not hosted  # a host function belongs to one simulation
     lanes = Lanes(standalone.name, generated.program.operations("evaluate"), build) if fits else None
     begin = partial(_begin, model, scene) if scene.trim is None and {"positions", "rates"} & set(changing_parts(model, scene)) else None
-    return open_standalone(standalone, standalone.build_library(flags), lanes=lanes, functions=hosted, begin=begin)
+    more = {"lanes": lanes, "functions": hosted, "begin": begin, "is_trimmed": scene.trim is not None}
+    return open_standalone(standalone, standalone.build_library(flags), **more)
 
 
 def open_standalone(standalone: Standalone, library: Path, **more: Any) -> Simulation:

@@ -172,6 +172,10 @@ class Inverse(Part):
     drives: Annotated[tuple[StrictStr, ...], Field(min_length=1)] | None = None
 
 
+class Equilibrium(Part):
+    """Options of the static equilibrium or trimmed start: none."""
+
+
 class TaskOptions(Part):
     """A task and its options; each is a key of the file."""
 
@@ -179,6 +183,7 @@ class TaskOptions(Part):
     modes: Modes | None = None
     response: Response | None = None
     inverse: Inverse | None = None
+    equilibrium: Equilibrium | None = None
 
 
 #: The tasks besides runs whose results can be objectives.

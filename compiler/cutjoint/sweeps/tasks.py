@@ -1,4 +1,4 @@
-"""Results of tasks other than runs as objectives of a study: kinematics of an axle, modes, frequency responses, inverse dynamics.
+"""Results of tasks other than runs as objectives of a study: kinematics of an axle, modes, responses, inverse dynamics, trims.
 
 `TASKS` has what makes each of them of a model and a scene with options (SI units): a function from the values of parameters and inputs to
 a `Result`.  A task of another kind is a row there, and its options a class of `document`.
@@ -21,13 +21,14 @@ from cutjoint.sweeps.objectives import reduce_series
 from cutjoint.sweeps.records import Array, Kind, Objective, Study, TaskRequest
 from cutjoint.tasks.inverse import InverseDynamics
 from cutjoint.tasks.kinematics.sweep import LEADING, find_kinematics
-from cutjoint.tasks.states import find_scene_modes
+from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes
 
 #: Reductions of numbers, of figures of an axle over its travel, and of drives over time.
 _AT = ("percentile", "crossing", "frequency", "integral")
 _OF_TRAVEL = ("value", "slope", "minimum", "maximum", "range", "mean", "rms", "deviation")
 REDUCTIONS_OF = {
     "kinematics": _OF_TRAVEL, "modes": ("value",), "response": ("value",), "inverse": tuple(r for r in REDUCTIONS if r not in _AT),
+    "equilibrium": ("value",),
 }  # fmt: skip
 
 
@@ -189,9 +190,22 @@ def _inverse(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
     return find
 
 
+def _equilibrium(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
+    def find(parameters: Mapping[str, float]) -> Result:
+        found = find_scene_equilibrium(model, scene, parameters=parameters)
+        numbers, units = dict(found.values), dict(found.units)
+        if found.trim is not None:
+            numbers |= found.trim.unknowns
+            units |= found.trim.units
+        return Result(units=units, find=numbers.__getitem__)
+
+    return find
+
+
 #: Functions that make the tasks whose results can be objectives, and the reductions of each.
 TASKS: Mapping[str, Callable[[Model, Scene, Mapping[str, Any]], Task]] = {
     "kinematics": _kinematics, "modes": _modes, "response": _response, "inverse": _inverse,
+    "equilibrium": _equilibrium,
 }  # fmt: skip
 
 
