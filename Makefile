@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-# The tests that changes since BASE reach, by imports and names: make near BASE=main~3
+# The nearest test files of those that changes since BASE reach, by imports and names: make near BASE=main~3 FILES=100
 BASE ?= HEAD
+FILES ?= 40
 .PHONY: demo test quick near images full sanitize fuzz figures pictures lint setup clean
 
 demo: setup
@@ -14,7 +15,7 @@ test: setup
 	$(BIN)/python -m pytest -n auto --dist loadfile
 
 near: setup
-	near=$$($(BIN)/python scripts/near $(BASE)) && if [ -n "$$near" ]; then $(BIN)/python -m pytest -n auto --dist loadfile $$near; fi
+	near=$$($(BIN)/python scripts/near $(BASE) $(FILES)) && if [ -n "$$near" ]; then $(BIN)/python -m pytest -n auto --dist loadfile $$near; fi
 
 # What calls no C++ compiler, without derivations that take seconds
 quick: setup

@@ -45,8 +45,8 @@ def repository(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def near(repository: Path) -> list[str]:
-    done = subprocess.run([sys.executable, "scripts/near"], cwd=repository, stdout=subprocess.PIPE, text=True, check=True)
+def near(repository: Path, *arguments: str) -> list[str]:
+    done = subprocess.run([sys.executable, "scripts/near", *arguments], cwd=repository, stdout=subprocess.PIPE, text=True, check=True)
     return done.stdout.split()
 
 
@@ -64,6 +64,24 @@ def test_a_change_reaches_what_imports_or_names_it(repository: Path, changed: st
     with (repository / changed).open("a", encoding="utf-8") as file:
         file.write("\n")
     assert near(repository) == reached
+
+
+def test_the_nearest_are_first_and_as_many_as_asked_for(repository: Path) -> None:
+    """A file's own name says more than what it imports, and a change in half of this more than one in a sixth."""
+    files = {
+        "test_a": "import cutjoint.high\nimport cutjoint.other\nimport cutjoint.more\n",
+        "test_b": "import cutjoint.low\nimport cutjoint.other\n",
+        "test_very_low": "import cutjoint.high\nimport cutjoint.other\nimport cutjoint.more\n",
+    }  # fmt: skip
+    for name, text in {"compiler/cutjoint/other": "", "compiler/cutjoint/more": "", **{f"tests/{n}": t for n, t in files.items()}}.items():
+        (repository / f"{name}.py").write_text(text, encoding="utf-8")
+    subprocess.run((*GIT, "add", "."), cwd=repository, check=True)
+    subprocess.run((*GIT, "commit", "-q", "-m", "more"), cwd=repository, check=True)
+    with (repository / "compiler/cutjoint/low.py").open("a", encoding="utf-8") as file:
+        file.write("\n")
+    nearest = [f"tests/{name}.py" for name in ("test_very_low", "test_b", "test_high", "test_a")]
+    assert near(repository) == nearest
+    assert near(repository, "HEAD", "2") == nearest[:2]
 
 
 def test_a_new_test_file_is_near(repository: Path) -> None:
