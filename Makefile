@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Files in the order in which they are collected
+PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 # The nearest test files of those that changes since BASE reach, by imports and names: make near BASE=main~3 FILES=100
 BASE ?= HEAD
@@ -12,14 +14,14 @@ demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --integrator dormand-prince --out results/simul1.csv --plots results/simul1
 
 test: setup
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(PYTEST)
 
 near: setup
-	near=$$($(BIN)/python scripts/near $(BASE) $(FILES)) && if [ -n "$$near" ]; then $(BIN)/python -m pytest -n auto --dist loadfile $$near; fi
+	near=$$($(BIN)/python scripts/near $(BASE) $(FILES)) && if [ -n "$$near" ]; then $(PYTEST) $$near; fi
 
 # What calls no C++ compiler, without derivations that take seconds
 quick: setup
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "not heavy and not cpp and not slow"
+	$(PYTEST) -m "not heavy and not cpp and not slow"
 
 # Every model turned, mirrored, shifted, renamed, cut elsewhere, and in other units: all images move as their original
 images: setup
@@ -27,7 +29,7 @@ images: setup
 
 # All tests, as before a release; tests of motions run generated code
 full: setup
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "heavy or not heavy"
+	$(PYTEST) -m "heavy or not heavy"
 	$(BIN)/python scripts/sanitize --twin
 
 sanitize: setup

@@ -25,14 +25,22 @@ gc.set_threshold(100_000)  # as commands have it: an eighth less time
 # Modules are compiled once, here and in the commands that tests start, also where the environment says that bytecode is not kept
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-os.environ.setdefault("CUTJOINT_FLAGS", "-O1")
+_FAST = os.environ.setdefault("CUTJOINT_FLAGS", "-O1") == "-O1"
 os.environ.setdefault("CUTJOINT_STRICT", "1")
 os.environ.setdefault("CUTJOINT_IMPLEMENTATION", "generated")  # whatever a machine's speed and cache are
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let tests of motions run generated code (`tests/physics/simulation.py`) where heavy tests are asked for, as by `make full`."""
+    """Let tests of motions run generated code (`tests/physics/simulation.py`) where heavy tests are asked for, as by `make full`;
+    else compile loaded models and FMUs, which share no libraries with others, without optimisation: in half the time."""
     if "heavy" in str(config.getoption("markexpr")).replace("not heavy", ""):
         os.environ["CUTJOINT_TEST_CODE"] = "generated"
+    elif _FAST:
+        from cutjoint.export.fmu.archive import Fmu
+        from cutjoint.stepping import load
+
+        for function in (load.load, load.load_scene):
+            function.__kwdefaults__["flags"] = ("-O0",)
+        Fmu.build.__defaults__ = (("-O0",),)
 
 
 #: Compilers are found by tests with this mark only; `make quick` leaves these out.
@@ -86,8 +94,9 @@ _SECONDS = (
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of folders that compile, and those that are left to `make test` and to `make full`."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark the tests of folders that compile, and those that are left to `make test` and to `make full`; of all tests those that compile
+    come first, since a file that takes minutes would leave the other processors idle at the end."""
     seen: set[str] = set()
     fewer = left_out(item.nodeid for item in items)
     for item in items:
@@ -99,6 +108,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if test.startswith(_SECONDS) or (test in seen and test.startswith(_DERIVING)):
             item.add_marker(pytest.mark.slow)
         seen.add(test)
+    if [Path(path).name for path in config.args] == ["tests"]:
+        items.sort(key=lambda item: not item.nodeid.startswith(_COMPILING))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -357,7 +357,9 @@ def left_out(names: Iterable[str]) -> set[str]:
         cases_left = [pattern.partition("[")[2].rstrip("]") for pattern in whole]
         found.update(name for name in given if any(fnmatchcase(name.partition("[")[2][:-1], pattern) for pattern in cases_left))
         kept = _KEPT.get(file, {})
-        patterns = kept.get(function, kept.get("*", ("*",)))
+        patterns = kept.get(function, kept.get("*"))
+        if patterns is None:
+            continue
         others = [name for name in given if not any(fnmatchcase(name.partition("[")[2][:-1], pattern) for pattern in patterns)]
         if len(others) < len(given):
             found.update(others)

@@ -15,6 +15,7 @@ from cutjoint.model.records import Model
 from cutjoint.run.scenes import find_scene
 from cutjoint_bench.driver import QUAD
 from tests.conftest import MODELS
+from tests.physics.simulation import is_generated
 
 #: The flags of a folder's README, but for the level of optimisation.
 CXX = ("-std=c++20", "-O1", "-Wall", "-Wextra", "-Werror", "-fno-math-errno", "-fno-tree-slp-vectorize", "-fno-exceptions", "-fno-rtti",
@@ -70,8 +71,9 @@ def write(folder: Standalone, place: Path) -> Path:
 
 
 def compile_object(place: Path, name: str, *, compiler: str = "g++", flags: Sequence[str] = ()) -> Path:
-    """The object file of a model."""
-    subprocess.run([compiler, *CXX, *flags, "-c", f"{name}.cpp", "-o", f"{name}.o"], cwd=place, check=True)
+    """The object file of a model, without optimisation but in `make full`: in half the time."""
+    level = () if is_generated() else ("-O0",)
+    subprocess.run([compiler, *CXX, *level, *flags, "-c", f"{name}.cpp", "-o", f"{name}.o"], cwd=place, check=True)
     return place / f"{name}.o"
 
 
