@@ -4,6 +4,7 @@ from pathlib import Path
 
 from cutjoint.analysis.closing import explore
 from cutjoint.analysis.embedding.embed import embed_loops
+from cutjoint.analysis.embedding.proof import certificate_of, prove_loops
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.redundancy import find_indeterminate, find_redundancy, reaction_outputs
@@ -12,9 +13,12 @@ from cutjoint.analysis.skew import describe_geometry, rate_choices
 from cutjoint.commands import options, table
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import Loops
+from cutjoint.model.records import Model
+from cutjoint.package.errors import RunError
 from cutjoint.report import tables
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.settings import accuracy_of
+from cutjoint.toolchain.build import write_text
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model
 from cutjoint.topology.search import rank_cuts
@@ -24,9 +28,9 @@ from cutjoint.view.views import require_view, write_shown
 
 
 @table.command("check")
-def command(model: Path, scene: str | None, tunable: tuple[str, ...], view: Path | None) -> None:
+def command(model: Path, scene: str | None, tunable: tuple[str, ...], view: Path | None, proof: Path | None) -> None:
     """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
-    require_apart({"the model": model}, documents=[("--view", view)])
+    require_apart({"the model": model}, documents=[("--view", view), ("--proof", proof)])
     require_view(view, "--view")
     with options.progress_bar(f"reading {model.name}"):
         checked = read_model(model, tunable=tunable)
@@ -44,11 +48,13 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], view: Path
     options.out.print(tables.facts(f"model {checked.name}", facts))
     if topology.loops:
         options.out.print(tables.loop_table(topology))
-    if chosen.numerics.loops == Loops.EMBEDDED:
+    if chosen.numerics.loops == Loops.EMBEDDED or proof is not None:
         with options.progress_bar(f"closing loops of {model.name}"):
             outcome = embed_loops(checked, chosen, measure=True)
         for note in (*outcome.done, *outcome.left):
             options.out.print(str(note), markup=False)
+        if proof is not None:
+            _prove(outcome.model, proof)
     if topology.closing:
         redundancy = find_redundancy(equations, poses)
         if redundancy.structural or redundancy.momentary:
@@ -70,3 +76,15 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], view: Path
             notes = find_notes(equations, poses)
             write_shown(view, show_directions(checked, chosen, equations, poses[0], draw_graph(topology, facts, notes)))
         options.message_console(view).print(f"view: {view}", markup=False)
+
+
+def _prove(model: Model, file: Path) -> None:
+    """Print the proofs of embedded loops, and write the certificate."""
+    if not model.embedded_loops:
+        raise RunError("--proof: no loop of the model is embedded, for the reasons above")
+    with options.progress_bar(f"proving loops of {model.name}"):
+        proofs = prove_loops(model)
+    for proof in proofs:
+        options.out.print(str(proof), markup=False)
+    write_text(file, certificate_of(model, proofs))
+    options.out.print(f"certificate: {file}; check it with python -m cutjoint.analysis.embedding.certificate {file}", markup=False)

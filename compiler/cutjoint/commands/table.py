@@ -349,6 +349,8 @@ OPTIONS: Mapping[str, Row] = {
     "compare": click.option("--compare", type=_READ, multiple=True,
         help="Table of another run, drawn in the same plots."),
     "simulate.view": _page("that replays the run in a browser"),
+    "check.proof": click.option("--proof", type=_FILE,
+        help="Prove error bounds of embedded loops, embedding them if the scene does not, and write this certificate (JSON)."),
     "check.view": _page("that moves in each direction that the loops leave free"),
     "couple.view": _page("of the run"),
     "equilibrium.view": _page("that goes from the design position to the equilibrium"),

@@ -20,7 +20,7 @@ from cutjoint.formulate.recursive.embedding.dependent import angular_velocity_of
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import derive_loops
 from cutjoint.methods import PLAIN_CLOSURE
-from cutjoint.model.records import GROUND, EmbeddedLoop, Joint, Model, Series
+from cutjoint.model.records import GROUND, EmbeddedLoop, Joint, LoopFunctions, Model, Series
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.topology.records import Topology
@@ -85,12 +85,29 @@ def fit_slots(fits: Sequence[LoopFit]) -> dict[str, Slot]:
     return {symbol: slot for fit in fits for symbol, slot in fit.slots.items()}
 
 
-def _fit(b: Builder, topology: Topology, embedded_loop: EmbeddedLoop, first: int, number: int) -> LoopFit:
-    own, whole = Builder(), driven_by_time(without_embedded_loops(topology), embedded_loop.drive)
-    joints = joints_of(topology.model, embedded_loop)
+def _closing(topology: Topology, embedded_loop: EmbeddedLoop) -> BlockEquations:
+    """The equations of an embedded loop, driven by the time."""
+    whole = driven_by_time(without_embedded_loops(topology), embedded_loop.drive)
     cuts = tuple(joint for joint in topology.embedded if joint.name in embedded_loop.cuts)
-    equations = derive_block(own, whole, joints, cuts)
-    functions, independent = embedded_loop.functions, embedded_loop.independent
+    return derive_block(Builder(), whole, joints_of(topology.model, embedded_loop), cuts)
+
+
+def _drive(b: Builder, functions: LoopFunctions) -> Block:
+    return b.number(functions.drive_range.middle if functions.drive_range is not None else 0.0)
+
+
+def loop_residual(b: Builder, topology: Topology, embedded_loop: EmbeddedLoop) -> Block:
+    """The residual of an embedded loop by the symbol ``place``, (q, s), with parameters at their default values."""
+    functions, equations = embedded_loop.functions, _closing(topology, embedded_loop)
+    place = b.symbol("place", 1 + sum(map(len, functions.series.values())), BindingTime.ITERATION)
+    known = _places(b, equations.charts, embedded_loop, place) | {"t": _drive(b, functions)}
+    if parameters := tunable_parameters(topology.model):
+        known["parameters"] = b.column([b.number(p.value) for p in parameters])
+    return _substituted(b, equations.residuals, known)
+
+
+def _fit(b: Builder, topology: Topology, embedded_loop: EmbeddedLoop, first: int, number: int) -> LoopFit:
+    equations, functions, independent = _closing(topology, embedded_loop), embedded_loop.functions, embedded_loop.independent
     count = 1 + sum(map(len, functions.series.values()))
     place = b.symbol(f"place:{independent}", count, BindingTime.ITERATION)
     equation = "residual and Jacobian of the joints that functions close, by the place"
@@ -98,7 +115,7 @@ def _fit(b: Builder, topology: Topology, embedded_loop: EmbeddedLoop, first: int
         known = _places(b, equations.charts, embedded_loop, place)
         parameters = tunable_parameters(topology.model)
         known["parameters"] = b.symbol(f"fitted:{independent}", len(parameters), BindingTime.ITERATION)
-        known["t"] = b.number(functions.drive_range.middle if functions.drive_range is not None else 0.0)
+        known["t"] = _drive(b, functions)
         residual = _substituted(b, equations.residuals, known)
         columns = [_substituted(b, equations.rates, known | moved) for moved in _moved(b, equations.charts, embedded_loop, place)]
     rows = residual.shape[0]
