@@ -17,7 +17,7 @@ class Fehlberg {
 
   static constexpr int order = 8;  ///< of the estimate of the error
 
-  explicit Fehlberg(Dynamics& dynamics) : dynamics_(dynamics), at_(dynamics.size()), middle_(at_), slopes_(stages, at_) {}
+  explicit Fehlberg(Dynamics& dynamics) : dynamics_(dynamics), at_(dynamics.size()), middle_(at_), derivatives_(stages, at_) {}
 
   /// A step of h from y at t in two halves, into `end`; the estimate of its error, into `error`.
   void attempt(Real t, Real h, const std::vector<Real>& y, std::vector<Real>& end, std::vector<Real>& error) {
@@ -31,11 +31,11 @@ class Fehlberg {
   void step(Real t, Real h, const std::vector<Real>& y, std::vector<Real>& end) {
     for (std::size_t stage = 0; stage < stages; ++stage) {
       at_ = y;
-      add_slopes(h, weights[stage], slopes_, at_);
-      dynamics_.derive(t + nodes[stage].template as<Real>() * h, at_, slopes_[stage]);
+      add_derivatives(h, weights[stage], derivatives_, at_);
+      dynamics_.derive(t + nodes[stage].template as<Real>() * h, at_, derivatives_[stage]);
     }
     end = y;
-    add_slopes(h, result, slopes_, end);
+    add_derivatives(h, result, derivatives_, end);
   }
 
   static constexpr std::size_t stages = 13;
@@ -64,7 +64,7 @@ class Fehlberg {
 
   Dynamics& dynamics_;
   std::vector<Real> at_, middle_;
-  std::vector<std::vector<Real>> slopes_;
+  std::vector<std::vector<Real>> derivatives_;
 };
 
 }  // namespace cutjoint::reference

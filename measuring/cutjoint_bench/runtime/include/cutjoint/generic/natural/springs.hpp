@@ -25,7 +25,7 @@ Real law_force(Expressions<Real>& e, const Law& law, Real position, Real rate) {
   return e[law.force];
 }
 
-/// Evaluate a law and its slopes.
+/// Evaluate a law and its derivatives.
 template <class Real>
 LawValues<Real> law_tangents(Expressions<Real>& e, const Law& law) {
   e.run(law.tangents);
