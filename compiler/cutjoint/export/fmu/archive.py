@@ -47,13 +47,15 @@ _NO_TIME = (1980, 1, 1, 0, 0, 0)
 
 @dataclass(frozen=True, kw_only=True)
 class Fmu:
-    """An FMU by FMI ``version``: the folder of the model, its descriptions, its variables, the layer over the folder's C interface, the
-    files by name of the project that builds both, the licence, a page about it, and the topology for that page's picture."""
+    """An FMU by FMI ``version``: the folder of the model, its descriptions, its variables, what is added to the folder's C++, the layer
+    over its C interface, the files by name of the project that builds both, the licence, a page about it, and the topology for that
+    page's picture."""
 
     version: int
     standalone: Standalone
     subject: Subject
     interface: Interface
+    kept: str
     layer: str
     project: Mapping[str, str]
     license: str
@@ -63,7 +65,7 @@ class Fmu:
     @property
     def sources(self) -> dict[str, str]:
         """The C++ of the FMU by name."""
-        code = {name: self.standalone.files[name] for name in _code_of(self.standalone)}
+        code = {name: self.standalone.files[name] + self.kept * name.endswith(".cpp") for name in _code_of(self.standalone)}
         return {**code, f"fmi{self.version}.cpp": self.layer}
 
     def build(self, flags: Sequence[str] = FMU_FLAGS, *, platform: str | None = None, target: str | None = None) -> Path:
@@ -76,7 +78,7 @@ class Fmu:
         """
         there, name = PLATFORMS[platform or _require_platform()], self.standalone.name
         settings = [f"-D{name}_TARGET={choose_target(flags, target)}", f"-D{name}_AVX2={' '.join(there.avx2)}"] if there.avx2 else []
-        model = {f"model/{name}": text for name, text in self.standalone.files.items()}
+        model = {f"model/{name}": self.sources.get(name, text) for name, text in self.standalone.files.items()}
         files = {**model, f"fmi{self.version}.cpp": self.layer, **self.project}
         return build_files(name, files, f"{name}{there.suffix}", self.standalone.digest, flags, *settings, platform=there)
 
@@ -123,7 +125,7 @@ def make_fmu(
     interface = make_interface(described, standalone.run_file, standalone.dofs, standalone.poses)
     stops = version == 3 and KINDS[kind][0] and standalone.steps.finds_events and bool(described.indicators)
     page, view = Page.of(described, method), _view(standalone, interface, version, kind, stops)
-    layer = page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")
+    kept, layer = page.render("fmu/kept.cpp.jinja", **view), page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")
     token = _token([*map(without_mark, [*standalone.files.values(), layer]), repr(interface)])
     subject = Subject(
         name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=(), kind=kind,
@@ -133,7 +135,7 @@ def make_fmu(
         ))),
     )  # fmt: skip
     return Fmu(
-        version=version, standalone=standalone, subject=subject, interface=interface,
+        version=version, standalone=standalone, subject=subject, interface=interface, kept=kept,
         layer=page.render(f"fmu/fmi{version}.cpp.jinja", **view, token=token),
         project={name: page.render(f"fmu/{name}.jinja", **view) for name in ("CMakeLists.txt", "avx2.cpp", "chosen.h")},
         license=page.render("fmu/license.txt.jinja", **view) + licence(),
@@ -173,7 +175,7 @@ def _view(standalone: Standalone, interface: Interface, version: int, kind: str,
     return {
         "p": name, "P": name.upper(), "header": header.removesuffix(".h"), "fmi": version,
         "cs": KINDS[kind][0], "me": exchanges, "kinds": " and ".join(["co-simulation"] * KINDS[kind][0] + ["model exchange"] * exchanges),
-        "functions": sorted(set(re.findall(rf"\b{name}_(\w+)\(", standalone.files[header]))),
+        "functions": sorted({*re.findall(rf"\b{name}_(\w+)\(", standalone.files[header]), "keep", "put_back"}),
         "stops": stops, "missing": missing_functions(exchanges=exchanges, stops_at_events=stops),
         "adaptive": steps.adaptive, "iterated": steps.is_iterated, "has_poses": bool(standalone.poses),
         "starts": interface.starts, "rated": interface.rated, "samples": bool(standalone.parts.stepped.discrete_states),

@@ -175,15 +175,6 @@ struct NoSampling {
   void skip_to(typename M::real_type, typename M::real_type) {}
 };
 
-/// Memory for velocities if a mechanism or system may have controllers.
-template <class M>
-struct NoRoom {
-  explicit NoRoom(std::size_t) {}
-};
-
-template <class M>
-using RoomForSamples = std::conditional_t<may_sample<M>, Speeds<M>, NoRoom<M>>;
-
 template <class M>
 using SamplingOf = std::conditional_t<may_sample<M>, Sampling<M>, NoSampling<M>>;
 

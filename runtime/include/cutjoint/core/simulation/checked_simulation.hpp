@@ -344,6 +344,10 @@ class CheckedSimulation {
     return read<typename Sim::Memory>(snapshot, [s](const auto& memory) { s->sim.restore(memory); });
   }
 
+  /// The memory of a started simulation, without mark and checksum, at a place that is aligned for it; `put_back` returns to it.
+  static void keep(const CheckedSimulation* s, void* memory) { ::new (memory) typename Sim::Memory(s->sim.memory()); }
+  static void put_back(CheckedSimulation* s, const void* memory) { s->sim.restore(*static_cast<const typename Sim::Memory*>(memory)); }
+
   /// The meaning of the last status, name and line of the failed element, and advice, in at most `bytes` bytes.
   static int failure_text(const CheckedSimulation* s, char* text, std::size_t bytes) {
     if (!text || bytes == 0) return holds_one(s) ? no_array : no_simulation;

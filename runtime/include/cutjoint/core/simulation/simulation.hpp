@@ -201,7 +201,7 @@ class Simulation {
     }
     load_subject();
     subject().begin_step(state_.t, motion);
-    steps_.emplace(subject(), settings_, roads_);
+    make_steps();
     is_reported_ = false;
     is_started_ = true;
     sampling_.begin();
@@ -533,10 +533,15 @@ class Simulation {
   void load() {
     load_subject();
     subject().begin_step(state_.t, Real(1));
-    steps_.emplace(subject(), settings_, roads_);
+    make_steps();
     steps_->begin(state_);
     is_reported_ = false;
     last_ = {};
+  }
+
+  void make_steps() {
+    steps_.emplace(subject(), settings_, roads_);
+    if constexpr (requires { steps_->take_penalties(penalties_); }) steps_->take_penalties(penalties_);
   }
 
   void load_subject() {

@@ -25,7 +25,8 @@ namespace cutjoint {
 template <class M>
 using SpeedFlags = Speeds<M, unsigned char>;
 
-/// Accelerations and multipliers of a state: augmented Lagrangian updates until they change by rounding only, at most 200. Lanes are independent. `next`, `correction`: scratch.
+/// Accelerations and multipliers of a state: augmented Lagrangian updates until they change by rounding only, at most 200; one evaluation without
+/// equations. Lanes are independent. `next`, `correction`: scratch.
 template <Mechanism M>
 void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, Speeds<M>& next, Equations<M>& correction) {
   using Real = typename M::real_type;
@@ -34,7 +35,7 @@ void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, S
   mechanism.begin_step(state.t, motion);
   typename Instances::Mask open = Instances::all_if(true);
   Real last(0);
-  for (int iteration = 0; iteration < 200 && Instances::any(open); ++iteration) {
+  for (int iteration = 0; iteration < (correction.empty() ? 1 : 200) && Instances::any(open); ++iteration) {
     mechanism.evaluate(state.q.data(), state.v.data(), state.lambda.data(), next.data(), correction.data());
     for (std::size_t i = 0; i < correction.size(); ++i) Instances::take(open, state.lambda[i] + correction[i], state.lambda[i]);
     Real change(0), size(1);

@@ -37,28 +37,21 @@ class FixedPointSteps {
   static Real fixed_point_step(const SimulationSettings& settings) { return Real(settings.dt); }
 
   FixedPointSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>*)
-      : mechanism_(mechanism), steps_(mechanism, Real(settings.dt), settings.fixed_point), correction_(sizes_of(mechanism).equations),
-        next_(sizes_of(mechanism).speeds),
+      : mechanism_(mechanism), steps_(mechanism, Real(settings.dt), settings.fixed_point),
         relative_(mechanism, Real(1e-12)), impacts_(mechanism, settings.end) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
+
+  /// Give the penalties of the cut joints, which outlive the steps.
+  void take_penalties(const Cuts<M>& penalties) { penalties_ = &penalties; }
 
   /// Take over a state.
   void begin(const StateOf<M>&) { steps_.expected().forget(true); }
 
   Fault start(StateOf<M>&, Real) { return {}; }
 
-  /// Restart after a jump of forces: the next step begins with new accelerations by the old multipliers, corrected in one evaluation.
-  void restart_after_input_jump(StateOf<M>& state) {
-    mechanism_.begin_step(state.t, Real(1));
-    mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), state.vdot.data(), correction_.data());
-  }
-
-  /// Restart after a controller's sample: the next step begins with new accelerations and multipliers.
-  void restart_after_sample(StateOf<M>& state) {
-    if (correction_.empty()) return restart_after_input_jump(state);
-    cutjoint::accelerate(mechanism_, state, Real(1), next_, correction_);
-  }
+  /// Restart after a jump of inputs or a controller's sample: the next step begins with new accelerations and multipliers.
+  void restart_after_input_jump(StateOf<M>& state) { steps_.restart(state, *penalties_); }
 
   /// Accelerations and multipliers of a state as it is.
   Fault accelerate(StateOf<M>& state, Starter<M>& starter) {
@@ -109,9 +102,8 @@ class FixedPointSteps {
 
  private:
   M& mechanism_;
+  const Cuts<M>* penalties_ = nullptr;
   Trapezoidal<M> steps_;
-  Equations<M> correction_;
-  [[no_unique_address]] RoomForSamples<M> next_;
   [[no_unique_address]] std::conditional_t<can_jump<M>, Relative<M>, NoImpacts> relative_;
   [[no_unique_address]] CrossedIf<M> impacts_;
   [[no_unique_address]] ImpactWatch<M> watch_;

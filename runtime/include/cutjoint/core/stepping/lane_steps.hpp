@@ -260,9 +260,7 @@ class LaneSteps {
       if (begin.parts) stop(k, {});
     }
     if (!Instances::any(jump)) return opens;
-    mechanism_.begin_step(state_.t, Real(1));
-    mechanism_.evaluate(state_.q.data(), state_.v.data(), state_.lambda.data(), vdot_.data(), correction_.data());
-    Instances::take_all(jump, vdot_, state_.vdot);
+    steps_.restart(state_, penalties_, jump);
     return opens;
   }
 

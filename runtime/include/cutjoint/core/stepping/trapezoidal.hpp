@@ -76,6 +76,26 @@ class Trapezoidal {
     return fixed_point_.proximal ? Instances::either(failed, project(state, Instances::without(running, failed))) : failed;
   }
 
+  /// Accelerations and multipliers of a state whose inputs have jumped, in as many evaluations as a step has at most.  Corrections of multipliers, over
+  /// the penalties of their cut joints, are the accelerations by which loops open: they end where these are small.
+  void restart(StateOf<M>& state, const Cuts<M>& penalties, Mask open = Instances::all_if(true)) {
+    using std::abs;
+    mechanism_.begin_step(state.t, Real(1));
+    const auto& cuts = cuts_of(mechanism_);
+    for (int iteration = 0; iteration < fixed_point_.iterations && Instances::any(open); ++iteration) {
+      mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), vdot_.data(), correction_.data());
+      Real opens(0);
+      for (std::size_t i = 0, cut = 0; i < correction_.size(); ++i) {
+        while (cut + 1 < cuts.size() && static_cast<std::size_t>(cuts[cut + 1]) <= i) ++cut;
+        opens = larger(opens, abs(correction_[i]) / penalties[cut]);
+        Instances::take(open, state.lambda[i] + correction_[i], state.lambda[i]);
+      }
+      const Mask close = opens <= Real(1e-2 * fixed_point_.tolerance) * (Real(1) + largest(vdot_, nominals_of(mechanism_)));
+      Instances::take_all(open, vdot_, state.vdot);
+      open = Instances::without(open, close);
+    }
+  }
+
   /// The fault of an instance's last step.
   Fault fault(int instance, long number) const {
     Fault fault = faults_[static_cast<std::size_t>(instance)];
