@@ -16,7 +16,7 @@ from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.shaky import ShakyError, mend_misfit
 from cutjoint.analysis.skew import describe_geometry
 from cutjoint.cli import main
-from cutjoint.compile.derivation import schedule_method
+from cutjoint.compile.derivation import derive, schedule_method
 from cutjoint.compile.options import CompileOptions
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
@@ -105,6 +105,19 @@ def test_a_larger_misfit_is_refused_by_all_methods(method: str) -> None:
         model = read_model_text(text, "cranks.yaml")
         with pytest.raises(ShakyError, match=r"cranks.yaml:\d+:3: '\w+' is off by \S+ m, more than the accuracy of \S+, and locks loops"):
             schedule_method(model, find_scene(model, None), (), method=method)
+
+
+def test_a_misfit_that_leaves_no_motion_is_reported_by_check_and_runs(tmp_path: Path) -> None:
+    """Three cranks with a pin 1 mm off have no motion, and neither have those with a pin 0.1 m off, whatever was meant."""
+    file = tmp_path / "cranks.yaml"
+    file.write_text(_off(1e-3), encoding="utf-8")
+    model = read_model_text(_off(1e-3), "cranks.yaml")
+    with pytest.warns(UserWarning, match=r"cranks.yaml:\d+:3: '\w+' is off by 0.001 m, which locks the loops: the mechanism cannot move"):
+        equations = derive(model, find_scene(model, None), ())
+    assert equations.topology.model is model
+    assert "0.001 m, which locks the loops" in " ".join(CliRunner().invoke(main, ["check", str(file)]).output.split())
+    for firm in (_off(0.1), DOOR.replace("OFF", "0.001"), PRESS):
+        assert mend_misfit(formulated(firm), 1e-4) == ("", None)
 
 
 @needs_cpp

@@ -11,6 +11,7 @@ nor reactions are determined.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from cutjoint.model.records import Model
 from cutjoint.package.errors import EquationsError
 from cutjoint.topology.geometry import TOLERANCE, balanced
 
+if TYPE_CHECKING:
+    from cutjoint.analysis.misfit import Misfit
+
 #: The least eigenvalue of the second-order form as a share of the largest singular value; differences have an error of 1e-8.
 _LEAST_CURVATURE = 1e-4
 _DIFFERENCE = 1e-4
@@ -28,6 +32,8 @@ _DIFFERENCE = 1e-4
 
 #: Singular values between these shares of the largest neither lock a motion, by any method, nor leave it free.
 _FREE_BELOW, _LOCKED_ABOVE = 2e-11, 1e-5
+#: A singular value below this share may be due to a misfit that can be seen.
+_BARELY_ABOVE = 1e-3
 
 
 class ShakyError(EquationsError, ValueError):
@@ -59,16 +65,19 @@ def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEqu
 def mend_misfit(equations: RecursiveEquations, accuracy: float) -> tuple[str, Model | None]:
     """A message on loops that only rounded numbers lock, at the line of a joint, and the corrected model; ("", None) for other loops. It is
     a warning with a model if joints are off by at most ``accuracy`` (m, rad), else an error without one. Such loops are nearly locked in
-    all poses near the design position; mechanisms that guides drive completely are exempt.
+    all poses near the design position; mechanisms that guides drive completely are exempt. A larger misfit that leaves no motion is a
+    warning with the same model.
     """
     if not equations.closures or not equations.speeds:
         return "", None
     jacobian, sizes = evaluate_closures(equations, design_coordinates(equations))[1], speed_scales(equations)
     values = _shares(jacobian * sizes)
     rank = int(np.sum(values > _FREE_BELOW))
+    guides = any(t.joint.guide is not None for t in equations.topology.tree)
     if not rank or values[rank - 1] > _LOCKED_ABOVE:
-        return "", None
-    poses, guides = explore(equations), any(t.joint.guide is not None for t in equations.topology.tree)
+        barely = rank == equations.speeds and values[-1] < _BARELY_ABOVE and not guides
+        return _describe_locking(equations) if barely else ("", None)
+    poses = explore(equations)
     if any(_shares(pose.jacobian * sizes)[rank - 1] > _LOCKED_ABOVE for pose in poses) or (guides and not poses[0].free.size):
         return "", None
     from cutjoint.analysis.misfit import find_misfit  # others do not wait for what this imports
@@ -76,15 +85,30 @@ def mend_misfit(equations: RecursiveEquations, accuracy: float) -> tuple[str, Mo
     found = find_misfit(equations, _LOCKED_ABOVE, _FREE_BELOW)
     if found is None:
         return _describe_holding(equations, jacobian, sizes, rank), None
-    spans, off = equations.topology.model.constraint_spans, f"{found.off:.2g} {'rad' if found.turns else 'm'}"
-    joint = f"{spans.get(found.joint, equations.scene.span)}: '{found.joint}'"
     if found.off <= accuracy:
         words = f"within the accuracy of {accuracy:g} they move as with exact joints"
-        return f"{joint} is off by {off}, which would lock the loops; {words}", found.model
+        return f"{_off(equations, found)}, which would lock the loops; {words}", found.model
     return (
-        f"{joint} is off by {off}, more than the accuracy of {accuracy:g}, and locks loops that move with exact joints; "
+        f"{_off(equations, found)}, more than the accuracy of {accuracy:g}, and locks loops that move with exact joints; "
         "write points and axes exactly, such as by expressions, give the scene an accuracy that is not finer, or move it farther off"
     ), None
+
+
+def _describe_locking(equations: RecursiveEquations) -> tuple[str, Model | None]:
+    """The warning on a mechanism that a misfit locks, with its model; ("", None) for those that do not move with other joints either."""
+    from cutjoint.analysis.misfit import find_misfit
+
+    found = find_misfit(equations, _BARELY_ABOVE, _FREE_BELOW)
+    if found is None:
+        return "", None
+    words = "which locks the loops: the mechanism cannot move, as it could with exact joints"
+    return f"{_off(equations, found)}, {words}", equations.topology.model
+
+
+def _off(equations: RecursiveEquations, found: "Misfit") -> str:
+    """The joint of a misfit at its line, and by how much it is off."""
+    span = equations.topology.model.constraint_spans.get(found.joint, equations.scene.span)
+    return f"{span}: '{found.joint}' is off by {found.off:.2g} {'rad' if found.turns else 'm'}"
 
 
 def _describe_holding(equations: RecursiveEquations, jacobian: Array, sizes: Array, rank: int) -> str:

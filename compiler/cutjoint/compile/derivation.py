@@ -53,7 +53,7 @@ def derive(
     load_events: bool = False,
 ) -> RecursiveEquations:  # fmt: skip
     """Derive the recursive equations of a model, from which the runs of every method start; errors as in `compile_scene`.
-    If a misfit within the scene's accuracy would lock loops, it is removed with a warning."""
+    If a misfit within the scene's accuracy would lock loops, it is removed with a warning; one that leaves no motion is reported."""
     topology = require_loads(build_topology(with_requested_loops(model, scene, DEFAULT_METHOD)), scene)
     equations = formulate_recursive(topology, scene, tuple(outputs), closure=closure, poses=poses, load_events=load_events)
     words, exact = mend_misfit(require_soundness(equations), accuracy_of(scene))
@@ -62,6 +62,8 @@ def derive(
     if exact is None:
         raise ShakyError(words)
     warn(words, stacklevel=2)
+    if exact is topology.model:
+        return equations
     return derive(exact, scene, outputs, closure=closure, poses=poses, load_events=load_events)
 
 
