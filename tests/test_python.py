@@ -94,7 +94,7 @@ def test_a_run_that_fails_raises_what_the_command_line_says(tmp_path: Path) -> N
     assert str(error.value) in said.output
     returned = cutjoint.simulate(press(), parameters=STIFF, dt=1e-3, check=False)
     assert returned.failure is not None
-    assert returned.failure.what == run.failure.what
+    assert returned.failure.summary == run.failure.summary
     assert np.array_equal(returned["slider.x"], run["slider.x"])
 
 

@@ -10,7 +10,7 @@ namespace cutjoint::generated {
 ///
 ///     q[5]        coordinates of joints: m, rad
 ///     v[5]        speeds: m/s, rad/s; vdot has their rates of change, dz, force and force_residual one for each
-///     lambda[12]  multipliers of closing equations: N, N*m; residual, rate, gap and their like have one for each
+///     lambda[12]  multipliers of closing equations: N, N*m; residual, rate and violation have one for each
 ///     column[6]   outputs, in the units of the description
 template <class Real>
 class FourBar {
@@ -36,7 +36,7 @@ class FourBar {
   CUTJOINT_APART void energy(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* energy) const;
 
   /// The step of the speeds' integrals that closes gaps of the cut joints and moves the masses least.  213 operations.
-  CUTJOINT_APART void project(const Real* q, const Real* gap, Real* dz) const;
+  CUTJOINT_APART void project(const Real* q, const Real* violation, Real* dz) const;
 
  private:
   /// Values that depend on parameters alone.

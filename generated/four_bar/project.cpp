@@ -8,7 +8,7 @@
 namespace cutjoint::generated {
 
 template <class Real>
-void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
+void FourBar<Real>::project(const Real* q, const Real* violation, Real* dz) const {
   using std::cos, std::sin;
 
   // inputs
@@ -17,10 +17,10 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   const Real q_crank_1_pin_angle = q[2];
   const Real q_coupler_2_pin_angle = q[3];
   const Real q_crank_2_pin_angle = q[4];
-  const Real gap_closure_1_x = gap[0];
-  const Real gap_closure_1_y = gap[1];
-  const Real gap_closure_2_x = gap[6];
-  const Real gap_closure_2_y = gap[7];
+  const Real violation_closure_1_x = violation[0];
+  const Real violation_closure_1_y = violation[1];
+  const Real violation_closure_2_x = violation[6];
+  const Real violation_closure_2_y = violation[7];
 
   // kinematics: crank_0.pin
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
@@ -184,13 +184,13 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   // condensation: crank_0.pin, of gaps alone
   //   H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h
   //   four_bar.yaml:20
-  const Real ppush_closure_1_x = loaded_.penalty_closure_1*gap_closure_1_x;
-  const Real ppush_closure_1_y = loaded_.penalty_closure_1*gap_closure_1_y;
+  const Real ppush_closure_1_x = loaded_.penalty_closure_1*violation_closure_1_x;
+  const Real ppush_closure_1_y = loaded_.penalty_closure_1*violation_closure_1_y;
   const Real crank_0_pin_13 = R_crank_1_pin_xx*ppush_closure_1_x;
   const Real ph_crank_0_bar_coupler_1_pin = J_closure_1_x_coupler_1_pin_negated*ppush_closure_1_x + J_closure_1_y_coupler_1_pin_negated*ppush_closure_1_y;
   const Real ph_crank_0_bar_crank_0_pin_negated = crank_0_pin_13 - J_closure_1_y_crank_0_pin_negated*ppush_closure_1_y;
-  const Real ppush_closure_2_x = loaded_.penalty_closure_2*gap_closure_2_x;
-  const Real ppush_closure_2_y = loaded_.penalty_closure_2*gap_closure_2_y;
+  const Real ppush_closure_2_x = loaded_.penalty_closure_2*violation_closure_2_x;
+  const Real ppush_closure_2_y = loaded_.penalty_closure_2*violation_closure_2_y;
   const Real crank_0_pin_14 = R_crank_2_pin_xx*ppush_closure_2_x;
   const Real ph_crank_0_bar_crank_2_pin = crank_0_pin_14 + R_crank_2_pin_yx*ppush_closure_2_y;
   const Real ph_crank_0_bar_coupler_2_pin = J_closure_2_x_coupler_2_pin_negated*ppush_closure_2_x + J_closure_2_y_coupler_2_pin_negated*ppush_closure_2_y;
@@ -225,6 +225,6 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   dz[4] = pzdd_crank_0_bar_crank_2_pin;  // crank_2.pin.angle_rate
 }
 
-template void FourBar<Precision>::project(const Precision* q, const Precision* gap, Precision* dz) const;
+template void FourBar<Precision>::project(const Precision* q, const Precision* violation, Precision* dz) const;
 
 }  // namespace cutjoint::generated

@@ -38,7 +38,7 @@ void fill(Description& d, const constants::Mechanism& mechanism) {
   take(d.inputs, mechanism.inputs);
   take(d.guards, mechanism.guards, [](const constants::Guard& x) { return Guard{.force = x.force, .place = x.place, .ends = x.ends, .left_out = x.left_out}; });
   take(d.domains, mechanism.domains,
-       [](const constants::Domain& x) { return Domain{.what = x.what, .element = x.element, .place = x.place, .strict = x.strict, .cure = x.cure}; });
+       [](const constants::Domain& x) { return Domain{.what = x.what, .element = x.element, .place = x.place, .strict = x.strict, .remedy = x.remedy}; });
   take(d.indicators, mechanism.indicators,
        [](const constants::EventIndicator& x) { return EventIndicator{.element = x.element, .place = x.place, .road = x.road, .across = x.across}; });
   take(d.nominals, mechanism.nominals, [](double x) { return x; });

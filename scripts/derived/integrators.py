@@ -18,7 +18,7 @@ ASKED: Mapping[str, Callable[[Integrator], bool]] = {
     "recursive": lambda i: "recursive" in i.methods,
     "lagrangian": lambda i: any(METHODS[name].has_system for name in i.methods),
     "batch": lambda i: i.batch,
-    "twin": lambda i: i.has_generic,
+    "generic": lambda i: i.has_generic,
     "projected": lambda i: "solved" in i.closures,
     "absolute_tolerance": lambda i: "absolute_tolerance" in i.settings,
     "spectral_radius": lambda i: "spectral_radius" in i.settings,

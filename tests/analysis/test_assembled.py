@@ -42,7 +42,7 @@ def run(model: Model, scene: Scene, tolerance: float = 1e-11) -> Trajectory:
 def apart(model: Model, scene: Scene, *, joints: int = 1) -> dict[str, float]:
     """The largest differences of the columns beside their sizes, between both ways to close the loops."""
     outcome = embed_loops(model, scene)
-    assert len(outcome.model.embedded_loops) == joints, [note.words for note in outcome.left]
+    assert len(outcome.model.embedded_loops) == joints, [note.text for note in outcome.left]
     exact, compiled = run(model, scene), run(outcome.model, scene)
     assert exact.failure is None
     assert compiled.failure is None, compiled.failure.message
@@ -148,7 +148,7 @@ scenes:
 def test_a_guided_coordinate_moves_an_assembly(monkeypatch: pytest.MonkeyPatch) -> None:
     model = read_model_text(STEERED, "corner.yaml")
     left = embed_loops(model, model.scenes["steer"]).left
-    assert left[0].words.startswith("stays in a loop: its guide moves, and functions of two numbers with 9")
+    assert left[0].text.startswith("stays in a loop: its guide moves, and functions of two numbers with 9")
     monkeypatch.setattr("cutjoint.analysis.embedding.embed.DEAREST", 10_000)
     monkeypatch.setattr("cutjoint.analysis.embedding.embed._KEPT", {})
     differences = apart(model, model.scenes["steer"])
@@ -265,7 +265,7 @@ def test_a_block_in_a_branch_of_other_loops_stays() -> None:
     model = read_model_text((CARRIED % "").replace("rates: {a.angle_rate: 4.0}", "switches: {}"), "carried.yaml")
     outcome = embed_loops(model, model.scenes["fall"])
     assert not outcome.model.embedded_loops
-    assert [note.words.partition(": ")[2] for note in outcome.left] == [
+    assert [note.text.partition(": ")[2] for note in outcome.left] == [
         "it has 2 degrees of freedom relative to 'ground' instead of one", "it hangs on other loops that are eliminated at once",
     ]  # fmt: skip
     assert [joint.cut for joint in outcome.model.joints] == [joint.cut for joint in model.joints]
@@ -288,7 +288,7 @@ def test_blocks_that_stay_say_why(text: str, reason: str) -> None:
     model = read_model_text(text, "swing.yaml")
     outcome = embed_loops(model, next(iter(model.scenes.values())))
     assert not outcome.model.embedded_loops
-    assert [note.words for note in outcome.left] == [f"stays in a loop: {reason}"]
+    assert [note.text for note in outcome.left] == [f"stays in a loop: {reason}"]
 
 
 @pytest.mark.parametrize("text", [four_bar(0), spatial(0), STEERED], ids=["plane", "spatial", "steered"])
@@ -306,7 +306,7 @@ def test_the_tangent_is_that_of_the_residual(text: str, monkeypatch: pytest.Monk
     v, vdot = random.standard_normal(n), 3 * random.standard_normal(n)
     damping, stiffness = weights = np.array([0.3, 0.2])
     known = {"t": np.full(1, 0.1), "motion": np.ones(1), "penalty": np.zeros(1), "weights": np.array([*weights, 0.0])}
-    known["weights.turns"] = np.tile(np.eye(3).ravel(), sum(chart.ball for chart in equations.start.charts))
+    known["weights.ball_tangents"] = np.tile(np.eye(3).ravel(), sum(chart.ball for chart in equations.start.charts))
     entries = {name: block for name, block in equations.function("linearise").results.items() if name.startswith("tangent:")}
     tangent = np.zeros((n, n))
     for name, entry in evaluate_results(equations, entries, {**known, "q": q, "v": v, "vdot": vdot}).items():

@@ -50,7 +50,7 @@ def run(model: Model, scene: Scene, parameters: dict[str, float]) -> Trajectory:
 def test_random_mechanisms_with_other_points_move_as_by_their_loops_equations(make, seed: int) -> None:  # type: ignore[no-untyped-def]
     model, scene, changed = tunable(make(seed), "random.yaml")
     outcome = embed_loops(model, scene)
-    assert [one.functions.open for one in outcome.model.embedded_loops] == [True], [note.words for note in outcome.left]
+    assert [one.functions.open for one in outcome.model.embedded_loops] == [True], [note.text for note in outcome.left]
     exact, fitted = run(model, scene, changed), run(outcome.model, scene, changed)
     assert exact.failure is None
     if fitted.failure is not None:  # told, never wrong: some ranges are too long for other points

@@ -397,4 +397,4 @@ def test_controllers_that_are_held_are_named(tmp_path: Path) -> None:
         assert done.exit_code == 0, done.output
         assert ("'loop': sampled values are held constant" in " ".join(done.output.split())) == bool(held)
         found = json.loads(out.read_text())
-        assert (found["held_controllers"], bool(found["modes"])) == (held, not held)
+        assert (found["frozen_controllers"], bool(found["modes"])) == (held, not held)

@@ -104,7 +104,7 @@ def _interpret(equations: RecursiveEquations, state: At, results: Callable[[str,
     found = {name: results("evaluate", f"{name}:", inputs) for name in ("vdot", "correction")}
     found |= {name: results("constraint_residual", f"{name}:", inputs) for name in ("residual", "rate")}
     for closure in equations.closures:
-        inputs[f"gap:{closure.joint}"] = found["residual"][closure.first : closure.first + len(closure.names)]
+        inputs[f"violation:{closure.joint}"] = found["residual"][closure.first : closure.first + len(closure.names)]
     found["dz"] = results("project", "dz:", inputs)
     for chart in equations.charts:
         inputs[f"vdot:{chart.joint}"] = found["vdot"][chart.v : chart.v + len(chart.speed_names)]

@@ -122,8 +122,8 @@ def test_loops_with_friction_stay_exact_and_say_so() -> None:
     model = read_model_text(FOUR_BAR.format(cut="true", more=""), "four_bar.yaml")
     outcome = embed_loops(model, model.scenes["swing"])
     assert outcome.model.embedded_loops == ()
-    assert [note.words for note in outcome.left] != []
-    assert all("its joint friction needs their loads" in note.words for note in outcome.left)
+    assert [note.text for note in outcome.left] != []
+    assert all("its joint friction needs their loads" in note.text for note in outcome.left)
 
 
 @pytest.mark.parametrize("target", ["pinocchio", "mujoco", "exudyn"])

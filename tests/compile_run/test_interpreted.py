@@ -130,7 +130,7 @@ def system_state(equations: Any, rng: np.random.Generator) -> dict[str, np.ndarr
     state = {"relative_q": design_coordinates(start) + 0.01 * rng.standard_normal(start.coordinates)}
     state |= {"relative_v": rng.standard_normal(start.speeds), "penalty": np.array([1e4]), "weights": np.array([2e-3, 1e-6, 0.6])}
     state |= {"vdot": rng.standard_normal(unknowns), "lambda": rng.standard_normal(m), "w": rng.standard_normal(m)}
-    state |= {"t": np.array([0.3]), "weights.turns": np.tile(np.eye(3).ravel(), sum(c.ball for c in equations.charts))}
+    state |= {"t": np.array([0.3]), "weights.ball_tangents": np.tile(np.eye(3).ravel(), sum(c.ball for c in equations.charts))}
     program = schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
     placed = system_results(program, equations, "initial_coordinates", state)
     size = len(equations.row_names)

@@ -86,7 +86,7 @@ def moved(system: System, q: Array, delta: Array) -> Array:
 
 
 def turns(system: System, delta: Array) -> Array:
-    """As the runtime's ``turn_matrices``, from differences of the turn that belongs to a rotation vector."""
+    """As the runtime's ``ball_tangents``, from differences of the turn that belongs to a rotation vector."""
     found = []
     for c in system.equations.start.charts:
         if c.ball:
@@ -132,7 +132,7 @@ def verify_tangent(system: System, seed: int, moves: float = 0.3) -> int:
     pose = moved(system, at["q"], at["delta"])
     found = system.tangent(
         q=pose, v=at["v"], vdot=at["vdot"], weights=np.array([DAMPING, STIFFNESS, 0.0]),
-        **{"lambda": at["lambda"], "weights.turns": turns(system, at["delta"])},
+        **{"lambda": at["lambda"], "weights.ball_tangents": turns(system, at["delta"])},
     )  # fmt: skip
     expected = differences(system, at)
     J = system.jacobian(pose)
@@ -206,7 +206,7 @@ def test_balance_vanishes_where_the_recursion_says(seed: int) -> None:
     at = state(system, seed)
     J, zero = system.jacobian(at["q"]), np.zeros(system.n)
     M = system.tangent(
-        q=at["q"], v=at["v"], vdot=zero, weights=np.zeros(3), **{"lambda": np.zeros(system.m), "weights.turns": turns(system, zero)}
+        q=at["q"], v=at["v"], vdot=zero, weights=np.zeros(3), **{"lambda": np.zeros(system.m), "weights.ball_tangents": turns(system, zero)}
     )
     bias = system.call("dynamic_residual", q=at["q"], v=at["v"], vdot=zero, **{"lambda": np.zeros(system.m)})["force_residual"]
     drift = system.call("constraint_residual", q=at["q"], v=at["v"], vdot=zero)["curvature"]
@@ -254,7 +254,7 @@ def test_newton_converges_quadratically() -> None:
         pose, v = moved(system, at["q"], delta), at["v"] + dt / 2 * (at["vdot"] + x)
         balance = system.call("dynamic_residual", q=pose, v=v, vdot=x, **{"lambda": multipliers})
         T = system.tangent(q=pose, v=v, vdot=x, weights=np.array([dt / 2, dt**2 / 4, 0.0]), **{
-            "lambda": multipliers, "weights.turns": turns(system, delta),
+            "lambda": multipliers, "weights.ball_tangents": turns(system, delta),
         })  # fmt: skip
         J = system.jacobian(pose)
         saddle = np.block([[T, J.T], [J, np.zeros((m, m))]])

@@ -59,5 +59,5 @@ def test_samples_are_what_outputs_report(method: str, seed: int) -> None:
     n, m = equations.unknowns, len(equations.equation_names)
     sizes = {"q": len(equations.coordinate_names), "v": n, "vdot": n, "lambda": m}
     state = {name: rng.normal(size=size) for name, size in sizes.items()}
-    reported, computed = call(equations, "report", state)["column"], call(equations, "sample", state)["held"]
+    reported, computed = call(equations, "report", state)["column"], call(equations, "sample", state)["next_discrete"]
     assert np.abs(computed - in_a_row(reported)).max() <= 1e-12 * np.abs(reported).max() * len(outputs)

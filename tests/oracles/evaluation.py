@@ -53,7 +53,7 @@ class BlockMechanism:
             rows = slice(closure.first, closure.first + len(closure.names))
             columns[f"lambda:{closure.joint}"] = multipliers[rows]
             if gap is not None:
-                columns[f"gap:{closure.joint}"] = gap[rows]
+                columns[f"violation:{closure.joint}"] = gap[rows]
         return columns
 
     def solve(self, at: Instant, multipliers: Array, numerics: Numerics) -> Solution:

@@ -114,27 +114,27 @@ def test_a_run_reports_what_holds_its_start(tmp_path: Path) -> None:
     model = read_model_text(TEXT, "hanging.yaml")
     start = model.scenes["start"]
     run, rest = simulate(compile_interpreted(model, start)), find_scene_equilibrium(model, start)
-    for held in (run.held, rest.held):
+    for held in (run.locking_forces, rest.locking_forces):
         assert held == {"top.angle": (pytest.approx(9.81 * 1.5 * sin(HELD), rel=1e-8), "N*m")}
     model = read_model_text(PUSHED, "pushed.yaml")
     run = simulate(compile_interpreted(model, model.scenes["start"]), error=False)
     slope = 0.4 + 0.4 * 0.3 / 1.2  # of x = 0.5 cos(a) + sqrt(l^2 - (0.5 sin(a))^2), where phi turns from z to x
-    assert run.held["pin.angle"] == (pytest.approx(8000 * slope, rel=1e-8), "N*m")
-    ((name, (force, unit)),) = ((name, found) for name, found in run.held.items() if name.startswith("plane"))
+    assert run.locking_forces["pin.angle"] == (pytest.approx(8000 * slope, rel=1e-8), "N*m")
+    ((name, (force, unit)),) = ((name, found) for name, found in run.locking_forces.items() if name.startswith("plane"))
     assert (name.partition("_")[0], abs(force), unit) == ("plane.displacement", pytest.approx(4000 * 9.81, rel=1e-8), "N")
-    assert "39.24 kN" in locking_force_facts(run.held)[0][1]
+    assert "39.24 kN" in locking_force_facts(run.locking_forces)[0][1]
     path = tmp_path / "hanging.yaml"
     path.write_text(TEXT, encoding="utf-8")
     done = CliRunner().invoke(main, ["simulate", str(path), "--implementation", "interpreted", "--out", str(tmp_path / "run.csv")])
     assert "locked at the start by: top.angle 7.358 N*m, released at t = 0\n" in done.output
     free = read_model_text(near(0.1, 0.1), "hanging.yaml")
-    assert not simulate(compile_interpreted(free, free.scenes["start"]), error=False).held
+    assert not simulate(compile_interpreted(free, free.scenes["start"]), error=False).locking_forces
 
 
 @pytest.mark.parametrize("kind", JOINTS)
 def test_forces_along_coordinates_have_the_names_and_units_of_these(kind: str) -> None:
     joint = JOINTS[kind]
-    found = read_locking_forces({"held": dict.fromkeys((f"a.{rate}" for rate in joint.speeds), 2.0)})
+    found = read_locking_forces({"locking_forces": dict.fromkeys((f"a.{rate}" for rate in joint.speeds), 2.0)})
     units = [unit for _, unit in found.values()]
     assert units == ["N" if joint.units[rate] == "m/s" else "N*m" for rate in joint.speeds]
     assert list(found)[: len(joint.coordinates)] == [f"a.{name}" for name in joint.coordinates]

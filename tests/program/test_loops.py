@@ -55,7 +55,7 @@ def test_loops_compute_the_same(case: str, lanes: bool) -> None:
     inputs = make_inputs(equations, state.q, state.v) | {"numerics": np.array([1e4, 1.0, 10.0])}
     inputs |= {"t": np.array([0.5]), "motion": np.ones(1)}
     rng = np.random.default_rng(7)
-    for slot in ("lambda", "gap", "vdot"):
+    for slot in ("lambda", "violation", "vdot"):
         inputs |= {s: rng.normal(size=len(x.names)) for s, x in equations.slots.items() if s.startswith(f"{slot}:")}
     for name in FUNCTIONS:
         function = program.function(name)

@@ -107,7 +107,7 @@ def _compare(
     draw, results = np.random.default_rng(1), program.function(name).results
     ways = {
         symbol: (0.1 * numbers if symbol == "parameters" else 1.0) * draw.normal(size=len(numbers))
-        for symbol, numbers in inputs.items() if symbol == "parameters" or symbol.startswith(("q:", "v:", "vdot:", "lambda:", "gap:"))
+        for symbol, numbers in inputs.items() if symbol == "parameters" or symbol.startswith(("q:", "v:", "vdot:", "lambda:", "violation:"))
     }  # fmt: skip
 
     def value(way: float) -> float:
@@ -222,7 +222,7 @@ def test_the_balance_of_forces(model: str, scene: str | None, loops: Loops) -> N
     entries = ((row, column) for row, of_row in enumerate(derived.columns) for column in of_row)
     along = np.zeros(len(still))
     for i, (row, column) in zip(derived.places, entries, strict=True):
-        along[row] += found["slope", i] * numbers[column]
+        along[row] += found["entry", i] * numbers[column]
     differences = _fourth_order([dict(enumerate(left(way, ways))) for way in (-2, -1, 1, 2)])
     wanted = np.array([differences[i] for i in range(len(still))])
     assert along[places] == pytest.approx(wanted, abs=1e-8 * np.abs(wanted).max())

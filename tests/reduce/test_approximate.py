@@ -53,7 +53,7 @@ def run(model: Model, scene: Scene, prepare: Callable[[Model, Scene], Artifact] 
 
 
 def words(outcome: Outcome) -> dict[str, str]:
-    return {note.element: note.words for note in (*outcome.done, *outcome.left)}
+    return {note.element: note.text for note in (*outcome.done, *outcome.left)}
 
 
 def lamp(old: str = "", new: str = "") -> tuple[Model, Scene]:

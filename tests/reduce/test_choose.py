@@ -65,7 +65,7 @@ def test_the_pendulum_keeps_its_tolerance() -> None:
     x = np.interp(period + np.array([-0.04, 0.0, 0.04]), run.t, run["bob.x"])
     assert x[1] == pytest.approx(1, abs=3e-3)  # interpolated between rows
     assert np.hypot(run["bob.x"], run["bob.z"]) == pytest.approx(1, abs=1e-9)
-    assert choice.picked in choice.evidence
+    assert choice.chosen in choice.evidence
     assert all(c.failure or c.error <= 0.8e-3 for c in choice.evidence)
 
 
@@ -78,7 +78,7 @@ def test_the_chain_keeps_its_tolerance_across_its_singular_pose() -> None:
     assert np.abs(run["tip.y"] - np.cos(angle)).max() <= 1e-3
 
 
-MADE = Choice(picked=Candidate(variant="full", method="recursive", dt=0.01, error=1e-4, seconds=0.1), evidence=(), settled=1e-6)
+MADE = Choice(chosen=Candidate(variant="full", method="recursive", dt=0.01, error=1e-4, seconds=0.1), evidence=(), reference_change=1e-6)
 
 
 @pytest.fixture
@@ -253,7 +253,7 @@ def test_the_command_runs_what_it_picks(tmp_path: Path) -> None:
     path.write_text(PENDULUM)
     result = CliRunner().invoke(main, ["simulate", str(path), "--out", str(out)])
     assert result.exit_code == 0, result.output
-    assert "picked" in result.output
+    assert "chosen" in result.output
     assert out.read_text().startswith("t,bob.x,bob.z\n")
 
 

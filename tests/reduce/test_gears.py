@@ -70,7 +70,7 @@ def test_passes_that_know_gears() -> None:
     assert done == ["pendulum", "weld", "stop", "rod"]
     assert [gear.name for gear in last.model.gears] == ["mesh", "train"]
     words = "rules out the passes planar, frozen, which know no gears"
-    assert [(note.element, note.words) for note in last.left[:3]] == [(name, words) for name in ("mesh", "train", "lock")]
+    assert [(note.element, note.text) for note in last.left[:3]] == [(name, words) for name in ("mesh", "train", "lock")]
 
 
 @needs_cpp
@@ -98,11 +98,11 @@ def test_what_an_output_of_a_gear_feels_stays() -> None:
 def test_a_joint_at_rest_that_a_gear_couples_stays() -> None:
     full = model()
     outcome = weld_bodies(full, full.scenes["run"])
-    assert [(note.element, note.words) for note in outcome.left] == [("stop", "stays: the gear 'lock' couples it")]
+    assert [(note.element, note.text) for note in outcome.left] == [("stop", "stays: the gear 'lock' couples it")]
 
 
 def test_a_link_whose_joint_a_gear_couples_stays() -> None:
     text = TEXT.replace("joints: [fly_pin, pinion]", "joints: [fly_pin, rod_end.angle_1]")
     full = read_model_text(text, "geared.yaml")
     *_, last = reduction_sequence(full, full.scenes["run"])
-    assert "stays: the gear 'train' couples its joint 'rod_end'" in [note.words for note in last.left if note.element == "rod"]
+    assert "stays: the gear 'train' couples its joint 'rod_end'" in [note.text for note in last.left if note.element == "rod"]

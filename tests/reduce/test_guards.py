@@ -99,8 +99,8 @@ def test_an_outcome_says_what_was_done_and_why_not_more() -> None:
     assert [f.name for f in outcome.model.forces] == ["spring", "floor", "rope", "pad", "sleeve"]
     assert outcome.model.force_elements == model.forces
     line = next(i for i, text in enumerate(TEXT.splitlines(), 1) if "wall: {" in text)
-    assert [(n.element, n.words, n.span.line) for n in outcome.done] == [("wall", "is taken out, guarded by 3.3 - position >= 0", line)]
-    assert {n.element: n.words for n in outcome.left} == {
+    assert [(n.element, n.text, n.span.line) for n in outcome.done] == [("wall", "is taken out, guarded by 3.3 - position >= 0", line)]
+    assert {n.element: n.text for n in outcome.left} == {
         "spring": "stays: its law has no case in which it is zero",
         "pad": "stays: it is switched off",
         "sleeve": "stays: it has no law over one position",

@@ -93,7 +93,7 @@ def run(model: Model, scene: Scene, method: str = "recursive", dt: float | None 
 
 
 def words(outcome: Outcome) -> dict[str, str]:
-    return {note.element: note.words for note in (*outcome.done, *outcome.left)}
+    return {note.element: note.text for note in (*outcome.done, *outcome.left)}
 
 
 def apart(a: Trajectory, b: Trajectory) -> dict[str, float]:
@@ -271,7 +271,7 @@ def test_outputs_keep_their_columns() -> None:
 def test_the_sequence_leaves_what_costs_more() -> None:
     model = read_model(MODELS / "four_bar.yaml")
     (variant,) = reduction_sequence(model, model.scenes["swing"])
-    assert {note.words for note in variant.left} == {"stays: the pass 'idle equations' would take 517 operations in place of 445"}
+    assert {note.text for note in variant.left} == {"stays: the pass 'idle equations' would take 517 operations in place of 445"}
 
 
 def columns_of(reduced: Callable[[Model, Scene], Outcome], scene: str) -> list[str]:
@@ -289,11 +289,11 @@ def test_what_a_method_refuses_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     upright, in_line = (
         read_model_text(f"{parallel_cranks_text(2, crank)}scenes: {{run: {{end: 1}}}}\n", "cranks.yaml") for crank in (UPRIGHT, IN_LINE)
     )
-    done = (Note(element="crank_1", words="lies down", span=upright.span),)
+    done = (Note(element="crank_1", text="lies down", span=upright.span),)
     laid = Outcome(model=in_line, scene=in_line.scenes["run"], done=done, left=())
     monkeypatch.setattr("cutjoint.reduce.sequence.STEPS", (Step(name="laid", reduce=lambda model, scene: laid),))
     (variant,) = reduction_sequence(upright, upright.scenes["run"], "classical")
-    assert (variant.model, variant.left[-1].words) == (upright, "stays: the method classical cannot solve the model after the pass 'laid'")
+    assert (variant.model, variant.left[-1].text) == (upright, "stays: the method classical cannot solve the model after the pass 'laid'")
     full = reduction_sequence(upright, upright.scenes["run"], "augmented")[0]
     (cheapest,) = cheapest_by("classical", [full, replace(full, name="laid", model=in_line, scene=in_line.scenes["run"])])
     assert (cheapest.model, cheapest.method) == (upright, "classical")

@@ -33,7 +33,7 @@ def run(model: Model, scene: Scene, method: str) -> Trajectory:
 
 
 def words(outcome: Outcome) -> dict[str, str]:
-    return {note.element: note.words for note in (*outcome.done, *outcome.left)}
+    return {note.element: note.text for note in (*outcome.done, *outcome.left)}
 
 
 def test_joints_keep_the_motions_in_the_plane() -> None:

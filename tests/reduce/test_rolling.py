@@ -83,7 +83,7 @@ def run(model: Model, scene: Scene, method: str = "recursive") -> Trajectory:
 
 
 def words(outcome: Outcome) -> dict[str, str]:
-    return {note.element: note.words for note in (*outcome.done, *outcome.left)}
+    return {note.element: note.text for note in (*outcome.done, *outcome.left)}
 
 
 def test_a_tyre_that_rolls_straight_loses_its_lateral_force() -> None:

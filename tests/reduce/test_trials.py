@@ -114,6 +114,6 @@ def test_integrators_hold_loops_as_in_runs_of_their_own() -> None:
             variant=full.name, method="recursive", dt=0.0 if adaptive else 1e-3, error=0.0, seconds=1.0,
             integrator=integrator if adaptive else "", tolerance=1e-6,
         )  # fmt: skip
-        chosen = chosen_model(model, free, Choice(picked=picked, evidence=(), settled=0.0, reduced=full))
+        chosen = chosen_model(model, free, Choice(chosen=picked, evidence=(), reference_change=0.0, reduced=full))
         tried = by(integrator)._scene
         assert {find_closure(s.numerics, METHODS["recursive"]).name for s in (tried, chosen.scene)} == {INTEGRATORS[integrator].closure}

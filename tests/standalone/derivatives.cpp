@@ -77,7 +77,7 @@ struct StepInQuad<Steps<Mechanism, Method>> {
 
 constexpr int n = COUNT(SPEEDS), m = COUNT(EQUATIONS), f = COUNT(DEGREES_OF_FREEDOM), states = COUNT(STATES), inputs = COUNT(INPUTS), outputs = COUNT(OUTPUTS);
 constexpr int joints = n - (states - 2 * f);            ///< speeds of joints; first-order states are behind them
-constexpr int given = 3 * inputs + Reference::sizes.held;  ///< numbers of inputs, and what controllers hold
+constexpr int given = 3 * inputs + Reference::sizes.discrete;  ///< numbers of inputs, and what controllers hold
 
 struct Motion {
   Reference mechanism;

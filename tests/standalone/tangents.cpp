@@ -11,7 +11,7 @@
 using Reference = InQuad<code::System>::type;
 using Numbers = std::vector<Quad>;
 
-constexpr int n = Reference::sizes.speeds, m = Reference::sizes.equations, given = 3 * Reference::sizes.inputs + Reference::sizes.held;
+constexpr int n = Reference::sizes.speeds, m = Reference::sizes.equations, given = 3 * Reference::sizes.inputs + Reference::sizes.discrete;
 static const std::span<const core::Chart> charts = Reference::charts;
 constexpr double damping = 0.3, stiffness = 0.2;
 
@@ -55,9 +55,9 @@ int main(int, char** arguments) {
   for (int i = 0; i < m; ++i) lambda[i] = charts.empty() ? Quad(0) : Quad(state.lambda[i]);
 
   const auto pose = displaced(q, delta);
-  Numbers turns(core::turns_of(charts) + 1), f(n), phi(m), entries(Reference::pattern.row.size());
-  core::turn_matrices<Quad>(charts, delta.data(), turns.data());
-  system.linearise(pose.data(), v.data(), vdot.data(), lambda.data(), Quad(0), {Quad(damping), Quad(stiffness), Quad(1), turns.data()}, f.data(), phi.data(),
+  Numbers ball_tangents(core::size_of_ball_tangents(charts) + 1), f(n), phi(m), entries(Reference::pattern.row.size());
+  core::ball_tangents<Quad>(charts, delta.data(), ball_tangents.data());
+  system.linearise(pose.data(), v.data(), vdot.data(), lambda.data(), Quad(0), {Quad(damping), Quad(stiffness), Quad(1), ball_tangents.data()}, f.data(), phi.data(),
                    entries.data());
   const int rows = Reference::pattern.size;
   std::vector<double> tangent(rows * rows), differences(n * n), jacobian(m * n);

@@ -69,8 +69,8 @@ class Modes:
     ``rigid_body_modes`` are the directions, each named by its largest coordinate, without restoring force: rigid-body motions and
     coordinates without spring. ``zeros`` counts the eigenvalues of zero, two for a direction with constant drift, one where a damper stops
     it. ``undamped`` are the modes of mass and stiffness alone, of a state at rest; a positive real one there means that the state is
-    unstable. ``q`` are the tree's coordinates of the state. ``held`` names controllers; their discrete states are frozen. A ``steady``
-    state is trimmed without accelerations.
+    unstable. ``q`` are the tree's coordinates of the state. ``frozen_controllers`` names controllers; their discrete states are frozen. A
+    ``steady`` state is trimmed without accelerations.
     """
 
     time: float
@@ -81,7 +81,7 @@ class Modes:
     rigid_body_modes: Mapping[str, Mapping[str, Participant]]
     zeros: int
     q: Array = field(repr=False, compare=False)
-    held: tuple[str, ...] = ()
+    frozen_controllers: tuple[str, ...] = ()
     steady: bool = False
 
     @property

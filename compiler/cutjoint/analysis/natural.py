@@ -27,7 +27,7 @@ from cutjoint.program.tangents import interpret_tangents
 from cutjoint.topology.geometry import TOLERANCE
 
 #: The arrays of a call that input symbols' columns stand in.
-_ARRAYS = ("q", "v", "vdot", "lambda", "w", "relative_q", "relative_v", "weights.turns")
+_ARRAYS = ("q", "v", "vdot", "lambda", "w", "relative_q", "relative_v", "weights.ball_tangents")
 
 
 @dataclass(frozen=True, kw_only=True)

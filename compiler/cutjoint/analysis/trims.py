@@ -28,6 +28,7 @@ from cutjoint.analysis.trim_equations import (
     TrimParts,
 )
 from cutjoint.methods import join_and
+from cutjoint.package.renamed import with_old_members
 from cutjoint.program.blocks import Block
 
 #: Residuals below this, as shares of what a change of an unknown by its size makes, are met.
@@ -49,6 +50,7 @@ _ALIKE, _ENOUGH = 1e-2, 2
 _FARTHEST, _STRAY, _LOST, _NAMED = 0.3, 0.6, 1.5, 0.2
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
 class Trimmed:
     """The result of a trim.
@@ -58,7 +60,7 @@ class Trimmed:
     * ``residual``: the largest share to which a condition is not met
     * ``redundant``: targets that follow from other conditions
     * ``steady``: no condition depends on values that change
-    * ``strayed``: found from random coordinates, because no solution was near the given ones
+    * ``from_random_start``: found from random coordinates, because no solution was near the given ones
     * ``gradients``: derivatives of the unknowns, by parameter
     """
 
@@ -68,7 +70,7 @@ class Trimmed:
     residual: float
     redundant: tuple[str, ...]
     steady: bool
-    strayed: bool
+    from_random_start: bool
     gradients: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     coordinates: Mapping[str, float] = field(repr=False)
     rates: Mapping[str, float] = field(repr=False)
@@ -368,7 +370,7 @@ class _Search(TrimEquations):
                 unknown.name: (float(at.y[i]), f"{unknown.unit or '1'}/s".replace("/s/s", "/s^2"))
                 for unknown in self._of._trim.unsteady for i in self._of._at(RATES, [unknown.entry])
             },
-            steady=not felt, strayed=self._is_random,
+            steady=not felt, from_random_start=self._is_random,
             redundant=tuple(aim.name for aim, is_so in zip(self._of._scene.assemble, follows, strict=True) if is_so),
             point=Point(
                 t=0.0, q=arrays["q"], v=arrays["v"], vdot=arrays["vdot"], parameters=arrays["parameters"], roads=self._inputs.roads,

@@ -24,7 +24,7 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: t
         found = find_scene_equilibrium(checked, chosen, parameters=parameters)
     options.out.print(pose_table(found))
     options.out.print(force_table(found))
-    for name, value in [*locking_force_facts(found.held), *(trim_facts(found.trim) if found.trim is not None else ())]:
+    for name, value in [*locking_force_facts(found.locking_forces), *(trim_facts(found.trim) if found.trim is not None else ())]:
         options.out.print(f"{name}: {value}", markup=False)
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):

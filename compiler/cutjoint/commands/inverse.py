@@ -17,7 +17,7 @@ def command(
     """Find the forces with which drives move MODEL as a scene prescribes, and print the largest."""
     require_apart({"the model": model}, tables={"--out": out})
     checked = read_model(model, tunable=tunable)
-    with options.progress_bar(f"driving {model.name}"):
+    with options.progress_bar(f"compiling {model.name}"):
         found = inverse_dynamics(
             checked, scene=scene, drives=(drives or "").split(",") if drives else (), parameters=options.read_parameters(changes), end=end
         )

@@ -90,7 +90,7 @@ class BodyDirection:
 class JointDisplacement(StrEnum):
     """The displacement from the base's point of a joint to the follower's."""
 
-    VECTOR = "way"
+    VECTOR = "displacement"
 
 
 @dataclass(frozen=True)

@@ -303,15 +303,15 @@ def _arrays(equations: Equations) -> list[str]:
     state, is_relative = equations.state, isinstance(equations, RecursiveEquations) or bool(equations.charts)
     turned = ", quaternions" if any(chart.ball for chart in equations.charts) else ""
     states = f", the last {len(state.states)} of them first-order states" if state.states else ""
-    held = "what controllers hold, then " if equations.discrete_states else ""
+    discrete = "discrete states, then " if equations.discrete_states else ""
     lines = {
         f"q[{len(state.q)}]": f"coordinates of joints: m, rad{turned}" if is_relative else "points (m), unit vectors and angles (rad)",
         f"v[{len(state.v)}]": f"speeds: m/s, rad/s{states}; vdot has their rates of change, dz, force and force_residual one for each",
-        f"lambda[{len(state.equations)}]": "multipliers of closing equations: N, N*m; residual, rate, gap and their like have one for each",
+        f"lambda[{len(state.equations)}]": "multipliers of closing equations: N, N*m; residual, rate and violation have one for each",
         f"column[{len(equations.columns)}]": "outputs, in the units of the description",
         f"parameters[{len(equations.parameters)}]": "tunable parameters, in SI units",
-        f"input[{equations.input_values}]": f"of each input value, rate and acceleration, then {held}values by which laws are watched",
-        f"held[{equations.discrete_states}]": "what controllers hold next, in SI units",
+        f"input[{equations.input_values}]": f"of each input value, rate and acceleration, then {discrete}values by which laws are watched",
+        f"next_discrete[{equations.discrete_states}]": "next discrete states, in SI units",
     }  # fmt: skip
     used = {name: words for name, words in lines.items() if not name.endswith("[0]")}
     width = max(map(len, used), default=0)
@@ -333,7 +333,7 @@ def _fits(program: Program, equations: Equations) -> dict[str, object] | None:
     return {
         "independents": ", ".join(fit.embedded_loop.independent for fit in equations.fits),
         "loops": [
-            f".rows = {d['rows']}, .functions = {len(d['start'])}, .nodes = {d['nodes']}, .turns = {str(d['turns']).lower()}, "
+            f".rows = {d['rows']}, .functions = {len(d['start'])}, .nodes = {d['nodes']}, .is_periodic = {str(d['is_periodic']).lower()}, "
             f".middle = {d['middle']!r}, .half = {d['half']!r}, .allowed = {d['allowed']!r}" for d in described
         ],
         "functions": [
@@ -392,7 +392,7 @@ def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "roads": len(equations.roads), "columns": len(equations.columns),
         "guards": len(guards_in(equations)), "indicators": len(equations.indicators),
         **({"states": states} if states else {}),
-        **({"controllers": len(controllers), "held": equations.discrete_states} if controllers else {}),
+        **({"controllers": len(controllers), "discrete": equations.discrete_states} if controllers else {}),
     }, **({"samples": describe_controllers(equations)} if controllers else {}), **({"nominals": nominals} if nominals else {}),
         **({"arm": arm} if (arm := equations.topology.arm) != 1 else {})}  # fmt: skip
 

@@ -56,17 +56,17 @@ def _source(equations: Equations, driver: str, described: dict[str, Any]) -> tup
 def describe_mechanism(program: Program, equations: RecursiveEquations) -> dict[str, Any]:
     """The mechanism of a program for the interpreter."""
     q, v, m = equations.coordinates, equations.unknowns, len(equations.equation_names)
-    arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "gap": m, "stabilisation": 3, "penalties": max(len(equations.closures), 1)}
-    arrays |= {"held": equations.discrete_states}
+    arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "violation": m, "stabilisation": 3, "penalties": max(len(equations.closures), 1)}
+    arrays |= {"next_discrete": equations.discrete_states}
     return {"description": _description(equations), **_assemble(program, equations, arrays)}
 
 
 def _describe_system(program: Program, equations: SystemEquations, plan: Plan) -> dict[str, Any]:
     """The system, with its factorisation as index data."""
     names, pattern = equations.coordinate_names, plan.pattern
-    q, v, m, turns = len(names), equations.unknowns, len(equations.equation_names), 9 * sum(c.ball for c in equations.charts)
-    arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "w": m, "penalty": 1, "weights": 3, "weights.turns": turns}
-    arrays |= {"held": equations.discrete_states}
+    q, v, m, tangents = len(names), equations.unknowns, len(equations.equation_names), 9 * sum(c.ball for c in equations.charts)
+    arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "w": m, "penalty": 1, "weights": 3, "weights.ball_tangents": tangents}
+    arrays |= {"next_discrete": equations.discrete_states}
     arrays |= {"relative_q": equations.start.coordinates, "relative_v": equations.start.unknowns}
     about = {
         "method": equations.method, **_description(equations), "factors": plan.storage.length,

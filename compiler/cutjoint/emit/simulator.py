@@ -114,7 +114,7 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "domains": [
             {
                 "function": d.function, "element": d.element, "place": quotable(d.place), "strict": d.strict,
-                **({} if d.remedy is None else {"cure": d.remedy}),
+                **({} if d.remedy is None else {"remedy": d.remedy}),
             }
             for d in equations.domains
         ],

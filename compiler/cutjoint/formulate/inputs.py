@@ -30,7 +30,7 @@ INPUTS = "inputs"
 INPUT_ORDERS = ("value", "rate", "acceleration")
 
 #: The program's symbol of the discrete states.
-DISCRETE_STATES = "held_values"
+DISCRETE_STATES = "discrete_states"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,8 +66,8 @@ def make_translator(builder: Builder, model: Model) -> Translator:
         symbols = [symbol for p in inputs for symbol in input_symbols(p)]
         values |= {symbol: builder.label(builder.element(given, i), _name_of(symbol)) for i, symbol in enumerate(symbols)}
     if model.discrete_states:
-        held = builder.symbol(DISCRETE_STATES, len(model.discrete_states), BindingTime.STEP)
-        values |= {value.symbol: builder.element(held, i) for i, value in enumerate(model.discrete_states)}
+        states = builder.symbol(DISCRETE_STATES, len(model.discrete_states), BindingTime.STEP)
+        values |= {value.symbol: builder.element(states, i) for i, value in enumerate(model.discrete_states)}
     values |= {s.symbol: builder.symbol(f"v:{s.name}", 1, BindingTime.ITERATION) for s in model.states}
     return Translator(builder, values)
 

@@ -99,7 +99,7 @@ class LoopFit:
         f = self.embedded_loop.functions
         series = [one for found in f.series.values() for one in found]
         return {
-            "rows": self.rows, "nodes": f.nodes, "turns": f.is_periodic, "middle": f.range.middle, "half": f.range.half,
+            "rows": self.rows, "nodes": f.nodes, "is_periodic": f.is_periodic, "middle": f.range.middle, "half": f.range.half,
             "allowed": f.allowed,
             "growth": [one.growth for one in series], "start": [[row[0] for row in one.coefficients] for one in series],
         }  # fmt: skip
@@ -197,9 +197,9 @@ class Equations:
 class RecursiveEquations(Equations):
     """The recursive formulation: joint coordinates by charts, cut joints and gears by closures, the values of ``events`` by ``indicators``.
 
-    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``gap:joint``, ``numerics``
-    (penalty, damping ratio, frequency).  Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``,
-    ``dz:joint``, ``column:name``, ``value:number``.  Vectors, of residuals too, are resolved in the axes of the body ``axes``.
+    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``violation:joint``,
+    ``numerics`` (penalty, damping ratio, frequency). Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``,
+    ``dz:joint``, ``column:name``, ``value:number``. Vectors, of residuals too, are resolved in the axes of the body ``axes``.
     """
 
     axes: str

@@ -87,13 +87,13 @@ def sample_function(b: Builder, translator: Translator, model: Model, quantity: 
             with b.section("controller", controller.name, "", controller.span.place):
                 results[f"{SAMPLE}:{len(results)}"] = at_sample.scalar(value.next)
     state = ("const Real* q", "const Real* v", "const Real* vdot", "const Real* lambda")
-    return (Function(name=SAMPLE, arguments=(*state, "Real* held"), results=results),)
+    return (Function(name=SAMPLE, arguments=(*state, "Real* next_discrete"), results=results),)
 
 
 def sample_slots(model: Model) -> Mapping[str, Slot]:
     """The places of its results."""
     names = map(discrete_state_name, model.discrete_states)
-    return {f"{SAMPLE}:{i}": Slot(array="held", offset=i, names=(name,)) for i, name in enumerate(names)}
+    return {f"{SAMPLE}:{i}": Slot(array="next_discrete", offset=i, names=(name,)) for i, name in enumerate(names)}
 
 
 #: Functions that evaluate a motion without changing it.
@@ -103,10 +103,10 @@ _OBSERVING = frozenset({SAMPLE, "report", "energy", "domains", POSES})
 def describe_controllers(equations: Equations) -> list[dict[str, object]]:
     """The controllers as steps know them: name, place in the model file, times (s), and the number of discrete states of each.
 
-    ``felt`` has a 1 for each of these that accelerations, states, events or guards read, and a 0 for others.  One that is ``accelerated``
-    reads more of a state than coordinates and speeds at its samples.
+    ``affects_motion`` has a 1 for each of these that accelerations, states, events or guards read, and a 0 for others. One that is
+    ``accelerated`` reads more of a state than coordinates and speeds at its samples.
     """
-    felt = _discrete_states_read(b for f in equations.functions if f.name not in _OBSERVING for b in f.results.values())
+    affecting = _discrete_states_read(b for f in equations.functions if f.name not in _OBSERVING for b in f.results.values())
     sample = next((f.results for f in equations.functions if f.name == SAMPLE), {})
     described, number = list[dict[str, object]](), count()
     for controller in equations.topology.model.controllers:
@@ -114,7 +114,7 @@ def describe_controllers(equations: Equations) -> list[dict[str, object]]:
         reached = reachable_blocks(sample[f"{SAMPLE}:{i}"] for i in own if sample)
         described.append({
             "name": controller.name, "place": controller.span.place, "every": controller.every, "offset": controller.offset,
-            "held": len(own), "felt": "".join(str(int(i in felt)) for i in own),
+            "discrete": len(own), "affects_motion": "".join(str(int(i in affecting)) for i in own),
             "accelerated": any(
                 b.op == "symbol" and b.binding is BindingTime.ITERATION and not str(b.data).startswith(("q:", "v:")) for b in reached
             ),
@@ -128,7 +128,7 @@ def _discrete_states_read(results: Iterable[Block]) -> set[int]:
     for block in reachable_blocks(results):
         if block.op == "symbol" and block.data == DISCRETE_STATES and block.shape == (1, 1):
             found.add(0)
-        for held in (a for a in block.args if a.op == "symbol" and a.data == DISCRETE_STATES):
+        for states in (a for a in block.args if a.op == "symbol" and a.data == DISCRETE_STATES):
             data: Any = block.data
-            found.update(range(*data[0]) if block.op == "take" else range(held.shape[0]))
+            found.update(range(*data[0]) if block.op == "take" else range(states.shape[0]))
     return found

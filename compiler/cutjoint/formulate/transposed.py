@@ -24,9 +24,9 @@ from cutjoint.program.schedule import with_functions
 _ARGUMENTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "evaluate": (("q", "v", "lambda"), ("vdot", "correction")),
     "constraint_residual": (("q", "v"), ("residual", "rate")),
-    "project": (("q", "gap"), ("dz",)),
+    "project": (("q", "violation"), ("dz",)),
     "report": (("q", "v", "vdot", "lambda"), ("column",)),
-    SAMPLE: (("q", "v", "vdot", "lambda"), ("held",)),
+    SAMPLE: (("q", "v", "vdot", "lambda"), ("next_discrete",)),
 }
 
 #: Functions that close loops, and the one of accelerations without loops: with these they follow from the residual of forces.
@@ -230,17 +230,17 @@ def linearise_residual(equations: RecursiveEquations, program: Program) -> Linea
     groups = [group for of_parts in sides.groups for group in of_parts]
     order = {place: i for i, place in enumerate(dict.fromkeys([*chain.from_iterable(groups), *places]))}
     combined = {order[group[0]]: _combined(graph, [rows[row][column] for row, column in group]) for group in groups}
-    results = [Result(target="slope", index=i, scalar=n) for i, n in combined.items() if n is not None]
+    results = [Result(target="entry", index=i, scalar=n) for i, n in combined.items() if n is not None]
     written = {r.index + k for r in results for k in range(graph.nodes[r.scalar].lanes)}
-    results += [Result(target="slope", index=i, scalar=rows[row][column]) for (row, column), i in order.items() if i not in written]
+    results += [Result(target="entry", index=i, scalar=rows[row][column]) for (row, column), i in order.items() if i not in written]
     values = [Result(target="loaded", index=i, scalar=graph.lane(n, k)) for n, spread in loaded.items() for k, i in enumerate(spread)]
     kept = [f for f in equations.functions if f.name.startswith(_KEPT)]
     lowered = [(f.name, program.function(f.name).results) for f in kept]
     made = (
-        *kept, Function(name="residual_jacobian", arguments=(*equations.function(FORCE_RESIDUAL).arguments[:4], "Real* slope"), results={}),
+        *kept, Function(name="residual_jacobian", arguments=(*equations.function(FORCE_RESIDUAL).arguments[:4], "Real* entry"), results={}),
         Function(name="loaded_values", arguments=("Real* loaded",), results={}),
     )  # fmt: skip
-    slots = {name: Slot(array=name, offset=0, names=("",) * size) for name, size in (("slope", len(places)), ("loaded", length))}
+    slots = {name: Slot(array=name, offset=0, names=("",) * size) for name, size in (("entry", len(places)), ("loaded", length))}
     return Linearised(
         equations=replace(equations, functions=made, slots={**equations.slots, **slots}), loaded=length, columns=entries,
         program=with_functions(work, [*lowered, ("residual_jacobian", results), ("loaded_values", values)]),

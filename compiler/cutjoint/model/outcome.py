@@ -9,14 +9,14 @@ from cutjoint.model.records import Model, Scene, Span
 
 @dataclass(frozen=True, kw_only=True)
 class Note:
-    """The action of a pass on an ``element`` of the file, or the reason for none: ``words`` complete the sentence that its name begins."""
+    """The action of a pass on an ``element`` of the file, or the reason for none: ``text`` complete the sentence that its name begins."""
 
     element: str
-    words: str
+    text: str
     span: Span
 
     def __str__(self) -> str:
-        return f"{self.span}: '{self.element}' {self.words}"
+        return f"{self.span}: '{self.element}' {self.text}"
 
 
 @dataclass(frozen=True, kw_only=True)

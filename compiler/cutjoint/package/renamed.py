@@ -36,11 +36,12 @@ MEMBERS: Mapping[str, Mapping[str, str]] = {
     "ForwardSensitivities": {**_DERIVATIVES, "largest": "maximum", "smallest": "minimum"},
     "EventSensitivities": {**_DERIVATIVES, "time_slopes": "derivatives_of_times"},
     "StepStatistics": {"gap": "violation", "rate": "violation_rate"},
-    "Trajectory": {"effort": "statistics", "instead": "fallback"},
+    "Trajectory": {"effort": "statistics", "instead": "fallback", "held": "locking_forces"},
     "Batch": {"largest": "maximum", "smallest": "minimum"},
     "ErrorEstimate": {"largest": "max_error"},
-    "Modes": {"indifferent": "rigid_body_modes", "freedoms": "degrees_of_freedom"},
+    "Modes": {"held": "frozen_controllers", "indifferent": "rigid_body_modes", "freedoms": "degrees_of_freedom"},
     "StepTimes": {"took": "durations", "late": "lateness", "woke": "wakeup_latency"},
+    "MechanismState": {"held": "locking_forces"}, "FailureReport": {"what": "summary"}, "Trimmed": {"strayed": "from_random_start"},
 }  # fmt: skip
 
 

@@ -43,8 +43,8 @@ def _lighten(outcome: Outcome, body: Body, share: float) -> Outcome:
     reduced = shorten_links(replace(outcome.model, bodies=bodies), outcome.scene)
     if not any(note.element == body.name for note in reduced.done):
         return outcome
-    words = f"loses its mass, {100 * share:.2g} % of the whole, and becomes a distance"
-    note = Note(element=body.name, words=words, span=body.span)
+    text = f"loses its mass, {100 * share:.2g} % of the whole, and becomes a distance"
+    note = Note(element=body.name, text=text, span=body.span)
     return replace(outcome, model=reduced.model, scene=reduced.scene, done=(*outcome.done, note))
 
 
@@ -69,7 +69,7 @@ def roll_straight(model: Model, scene: Scene) -> Outcome:
         return outcome
     peaks = {t.name: (float(np.abs(run[f"{t.name}.Fy"]).max()), float(run[f"{t.name}.Fz"].max())) for t in tyres}
     left = tuple(
-        Note(element=t.name, words=f"keeps its lateral force, which reaches {peaks[t.name][0]:.3g} N", span=t.span)
+        Note(element=t.name, text=f"keeps its lateral force, which reaches {peaks[t.name][0]:.3g} N", span=t.span)
         for t in tyres if peaks[t.name][0] > SMALL * peaks[t.name][1]
     )  # fmt: skip
     return replace(outcome, left=left) if left else _without_lateral(outcome, tyres, peaks)
@@ -80,7 +80,7 @@ def _without_lateral(outcome: Outcome, tyres: list[Tyre], peaks: dict[str, tuple
     side = variable("side")
     guards = tuple(Guard(force=t, margins=tuple(sympy.Float(limits[t.name]) - s * side for s in (1, -1)), index=None) for t in tyres)
     rolling = tuple(replace(f, lateral=False) if isinstance(f, Tyre) and f.name in limits else f for f in outcome.model.forces)
-    words = "loses its lateral force of up to {:.3g} N, guarded by |Fy| <= {:g} N"
-    notes = tuple(Note(element=t.name, words=words.format(peaks[t.name][0], limits[t.name]), span=t.span) for t in tyres)
+    text = "loses its lateral force of up to {:.3g} N, guarded by |Fy| <= {:g} N"
+    notes = tuple(Note(element=t.name, text=text.format(peaks[t.name][0], limits[t.name]), span=t.span) for t in tyres)
     model = replace(outcome.model, forces=rolling, guards=(*outcome.model.guards, *guards))
     return replace(outcome, model=model, done=notes)

@@ -77,13 +77,13 @@ class Candidate:
 class Choice:
     """The choice of a model, a method and a step.
 
-    ``evidence`` has a candidate for each reduced model of each method, ``settled`` is the last movement of the truth (m, rad), ``reduced``
-    the chosen model, if the choice was made just now.
+    ``evidence`` has a candidate for each reduced model of each method, ``reference_change`` is the change of the reference by its last
+    halving (m, rad), ``reduced`` the chosen model, if the choice was made just now.
     """
 
-    picked: Candidate
+    chosen: Candidate
     evidence: tuple[Candidate, ...]
-    settled: float
+    reference_change: float
     reduced: ReducedModel | None = field(default=None, compare=False, repr=False)
 
 
@@ -144,24 +144,24 @@ def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None
 
 def chosen_model(model: Model, scene: Scene, choice: Choice) -> ReducedModel:
     """The chosen reduced model, with the chosen steps in its scene."""
-    picked = choice.picked
-    variant = choice.reduced or _find(picked, _ReducedModels(model, scene))
-    numerics = replace(variant.scene.numerics, methods={**variant.scene.numerics.methods, picked.method: _own(variant.scene, picked)})
-    if picked.integrator:
-        numerics = replace(numerics, dt=None, integrator=picked.integrator, absolute_tolerance=picked.tolerance)
+    chosen = choice.chosen
+    variant = choice.reduced or _find(chosen, _ReducedModels(model, scene))
+    numerics = replace(variant.scene.numerics, methods={**variant.scene.numerics.methods, chosen.method: _own(variant.scene, chosen)})
+    if chosen.integrator:
+        numerics = replace(numerics, dt=None, integrator=chosen.integrator, absolute_tolerance=chosen.tolerance)
         return replace(variant, scene=replace(variant.scene, numerics=numerics))
-    step = common_step(picked.dt, variant.scene.output_step)
+    step = common_step(chosen.dt, variant.scene.output_step)
     numerics = replace(numerics, integrator=DEFAULT_INTEGRATOR)
     return replace(variant, scene=replace(variant.scene, numerics=numerics, output_step=step))
 
 
-def _find(picked: Candidate, reduced_models: _ReducedModels) -> ReducedModel:
-    return next(reduced for reduced in reduced_models.of(picked.method) if reduced.name == picked.variant)
+def _find(chosen: Candidate, reduced_models: _ReducedModels) -> ReducedModel:
+    return next(reduced for reduced in reduced_models.of(chosen.method) if reduced.name == chosen.variant)
 
 
-def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
-    given = {name: value for name, value in scene.numerics.methods.get(picked.method, {}).items() if name != "dt"}
-    return {**given, **({"tolerance": picked.tolerance} if picked.integrator else {"dt": picked.dt})}
+def _own(scene: Scene, chosen: Candidate) -> dict[str, float]:
+    given = {name: value for name, value in scene.numerics.methods.get(chosen.method, {}).items() if name != "dt"}
+    return {**given, **({"tolerance": chosen.tolerance} if chosen.integrator else {"dt": chosen.dt})}
 
 
 def _cache_path(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
@@ -176,13 +176,13 @@ def _read(place: Path) -> Choice | None:
     if data is None:
         return None
     evidence = tuple(Candidate(**c) for c in data["evidence"])
-    return Choice(picked=Candidate(**data["picked"]), evidence=evidence, settled=data["settled"])
+    return Choice(chosen=Candidate(**data["chosen"]), evidence=evidence, reference_change=data["reference_change"])
 
 
 def _keep(made: Choice, place: Path) -> Choice:
     with suppress(ToolchainError):  # without a cache it is measured again next time
         write_record(place, {
-            "picked": asdict(made.picked), "evidence": [asdict(c) for c in made.evidence], "settled": made.settled,
+            "chosen": asdict(made.chosen), "evidence": [asdict(c) for c in made.evidence], "reference_change": made.reference_change,
         })  # fmt: skip
     return made
 
@@ -197,11 +197,11 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
     good = [c for c in evidence if not c.failure]
     if not good:
         raise RunError(f"{scene.span}: scene '{scene.name}': no candidate has the accuracy of {accuracy_of(scene):g}: {_nearest(evidence)}")
-    picked = min(good, key=lambda c: c.seconds)
-    if scene.budget is not None and scene.end / picked.seconds < scene.budget:
-        found = f"the fastest that keeps the accuracy is {scene.end / picked.seconds:.3g} times as fast as real time"
+    chosen = min(good, key=lambda c: c.seconds)
+    if scene.budget is not None and scene.end / chosen.seconds < scene.budget:
+        found = f"the fastest that keeps the accuracy is {scene.end / chosen.seconds:.3g} times as fast as real time"
         raise RunError(f"{scene.span}: scene '{scene.name}': budget {scene.budget:g}: {found}; hint: write a larger accuracy")
-    return Choice(picked=picked, evidence=evidence, settled=truth.settled, reduced=_find(picked, reduced_models))
+    return Choice(chosen=chosen, evidence=evidence, reference_change=truth.change, reduced=_find(chosen, reduced_models))
 
 
 def _timed_alternately(tried: Sequence[tuple[Candidate, Artifact | None]], parameters: Mapping[str, float]) -> tuple[Candidate, ...]:

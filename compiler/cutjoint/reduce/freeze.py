@@ -71,7 +71,7 @@ def _freeze(outcome: Outcome, frozen: "Frozen", moves: Mapping[str, float]) -> O
         {key: value for key, value in states.items() if key.rpartition(".")[0] not in inner} for states in (scene.positions, scene.rates)
     )
     notes = tuple(
-        Note(element=j.name, words=f"is frozen: it moves by {moves[j.name]:.1e} m or rad", span=j.span)
+        Note(element=j.name, text=f"is frozen: it moves by {moves[j.name]:.1e} m or rad", span=j.span)
         for j in outcome.model.joints if j.name in inner
     )  # fmt: skip
     return replace(outcome, model=model, scene=replace(scene, positions=positions, rates=rates), done=notes)
@@ -183,7 +183,7 @@ class Frozen:
         return None
 
     def _stays(self, element: Joint | Body, reason: str) -> Note:
-        return Note(element=element.name, words=f"is not frozen: {reason}", span=element.span)
+        return Note(element=element.name, text=f"is not frozen: {reason}", span=element.span)
 
     def _body_stays(self, body: str, reason: str) -> tuple[Note, set[str]]:
         note = self._stays(next(b for b in self.model.bodies if b.name == body), reason)

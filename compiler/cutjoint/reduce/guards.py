@@ -43,8 +43,8 @@ def guard_forces(model: Model, scene: Scene, names: Collection[str] | None = Non
             guards=tuple(sorted((*model.guards, *new), key=lambda guard: places[guard.force.name])),
         ),
         scene=scene,
-        done=tuple(Note(element=g.force.name, words=_words(g), span=g.force.span) for g in new),
-        left=tuple(Note(element=f.name, words=reasons[f.name], span=f.span) for f in model.forces if reasons.get(f.name)),
+        done=tuple(Note(element=g.force.name, text=_text(g), span=g.force.span) for g in new),
+        left=tuple(Note(element=f.name, text=reasons[f.name], span=f.span) for f in model.forces if reasons.get(f.name)),
     )  # fmt: skip
 
 
@@ -70,11 +70,11 @@ def guard_idle(model: Model, scene: Scene) -> Outcome:
     if run.failure is not None:
         return Outcome(model=model, scene=scene)
     acting = set(guardable(model, scene)) - {note.element for note in outcome.done}
-    left = tuple(Note(element=f.name, words="stays: it acts in this scene", span=f.span) for f in model.forces if f.name in acting)
+    left = tuple(Note(element=f.name, text="stays: it acts in this scene", span=f.span) for f in model.forces if f.name in acting)
     return replace(outcome, left=outcome.left + left)
 
 
-def _words(guard: Guard) -> str:
+def _text(guard: Guard) -> str:
     return f"is taken out, guarded by {' and '.join(f'{margin} >= 0' for margin in guard.margins)}"
 
 

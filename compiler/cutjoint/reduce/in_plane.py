@@ -84,8 +84,8 @@ class PlaneModel:
         is_moment, direction = reaction_component(reaction, output.quantity)
         if self.plane.along_normal(direction) if is_moment else self.plane.within(direction):
             return output
-        words = f"has the output {output.quantity}, which a model in the plane {self.plane} does not determine"
-        raise AsymmetryError(reaction.name, words, output.span)
+        text = f"has the output {output.quantity}, which a model in the plane {self.plane} does not determine"
+        raise AsymmetryError(reaction.name, text, output.span)
 
     def _joint_output(self, joint: Joint, output: Output) -> Output:
         found = self.in_plane[joint.name]

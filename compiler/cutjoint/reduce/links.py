@@ -83,13 +83,13 @@ def _shorten(outcome: Outcome, link: _Link) -> Outcome:
         reactions = tuple(_converted(reaction, link, rods, outcome.model.forces) for reaction in outcome.model.reactions)
         markers = tuple(_moved_marker(marker, link) for marker in outcome.model.markers)
     except _StaysError as reason:
-        return replace(outcome, left=(*outcome.left, Note(element=link.body.name, words=str(reason), span=link.body.span)))
+        return replace(outcome, left=(*outcome.left, Note(element=link.body.name, text=str(reason), span=link.body.span)))
     gone = (link.cut.name, link.tree.name)
     joints = (*(j for j in outcome.model.joints if j.name not in gone), *rods)
     bodies = tuple(b for b in outcome.model.bodies if b.name != link.body.name)
     model = replace(outcome.model, bodies=bodies, joints=joints, forces=forces, reactions=reactions, markers=markers)
-    words = "becomes a distance" if len(rods) == 1 else "becomes two distances that keep a point on a circle"
-    return replace(outcome, model=model, done=(*outcome.done, Note(element=link.body.name, words=words, span=link.body.span)))
+    text = "becomes a distance" if len(rods) == 1 else "becomes two distances that keep a point on a circle"
+    return replace(outcome, model=model, done=(*outcome.done, Note(element=link.body.name, text=text, span=link.body.span)))
 
 
 def _require_idle(outcome: Outcome, link: _Link) -> None:

@@ -27,7 +27,7 @@ from cutjoint.run.simulator import SimulatorError
 # Truth
 
 #: The largest change of the reference by the last halving, as a share of the accuracy; at order 2 a third of it remains.
-SETTLED = 0.1
+CONVERGED = 0.1
 
 #: The largest number of halvings of the reference's step.
 MOST_HALVINGS = 9
@@ -35,10 +35,10 @@ MOST_HALVINGS = 9
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """A run of the full model; halving its step changes it by ``settled`` (m, rad) only."""
+    """A run of the full model; halving its step changes it by ``change`` (m, rad) only."""
 
     run: Trajectory
-    settled: float
+    change: float
 
 
 def find_reference(
@@ -78,8 +78,8 @@ def _converge(trials: Trials, step: float, scene: Scene, parameters: Mapping[str
             continue
         moved = distance(before, run) if before is not None else inf
         before = run
-        if moved <= SETTLED * accuracy_of(scene):
-            return Reference(run=run, settled=moved)
+        if moved <= CONVERGED * accuracy_of(scene):
+            return Reference(run=run, change=moved)
     raise RunError(f"the motion still changes by {moved:.2g} at the smallest step" if moved < inf else problem)
 
 

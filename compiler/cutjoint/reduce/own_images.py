@@ -51,7 +51,7 @@ def _fix_inputs(model: Model, scene: Scene) -> Elements:
 
 def _require_body(body: Body, reflection: Body, plane: Plane) -> None:
     names = {"mass": "mass", "centre_of_mass": "centre of mass", "inertia": "inertia"}
-    differ = [words for name, words in names.items() if not is_same(getattr(reflection, name), getattr(body, name))]
+    differ = [text for name, text in names.items() if not is_same(getattr(reflection, name), getattr(body, name))]
     if differ and not body.is_massless:
         raise AsymmetryError(body.name, f"is not symmetric about the plane {plane}: its {differ[0]} is not", body.span)
 
@@ -66,8 +66,8 @@ def _joint_signs(joint: Joint, reflection: Joint, plane: Plane) -> Mapping[str, 
     signs = {name: mirrored[name] * by_axes.get(name, 1) for name in joint.element.coordinates}
     for coordinate, guide in zip(joint.element.coordinates, joint.guide or (), strict=False):
         if not is_same(signs[coordinate] * guide, guide):
-            words = f"has a guide of its {coordinate} that moves it out of the plane {plane}, and is not zero in this scene"
-            raise AsymmetryError(joint.name, words, joint.span)
+            text = f"has a guide of its {coordinate} that moves it out of the plane {plane}, and is not zero in this scene"
+            raise AsymmetryError(joint.name, text, joint.span)
     return signs
 
 

@@ -40,7 +40,7 @@ def drop_idle_equations(model: Model, scene: Scene) -> Outcome:
             outcome = _freed(outcome, cut)
         else:
             why = f"'{odd.name}' leaves the plane" if odd is not None else f"'{sensor.name}' is a reaction in its loop"  # type: ignore[union-attr]
-            note = Note(element=cut.name, words=f"keeps its five equations: {why}", span=cut.span)
+            note = Note(element=cut.name, text=f"keeps its five equations: {why}", span=cut.span)
             outcome = replace(outcome, left=(*outcome.left, note))
     return outcome
 
@@ -65,7 +65,7 @@ def _numbers(expressions: object, values: dict[object, float]) -> list[float]:
 def _freed(outcome: Outcome, cut: Joint) -> Outcome:
     free = replace(cut, kind=JointKind.POINT_ON_LINE)
     model = replace(outcome.model, joints=tuple(free if j.name == cut.name else j for j in outcome.model.joints))
-    note = Note(element=cut.name, words="needs two of its equations: its loop moves in a plane", span=cut.span)
+    note = Note(element=cut.name, text="needs two of its equations: its loop moves in a plane", span=cut.span)
     return replace(outcome, model=model, done=(*outcome.done, note))
 
 
@@ -80,7 +80,7 @@ def flatten(model: Model, scene: Scene) -> Outcome:
         try:
             return _flatten(model, scene, plane, confined)
         except AsymmetryError as error:
-            left += [replace(error.note, words=f"{error.note.words}: it may leave the plane")] if confined != {GROUND} else []
+            left += [replace(error.note, text=f"{error.note.text}: it may leave the plane")] if confined != {GROUND} else []
     return Outcome(model=model, scene=scene, left=tuple(left[:1]))
 
 
@@ -141,5 +141,5 @@ def _notes(model: Model, in_plane: Mapping[str, InPlane], plane: Plane) -> Itera
     for joint in (j for j in model.joints if j.name in in_plane):
         kind = in_plane[joint.name].joint.kind
         if kind is not joint.kind:
-            words = f"moves in the plane {plane} alone: a {kind} joint in place of a {joint.kind} one"
-            yield Note(element=joint.name, words=words, span=joint.span)
+            text = f"moves in the plane {plane} alone: a {kind} joint in place of a {joint.kind} one"
+            yield Note(element=joint.name, text=text, span=joint.span)

@@ -17,9 +17,9 @@ _Record = TypeVar("_Record")
 class AsymmetryError(ValueError):
     """An element is not symmetric about a plane, or leaves it; ``note`` names it."""
 
-    def __init__(self, element: str, words: str, span: Span) -> None:
-        super().__init__(f"{span}: '{element}' {words}")
-        self.note = Note(element=element, words=words, span=span)
+    def __init__(self, element: str, text: str, span: Span) -> None:
+        super().__init__(f"{span}: '{element}' {text}")
+        self.note = Note(element=element, text=text, span=span)
 
 
 @dataclass(frozen=True, kw_only=True)

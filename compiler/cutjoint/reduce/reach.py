@@ -94,7 +94,7 @@ def _without(model: Model, scene: Scene, removed: set[str]) -> Outcome:
         {key: value for key, value in states.items() if key.rpartition(".")[0] in names} for states in (scene.positions, scene.rates)
     )
     notes = tuple(
-        Note(element=body.name, words="is dropped: no output depends on it", span=body.span)
+        Note(element=body.name, text="is dropped: no output depends on it", span=body.span)
         for body in model.bodies if body.name in removed
     )  # fmt: skip
     return Outcome(model=smaller, scene=replace(scene, positions=positions, rates=rates), done=notes)

@@ -152,10 +152,10 @@ def _derived(method: str, reduced: ReducedModel) -> ReducedModel:
 
 def _ruled_out(model: Model, steps: Sequence[Step]) -> Iterator[Note]:
     """The passes that are not tried on a model with gears, or with laws that read quantities."""
-    words = f"rules out the passes {', '.join(step.name for step in steps if not step.readings)}, which change what it may read"
-    yield from (Note(element=e.name, words=words, span=e.span) for e in reading_elements(model))
-    words = f"rules out the passes {', '.join(step.name for step in steps if not step.gears)}, which know no gears"
-    yield from (Note(element=gear.name, words=words, span=gear.span) for gear in model.gears)
+    text = f"rules out the passes {', '.join(step.name for step in steps if not step.readings)}, which change what it may read"
+    yield from (Note(element=e.name, text=text, span=e.span) for e in reading_elements(model))
+    text = f"rules out the passes {', '.join(step.name for step in steps if not step.gears)}, which know no gears"
+    yield from (Note(element=gear.name, text=text, span=gear.span) for gear in model.gears)
 
 
 def _reduce(name: str, motion: str, outcome: Outcome, method: str) -> list[ReducedModel]:
@@ -220,13 +220,13 @@ def _count(name: str, outcome: Outcome, method: str, *, motion: str) -> ReducedM
 
 def _refused(notes: Sequence[Note], name: str, method: str) -> list[Note]:
     """The notes of a pass whose result the method does not support."""
-    return [replace(note, words=f"stays: the method {method} cannot solve the model after the pass '{name}'") for note in notes]
+    return [replace(note, text=f"stays: the method {method} cannot solve the model after the pass '{name}'") for note in notes]
 
 
 def _dearer(notes: Sequence[Note], name: str, found: int, before: int) -> list[Note]:
     """The notes of a pass that was not applied because it would cost more."""
-    words = f"stays: the pass '{name}' would take {found} operations in place of {before}"
-    return [replace(note, words=words) for note in notes]
+    text = f"stays: the pass '{name}' would take {found} operations in place of {before}"
+    return [replace(note, text=text) for note in notes]
 
 
 def fix_inputs(outcome: Outcome) -> Outcome:

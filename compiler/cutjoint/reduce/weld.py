@@ -31,7 +31,7 @@ def _at_rest(joint: Joint, model: Model, scene: Scene) -> bool:
 def _weld(outcome: Outcome, joint: Joint) -> Outcome:
     reason = _obstacle(outcome, joint)
     if reason:
-        return replace(outcome, left=(*outcome.left, Note(element=joint.name, words=f"stays: {reason}", span=joint.span)))
+        return replace(outcome, left=(*outcome.left, Note(element=joint.name, text=f"stays: {reason}", span=joint.span)))
     kept, gone = (joint.base, joint.follower) if joint.follower != GROUND else (joint.follower, joint.base)
     bodies = {body.name: body for body in outcome.model.bodies}
     model, scene = outcome.model, outcome.scene
@@ -43,7 +43,7 @@ def _weld(outcome: Outcome, joint: Joint) -> Outcome:
     idle = {joint.name, *(other.name for other in _parallel_joints(model, joint))}
     model = transfer_elements(replace(model, joints=tuple(j for j in model.joints if j.name not in idle)), gone, kept)
     outputs = tuple(replace(o, element=kept, stands_for=o.column) if o.element == gone else o for o in scene.outputs)
-    note = Note(element=joint.name, words=f"does not move: '{gone}' becomes a part of '{kept}'", span=joint.span)
+    note = Note(element=joint.name, text=f"does not move: '{gone}' becomes a part of '{kept}'", span=joint.span)
     return replace(outcome, model=model, scene=replace(scene, outputs=outputs), done=(*outcome.done, note))
 
 

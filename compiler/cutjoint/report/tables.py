@@ -223,7 +223,7 @@ def trim_facts(found: Trimmed) -> list[tuple[str, str]]:
     changing = [f"{name} by {rate:.4g} {unit}" for name, (rate, unit) in found.unsteady.items()]
     several = {"found": numbers, "follow from other conditions": found.redundant, "change at the start": changing}
     facts = [(name, ", ".join(values)) for name, values in several.items() if values]
-    if found.strayed:
+    if found.from_random_start:
         facts.append(("warning", "no solution near the given start; this one was found from random coordinates: check its pose"))
     return [*facts, ("largest residual", f"{found.residual:.1e} of the change by a full-size step of the unknowns")]
 
@@ -281,7 +281,7 @@ def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]
         *([("switched to", run.fallback)] if run.fallback else []),
         *_statistics_facts(run.statistics),
         *_balance_facts(run.energy),
-        *locking_force_facts(run.held),
+        *locking_force_facts(run.locking_forces),
         *_unspecified_speeds(c.start, run.undetermined),
         *([("indeterminate", f"{', '.join(run.indeterminate)}: {LEAST}")] if run.indeterminate else []),
     ]  # fmt: skip

@@ -168,10 +168,10 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
         yield _table("without dampers", modes.undamped, damped=False)
     if modes.zeros:
         yield f"rigid-body modes, with {modes.zeros} eigenvalue{'s' * (modes.zeros != 1)} of zero: {', '.join(modes.rigid_body_modes)}"
-    if modes.growth_rate and (modes.at_rest or modes.steady) and not modes.held:
+    if modes.growth_rate and (modes.at_rest or modes.steady) and not modes.frozen_controllers:
         yield f"unstable: small disturbances of {about} grow as exp({modes.growth_rate:.4g} t), t in s"
-    if modes.held:
-        names = join_and([f"'{name}'" for name in modes.held])
+    if modes.frozen_controllers:
+        names = join_and([f"'{name}'" for name in modes.frozen_controllers])
         yield f"{names}: sampled values are held constant: these are not the modes of the sampled loop; a run shows whether it is stable"
     told = {"eigenvalue": modes.modes, "moves": modes.modes, "without dampers": modes.undamped, "rigid-body modes": modes.zeros}
     yield facts("words", [(word, meaning) for word, meaning in _MODE_WORDS if told[word]])
@@ -229,7 +229,7 @@ def modes_json(modes: Modes, model: str, scene: str) -> str:
         "about": "static equilibrium" if modes.at_rest else "steady motion" if modes.steady else "motion",
         "degrees_of_freedom": modes.degrees_of_freedom, "modes": [_plain_mode(m) for m in modes.modes],
         "undamped": [_plain_mode(m) for m in modes.undamped], "zero_eigenvalues": modes.zeros,
-        "held_controllers": list(modes.held),
+        "frozen_controllers": list(modes.frozen_controllers),
         "rigid_body_modes": {name: _plain_shape(shape) for name, shape in modes.rigid_body_modes.items()},
     }  # fmt: skip
     return json.dumps(content, indent=2) + "\n"
@@ -279,10 +279,10 @@ def note_lines(variant: ReducedModel) -> Iterator[str]:
 
 def choice_table(choice: Choice, scene: Scene) -> Table:
     """A table of the choice and the other candidates."""
-    title = f"scene {scene.name}: the fastest within {accuracy_of(scene):g} m and rad (reference solution: {choice.settled:.0e})"
+    title = f"scene {scene.name}: the fastest within {accuracy_of(scene):g} m and rad (reference solution: {choice.reference_change:.0e})"
     table = _reduced_table(title, ("", "method", "model", "steps", "error", "ms", "of real time"), 3)
     for candidate in choice.evidence:
-        table.add_row("picked" if candidate == choice.picked else "", candidate.method, candidate.variant, *_cells(candidate, scene))
+        table.add_row("chosen" if candidate == choice.chosen else "", candidate.method, candidate.variant, *_cells(candidate, scene))
     return table
 
 

@@ -204,7 +204,7 @@ def _continuation(
     return Continuation(
         guards=tuple(embedded_loop.independent for embedded_loop in model.embedded_loops),
         prepare=lambda: make_simulator_run(exact(), options, parameters),
-        begin=lambda file, kept: state_of_loops(artifact.mechanism, exact().mechanism, kept, file.parameters),
+        initial_state=lambda file, kept: state_of_loops(artifact.mechanism, exact().mechanism, kept, file.parameters),
     )  # fmt: skip
 
 

@@ -81,7 +81,7 @@ def retry_failed(
     for fallback in others:
         other = execute(fallback.plan)
         if other.failure is None:
-            words = f"{fallback.words}, since {plan.run_file.settings.integrator} stopped: {run.failure.what}"
+            words = f"{fallback.words}, since {plan.run_file.settings.integrator} stopped: {run.failure.summary}"
             return replace(other, fallback="; ".join(filter(None, (words, run.failure.advice, other.fallback))))
     if others:
         run = execute(plan)  # which writes its rows into the files again

@@ -51,7 +51,7 @@ def linearise_at(
     if (failure := failure_of(summary)) is not None:
         raise NotReachedError(failure)
     state = summary["state"]
-    sampled = zip(artifact.topology.model.discrete_states, state.get("held") or [], strict=False)
+    sampled = zip(artifact.topology.model.discrete_states, state.get("discrete_states") or [], strict=False)
     held = {discrete_state_name(value): number for value, number in sampled if number is not None}
     if at is None:
         _require_free(equations, read_locking_forces(summary))

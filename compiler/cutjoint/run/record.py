@@ -78,7 +78,7 @@ class RunFile:
     out: str
     energy: bool = False
     jumps_within: float | None = None
-    begin: Mapping[str, Any] | None = None
+    initial_state: Mapping[str, Any] | None = None
     surface: Mapping[str, Any] | None = None
     near: tuple[str, ...] = ()
 
@@ -90,7 +90,7 @@ class RunFile:
             "rates": self.rates, "roads": self.roads, "out": self.out,
             **({} if self.surface is None else {"surface": self.surface}), **({"near": list(self.near)} if self.near else {}),
             **({} if self.jumps_within is None else {"jumps_within": self.jumps_within}),
-            **({"energy": True} if self.energy else {}), **({} if self.begin is None else {"begin": self.begin}),
+            **({"energy": True} if self.energy else {}), **({} if self.initial_state is None else {"initial_state": self.initial_state}),
         }  # fmt: skip
 
     def with_settings(self, **changes: Any) -> "RunFile":

@@ -56,6 +56,7 @@ def _listed(columns: Iterable[str]) -> str:
     return ", ".join([*names[:_NAMED], *more]) or "none"
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
 class FailureReport:
     """Why a run stopped: ``time`` (s), the ``element`` with the worst residual, and an ``advice`` or "".
@@ -76,12 +77,12 @@ class FailureReport:
         return " m/s^2 or rad/s^2" if self.message.startswith("no static equilibrium") else ""
 
     @property
-    def what(self) -> str:
+    def summary(self) -> str:
         """The message with its time and the element with the worst residual."""
         return f"{self.message} at t = {self.time:.6g} s (step {self.step}); worst at '{self.element}' with {self.residual:.3g}{self._unit}"
 
     def __str__(self) -> str:
-        return f"{self.what}; {self.advice}" if self.advice else self.what
+        return f"{self.summary}; {self.advice}" if self.advice else self.summary
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,12 +196,12 @@ class ErrorEstimate:
 class Trajectory(Columns[Array]):
     """The samples of a run: a mapping from column names, "t" first, to arrays (samples,), and its statistics.
 
-    ``t`` is the time (s), ``columns`` are the outputs, ``units`` theirs; ``seconds`` is the time that the steps took.  ``undetermined`` are
-    independent speeds that neither scene nor loops determine at the start.  ``indeterminate`` are reactions that redundant loop equations
-    leave open: values are those with the smallest multipliers of cut joints.  ``failure`` is None if the run reached its end.  ``table`` is
-    the result file, if there is one.  ``fallback`` names the settings that replaced others, and why, or is "".  ``estimator`` estimates
-    errors; None if that is impossible.  ``energy`` is None unless requested.  ``near_jumps`` are samples close to a jump, which errors
-    exclude.  ``coordinates`` (samples, coordinates) are those of the method; None unless requested.  ``held`` are forces that lock
+    ``t`` is the time (s), ``columns`` are the outputs, ``units`` theirs; ``seconds`` is the time that the steps took. ``undetermined`` are
+    independent speeds that neither scene nor loops determine at the start. ``indeterminate`` are reactions that redundant loop equations
+    leave open: values are those with the smallest multipliers of cut joints. ``failure`` is None if the run reached its end. ``table`` is
+    the result file, if there is one. ``fallback`` names the settings that replaced others, and why, or is "". ``estimator`` estimates
+    errors; None if that is impossible. ``energy`` is None unless requested. ``near_jumps`` are samples close to a jump, which errors
+    exclude. ``coordinates`` (samples, coordinates) are those of the method; None unless requested. ``locking_forces`` are forces that lock
     coordinates of a start in static equilibrium (see `MechanismState`), released at t = 0.
     """
 
@@ -219,7 +220,7 @@ class Trajectory(Columns[Array]):
     coordinates: Array | None = field(default=None, repr=False, compare=False)
     table: Path | None = None
     fallback: str = ""
-    held: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    locking_forces: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     estimator: "Callable[[Trajectory], ErrorEstimate] | None" = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -316,18 +317,19 @@ class Batch:
         return tuple(self.cases[0]) if self.cases else ()
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
 class MechanismState:
     """A state of a mechanism: values and units by ``element.quantity``; NaN if a quantity is undefined there.
 
-    ``undetermined`` are independent speeds that neither scene nor loops determine; minimum-norm values are used.  ``held`` has the force
-    and unit for each coordinate that the scene locks.  ``trim`` is the result of the scene's trim.
+    ``undetermined`` are independent speeds that neither scene nor loops determine; minimum-norm values are used. ``locking_forces`` has the
+    force and unit for each coordinate that the scene locks. ``trim`` is the result of the scene's trim.
     """
 
     values: Mapping[str, float]
     units: Mapping[str, str]
     undetermined: tuple[str, ...] = ()
-    held: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    locking_forces: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     trim: "Trimmed | None" = None
 
     def __getitem__(self, column: str) -> float:
@@ -355,7 +357,7 @@ def _html_row(cell: str, texts: Iterable[str]) -> str:
 
 def read_locking_forces(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
     """The forces, with units, that lock coordinates of a pose, from a summary; forces at the level of rounding are left out."""
-    found: Mapping[str, float] = summary.get("held", {})
+    found: Mapping[str, float] = summary.get("locking_forces", {})
     least = 1e-9 * max(map(abs, found.values()), default=0.0)
     named = {name: name.rpartition(".")[2] for name, force in found.items() if abs(force) > least}
     return {

@@ -34,11 +34,11 @@ _BESIDE = 0.05
 @dataclass(frozen=True, kw_only=True)
 class Continuation:
     """The continuation of a run that leaves the range of loop embedding, which one of the ``guards`` reports.
-    ``prepare`` compiles the model with cut joints; ``begin`` makes its initial state from a run file and the saved state."""
+    ``prepare`` compiles the model with cut joints; ``initial_state`` makes its initial state from a run file and the saved state."""
 
     guards: tuple[str, ...]
     prepare: "Callable[[], SimulatorRun]"
-    begin: Callable[[RunFile, Mapping[str, Any]], Mapping[str, Any]]
+    initial_state: Callable[[RunFile, Mapping[str, Any]], Mapping[str, Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,12 +135,12 @@ def start(
         summary = call_simulator(run.simulator, run_file, progress, seconds=seconds, description=run.description)
         ended, fallback, indeterminate = failure_of(summary), "", tuple(run.indeterminate)
         if ended is not None and file is None and tangents is None and (continuation := _fallback(run, ended, summary)) is not None:
-            other, begin = continuation.prepare(), continuation.begin(run.run_file, summary["kept"])
-            run_file |= {"begin": begin, "pose": "design"}
+            other, state = continuation.prepare(), continuation.initial_state(run.run_file, summary["kept"])
+            run_file |= {"initial_state": state, "pose": "design"}
             rest = call_simulator(other.simulator, run_file, progress, seconds=seconds, description=other.description)
             summary, indeterminate = merge_summaries(summary, rest), tuple(dict.fromkeys((*indeterminate, *other.indeterminate)))
             left = join_and([f"'{independent}'" for independent in ended.guards])
-            fallback = f"the loops' equations at t = {begin['t']:g} s, since the functions of {left} end at t = {ended.time:.6g} s"
+            fallback = f"the loops' equations at t = {state['t']:g} s, since the functions of {left} end at t = {ended.time:.6g} s"
         rows, failure = summary.get("rows", 0), failure_of(summary)
         coordinates = None if file is None else _read_coordinates(file, rows)
         t, columns = columns_of(tables.rows(1 + len(run.units)), tuple(run.units), rows)
@@ -149,7 +149,7 @@ def start(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         indeterminate=indeterminate, statistics=read_statistics(summary), energy=read_energy(summary), table=table,
-        near_jumps=read_near_jumps(summary), coordinates=coordinates, fallback=fallback, held=read_locking_forces(summary),
+        near_jumps=read_near_jumps(summary), coordinates=coordinates, fallback=fallback, locking_forces=read_locking_forces(summary),
     )  # fmt: skip
 
 

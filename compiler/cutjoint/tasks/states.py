@@ -78,7 +78,7 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
         raise NoEquilibriumError(_describe(failure, artifact, parameters), failure)
     values = {name: nan if value is None else value for name, value in summary["columns"].items()}  # null: not finite
     units = {o.column: unit_of(model, o) for o in outputs}
-    return MechanismState(values=Columns({name: values[name] for name in units}), units=Columns(units), held=read_locking_forces(summary))
+    return MechanismState(values=Columns({x: values[x] for x in units}), units=Columns(units), locking_forces=read_locking_forces(summary))
 
 
 def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
@@ -156,7 +156,7 @@ def find_scene_modes(
         else:
             time, linearised = 0.0, linearise(equations, trim.point, at_rest=not any(trim.rates.values()))
         steady, held = trim is not None and trim.steady, tuple(controller.name for controller in model.controllers)
-        modes = replace(find_mode_shapes(linearised, time), held=held, steady=steady)
+        modes = replace(find_mode_shapes(linearised, time), frozen_controllers=held, steady=steady)
     except NotReachedError as error:
         report = error.report
         if at is not None:

@@ -164,7 +164,7 @@ def find_failure(model: Model, run: Trajectory) -> Failure | None:
     element = max((name for name in spans if row == name or row.startswith(f"{name}.")), key=len, default="")
     place = f"{Path(spans[element].file).name}:{spans[element].line}" if element else ""
     return Failure(
-        text=run.failure.what, advice=run.failure.advice, row=row, element=element, place=place, bodies=list(bodies.get(element, ()))
+        text=run.failure.summary, advice=run.failure.advice, row=row, element=element, place=place, bodies=list(bodies.get(element, ()))
     )  # fmt: skip
 
 

@@ -145,7 +145,7 @@ def show_reduction(model: Model, scene: Scene, parameters: Mapping[str, float], 
     last = variants[-1]
     elements, kept = _names(model), _names(last.model)
     facts = [(v.name, f"{v.unknowns} coordinates, {v.equations} equations, {v.operations} operations") for v in variants]
-    facts += [(note.element, note.words) for note in last.done if note.element not in elements]
+    facts += [(note.element, note.text) for note in last.done if note.element not in elements]
     graph = draw_graph(build_topology(model), facts, _notes(last), gone=elements - kept)
     still = BodyPose(rotation=np.eye(3)[np.newaxis], shift=np.zeros((1, 3)))
     return ViewSpec(
@@ -161,5 +161,5 @@ def _names(model: Model) -> frozenset[str]:
 def _notes(variant: ReducedModel) -> Mapping[str, Sequence[str]]:
     notes: dict[str, list[str]] = {}
     for note in (*variant.done, *variant.left):
-        notes.setdefault(note.element, []).append(note.words)
+        notes.setdefault(note.element, []).append(note.text)
     return notes

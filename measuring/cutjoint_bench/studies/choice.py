@@ -84,7 +84,7 @@ class Comparison:
 
     def row(self) -> Record:
         """The picked candidate and the best one, the distance of both from the truth, and their times in s."""
-        picked = choose(self.model, self.scene).picked
+        picked = choose(self.model, self.scene).chosen
         return self._get({"picked": asdict(picked), "rounds": ROUNDS}, partial(self._compare, picked))
 
     def _compare(self, picked: Candidate) -> Record:
@@ -97,7 +97,7 @@ class Comparison:
         return {
             "model": self.model.name, "scene": self.scene.name, "end": self.scene.end, "tolerance": self.scene.accuracy,
             "picked": asdict(picked), "best": asdict(best), "candidates": [asdict(c) for c in tried],
-            "settled": self.truth.settled, "seconds": seconds, "ratio": seconds[0] / seconds[1], "machine": dict(machine()),
+            "settled": self.truth.change, "seconds": seconds, "ratio": seconds[0] / seconds[1], "machine": dict(machine()),
             "version": __version__, "runtime": runtime_digest(),
         }  # fmt: skip
 

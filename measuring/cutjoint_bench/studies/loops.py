@@ -47,7 +47,7 @@ def compile_pair(model: Model, scene: Scene, loop_tolerance: float) -> Pair | st
     outcome = embed_loops(model, scene)
     seconds = perf_counter() - begin
     if not outcome.model.embedded_loops:
-        return next((note.words for note in outcome.left), "no loops")
+        return next((note.text for note in outcome.left), "no loops")
     exact, compiled = (compile_scene(model, with_loops(scene, loops)) for loops in (Loops.EXACT, Loops.EMBEDDED))
     return Pair(exact=exact, compiled=compiled, fit=seconds)
 

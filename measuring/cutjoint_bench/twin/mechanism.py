@@ -175,7 +175,7 @@ def _product(product: Product) -> Json:
 
 
 def _factor(factor: BodyDirection | JointDisplacement) -> list[str]:
-    return ["way"] if isinstance(factor, JointDisplacement) else [factor.end, factor.direction]
+    return ["displacement"] if isinstance(factor, JointDisplacement) else [factor.end, factor.direction]
 
 
 def _force(trees: Trees, force: Any, topology: Topology, tyres: Sequence[str]) -> Json:

@@ -45,7 +45,7 @@ struct Domain {
   const char* element;
   const char* place;
   bool strict;
-  int cure = -1;
+  int remedy = -1;
 };
 
 struct EventIndicator {

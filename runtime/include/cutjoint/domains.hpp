@@ -55,8 +55,8 @@ class Domains {
     subject_.begin_step(from_.t, Real(1));
     if (!left) return failure;
     const double margin = static_cast<double>(inside_[static_cast<std::size_t>(left - domains_.data())]);
-    return left->cure < 0 ? left_domain(*left, margin, failure)
-                          : left_load(*left, margin, static_cast<double>(inside_[static_cast<std::size_t>(left->cure)]), failure);
+    return left->remedy < 0 ? left_domain(*left, margin, failure)
+                          : left_load(*left, margin, static_cast<double>(inside_[static_cast<std::size_t>(left->remedy)]), failure);
   }
 
  private:

@@ -31,8 +31,8 @@ class VirtualAdapter : public Base {
   }
 
   void sample([[maybe_unused]] const Real* q, [[maybe_unused]] const Real* v, [[maybe_unused]] const Real* vdot, [[maybe_unused]] const Real* lambda,
-              [[maybe_unused]] Real* held) const final {
-    if constexpr (requires { generated_.sample(q, v, vdot, lambda, held); }) generated_.sample(q, v, vdot, lambda, held);
+              [[maybe_unused]] Real* next) const final {
+    if constexpr (requires { generated_.sample(q, v, vdot, lambda, next); }) generated_.sample(q, v, vdot, lambda, next);
   }
 
   void guard(const Real* q, const Real* v, Real* margin) const final {

@@ -40,7 +40,7 @@ class InitialState {
     return state_;
   }
 
-  /// A mechanism in motion, with velocities that satisfy its loops: at the start, or continued from "begin" of the run file.  Throws Failure.
+  /// A mechanism in motion, with velocities that satisfy its loops: at the start, or continued from "initial_state" of the run file.  Throws Failure.
   const State<Real>& in_motion();
 
   /// Adds the known cause to a failure to start.
@@ -106,7 +106,7 @@ class InitialState {
 
 template <Mechanism M>
 const State<typename M::real_type>& InitialState<M>::in_motion() {
-  if (file_.contains("begin")) return continued(read_object(file_, "begin"));
+  if (file_.contains("initial_state")) return continued(read_object(file_, "initial_state"));
   require_none(initialisation_.place(state_, read_positions()), d_);
   initialisation_.find_reactions(state_);
   read_reactions();
@@ -121,10 +121,10 @@ const State<typename M::real_type>& InitialState<M>::in_motion() {
 
 template <Mechanism M>
 const State<typename M::real_type>& InitialState<M>::continued(const Json& begin) {
-  require_keys(begin, std::to_array<std::string_view>({"t", "q", "v", "held"}));
+  require_keys(begin, std::to_array<std::string_view>({"t", "q", "v", "discrete_states"}));
   state_.t = read_number<Real>(begin, "t");
   for (const auto& given : {read_given(read_object(begin, "q"), d_.coordinates, state_.q), read_given(read_object(begin, "v"), d_.speeds, state_.v)})
-    if (std::find(given.begin(), given.end(), false) != given.end()) refuse("begin", "has not all coordinates and speeds");
+    if (std::find(given.begin(), given.end(), false) != given.end()) refuse("initial_state", "has not all coordinates and speeds");
   require_none(initialisation_.place(state_, std::vector<unsigned char>(state_.q.size())), d_);
   require_none(initialisation_.move(state_, std::vector<unsigned char>(state_.v.size())), d_);
   return state_;

@@ -15,7 +15,7 @@ enum class Integrator { trapezoidal, rk4, dormand_prince, dop853, radau5, radau5
 /// The name in run files, which drivers have it, whether it holds loops by projection, and the settings that it needs.
 struct IntegratorRow {
   std::string_view name;
-  bool recursive, lagrangian, batch, twin, projected, absolute_tolerance, spectral_radius;
+  bool recursive, lagrangian, batch, generic, projected, absolute_tolerance, spectral_radius;
 };
 
 /// In the order of `Integrator`.

@@ -34,14 +34,14 @@ struct EventIndicator {
 };
 
 /// A function of an element's law that has a value in its domain alone, and the line of the model's file.  Its margin is not negative there,
-/// or positive if it is strict.  That of a load of friction has as its cure the place among the margins of a factor, below which all coefficients
+/// or positive if it is strict.  That of a load of friction has as its remedy the place among the margins of a factor, below which all coefficients
 /// of friction leave the loads of joints values.
 struct Domain {
   std::string_view what;
   std::string_view element;
   std::string_view place;
   bool strict;
-  int cure = -1;
+  int remedy = -1;
 };
 
 /// What holds values between samples: its name, the line of the model's file, and the times.
@@ -74,9 +74,9 @@ struct Description {
   bool guides_jump = false;                   ///< whether the rates of guides may jump
 
   /// How many values controllers hold.
-  std::size_t held() const {
+  std::size_t discrete() const {
     std::size_t number = 0;
-    for (const Controller& controller : controllers) number += static_cast<std::size_t>(controller.times.held);
+    for (const Controller& controller : controllers) number += static_cast<std::size_t>(controller.times.discrete);
     return number;
   }
 };

@@ -166,7 +166,7 @@ class SettingsReader {
   static constexpr auto keys_ = std::to_array<std::string_view>(
       {"task", "pose", "end", "output_step", "integrator", "solver", "numerics", "stabilisation", "model", "parameters", "inputs", "positions",
        "near", "rates", "roads", "surface", "out", "out_rows", "steps_out", "steps_out_rows", "tangents_out", "coordinates_out", "coordinates_out_rows", "state", "states", "with_state", "energy",
-       "jumps_within", "begin", "cases", "threads", "repetitions", "batches", "ends_with_stdin"});
+       "jumps_within", "initial_state", "cases", "threads", "repetitions", "batches", "ends_with_stdin"});
   static constexpr auto numerics_keys_ = std::to_array<std::string_view>(
       {"dt", "penalty", "tolerance", "iterations", "multiplier_updates", "fixed_cost", "events", "absolute_tolerance", "spectral_radius"});
   static constexpr auto stabilisation_keys_ = std::to_array<std::string_view>({"closure", "penalty", "damping_ratio", "frequency"});

@@ -90,7 +90,7 @@ class Run {
       const auto& start = initial_state_.at_rest();
       method_.begin(start, initial_state_.penalties(), 0.0);
       Json found = columns();
-      found["held"] = initial_state_.reactions();
+      found["locking_forces"] = initial_state_.reactions();
       return found;
     }
     const auto& start = initial_state_.in_motion();
@@ -199,7 +199,7 @@ class Run {
   }
 
   /// Whether other code has written the rows before this run.
-  bool goes_on() const { return file_.contains("begin"); }
+  bool goes_on() const { return file_.contains("initial_state"); }
 
   void open_tables() {
     table_.emplace(file_, "out");
@@ -283,7 +283,7 @@ class Run {
   }
 
   Json counts() const {
-    Json summary{{"steps", steps_ - first_}, {"seconds", seconds_}, {"undetermined", initial_state_.undetermined()}, {"held", initial_state_.reactions()}};
+    Json summary{{"steps", steps_ - first_}, {"seconds", seconds_}, {"undetermined", initial_state_.undetermined()}, {"locking_forces", initial_state_.reactions()}};
     method_.summarise(summary);
     if (near_jumps_) near_jumps_->summarise(summary, method_.columns());
     return summary;

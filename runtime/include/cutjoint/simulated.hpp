@@ -73,7 +73,7 @@ class Simulated {
 
   /// Take over a start in relative coordinates with the penalties of its cut joints; `motion` is 0 for a mechanism at rest.  Throws Failure.
   void begin(const State<double>& start, const std::vector<double>& penalties, double motion) {
-    require(simulation_.begin(State<Real>(start), converted<Real>(penalties), Real(motion), held()), method());
+    require(simulation_.begin(State<Real>(start), converted<Real>(penalties), Real(motion), discrete()), method());
     if (finds_events && settings_.energy) state_.emplace(start);
     if (Integrator::knows_residuals) find_residuals();
     check(0);
@@ -168,12 +168,12 @@ class Simulated {
   Json state() const
     requires(!Integrator::finds_events)
   {
-    return write(simulation_.state(), simulation_.held_values());
+    return write(simulation_.state(), simulation_.discrete_values());
   }
 
   /// Save the state, if a guard may end the run after it.
   void keep() {
-    if (!guards_.empty()) kept_.emplace(simulation_.state(), simulation_.held_values());
+    if (!guards_.empty()) kept_.emplace(simulation_.state(), simulation_.discrete_values());
   }
 
   /// The state saved last, or null.
@@ -243,20 +243,20 @@ class Simulated {
     throw failure;
   }
 
-  static Json write(const State<Real>& at, const std::vector<Real>& held) {
+  static Json write(const State<Real>& at, const std::vector<Real>& discrete) {
     Json state = write_state(at);
-    state["held"] = Json::array();
-    for (const Real value : held) state["held"].push_back(number_or_null(static_cast<double>(value)));
+    state["discrete_states"] = Json::array();
+    for (const Real value : discrete) state["discrete_states"].push_back(number_or_null(static_cast<double>(value)));
     return state;
   }
 
   /// The values of controllers in a continued run; NaN before their first samples.
-  std::optional<std::vector<Real>> held() const {
-    if (!file_.contains("begin")) return std::nullopt;
+  std::optional<std::vector<Real>> discrete() const {
+    if (!file_.contains("initial_state")) return std::nullopt;
     std::vector<Real> values;
-    for (const Json& value : file_.at("begin").at("held"))
-      values.push_back(value.is_null() ? std::numeric_limits<Real>::quiet_NaN() : number_of<Real>(value, "held"));
-    if (values.size() != simulation_.held_values().size()) refuse("held", "has not a value for each that controllers hold");
+    for (const Json& value : file_.at("initial_state").at("discrete_states"))
+      values.push_back(value.is_null() ? std::numeric_limits<Real>::quiet_NaN() : number_of<Real>(value, "discrete_states"));
+    if (values.size() != simulation_.discrete_values().size()) refuse("discrete_states", "has not a value for each that controllers hold");
     return values;
   }
 

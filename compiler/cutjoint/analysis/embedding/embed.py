@@ -112,7 +112,7 @@ def _put_in(model: Model, found: Sequence[_Embedded]) -> Model:
 
 
 def _stays(block: Block, reason: str) -> Note:
-    return Note(element=block.joints[0].name, words=f"stays in a loop: {reason}", span=block.joints[0].span)
+    return Note(element=block.joints[0].name, text=f"stays in a loop: {reason}", span=block.joints[0].span)
 
 
 def _embedded(found: _Embedded) -> Note:
@@ -121,7 +121,7 @@ def _embedded(found: _Embedded) -> Note:
     if found.accuracy is not None:
         derivatives, curvatures = found.accuracy
         words += f"; at 1000 random coordinates speeds are {derivatives:.1g} off at q' = 1, accelerations {curvatures:.1g}"
-    return Note(element=found.embedded_loop.independent, words=words, span=found.embedded_loop.span)
+    return Note(element=found.embedded_loop.independent, text=words, span=found.embedded_loop.span)
 
 
 def _embed_block(model: Model, topology: Topology, block: Block, scene: Scene, seen: _Seen) -> _Embedded:
@@ -241,7 +241,8 @@ def without_functions(topology: Topology) -> Model:
 def state_of_loops(
     functions: RecursiveEquations, loops: RecursiveEquations, kept: Mapping[str, Any], parameters: Mapping[str, float]
 ) -> dict[str, Any]:  # fmt: skip
-    """The state (``begin`` of a run file) from which a run continues by the equations of ``loops``, from the state ``kept`` of a run with
+    """The state (``initial_state`` of a run file) from which a run continues by the equations of ``loops``, from the state ``kept`` of a
+    run with
     ``functions`` and tunable ``parameters`` (SI units)."""
     t, q, v = (np.array([kept[name]], dtype=float) for name in ("t", "q", "v"))
     places = dict(zip(functions.coordinate_names, q[0], strict=True))
@@ -254,5 +255,5 @@ def state_of_loops(
         speeds |= {f"{joint}.{name}": value for name, value in zip(chart.speed_names, rate[0], strict=True)}
     return {
         "t": kept["t"], "q": {name: float(places[name]) for name in loops.coordinate_names},
-        "v": {name: float(speeds[name]) for name in loops.speed_names}, "held": kept["held"],
+        "v": {name: float(speeds[name]) for name in loops.speed_names}, "discrete_states": kept["discrete_states"],
     }  # fmt: skip

@@ -412,14 +412,14 @@ def _slots(start: RecursiveEquations) -> dict[str, Slot]:
     slots = start.state.chart_slots({"q": "q", "relative_q": "relative_q", "placed": "q"}, speeds)
     balls = (c for c in start.charts if c.ball)
     names = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")
-    turns = {f"turn:{c.joint}": Slot(array="weights.turns", offset=9 * i, names=names) for i, c in enumerate(balls)}
-    return slots | turns | start.state.closure_slots(EQUATION_ARRAYS)
+    tangents = {f"ball_tangent:{c.joint}": Slot(array="weights.ball_tangents", offset=9 * i, names=names) for i, c in enumerate(balls)}
+    return slots | tangents | start.state.closure_slots(EQUATION_ARRAYS)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ImplicitEquations(SystemEquations):
     """The index-3 formulation in relative coordinates: those of ``start``, with its charts and cut joints.
 
-    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``turn:joint`` (of a ball), ``lambda:joint``, ``w:joint``, ``penalty``,
-    ``weights``.
+    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``ball_tangent:joint`` (of a ball), ``lambda:joint``, ``w:joint``,
+    ``penalty``, ``weights``.
     """

@@ -282,7 +282,7 @@ def _shifts(k: Kinematics, motion: JointMotion, columns: Mapping[int, Block]) ->
     b, chart = k.builder, motion.chart
     if chart is None or not chart.ball or chart.scalars not in columns:
         return columns
-    elements = b.symbol(f"turn:{chart.joint}", 9, BindingTime.ITERATION)
+    elements = b.symbol(f"ball_tangent:{chart.joint}", 9, BindingTime.ITERATION)
     T = b.stack([[b.element(elements, 3 * i + j) for j in range(3)] for i in range(3)])
     ball = b.mul(b.stack([list(columns.values())]), T)
     return {chart.scalars + i: b.take(ball, (0, 6), (i, i + 1)) for i in range(3)}

@@ -97,7 +97,7 @@ def formulate_recursive(
             free = refine(topology, masses, k, alone, numbers, solve(topology, begun, k, alone, numbers), refinements)
             kinks = replace(motion, closing=alone).load_indicators(frictions, free, acting)
     correction = corrections(b, loops, numbers, solution.errors)
-    violations = {x.element.name: b.symbol(f"gap:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
+    violations = {x.element.name: b.symbol(f"violation:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
     step = respond(topology, masses, k, closing, numbers, violations, mark="p", origin="of gaps alone").vdot
     Zdd = prescribed_accelerations(k)
     reactions = Reactions(
@@ -134,7 +134,7 @@ def formulate_recursive(
             name="energy", arguments=(*_STATE, "const Real* vdot", "const Real* lambda", "Real* energy"),
             results=derive_energy(k, reactions, system.joint_forces, closing.gears),
         ),
-        Function(name="project", arguments=("const Real* q", "const Real* gap", "Real* dz"), results={
+        Function(name="project", arguments=("const Real* q", "const Real* violation", "Real* dz"), results={
             **{f"dz:{c.joint}": step[c.joint] for c in charts}, **still_states(b, model, "dz"),
         }),
         *guard_function(margins),
@@ -151,7 +151,7 @@ def formulate_recursive(
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
         slots={
             **layout.chart_slots({"q": "q"}, {"v": "v", "vdot": "vdot", "dz": "dz"}),
-            **layout.closure_slots(("lambda", "correction", "residual", "rate", "gap")), **column_slots(outputs),
+            **layout.closure_slots(("lambda", "correction", "residual", "rate", "violation")), **column_slots(outputs),
             **margin_slots(model, scene), **value_slots(indicators), **domain_slots(domains), **laws.slots, **energy_slots(),
             **sample_slots(model), **fit_slots(fits),
             **(pose_slots(model) if poses else {}),

@@ -94,7 +94,7 @@ def _distance(k: Kinematics, joint: Joint) -> _Terms:
     point, start = k.point(joint.follower, joint.to), k.point(joint.base, joint.at)
     length = k.translator.scalar(sympy.Matrix(rod_of(joint)).norm())
     share = b.call("div", b.number(1.0), length)
-    displacement = b.name(k.between(joint.follower, point, joint.base, start), "way", name)
+    displacement = b.name(k.between(joint.follower, point, joint.base, start), "displacement", name)
     n = b.name(b.scale(share, displacement), "n", name)
     speeds = (k.velocity(joint.follower, point), k.velocity(joint.base, start))
     turned = (b.cross(halves(b, k.frames[body].Z)[1], v) for body, v in zip((joint.follower, joint.base), speeds, strict=True))

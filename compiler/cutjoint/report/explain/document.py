@@ -60,7 +60,7 @@ def is_reduced(model: Model, scene: Scene) -> bool:
 def explain_reduction(model: Model, scene: Scene, done: Sequence[Note]) -> Iterator[Entry]:
     """What passes made of the model in its file: nothing of one that they did not change."""
     if done:
-        rows = make_table(("element", "line", "what was done"), ((code(n.element), line_of(n), n.words) for n in done))
+        rows = make_table(("element", "line", "what was done"), ((code(n.element), line_of(n), n.text) for n in done))
         yield Entry(title="Reduced model", notes=("Each element that a pass changed.",), table=rows)
     guards = [g for g in model.guards if is_active(g.force, scene)]
     if guards:

@@ -27,7 +27,7 @@ _NOISE = 1e-14
 #: The LaTeX of the program's symbols whose letters do not say it.
 _LETTERS = {
     "Phi": r"\Phi", "Phid": r"\dot \Phi", "Phidd": r"\ddot \Phi", "constraint": r"\Phi", "lambda": r"\lambda", "push": r"\mu",
-    "penalty": r"\alpha", "Zdd": r"\ddot Z", "zdd": r"\ddot z", "vdot": r"\dot v", "bv": r"\dot b", "way": "g", "speed": r"\dot g",
+    "penalty": r"\alpha", "Zdd": r"\ddot Z", "zdd": r"\ddot z", "vdot": r"\dot v", "bv": r"\dot b", "displacement": "g", "speed": r"\dot g",
     "Mc": "M^c", "Fc": "F^c", "Bc": "B^c", "node": "r", "node_rate": r"\dot r", "node_acceleration": r"\ddot r",
 }  # fmt: skip
 

@@ -46,7 +46,7 @@ class Start final : public cutjoint::AnyMechanism<double> {
 
 const cutjoint::Abilities abilities{
     .tasks = {cutjoint::Task::simulate, cutjoint::Task::realtime, cutjoint::Task::equilibrium, cutjoint::Task::evaluate},
-    .integrators = &cutjoint::IntegratorRow::twin,
+    .integrators = &cutjoint::IntegratorRow::generic,
 };
 
 }  // namespace

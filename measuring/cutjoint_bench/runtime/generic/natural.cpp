@@ -20,7 +20,7 @@ using Solver = cutjoint::ChosenSolver<System>;
 
 const cutjoint::Abilities abilities{
     .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate, Task::factor},
-    .integrators = &cutjoint::IntegratorRow::twin,
+    .integrators = &cutjoint::IntegratorRow::generic,
     .solvers = true,
 };
 

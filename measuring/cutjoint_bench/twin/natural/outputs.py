@@ -85,7 +85,7 @@ class Reports:
         if (joint.name, coordinate) in layout.angles:
             return {"kind": "angle", "angle": layout.nodes.index(layout.angles[joint.name, coordinate])}
         way, axis = self.table.slide(joint, coordinate)
-        return {"kind": "slide", "way": self.table.number(way), "axis": self.table.number(axis)}
+        return {"kind": "slide", "displacement": self.table.number(way), "axis": self.table.number(axis)}
 
     # Reactions
 

@@ -67,10 +67,10 @@ inline Description read_description(const Json& d) {
     found.indicators.push_back({.element = text(s, 0), .place = text(s, 1), .road = read_index(s.at(2), -1, found.roads.size()),
                               .across = read_index(s.at(3), -1, indicators.size())});
   for (const Json& c : d.at("controllers")) {
-    const std::string& felt = c.at(5).get_ref<const std::string&>();
-    const int held = read_index(c.at(4), 0, 1000000);
-    if (felt.size() != static_cast<std::size_t>(held)) refuse("a controller says of other values than it holds whether they are felt");
-    found.controllers.push_back({text(c, 0), text(c, 1), {c.at(2).get<double>(), c.at(3).get<double>(), held, felt.c_str(), c.at(6).get<bool>()}});
+    const std::string& affects = c.at(5).get_ref<const std::string&>();
+    const int discrete = read_index(c.at(4), 0, 1000000);
+    if (affects.size() != static_cast<std::size_t>(discrete)) refuse("a controller has other discrete states than it says to affect motion or not");
+    found.controllers.push_back({text(c, 0), text(c, 1), {c.at(2).get<double>(), c.at(3).get<double>(), discrete, affects.c_str(), c.at(6).get<bool>()}});
   }
   found.states = static_cast<std::size_t>(read_index(d.at("states"), 0, found.speeds.size() + 1));
   for (const Json& size : d.at("nominals")) found.nominals.push_back(size.get<double>());
@@ -99,8 +99,8 @@ class Interpreted : public Any {
     if (!energy_.results.empty()) program_.call(energy_, {q, v, vdot, lambda}, {energy});
   }
 
-  void sample(const double* q, const double* v, const double* vdot, const double* lambda, double* held) const override {
-    program_.call(sample_, {q, v, vdot, lambda}, {held});
+  void sample(const double* q, const double* v, const double* vdot, const double* lambda, double* next) const override {
+    program_.call(sample_, {q, v, vdot, lambda}, {next});
   }
 
   void guard(const double* q, const double* v, double* margin) const override { program_.call(guard_, {q, v}, {margin}); }
@@ -113,11 +113,11 @@ class Interpreted : public Any {
   /// For a description with this number of velocities.
   Interpreted(const Json& document, D description, std::size_t n)
       : description_(std::move(description)), q_{"q", description_.coordinates.size()}, v_{"v", n}, vdot_{"vdot", n}, lambda_{"lambda", description_.equations.size()},
-        program_(document, description_.roads.size()), inputs_(program_, document, description_.inputs.size(), description_.held()),
+        program_(document, description_.roads.size()), inputs_(program_, document, description_.inputs.size(), description_.discrete()),
         fits_(program_, document, description_.parameters.size()) {
     report_ = program_.read("report", {q_, v_, vdot_, lambda_}, {{"column", description_.columns.size()}});
     if (program_.has("energy")) energy_ = program_.read("energy", {q_, v_, vdot_, lambda_}, {{"energy", 2}});
-    if (program_.has("sample")) sample_ = program_.read("sample", {q_, v_, vdot_, lambda_}, {{"held", description_.held()}});
+    if (program_.has("sample")) sample_ = program_.read("sample", {q_, v_, vdot_, lambda_}, {{"next_discrete", description_.discrete()}});
     guard_ = program_.read_if_any("guard", {q_, v_}, {"margin", description_.guards.size()});
     events_ = program_.read_if_any("events", {q_, v_}, {"value", description_.indicators.size()});
     domains_ = program_.read_if_any("domains", {q_, v_, lambda_}, {"inside", description_.domains.size()});
@@ -167,7 +167,7 @@ class InterpretedMechanism final : public Interpreted<AnyMechanism<double>, Desc
     if (fits_.size() > 0) load_ = program_.read("load", {parameters, stabilisation, penalties, {"series", fits_.size()}}, {});
     evaluate_ = program_.read("evaluate", {q_, v_, lambda_}, {vdot_, {"correction", m}});
     constraint_residual_ = program_.read("constraint_residual", {q_, v_}, {{"residual", m}, {"rate", m}});
-    if (program_.has("project")) project_ = program_.read("project", {q_, {"gap", m}}, {{"dz", v_.length}});
+    if (program_.has("project")) project_ = program_.read("project", {q_, {"violation", m}}, {{"dz", v_.length}});
   }
 
   Function evaluate_, constraint_residual_, project_;

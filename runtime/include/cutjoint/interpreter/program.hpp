@@ -155,7 +155,7 @@ class LoopFitsOfProgram {
       const std::size_t n = block.functions.size(), rows = described.at("rows").get<std::size_t>();
       if (n == 0 || n > 1000 || rows == 0 || rows > 1000 || block.start.size() > 100000) refuse("its loops have no functions");
       block.loops = {.rows = static_cast<int>(rows), .functions = static_cast<int>(n), .nodes = described.at("nodes").get<int>(),
-                     .turns = described.at("turns").get<bool>(), .middle = described.at("middle").get<double>(),
+                     .is_periodic = described.at("is_periodic").get<bool>(), .middle = described.at("middle").get<double>(),
                      .half = described.at("half").get<double>(), .allowed = described.at("allowed").get<double>()};
       if (block.loops.nodes < 1 || block.loops.nodes > 10000) refuse("its loops have no nodes");
       block.close = program.read(("close_" + std::to_string(blocks_.size() - 1)).c_str(), {{"parameters", parameters}, {"place", n + 1}},
@@ -196,10 +196,10 @@ class LoopFitsOfProgram {
 /// The functions that depend on time and inputs, evaluated when a step begins, and the source of inputs.
 class StepBeginning {
  public:
-  /// For these numbers of inputs and held values of controllers.
-  StepBeginning(const Program& program, const Json& document, std::size_t inputs, std::size_t held)
+  /// For these numbers of inputs and discrete states of controllers.
+  StepBeginning(const Program& program, const Json& document, std::size_t inputs, std::size_t discrete)
       : values_(document.at("inputs").get<std::size_t>()) {
-    if (values_.size() < numbers_per_input * inputs + held) refuse("an input has no numbers");
+    if (values_.size() < numbers_per_input * inputs + discrete) refuse("an input has no numbers");
     const Argument t{"t", 1}, input{"input", values_.size()};
     scene_inputs_ = program.read_if_any("scene_inputs", {t}, input);
     begin_step_ = program.read("begin_step", {t, {"motion", 1}, input}, {});

@@ -68,7 +68,7 @@ class InterpretedSystem final : public Interpreted<AnySystem<double>, SystemDesc
   void linearise(const double* q, const double* v, const double* vdot, const double* lambda, double penalty, const Weights<double>& weights,
                  double* force_residual, double* residual, double* tangent) const override {
     const double terms[] = {weights.damping, weights.stiffness, weights.constraint};
-    program_.call(linearise_, {q, v, vdot, lambda, &penalty, terms, weights.turns}, {force_residual, residual, tangent});
+    program_.call(linearise_, {q, v, vdot, lambda, &penalty, terms, weights.ball_tangents}, {force_residual, residual, tangent});
   }
 
   void constraint_residual(const double* q, const double* v, const double* vdot, double* residual, double* rate,
@@ -95,7 +95,7 @@ class InterpretedSystem final : public Interpreted<AnySystem<double>, SystemDesc
     if (fits_.size() > 0) load_ = program_.read("load", {parameters, {"series", fits_.size()}}, {});
     initial_coordinates_ = program_.read("initial_coordinates", {{"relative_q", start.coordinates.size()}, {"relative_v", start.speeds.size()}}, {q_, v_});
     dynamic_residual_ = program_.read("dynamic_residual", {q_, v_, vdot_, lambda_, penalty}, {force_residual, residual});
-    linearise_ = program_.read("linearise", {q_, v_, vdot_, lambda_, penalty, {"weights", 3}, {"weights.turns", turns_of(description_.charts)}},
+    linearise_ = program_.read("linearise", {q_, v_, vdot_, lambda_, penalty, {"weights", 3}, {"weights.ball_tangents", size_of_ball_tangents(description_.charts)}},
                                {force_residual, residual, {"tangent", description_.pattern.row.size()}});
     constraint_residual_ = program_.read("constraint_residual", {q_, v_, vdot_}, {residual, {"rate", m}, {"curvature", m}});
     apply_jacobian_transposed_ = program_.read("apply_jacobian_transposed", {q_, {"w", m}}, {{"force", n}});

@@ -1,4 +1,4 @@
-// A system with a tangent as the runtime sees it: the contract between generated code (or the generic twin) and the Lagrangian integrators.
+// A system with a tangent as the runtime sees it: the contract between generated code (or the generic solver) and the Lagrangian integrators.
 #pragma once
 
 #include "cutjoint/any_mechanism.hpp"

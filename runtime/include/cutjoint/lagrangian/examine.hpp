@@ -24,7 +24,7 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
   const State<Real> x = read_state<Real>(at);
   const Json& weights = at.at("weights");
   const Real penalty = read_number<Real>(at, "penalty");
-  std::vector<Real> turns = unit_turns(system);
+  std::vector<Real> ball_tangents = unit_ball_tangents(system);
   std::vector<Real> f(d.unknowns().size()), phi(d.equations.size()), phid(phi.size()), phidd(phi.size()), tangent(d.pattern.row.size());
   Json result;
   system.begin_step(x.t, at.contains("motion") ? read_number<Real>(at, "motion") : Real(1));
@@ -35,7 +35,7 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
                    {.damping = read_number<Real>(weights, "damping"),
                     .stiffness = read_number<Real>(weights, "stiffness"),
                     .constraint = read_number<Real>(weights, "constraint"),
-                    .turns = turns.data()},
+                    .ball_tangents = ball_tangents.data()},
                    f.data(), phi.data(), tangent.data());
   result["linearised_force_residual"] = f;
   result["linearised_residual"] = phi;

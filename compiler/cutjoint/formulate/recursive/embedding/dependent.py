@@ -57,7 +57,7 @@ def dependent_motion(b: Builder, joint: Joint, embedded_loop: EmbeddedLoop, driv
         for whole, part in zip((derivative, rate, second_rate), turned, strict=True):
             whole += [b.element(part, i) for i in range(3)]
     which = joint.element.speeds if len(joint.element.speeds) > 1 else ("",)
-    for blocks, symbol in ((rate, "v"), (derivative, "slope"), (second_rate, "bend")):
+    for blocks, symbol in ((rate, "v"), (derivative, "derivative"), (second_rate, "second_rate")):
         for block, name in zip(blocks, which, strict=True):
             b.name(block, symbol, joint.name, which=(name,) if name else ())
     return DependentMotion(motion=(tuple(place), quaternion, tuple(rate), tuple(second_rate)), derivative=b.column(derivative))

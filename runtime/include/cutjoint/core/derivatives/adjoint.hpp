@@ -35,11 +35,11 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
  private:
   using Base::m, Base::n, Base::averages, Base::indicators, Base::is_explicit, Base::has_stages, Base::carries_derivative, Base::is_derivative_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
-  static constexpr std::size_t orders = InputTrajectories<inputs>::orders, coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + (averages ? 3 : 2) * n + m;
+  static constexpr std::size_t orders = InputTrajectories<inputs>::orders, coordinates = M::sizes.coordinates, discrete = M::sizes.discrete, length = coordinates + (averages ? 3 : 2) * n + m;
 
  public:
   /// Doubles of a record: a substep, a controller sample or an output sample.
-  static constexpr std::size_t stages = has_stages ? radau::Table::stages : 0, record = 4 + (2 + stages) * length + held;
+  static constexpr std::size_t stages = has_stages ? radau::Table::stages : 0, record = 4 + (2 + stages) * length + discrete;
 
   /// Room for records: the number of substeps, controller samples and output samples of a run.
   struct Tape {
@@ -130,7 +130,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     int first = 0, number = 0;  ///< values of a sample; `number` is 1 for a substep that begins with the derivative of the one before (explicit), or with its accelerations (Newton), or that does not end with its own
     Point from, end;            ///< for such a substep `end` has the derivative: rates of coordinates, and accelerations
     std::array<Point, stages> between;
-    Fixed<double, held> values;  ///< that controllers hold during the substep
+    Fixed<double, discrete> values;  ///< that controllers hold during the substep
     bool is_restarted = false, restarts_average = false;  ///< of a substep
   };
 
@@ -138,7 +138,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   Fault record_run(long steps, Trajectory& trajectory) {
     blocks_ = {};
-    blocks_[0].held = held;
+    blocks_[0].discrete = discrete;
     this->recorder_ = {&record_substep, &record_controller_sample, &record_output_sample, this};
     const Fault fault = this->go_on(steps, trajectory);
     this->recorder_ = {};
@@ -205,10 +205,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     x = record_.from.write(x);
     x = (kind == Kind::substep ? record_.end : record_.from).write(x);
     for (const Point& stage : record_.between) x = stage.write(x);
-    if constexpr (held > 0) {
+    if constexpr (discrete > 0) {
       M& mechanism = simulation_->mechanism();
       mechanism.begin_step(t, 1.0);
-      std::copy_n(mechanism.last_inputs() + (given - held), held, x);
+      std::copy_n(mechanism.last_inputs() + (given - discrete), discrete, x);
       mechanism.begin_step(simulation_->state().t, 1.0);
     }
     return {};
@@ -226,7 +226,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     x = record_.from.read(x);
     x = record_.end.read(x);
     for (Point& stage : record_.between) x = stage.read(x);
-    std::copy_n(x, held, record_.values.begin());
+    std::copy_n(x, discrete, record_.values.begin());
   }
 
   // Backward sweep
@@ -243,9 +243,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   /// Return to a time, with the values of controllers there.
-  void begin_step(double t, [[maybe_unused]] const Fixed<double, held>& values) {
+  void begin_step(double t, [[maybe_unused]] const Fixed<double, discrete>& values) {
     M& mechanism = simulation_->mechanism();
-    if constexpr (held > 0) simulation_->set_held_values(values);
+    if constexpr (discrete > 0) simulation_->set_discrete_values(values);
     mechanism.begin_step(t, 1.0);
     if constexpr (given > 0) std::copy_n(mechanism.last_inputs(), given, this->u_.begin());
     transposed_.begin_step(t, 1.0);
@@ -253,7 +253,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   Fault sweep_backward(std::size_t number, const double* weights, std::size_t rows) {
     by_.clear();
-    by_loaded_.fill(0.0), by_parameter_.fill(0.0), by_input_.fill(0.0), by_held_.fill(0.0);
+    by_loaded_.fill(0.0), by_parameter_.fill(0.0), by_input_.fill(0.0), by_discrete_.fill(0.0);
     if (this->trajectories_) this->trajectories_->clear_derivatives(objective_);
     owes_derivative_ = false;
     read(records_ - 1);
@@ -323,10 +323,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   void reverse_controller_sample() {
-    if constexpr (held > 0) {
+    if constexpr (discrete > 0) {
       begin_step(record_.t, record_.values);
-      Fixed<double, held> by_next;
-      for (int i = record_.first; i < record_.first + record_.number; ++i) std::swap(by_next[static_cast<std::size_t>(i)], by_held_[static_cast<std::size_t>(i)]);
+      Fixed<double, discrete> by_next;
+      for (int i = record_.first; i < record_.first + record_.number; ++i) std::swap(by_next[static_cast<std::size_t>(i)], by_discrete_[static_cast<std::size_t>(i)]);
       outputs_vjp(&T::sample_transposed, by_next.data());
     }
   }
@@ -352,9 +352,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   void add_inputs() {
-    for (std::size_t i = 0; i < given - held; ++i) by_input_[i] += more_input_[i];
+    for (std::size_t i = 0; i < given - discrete; ++i) by_input_[i] += more_input_[i];
     if (this->trajectories_) this->trajectories_->vjp(objective_, more_input_.data());
-    for (std::size_t i = 0; i < held; ++i) by_held_[i] += more_input_[given - held + i];
+    for (std::size_t i = 0; i < discrete; ++i) by_discrete_[i] += more_input_[given - discrete + i];
   }
 
   bool reverse_substep() {
@@ -391,7 +391,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     const std::size_t last = place;
     place -= kind_at(place) == Kind::cut ? 1 : 0;
     while (place > 0 && ends_at_event(place - 1)) place -= 2;
-    constexpr std::size_t moving = coordinates + n + (carries_derivative ? n + coordinates : has_stages ? n : 0), all = moving + held + inputs + parameters;
+    constexpr std::size_t moving = coordinates + n + (carries_derivative ? n + coordinates : has_stages ? n : 0), all = moving + discrete + inputs + parameters;
     Fixed<double, all> found;
     std::array<int, directions> by{};
     const auto follow = [&](std::size_t number, double* derivatives) {
@@ -412,9 +412,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       open_seeds(number, by);
       for (std::size_t k = 0; k < number; ++k) {
         const std::size_t which = first + k;
-        if (which >= moving + held) by[k] = static_cast<int>(which - moving - held);
+        if (which >= moving + discrete) by[k] = static_cast<int>(which - moving - discrete);
         if (which < moving) this->carried_[which * number + k] = 1.0;
-        else if (which < moving + held) matrix_[(states + which - moving) * number + k] = 1.0;
+        else if (which < moving + discrete) matrix_[(states + which - moving) * number + k] = 1.0;
       }
       if (const Fault fault = follow(number, found.data() + first)) return fault;
     }
@@ -431,7 +431,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     if constexpr (has_stages) take(by_.vdot);
     if constexpr (carries_derivative) take(by_derivative_), take(by_coordinate_rates_);
     owes_derivative_ = carries_derivative && record_.number == 1;
-    for (double& derivative : by_held_) derivative += *x++;
+    for (double& derivative : by_discrete_) derivative += *x++;
     for (std::size_t i = 0; i < inputs; ++i) by_input_[numbers_per_input * i] += *x++;
     for (double& derivative : by_parameter_) derivative += *x++;
     return {};
@@ -442,8 +442,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     matrix_.fill(0.0);
     by.fill(-1);
     blocks_ = {};
-    blocks_[0] = {matrix_.data(), number, -1, by.data(), held};
-    this->carried_ = matrix_.data() + (states + held) * number;
+    blocks_[0] = {matrix_.data(), number, -1, by.data(), discrete};
+    this->carried_ = matrix_.data() + (states + discrete) * number;
     this->loaded_ = Base::no_row;
   }
 
@@ -487,7 +487,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
         std::copy(record_.end.q.begin(), record_.end.q.end(), this->first_derivative_.begin());
         std::copy(record_.end.vdot.begin(), record_.end.vdot.end(), this->first_derivative_.begin() + coordinates);
       }
-      if constexpr (held > 0) simulation_->set_held_values(record_.values);
+      if constexpr (discrete > 0) simulation_->set_discrete_values(record_.values);
       if constexpr (has_stages) {
         put_stages(from.t, h);
         this->known_.fill(std::numeric_limits<double>::quiet_NaN());
@@ -538,7 +538,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     });
   }
 
-  /// Convert derivatives with respect to all that the force residual reads into those with respect to coordinates, velocities, inputs, held values and parameters; add them.
+  /// Convert derivatives with respect to all that the force residual reads into those with respect to coordinates, velocities, inputs, discrete states and parameters; add them.
   void add_columns(const ByColumns& by, Fixed<double, coordinates>& by_q, Numbers& by_v) {
     const double* x = by.data();
     const auto add_next = [&x](auto& derivatives, std::size_t number) {
@@ -871,7 +871,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   Fixed<double, parameters> by_parameter_;  ///< through events
   Fixed<double, ForceResidual::loaded> by_residual_values_;  ///< with respect to parameter values in the force residual
   Fixed<double, given> by_input_, more_input_;
-  Fixed<double, held> by_held_;
+  Fixed<double, discrete> by_discrete_;
   Fixed<double, Base::columns> by_outputs_;
   Fixed<double, m> by_violation_, nothing_;
   Numbers found_values_;

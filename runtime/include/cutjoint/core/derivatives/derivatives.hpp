@@ -81,7 +81,7 @@ class Derivatives {
  protected:
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, joints = M::sizes.joint_speeds();
   static constexpr bool has_system = !std::is_same_v<D, S>;
-  static constexpr std::size_t given = numbers_per_input * inputs + M::sizes.held;  ///< numbers of inputs, and values that controllers hold, which change only along runs
+  static constexpr std::size_t given = numbers_per_input * inputs + M::sizes.discrete;  ///< numbers of inputs, and values that controllers hold, which change only along runs
 
   struct None {};
 
@@ -138,7 +138,7 @@ class Derivatives {
   void load(Simulation& simulation, const Minimal& minimal) {
     std::copy(simulation.parameters().begin(), simulation.parameters().end(), parameters_.begin());
     std::copy(simulation.penalties().begin(), simulation.penalties().end(), penalties_.begin());
-    dheld_.fill(Dual());
+    ddiscrete_.fill(Dual());
     for (std::size_t i = 0; i < M::sizes.roads; ++i) roads_[i] = Road<Dual>(simulation.roads()[i]);
     if constexpr (ForceResidual::is_there) force_residual_.load(simulation);
     load_parameters(simulation);
@@ -192,7 +192,7 @@ class Derivatives {
         for (std::size_t k = 0; k < directions; ++k) by_time[k] = t.derivative[k] == 0.0 ? 0.0 : input[i].derivative[k];
       input[i] = {x.u_[i], x.du_[i].derivative + by_time};
     }
-    for (std::size_t i = 0; i < M::sizes.held; ++i) input[x.du_.size() + i] = {x.u_[x.du_.size() + i], x.dheld_[i]};
+    for (std::size_t i = 0; i < M::sizes.discrete; ++i) input[x.du_.size() + i] = {x.u_[x.du_.size() + i], x.ddiscrete_[i]};
   }
 
   static void fill_plain(void* self, double, double* input) {
@@ -308,7 +308,7 @@ class Derivatives {
     typename ForceResidual::Changes change;
     for (std::size_t i = 0; i < m; ++i) lambda_scratch_[i] = lambda_value_[i] + lambda_update_[i];
     force_residual_.find(state_->t, state_->q, state_->v, vdot_value_, lambda_scratch_, u_);
-    if (!force_residual_.solve(q_, v_, du_, dheld_, change)) return false;
+    if (!force_residual_.solve(q_, v_, du_, ddiscrete_, change)) return false;
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = {vdot_value_[i], change[i].derivative};
     for (std::size_t i = 0; i < m; ++i) lambda_[i] = {lambda_scratch_[i], change[n + i].derivative};
     return true;
@@ -400,7 +400,7 @@ class Derivatives {
   struct {
     std::size_t first = 0, number = 0;
   } along_;  ///< seeds of trajectories
-  Fixed<Dual, M::sizes.held> dheld_;
+  Fixed<Dual, M::sizes.discrete> ddiscrete_;
   Fixed<Dual, M::sizes.coordinates> reference_, q_;
   Fixed<Dual, n> delta_, rate_, second_, v_, vdot_;
   Fixed<Dual, m> phi_, phid_, lambda_, correction_;

@@ -39,11 +39,11 @@ class ResidualJacobian {
  public:
   static constexpr bool is_there = true;
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
-                               given = inputs + M::sizes.held, loaded = T::loaded;
+                               given = inputs + M::sizes.discrete, loaded = T::loaded;
   using Places = T;
   using Changes = std::array<Along, n + m>;
   using Numbers = Fixed<double, n + m>;
-  static constexpr std::size_t first_speed = coordinates, first_input = first_speed + n, first_held = first_input + inputs,
+  static constexpr std::size_t first_speed = coordinates, first_input = first_speed + n, first_discrete = first_input + inputs,
                                first_loaded = first_input + given, first_acceleration = first_loaded + loaded,
                                first_multiplier = first_acceleration + n, width = first_multiplier + m;
   static std::span<const Chart> charts() { return M::charts; }
@@ -128,10 +128,10 @@ class ResidualJacobian {
   }
 
   /// Minus the Jacobian's product with derivatives of all but accelerations and multipliers, row by row.
-  template <class Q, class V, class Inputs, class Held>
-  void subtract_jvp(const JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, Along* rows) {
+  template <class Q, class V, class Inputs, class Discrete>
+  void subtract_jvp(const JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Discrete& discrete, Along* rows) {
     Changes found;
-    subtract_jvp_in_slots(derivative, q, v, du, held, found);
+    subtract_jvp_in_slots(derivative, q, v, du, discrete, found);
     for (std::size_t i = 0; i < n + m; ++i) rows[i] = found[order[i]];
   }
 
@@ -227,17 +227,17 @@ class ResidualJacobian {
   static std::array<std::size_t, 2> ball_of(std::size_t column) { return {columns.ball[column], columns.place[column]}; }
 
   /// Derivatives of accelerations and multipliers at a state; false if one is not finite, or the mass matrix is singular.
-  template <class Q, class V, class Inputs, class Held>
-  bool solve(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
-    return decompose_plain(at_[now_]) && solve_end(q, v, du, held, change);
+  template <class Q, class V, class Inputs, class Discrete>
+  bool solve(const Q& q, const V& v, const Inputs& du, const Discrete& discrete, Changes& change) {
+    return decompose_plain(at_[now_]) && solve_end(q, v, du, discrete, change);
   }
 
   /// The same at the end of a trapezoidal step, whose state depends on them; after `decompose_end`.
-  template <class Q, class V, class Inputs, class Held>
-  bool solve_end(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
+  template <class Q, class V, class Inputs, class Discrete>
+  bool solve_end(const Q& q, const V& v, const Inputs& du, const Discrete& discrete, Changes& change) {
     At& x = at_[now_];
     Changes found;
-    subtract_jvp_in_slots(x.derivative, q, v, du, held, found);
+    subtract_jvp_in_slots(x.derivative, q, v, du, discrete, found);
     const bool is_found = solve_in_places(x.matrix, found);
     for (std::size_t i = 0; i < n + m; ++i) change[i] = found[order[i]];
     return is_found;
@@ -589,12 +589,12 @@ class ResidualJacobian {
   }
 
   /// `subtract_jvp` in the order of positions.
-  template <class Q, class V, class Inputs, class Held>
-  void subtract_jvp_in_slots(const JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, Changes& found) {
+  template <class Q, class V, class Inputs, class Discrete>
+  void subtract_jvp_in_slots(const JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Discrete& discrete, Changes& found) {
     const auto put = [this](std::size_t first, const auto& numbers) {
       for (std::size_t j = 0; j < numbers.size(); ++j) by_[slots[first + j]].derivative = numbers[j].derivative;
     };
-    put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held), put(first_loaded, changes_);
+    put(0, q), put(first_speed, v), put(first_input, du), put(first_discrete, discrete), put(first_loaded, changes_);
     find_products<false>(derivative.data(), by_.data(), found.data());
   }
 

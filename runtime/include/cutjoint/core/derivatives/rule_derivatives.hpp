@@ -183,7 +183,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     enter_end(mechanism, end);
     if (!(is_converged_ ? linearise_end(end.t, h) : converge_end(mechanism, from, end, h))) return false;  // others may have set the time of the beginning
     is_converged_ = true;
-    return propagate_implicit(formula_, stage_, {}, [this](auto& change) { return this->force_residual_.solve_end(q_, v_, du_, this->dheld_, change); });
+    return propagate_implicit(formula_, stage_, {}, [this](auto& change) { return this->force_residual_.solve_end(q_, v_, du_, this->ddiscrete_, change); });
   }
 
   /// Put the end of a step before its projection into `stage_`, and decompose the matrix there; false if that is singular.
@@ -242,10 +242,10 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   bool propagate_rule(M& mechanism, const StateOf<M>& end) {
     enter_end(mechanism, end);
     typename ForceResidual::Changes first, change;
-    auto& held = this->dheld_;
+    auto& discrete = this->ddiscrete_;
     const auto solve = [&](auto& found) {
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      const bool is_found = ends_.solve_rule(this->force_residual_, q_, v_, phi_, du_, held, found);
+      const bool is_found = ends_.solve_rule(this->force_residual_, q_, v_, phi_, du_, discrete, found);
       first = found;
       return is_found;
     };
@@ -253,9 +253,9 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     speeds_ = v_;
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
     mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-    if (!ends_.solve_speeds(this->force_residual_, q_, speeds_, phid_, du_, held, first, change)) return false;
+    if (!ends_.solve_speeds(this->force_residual_, q_, speeds_, phid_, du_, discrete, first, change)) return false;
     for (std::size_t i = 0; i < n; ++i) v_[i].derivative += change[i].derivative;
-    if (!ends_.solve_accelerations(this->force_residual_, q_, speeds_, v_, du_, held, first, change)) return false;
+    if (!ends_.solve_accelerations(this->force_residual_, q_, speeds_, v_, du_, discrete, first, change)) return false;
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = {end.vdot[i], first[i].derivative + change[i].derivative};
     return true;
   }

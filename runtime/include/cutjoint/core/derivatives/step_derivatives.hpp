@@ -38,7 +38,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
 
   /// Rows of a matrix of seeds: states, values that controllers hold, and what is carried from step to step: changes of coordinates and velocities, and
   /// the differences of accelerations (also averaged ones) and multipliers from those that states give; with loops room for a derivative.
-  static constexpr std::size_t rows = states + M::sizes.held + M::sizes.coordinates + (Base::averages ? 3 : 2) * M::sizes.speeds +
+  static constexpr std::size_t rows = states + M::sizes.discrete + M::sizes.coordinates + (Base::averages ? 3 : 2) * M::sizes.speeds +
                                       (Base::m == 0 ? 0 : std::max(M::sizes.equations, M::sizes.coordinates));
 
   /// Seeds of a run: the derivative of states along each, then of values that controllers hold and of what is carried, a matrix (rows, number) by rows; and what
@@ -71,8 +71,8 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
 
   /// Take this many steps; seeds are then those of the end, and so is the choice of independent coordinates, which is made again when ill-conditioned.
   Fault run(Simulation& simulation, Minimal& minimal, long steps, const Directions& along, Trajectory trajectory) {
-    blocks_ = {{{along.matrix, along.number, -1, along.by, M::sizes.held}, {}, {}}};
-    open(simulation, minimal, along.matrix + (states + M::sizes.held) * along.number);
+    blocks_ = {{{along.matrix, along.number, -1, along.by, M::sizes.discrete}, {}, {}}};
+    open(simulation, minimal, along.matrix + (states + M::sizes.discrete) * along.number);
     if (this->trajectories_) this->trajectories_->change_along(InputTrajectories<inputs>::Along::changes);
     trajectory_ = &trajectory;
     if (events_.found) *events_.found = 0;
@@ -101,7 +101,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
     std::size_t width = 0;
     int first = -1;
     const int* by = nullptr;
-    std::size_t held = 0;  ///< values of controllers, with rows after those of states
+    std::size_t discrete = 0;  ///< values of controllers, with rows after those of states
 
     int at(std::size_t column) const { return by ? by[column] : first < 0 ? -1 : first + static_cast<int>(column); }
   };
@@ -133,11 +133,11 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
 
   Fault go_on(long steps, Trajectory& trajectory) {
     Simulation& simulation = *simulation_;
-    if constexpr (M::sizes.held > 0) {
+    if constexpr (M::sizes.discrete > 0) {
       const auto& sampling = simulation.sampling();
       for (std::size_t i = 0; i < sampling.size(); ++i)
         if (sampling.is_of(i, simulation.state().t, 1e-9 * simulation.settings().dt))
-          if (const Fault fault = sample(sampling.first_of(i), sampling.held_by(i))) return fault;
+          if (const Fault fault = sample(sampling.first_of(i), sampling.discrete_by(i))) return fault;
     }
     if (const Fault fault = report(trajectory)) return fault;
     is_loaded_ = false;
@@ -151,7 +151,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
 
   Fault take(Simulation& simulation) {
     const auto before = simulation.memory();
-    const auto sample = blocks_[0].held > 0 ? &on_sample : nullptr;
+    const auto sample = blocks_[0].discrete > 0 ? &on_sample : nullptr;
     Fault fault;
     if constexpr (Base::is_stepped) {
       auto& stepper = simulation.steps().stepper();
@@ -294,20 +294,20 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
   static Fault on_sample(void* self, std::size_t first, std::size_t number) { return static_cast<StepDerivatives*>(self)->sample(first, number); }
 
   /// A controller's sample: the values that it holds change with the present state.
-  Fault sample([[maybe_unused]] std::size_t at, [[maybe_unused]] std::size_t held) {
+  Fault sample([[maybe_unused]] std::size_t at, [[maybe_unused]] std::size_t discrete) {
     if constexpr (indicators > 0)
       if (const Fault fault = end_at_event()) return fault;
     if constexpr (Base::has_stages) known_.fill(std::numeric_limits<double>::quiet_NaN());
-    if (recorder_.sample) return recorder_.sample(recorder_.who, at, held);
-    if constexpr (M::sizes.held > 0) {
+    if (recorder_.sample) return recorder_.sample(recorder_.who, at, discrete);
+    if constexpr (M::sizes.discrete > 0) {
       const auto& state = simulation_->complete_state();
-      Fixed<Dual, M::sizes.held> next;
+      Fixed<Dual, M::sizes.discrete> next;
       bool changes = false;
       const Fault fault = for_seeds([&](std::size_t first, std::size_t number) -> Fault {
         if (const Fault odd = load_seeds(state, first, number)) return odd;
         if constexpr (Base::has_system) this->system_.begin_step(state.t, 1.0);
         this->subject().sample(q_.data(), v_.data(), vdot_.data(), lambda_.data(), next.data());
-        for (std::size_t i = at; i < at + held; ++i)
+        for (std::size_t i = at; i < at + discrete; ++i)
           for (std::size_t k = 0; k < number; ++k) {
             double& derivative = blocks_[0].matrix[(states + i) * blocks_[0].width + first + k];
             changes = changes || derivative != next[i].derivative[k];
@@ -532,11 +532,11 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
     dx_.fill(Dual());
     du_.fill(Dual());
     for (Dual& x : parameters_) x.derivative = Tangents{};
-    this->dheld_.fill(Dual());
+    this->ddiscrete_.fill(Dual());
     std::size_t row = plain_row;
     visit(first, number, [&](std::size_t k, const Block& block, std::size_t column) {
       for (std::size_t i = 0; i < states; ++i) dx_[i].derivative[k] = block.matrix[i * block.width + column];
-      for (std::size_t i = 0; i < block.held; ++i) this->dheld_[i].derivative[k] = block.matrix[(states + i) * block.width + column];
+      for (std::size_t i = 0; i < block.discrete; ++i) this->ddiscrete_[i].derivative[k] = block.matrix[(states + i) * block.width + column];
       const int by = block.at(column), parameter = by - static_cast<int>(inputs);
       if (parameter >= 0) parameters_[static_cast<std::size_t>(parameter)].derivative[k] = 1.0, row = first;
       else if (by >= 0) du_[numbers_per_input * static_cast<std::size_t>(by)].derivative[k] = 1.0;

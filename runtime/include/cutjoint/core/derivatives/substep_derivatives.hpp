@@ -159,7 +159,7 @@ class SubstepDerivatives : public EventDerivatives<Simulation, D, S, dofs, Force
         if (moves || this->trajectories_) mechanism.begin_step(points_[i].t, 1.0);
         if (!moves) {
           if (this->trajectories_) this->take_inputs(mechanism);
-          this->force_residual_.subtract_jvp(stages_.derivative(i), stages_.q(i), stages_.v(i), this->du_, this->dheld_, rows);
+          this->force_residual_.subtract_jvp(stages_.derivative(i), stages_.q(i), stages_.v(i), this->du_, this->ddiscrete_, rows);
           continue;
         }
         q_ = stages_.q(i);

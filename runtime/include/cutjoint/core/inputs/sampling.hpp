@@ -40,17 +40,17 @@ class Sampling {
   using Real = typename M::real_type;
 
   struct Memory {
-    Array<M, static_sizes<M>().held> values;
+    Array<M, static_sizes<M>().discrete> values;
     Array<M, static_sizes<M>().controllers, long> numbers;
   };
 
   explicit Sampling(const M& subject)
-      : times_(samples_of(subject)), first_(numbers_per_input * sizes_of(subject).inputs), next_(held(times_)), memory_{next_, {}} {
+      : times_(samples_of(subject)), first_(numbers_per_input * sizes_of(subject).inputs), next_(discrete(times_)), memory_{next_, {}} {
     if constexpr (!Sized<M>) memory_.numbers.resize(times_.size());
     begin();
   }
 
-  /// The source that appends held values to another's inputs; this object must outlive its use.
+  /// The source that appends discrete states to another's inputs; this object must outlive its use.
   InputSource<Real> source(const InputSource<Real>& others) {
     others_ = others;
     return times_.empty() ? others : InputSource<Real>{&fill, this, others.begin ? &begin_others : nullptr};
@@ -82,28 +82,28 @@ class Sampling {
     }
   }
 
-  /// Set the values held after the samples up to a time.
-  void resume(Real t, Real rounding, const Array<M, static_sizes<M>().held>& values) {
+  /// Set the discrete states after the samples up to a time.
+  void resume(Real t, Real rounding, const Array<M, static_sizes<M>().discrete>& values) {
     memory_.values = values;
     skip_to(t, rounding);
   }
 
-  /// Set the held values until they are restored.
-  void set_values(const Array<M, static_sizes<M>().held>& values) { memory_.values = values; }
+  /// Set the discrete states until they are restored.
+  void set_values(const Array<M, static_sizes<M>().discrete>& values) { memory_.values = values; }
 
   /// The destination of the next values of all controllers.
   Real* next_values() { return next_.data(); }
 
-  /// Take over the next values of a controller; false if one is not finite, with the old ones unchanged.  `changes`: one has changed; `felt`: the motion
+  /// Take over the next values of a controller; false if one is not finite, with the old ones unchanged.  `changes`: one has changed; `affects`: the motion
   /// depends on one that has.
-  bool take(std::size_t i, bool& changes, bool& felt) {
-    const std::size_t first = first_of(i), end = first + held_by(i);
+  bool take(std::size_t i, bool& changes, bool& affects) {
+    const std::size_t first = first_of(i), end = first + discrete_by(i);
     for (std::size_t k = first; k < end; ++k)
       if (!(next_[k] - next_[k] == Real(0))) return false;
     for (std::size_t k = first; k < end; ++k) {
       const bool changed = memory_.values[k] != next_[k];
       changes = changes || changed;
-      felt = felt || (changed && times_[i].affects_motion[k - first] != '0');
+      affects = affects || (changed && times_[i].affects_motion[k - first] != '0');
       memory_.values[k] = next_[k];
     }
     ++memory_.numbers[i];
@@ -116,11 +116,11 @@ class Sampling {
   /// The index of its first value.
   std::size_t first_of(std::size_t controller) const {
     std::size_t first = 0;
-    for (std::size_t i = 0; i < controller; ++i) first += held_by(i);
+    for (std::size_t i = 0; i < controller; ++i) first += discrete_by(i);
     return first;
   }
 
-  std::size_t held_by(std::size_t controller) const { return static_cast<std::size_t>(times_[controller].held); }
+  std::size_t discrete_by(std::size_t controller) const { return static_cast<std::size_t>(times_[controller].discrete); }
 
   /// Whether a controller's last sample was at this time.
   bool is_of(std::size_t controller, Real t, Real rounding) const {
@@ -135,9 +135,9 @@ class Sampling {
   Real time_of(std::size_t i) const { return Real(times_[i].offset + static_cast<double>(memory_.numbers[i]) * times_[i].every); }
 
   template <class Times>
-  static std::size_t held(const Times& times) {
+  static std::size_t discrete(const Times& times) {
     std::size_t number = 0;
-    for (const SampleTimes& each : times) number += static_cast<std::size_t>(each.held);
+    for (const SampleTimes& each : times) number += static_cast<std::size_t>(each.discrete);
     return number;
   }
 
@@ -156,7 +156,7 @@ class Sampling {
 
   decltype(samples_of(std::declval<const M&>())) times_;
   std::size_t first_;
-  Array<M, static_sizes<M>().held> next_;
+  Array<M, static_sizes<M>().discrete> next_;
   Memory memory_;
   InputSource<Real> others_;
 };

@@ -22,12 +22,12 @@ struct IndicatorPlace {
   bool is_continuous = false;
 };
 
-/// A controller takes samples at `offset` + k `every`, s, and holds `held` values in between.  `affects_motion` has a character for each, '0' for one that
+/// A controller takes samples at `offset` + k `every`, s, and holds `discrete` states in between.  `affects_motion` has a character for each, '0' for one that
 /// only samples and outputs read.  Samples of a controller that is `accelerated` read accelerations or multipliers.
 struct SampleTimes {
   double every;
   double offset;
-  int held;
+  int discrete;
   const char* affects_motion;
   bool accelerated;
 };

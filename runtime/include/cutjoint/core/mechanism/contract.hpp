@@ -37,13 +37,13 @@ struct Stabilisation {
 /// - augmented: A + constraint Phi_q^T Phi_q, the symmetric part of C and K,
 /// - classical: [A, constraint Phi_q^T; constraint Phi_q, 0].
 ///
-/// In relative coordinates the tangent is whole, and `turns` has for each ball the 3x3 matrix of `turn_matrices` (retraction.hpp), by rows.
+/// In relative coordinates the tangent is whole, and `ball_tangents` has for each ball the 3x3 matrix of that function (retraction.hpp), by rows.
 template <class Real>
 struct Weights {
   Real damping;
   Real stiffness;
   Real constraint;
-  const Real* turns = nullptr;
+  const Real* ball_tangents = nullptr;
 };
 
 /// condition ? yes : no, both evaluated.

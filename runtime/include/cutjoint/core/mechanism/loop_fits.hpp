@@ -15,7 +15,7 @@ namespace cutjoint {
 /// of length 2 `half` about its `middle`, or on a full turn.  Violations below `allowed` (m, rad) are accepted.
 struct LoopFit {
   int rows, functions, nodes;
-  bool turns;
+  bool is_periodic;
   double middle, half, allowed;
 };
 
@@ -51,7 +51,7 @@ constexpr int work_of_fit(const LoopFit& loops, const FittedFunction* functions)
 /// A node by its index; half-integers lie between nodes, -1/2 and `nodes` - 1/2 are the ends of a range.
 inline double node_of(const LoopFit& loops, double i) {
   constexpr double pi = 3.141592653589793;
-  if (loops.turns) return loops.middle + (2 * i / loops.nodes - 1) * pi;
+  if (loops.is_periodic) return loops.middle + (2 * i / loops.nodes - 1) * pi;
   return loops.middle - loops.half * std::cos(pi * (i + 0.5) / loops.nodes);
 }
 
@@ -60,7 +60,7 @@ template <class Real>
 void terms_at(const LoopFit& loops, double q, int count, Real* value, Real* derivative) {
   value[0] = Real(1);
   derivative[0] = Real(0);
-  if (loops.turns) {
+  if (loops.is_periodic) {
     for (int k = 1; k < count; ++k) {
       const int order = (k + 1) / 2;
       const double cosine = std::cos(order * q), sine = std::sin(order * q);
@@ -212,7 +212,7 @@ class LoopFitting {
       found[0] = mean_[j] * Real(1.0 / loops_.nodes);
       for (int k = 1; k < functions_[j].terms; ++k) {
         const int order = (k + 1) / 2;
-        if (loops_.turns)
+        if (loops_.is_periodic)
           found[k] = Real((k % 2 ? -2.0 : 2.0) / (loops_.nodes * order)) * sums[k % 2 ? k + 1 : k - 1];
         else
           found[k] = Real(loops_.half / (loops_.nodes * k)) * (sums[k - 1] - sums[k + 1]);

@@ -1,4 +1,4 @@
-// The contract of a mechanism between generated code (or the generic twin) and the integrators.
+// The contract of a mechanism between generated code (or the generic solver) and the integrators.
 #pragma once
 
 #include <concepts>

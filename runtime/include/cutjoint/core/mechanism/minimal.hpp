@@ -205,8 +205,8 @@ class MinimalCoordinates {
   void find_jacobian(Starter<M>& starter, const StateOf<M>& state, const Coordinates<M>& reference, Array<M, n * m>& matrix) {
     std::copy_n(starter.jacobian(state), m * n, matrix.begin());
     displacement<Real>(charts(), reference.data(), state.q.data(), scratch_.data());
-    turn_matrices<Real>(charts(), scratch_.data(), turns_.data());
-    const Real* T = turns_.data();
+    ball_tangents<Real>(charts(), scratch_.data(), ball_tangents_.data());
+    const Real* T = ball_tangents_.data();
     for (const Chart& chart : charts()) {
       if (!chart.ball) continue;
       Real* columns = matrix.data() + static_cast<std::size_t>(chart.v + chart.scalars) * m;
@@ -316,7 +316,7 @@ class MinimalCoordinates {
 
   Choice choice_;
   Array<M, n * m> matrix_, all_;
-  Array<M, 3 * n> turns_;
+  Array<M, 3 * n> ball_tangents_;
   Speeds<M> delta_, rate_, step_, scratch_, left_, beside_;
   Speeds<M, std::size_t> order_;
   Equations<M> phi_, phid_;

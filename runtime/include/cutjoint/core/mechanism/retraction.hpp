@@ -16,7 +16,7 @@ typedef double Four __attribute__((vector_size(32)));
 /// The unit quaternion e turned by the rotation vector theta, by the Cayley map, e' = (1, theta/2)/|.| e/|e|, which agrees with the exponential map
 /// to third order and keeps the length without trigonometry.  Numbers are plain ones or vectors of them.
 template <class Number>
-[[gnu::always_inline]] inline void turn(const Number (&e)[4], const Number (&theta)[3], Number (&turned)[4]) {
+[[gnu::always_inline]] inline void rotate(const Number (&e)[4], const Number (&theta)[3], Number (&turned)[4]) {
   using std::sqrt;
   const Number x = theta[0] / 2, y = theta[1] / 2, z = theta[2] / 2;
   const Number square = (1 + x * x + y * y + z * z) * (e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]);
@@ -42,12 +42,12 @@ struct Balls {
     v[number++] = chart.v + chart.scalars;
   }
 
-  [[gnu::always_inline]] void turn(const double* q_0, const double* delta, double* to) {
+  [[gnu::always_inline]] void rotate(const double* q_0, const double* delta, double* to) {
     for (int k = number; k < 4; ++k) q[k] = q[0], v[k] = v[0];
     Four e[4], theta[3], turned[4];
     for (int i = 0; i < 4; ++i) e[i] = Four{q_0[q[0] + i], q_0[q[1] + i], q_0[q[2] + i], q_0[q[3] + i]};
     for (int i = 0; i < 3; ++i) theta[i] = Four{delta[v[0] + i], delta[v[1] + i], delta[v[2] + i], delta[v[3] + i]};
-    cutjoint::turn(e, theta, turned);
+    cutjoint::rotate(e, theta, turned);
     for (int k = 0; k < 4; ++k)
       for (int i = 0; i < 4; ++i) to[q[k] + i] = turned[i][k];
     number = 0;
@@ -63,16 +63,16 @@ template <class Real>
     if (!chart.ball) continue;
     if constexpr (std::is_same_v<Real, double>) {
       balls.add(chart);
-      if (balls.number == 4) balls.turn(q_0, delta, q);
+      if (balls.number == 4) balls.rotate(q_0, delta, q);
     } else {
       const Real *from = q_0 + chart.q + chart.scalars, *by = delta + chart.v + chart.scalars;
       Real turned[4];
-      turn<Real>({from[0], from[1], from[2], from[3]}, {by[0], by[1], by[2]}, turned);
+      rotate<Real>({from[0], from[1], from[2], from[3]}, {by[0], by[1], by[2]}, turned);
       std::copy(turned, turned + 4, q + chart.q + chart.scalars);
     }
   }
   if constexpr (std::is_same_v<Real, double>)
-    if (balls.number > 0) balls.turn(q_0, delta, q);
+    if (balls.number > 0) balls.rotate(q_0, delta, q);
 }
 
 /// The place of the first-order states, which stand behind the speeds of the charts.
@@ -99,7 +99,7 @@ template <class Numbers>
 /// How fast the turn of `retract` changes with its rotation vector: d(turn) = T d(theta), T = (1 + theta~/2)/(1 + |theta|^2/4), of each ball's
 /// share of delta, by rows.
 template <class Real>
-void turn_matrices(std::span<const Chart> charts, const Real* delta, Real* T) {
+void ball_tangents(std::span<const Chart> charts, const Real* delta, Real* T) {
   for (const Chart& chart : charts) {
     if (!chart.ball) continue;
     const Real* theta = delta + chart.v + chart.scalars;
@@ -156,11 +156,11 @@ void coordinate_rates(std::span<const Chart> charts, const Real* q, const Real* 
     for (int i = 0; i < chart.scalars; ++i) rate[chart.q + i] = v[chart.v + i];
     if (!chart.ball) continue;
     const Real *w = v + chart.v + chart.scalars, *e = q + chart.q + chart.scalars;
-    Real* turn = rate + chart.q + chart.scalars;
-    turn[0] = (-w[0] * e[1] - w[1] * e[2] - w[2] * e[3]) / Real(2);
-    turn[1] = (w[0] * e[0] + w[1] * e[3] - w[2] * e[2]) / Real(2);
-    turn[2] = (w[1] * e[0] + w[2] * e[1] - w[0] * e[3]) / Real(2);
-    turn[3] = (w[2] * e[0] + w[0] * e[2] - w[1] * e[1]) / Real(2);
+    Real* quaternion_rate = rate + chart.q + chart.scalars;
+    quaternion_rate[0] = (-w[0] * e[1] - w[1] * e[2] - w[2] * e[3]) / Real(2);
+    quaternion_rate[1] = (w[0] * e[0] + w[1] * e[3] - w[2] * e[2]) / Real(2);
+    quaternion_rate[2] = (w[1] * e[0] + w[2] * e[1] - w[0] * e[3]) / Real(2);
+    quaternion_rate[3] = (w[2] * e[0] + w[0] * e[2] - w[1] * e[1]) / Real(2);
   }
 }
 

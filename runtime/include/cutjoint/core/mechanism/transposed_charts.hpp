@@ -16,7 +16,7 @@ struct BallDerivatives {
   double by[4][7];
 };
 
-/// Of what `turn` makes of e and theta.
+/// Of what `rotate` makes of e and theta.
 inline BallDerivatives turn_derivatives(const double* e, const double* theta) {
   const double x = theta[0] / 2, y = theta[1] / 2, z = theta[2] / 2, square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3];
   const double share = 1.0 / (1.0 + x * x + y * y + z * z), scale = std::sqrt(share / square), half = scale / 2;

@@ -75,15 +75,15 @@ class AugmentedBase : public Newton<Own, S, Solver> {
  protected:
   friend Base;
   using Base::f_, Base::settings_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phidd_,
-      Base::speed_, Base::system_, Base::tangent_, Base::turns_, Base::weight_, Base::x_;
+      Base::speed_, Base::system_, Base::tangent_, Base::ball_tangents_, Base::weight_, Base::x_;
 
-  Weights<Real> weights() const { return {speed_, k_, k_ * alpha_, turns_.data()}; }
-  Weights<Real> start_weights() const { return {Real(0), Real(0), start_alpha_, turns_.data()}; }
+  Weights<Real> weights() const { return {speed_, k_, k_ * alpha_, ball_tangents_.data()}; }
+  Weights<Real> start_weights() const { return {Real(0), Real(0), start_alpha_, ball_tangents_.data()}; }
 
   /// The start weights the equations relative to the heaviest coordinate, and so does a step without a given penalty, whose weight beside the
   /// masses in its tangent is alpha dt^2/4.
   void choose_weights(const StateOf<S>& state) {
-    start_alpha_ = overweight<Real> * this->heaviest(state, turns_.data());
+    start_alpha_ = overweight<Real> * this->heaviest(state, ball_tangents_.data());
     weigh();
   }
 

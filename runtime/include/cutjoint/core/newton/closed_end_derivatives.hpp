@@ -62,27 +62,27 @@ class ClosedEndDerivatives {
   }
 
   /// Derivatives of accelerations and multipliers of the rule; `violations` has those of the residual for constant accelerations.
-  template <class Q, class V, class Inputs, class Held>
-  bool solve_rule(ForceResidual& force_residual, const Q& q, const V& v, const Fixed<Dual, m>& violations, const Inputs& du, const Held& held, Changes& change) const {
-    force_residual.subtract_jvp(rule_, q, v, du, held, change.data());
+  template <class Q, class V, class Inputs, class Discrete>
+  bool solve_rule(ForceResidual& force_residual, const Q& q, const V& v, const Fixed<Dual, m>& violations, const Inputs& du, const Discrete& discrete, Changes& change) const {
+    force_residual.subtract_jvp(rule_, q, v, du, discrete, change.data());
     for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -1 / position_weights_ * violations[i].derivative;
     return force_residual.solve(matrix_, change);
   }
 
   /// Derivatives of the projection of velocities; `violations` has those of the residual's rate before it, `first` those of the rule.
-  template <class Q, class V, class Inputs, class Held>
-  bool solve_speeds(ForceResidual& force_residual, const Q& q, const V& v, const Fixed<Dual, m>& violations, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
-    subtract_jvp(force_residual, speeds_, q, v, du, held, first, change);
+  template <class Q, class V, class Inputs, class Discrete>
+  bool solve_speeds(ForceResidual& force_residual, const Q& q, const V& v, const Fixed<Dual, m>& violations, const Inputs& du, const Discrete& discrete, const Changes& first, Changes& change) const {
+    subtract_jvp(force_residual, speeds_, q, v, du, discrete, first, change);
     for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -violations[i].derivative;
     return force_residual.solve(projections_, change);
   }
 
   /// Derivatives of the projection of accelerations, with velocities before and after theirs.
-  template <class Q, class V, class Inputs, class Held>
-  bool solve_accelerations(ForceResidual& force_residual, const Q& q, const V& v, const V& projected, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
+  template <class Q, class V, class Inputs, class Discrete>
+  bool solve_accelerations(ForceResidual& force_residual, const Q& q, const V& v, const V& projected, const Inputs& du, const Discrete& discrete, const Changes& first, Changes& change) const {
     Changes loops;
-    subtract_jvp(force_residual, accelerations_, q, v, du, held, first, change);
-    force_residual.subtract_jvp(end_, q, projected, du, held, loops.data());
+    subtract_jvp(force_residual, accelerations_, q, v, du, discrete, first, change);
+    force_residual.subtract_jvp(end_, q, projected, du, discrete, loops.data());
     ForceResidual::visit_unknowns(n, all, [&](std::size_t row, std::size_t k, std::size_t column) { loops[row].derivative -= end_[k] * first[column].derivative; });
     std::copy_n(loops.begin() + n, m, change.begin() + n);
     return force_residual.solve(projections_, change);
@@ -122,9 +122,9 @@ class ClosedEndDerivatives {
   using Matrix = Bordered<Places>;
 
   /// `subtract_jvp` of the equations of motion, with derivatives `first` of accelerations and multipliers.
-  template <class Q, class V, class Inputs, class Held>
-  void subtract_jvp(ForceResidual& force_residual, const typename ForceResidual::JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
-    force_residual.subtract_jvp(derivative, q, v, du, held, change.data());
+  template <class Q, class V, class Inputs, class Discrete>
+  void subtract_jvp(ForceResidual& force_residual, const typename ForceResidual::JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Discrete& discrete, const Changes& first, Changes& change) const {
+    force_residual.subtract_jvp(derivative, q, v, du, discrete, change.data());
     ForceResidual::visit_unknowns(0, n, [&](std::size_t i, std::size_t k, std::size_t column) { change[i].derivative -= derivative[k] * first[column].derivative; });
   }
 
@@ -165,7 +165,7 @@ class ClosedEndDerivatives {
   /// Add the derivatives of constraints with respect to the rotation vectors of balls.
   void rotate_violations(const double* delta) {
     Fixed<double, 9 * balls> turned;
-    turn_matrices<double>(ForceResidual::charts(), delta, turned.data());
+    ball_tangents<double>(ForceResidual::charts(), delta, turned.data());
     const double* T = turned.data();
     for (const Chart& chart : ForceResidual::charts()) {
       if (!chart.ball) continue;

@@ -54,7 +54,7 @@ class Newton : public Workspace<S, Solver> {
   Newton(S& system, Solver& solver, const NewtonSettings& settings)
       : Base(system, solver), settings_(settings), length_(settings.dt), dt_(length_),
         share_(Real(1 - settings.rule.alpha_f) / Real(1 - settings.rule.alpha_m)), speed_(dt_ * Real(settings.rule.gamma) * share_),
-        k_(dt_ * dt_ * Real(settings.rule.beta) * share_), turns_(unit_turns(system)), lambda_before_(m_), vdot_before_(n_),
+        k_(dt_ * dt_ * Real(settings.rule.beta) * share_), ball_tangents_(unit_ball_tangents(system)), lambda_before_(m_), vdot_before_(n_),
         predicted_(n_), before_(design_state(system)), whole_(before_), mean_(n_), whole_mean_(n_), delta_(n_), full_(x_.size()), kept_now_(m_),
         kept_before_(m_) {}
 
@@ -202,7 +202,7 @@ class Newton : public Workspace<S, Solver> {
     time_ = state.t;
     factored_ = false;
     std::fill(delta_.begin(), delta_.end(), Real(0));
-    turn();
+    update_ball_tangents();
     system_.begin_step(state.t, motion);
   }
 
@@ -222,7 +222,7 @@ class Newton : public Workspace<S, Solver> {
   }
 
   /// The turns of the balls from the step's start to the iterate.
-  void turn() { turn_matrices<Real>(this->charts(), delta_.data(), turns_.data()); }
+  void update_ball_tangents() { ball_tangents<Real>(this->charts(), delta_.data(), ball_tangents_.data()); }
 
   /// Passes of a projection.
   static constexpr std::size_t passes = 10;
@@ -257,7 +257,7 @@ class Newton : public Workspace<S, Solver> {
   Real length_;              ///< of steps
   Real dt_, share_;          ///< step, or part of one, and how much of vdot is in a
   Real speed_, k_;           ///< dv/dvdot and dq/dvdot: dt/2 and dt^2/4 of the trapezoidal rule
-  Turns<S> turns_;             ///< of the balls, in relative coordinates
+  BallTangents<S> ball_tangents_;  ///< of the balls, in relative coordinates
   Equations<S> lambda_before_;  ///< multipliers of the step before
 
  private:
@@ -366,7 +366,7 @@ class Newton : public Workspace<S, Solver> {
     for (int iteration = 1;; ++iteration) {
       follow(state);
       const bool renewed = own().renews_always() || wary_ || damped_ || !factored_ || slow_;
-      if (renewed) turn();
+      if (renewed) update_ball_tangents();
       own().approach(state, iteration, renewed);
       if (renewed && iteration > 1 && !finite(largest_move())) return give_up(Cause::newton_infinite, iteration);
       if (renewed)

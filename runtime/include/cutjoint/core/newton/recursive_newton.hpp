@@ -66,7 +66,7 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
       values = unclosed_;
       violation = violation_;
     }
-    this->turn();
+    this->update_ball_tangents();
     if (const Fault fault = this->renew(state)) return fault;
     return project_surely(state, values, violation);
   }

@@ -1,4 +1,4 @@
-// The contract of a system with a tangent between generated code (or the generic twin) and the steps of Newton's iteration.
+// The contract of a system with a tangent between generated code (or the generic solver) and the steps of Newton's iteration.
 #pragma once
 
 #include <cstddef>
@@ -56,16 +56,16 @@ TangentSizes tangent_of(const S& system) {
   }
 }
 
-/// The numbers in the matrices of balls, `Weights::turns`.
-constexpr std::size_t turns_of(std::span<const Chart> charts) {
+/// The numbers in the matrices of balls, `Weights::ball_tangents`.
+constexpr std::size_t size_of_ball_tangents(std::span<const Chart> charts) {
   std::size_t numbers = 0;
   for (const Chart& chart : charts) numbers += chart.ball ? 9 : 0;
   return numbers;
 }
 
 template <class S>
-constexpr std::size_t static_turns() {
-  if constexpr (Sized<S>) return turns_of(S::charts);
+constexpr std::size_t static_ball_tangents() {
+  if constexpr (Sized<S>) return size_of_ball_tangents(S::charts);
   return 0;
 }
 
@@ -77,15 +77,15 @@ using Entries = Array<S, static_tangent<S>().entries>;
 template <class S>
 using Factors = Array<S, static_tangent<S>().factors>;
 template <class S>
-using Turns = Array<S, static_turns<S>()>;
+using BallTangents = Array<S, static_ball_tangents<S>()>;
 
 /// The turns of a pose that is not stepped to, unit matrices.
 template <class S>
-Turns<S> unit_turns(const S& system) {
+BallTangents<S> unit_ball_tangents(const S& system) {
   using Real = typename S::real_type;
-  Turns<S> turns(turns_of(charts_of(system)));
-  for (std::size_t i = 0; i < turns.size(); ++i) turns[i] = Real(i % 9 % 4 == 0 ? 1 : 0);
-  return turns;
+  BallTangents<S> ball_tangents(size_of_ball_tangents(charts_of(system)));
+  for (std::size_t i = 0; i < ball_tangents.size(); ++i) ball_tangents[i] = Real(i % 9 % 4 == 0 ? 1 : 0);
+  return ball_tangents;
 }
 
 }  // namespace cutjoint

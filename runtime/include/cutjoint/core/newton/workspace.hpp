@@ -94,8 +94,8 @@ class Workspace {
   }
 
   /// The largest mass of a coordinate, for angles divided by the squared arm; 1 if there is none.
-  Real heaviest(const StateOf<S>& state, const Real* turns) {
-    linearise(state, Real(0), {Real(0), Real(0), Real(0), turns});
+  Real heaviest(const StateOf<S>& state, const Real* ball_tangents) {
+    linearise(state, Real(0), {Real(0), Real(0), Real(0), ball_tangents});
     const auto& pattern = pattern_of(system_);
     const std::span<const double> nominals = nominals_of(system_);
     Real heaviest(0);

@@ -12,10 +12,10 @@ namespace cutjoint {
 
 /// How many coordinates, speeds, equations of cut joints, cut joints, parameters, inputs, tyres, columns, guards and indicators a
 /// mechanism has; indicators are those at which steps end.  The last of the speeds are first-order `states`: no coordinate is their integral.
-/// `controllers` hold values between samples, `held` in all.
+/// `controllers` hold values between samples, `discrete` states in all.
 struct Sizes {
   std::size_t coordinates = 0, speeds = 0, equations = 0, cuts = 0, parameters = 0, inputs = 0, roads = 0, columns = 0, guards = 0, indicators = 0;
-  std::size_t states = 0, controllers = 0, held = 0;
+  std::size_t states = 0, controllers = 0, discrete = 0;
 
   constexpr std::size_t joint_speeds() const { return speeds - states; }
 };
@@ -42,12 +42,12 @@ Sizes sizes_of(const M& mechanism) {
     const auto& d = mechanism.description();
     return {.coordinates = d.coordinates.size(), .speeds = d.unknowns().size(), .equations = d.equations.size(), .parameters = d.parameters.size(),
             .inputs = d.inputs.size(), .roads = d.roads.size(), .columns = d.columns.size(), .guards = d.guards.size(), .states = d.states,
-            .controllers = d.controllers.size(), .held = d.held()};
+            .controllers = d.controllers.size(), .discrete = d.discrete()};
   } else {
     const auto& d = mechanism.description();
     return {.coordinates = d.coordinates.size(), .speeds = d.speeds.size(), .equations = d.equations.size(), .cuts = d.cuts.size(),
             .parameters = d.parameters.size(), .inputs = d.inputs.size(), .roads = d.roads.size(), .columns = d.columns.size(),
-            .guards = d.guards.size(), .states = d.states, .controllers = d.controllers.size(), .held = d.held()};
+            .guards = d.guards.size(), .states = d.states, .controllers = d.controllers.size(), .discrete = d.discrete()};
   }
 }
 

@@ -114,7 +114,7 @@ class Stages : public StepStart<S, Solver> {
  private:
   using Base::alpha_, Base::at_, Base::before_, Base::cells_, Base::delta_, Base::f_, Base::factored_, Base::forces_, Base::lambda_, Base::last_h_, Base::m_,
       Base::n_, Base::phidd_, Base::pose_, Base::push_, Base::rates_, Base::derivatives_, Base::slow_, Base::start_, Base::system_, Base::tangent_, Base::time_,
-      Base::tolerances_, Base::trial_, Base::turns_, Base::x_;
+      Base::tolerances_, Base::trial_, Base::ball_tangents_, Base::x_;
 
   static constexpr double shorter = 0.9, longer = 1.1;  ///< factors are reused for steps up to these times theirs
   static constexpr double rest = 0.003;                 ///< fraction of the allowed error that the iteration leaves
@@ -248,11 +248,11 @@ class Stages : public StepStart<S, Solver> {
   void part(const StateOf<S>& state, Real w) {
     parted_w_ = w;
     pose_ = state.q;
-    this->linearise(state, Real(0), {Real(0), Real(0), alpha_, turns_.data()});
+    this->linearise(state, Real(0), {Real(0), Real(0), alpha_, ball_tangents_.data()});
     mass_ = tangent_;
-    this->linearise(state, Real(0), {w, Real(0), alpha_, turns_.data()});
+    this->linearise(state, Real(0), {w, Real(0), alpha_, ball_tangents_.data()});
     damping_ = tangent_;
-    this->linearise(state, Real(0), {w, w * w, alpha_, turns_.data()});
+    this->linearise(state, Real(0), {w, w * w, alpha_, ball_tangents_.data()});
     for (std::size_t i = 0; i < mass_.size(); ++i) {
       stiffness_[i] = tangent_[i] - damping_[i];
       damping_[i] -= mass_[i];
@@ -323,13 +323,13 @@ class Stages : public StepStart<S, Solver> {
       add_derivatives(h_, Table::weights[i], rates_, places_[i]);
     }
     bool close = true;
-    for (const Chart& chart : charts()) close = (!chart.ball || turn(static_cast<std::size_t>(chart.v + chart.scalars))) && close;
+    for (const Chart& chart : charts()) close = (!chart.ball || place_ball(static_cast<std::size_t>(chart.v + chart.scalars))) && close;
     for (std::size_t i = 1; i <= Table::stages; ++i) retract<Real>(charts(), start_.q.data(), places_[i].data(), points_[i - 1].q.data());
     return close;
   }
 
   /// Rates and displacements of a ball, from the first index of its angular velocity; whether they are found.
-  bool turn(std::size_t at) {
+  bool place_ball(std::size_t at) {
     using std::abs;
     constexpr Chart here{0, 0, 0, true};
     Real change(1);

@@ -44,7 +44,7 @@ class StepStart : public Workspace<S, Solver> {
   /// `roads` those of its tyres.
   StepStart(S& system, Solver& solver, Solver& other, IndicatorPlaces<S> indicators, const Road<Real>* roads)
       : Base(system, solver), other_(other), single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}),
-        closing_(system), cells_(std::move(indicators), roads), turns_(unit_turns(system)), row_(design_state(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
+        closing_(system), cells_(std::move(indicators), roads), ball_tangents_(unit_ball_tangents(system)), row_(design_state(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
         moved_(pose_), push_(m_), way_(n_), delta_(n_), trial_(n_), rates_(repeat<Table::stages + 1>(delta_)), derivatives_(rates_),
         forces_(repeat<Table::stages + 1>(push_)) {}
 
@@ -307,7 +307,7 @@ class StepStart : public Workspace<S, Solver> {
   RecursiveNewton<S, Solver> single_;
   Closing<S> closing_;
   stepping::IndicatorCells<S> cells_;
-  Turns<S> turns_;
+  BallTangents<S> ball_tangents_;
   StateOf<S> row_, start_, at_, probe_;  ///< scratch, at the step's start, of a stage and finally the end, and a probe
   Coordinates<S> pose_, moved_;          ///< of the factors
   Equations<S> push_;

@@ -190,13 +190,13 @@ struct CurvedField {
     return shift - length * Real(std::floor(double(shift / length)));
   }
 
-  /// A coordinate in a repeated or reflected field; `turn` changes its sign if reflected.
-  static Real wrapped(Real place, Real length, Border border, Real& turn) {
+  /// A coordinate in a repeated or reflected field; `sign` changes its sign if reflected.
+  static Real wrapped(Real place, Real length, Border border, Real& sign) {
     if (place >= Real(0) && place <= length) return place;
     if (border == Border::repeat) return modulo(place, length);
     place = modulo(place, length + length);
     if (!(place > length)) return place;
-    turn = -turn;
+    sign = -sign;
     return length + length - place;
   }
 };

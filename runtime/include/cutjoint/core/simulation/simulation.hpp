@@ -187,15 +187,15 @@ class Simulation {
     return sample();
   }
 
-  /// Begin at a start in the coordinates of the mechanism that found it, with its penalties; `motion` is 0 at rest. If controllers have `held`
+  /// Begin at a start in the coordinates of the mechanism that found it, with its penalties; `motion` is 0 at rest. If controllers have `discrete`
   /// values at the start's time, continue after this many whole steps.
-  Fault begin(const StateOf<M>& start, const Cuts<M>& penalties, Real motion, const std::optional<std::vector<Real>>& held = std::nullopt)
+  Fault begin(const StateOf<M>& start, const Cuts<M>& penalties, Real motion, const std::optional<std::vector<Real>>& discrete = std::nullopt)
     requires(!Sized<M>)
   {
     penalties_ = penalties;
     take_over(start, motion);
     count_from_here();
-    if (held) {
+    if (discrete) {
       number_ = std::lround(static_cast<double>(state_.t / Real(settings_.dt)));
       origin_ = Real(0);
     }
@@ -205,7 +205,7 @@ class Simulation {
     is_reported_ = false;
     is_started_ = true;
     sampling_.begin();
-    if (held) sampling_.resume(state_.t, rounding(), *held);
+    if (discrete) sampling_.resume(state_.t, rounding(), *discrete);
     if (const Fault fault = steps_->start(state_, motion)) return fault;
     return motion > Real(0) ? sample() : Fault{};
   }
@@ -290,7 +290,7 @@ class Simulation {
   /// Limits of these, from the next step on; they belong to the host and are not part of the memory.
   Limits& limits() { return limits_; }
   /// Values that controllers hold; NaN before their first samples.
-  const auto& held_values() const
+  const auto& discrete_values() const
     requires may_sample<Subject>
   {
     return sampling_.memory().values;
@@ -305,7 +305,7 @@ class Simulation {
 
   /// Set the values that controllers hold, until a memory is restored.
   template <class Values>
-  void set_held_values(const Values& values)
+  void set_discrete_values(const Values& values)
     requires may_sample<Subject>
   {
     sampling_.set_values(values);
@@ -776,17 +776,17 @@ class Simulation {
   Fault sample() {
     if constexpr (may_sample<Subject>) {
       if (is_system && sampling_.next() <= state_.t + rounding()) restart_at_sample();  // accelerations of a step only come near to those that outputs need
-      bool changes = false, felt = false;  // since accelerations were found
+      bool changes = false, affects = false;  // since accelerations were found
       Fault fault;
       for (std::size_t i = 0; i < sampling_.size() && !fault; ++i) {
         if (!sampling_.is_due(i, state_.t, rounding())) continue;
-        if (felt && sampling_.is_accelerated(i)) {
+        if (affects && sampling_.is_accelerated(i)) {
           restart_from_sample();
-          changes = felt = false;
+          changes = affects = false;
         }
-        fault = sample(i, changes, felt);
+        fault = sample(i, changes, affects);
       }
-      if (felt) restart_from_sample();
+      if (affects) restart_from_sample();
       else if (changes) subject().begin_step(state_.t, Real(1));
       return fault;
     }
@@ -807,14 +807,14 @@ class Simulation {
   }
 
   /// A sample reads the accelerations of the previous values.
-  Fault sample(std::size_t controller, bool& changes, bool& felt) {
+  Fault sample(std::size_t controller, bool& changes, bool& affects) {
     is_reported_ = false;
     const StateOf<Subject>& x = steps_->complete(state_);
     subject().begin_step(state_.t, Real(1));
     subject().sample(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), sampling_.next_values());
     if (substep_watch_.sample)
-      if (const Fault fault = substep_watch_.sample(substep_watch_.who, sampling_.first_of(controller), sampling_.held_by(controller))) return fault;
-    if (!sampling_.take(controller, changes, felt))
+      if (const Fault fault = substep_watch_.sample(substep_watch_.who, sampling_.first_of(controller), sampling_.discrete_by(controller))) return fault;
+    if (!sampling_.take(controller, changes, affects))
       return {.cause = Cause::sample_not_finite, .list = FaultList::controllers, .index = static_cast<int>(controller), .t = static_cast<double>(state_.t),
               .step = number_ + 1};
     return {};
@@ -843,12 +843,12 @@ class Simulation {
     if (!(next < until)) return integrate_substep(h, until);
     const StateOf<Subject> from = state_;
     const auto before = smoothed_;
-    const auto held = sampling_.memory();
+    const auto discrete = sampling_.memory();
     Fault exceeded;
     for (;; next = enter_pieces_until(until)) {
       const Fault fault = integrate_substep(next - state_.t, next);
       if (fault && fault.cause != Cause::limit_exceeded) {
-        sampling_.restore(held);
+        sampling_.restore(discrete);
         restore_state(from, before);
         return fault;
       }

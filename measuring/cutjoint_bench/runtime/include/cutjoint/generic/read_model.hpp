@@ -28,10 +28,10 @@ inline Motion read_motion_of_chain(const Json& json) {
   return m;
 }
 
-/// ["way"], or the end that carries a direction, and the direction.
+/// ["displacement"], or the end that carries a direction, and the direction.
 inline Factor read_factor(const Json& json) {
   const std::string end = json.at(0);
-  if (end == "way") return {};
+  if (end == "displacement") return {};
   return {end == "base" ? Factor::Kind::base : Factor::Kind::follower, direction_named(json.at(1))};
 }
 

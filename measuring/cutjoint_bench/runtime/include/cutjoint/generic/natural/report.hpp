@@ -89,7 +89,7 @@ class Reporter {
     } else if (kind == "angle") {
       o.quantity = is_rate ? Quantity::angle_rate : Quantity::angle, o.form = forms_.angle(json.at("angle"));
     } else if (kind == "slide") {
-      o.quantity = is_rate ? Quantity::slide_rate : Quantity::slide, o.form = json.at("way"), o.other = json.at("axis");
+      o.quantity = is_rate ? Quantity::slide_rate : Quantity::slide, o.form = json.at("displacement"), o.other = json.at("axis");
     } else if (kind == "course") {
       o.quantity = Quantity::course, o.form = e_.read(json.at("course").at(is_rate ? 1 : 0));
     } else if (kind == "reaction") {
