@@ -274,8 +274,8 @@ const mark = (list) => {
     cell.textContent = run[r]; cell.style.color = markColour(i);
     return cell;
   }));
-  $('beside').tHead.replaceChildren(head);
-  $('beside').tBodies[0].replaceChildren(...columns.map((c) => {
+  $('comparison').tHead.replaceChildren(head);
+  $('comparison').tBodies[0].replaceChildren(...columns.map((c) => {
     const line = document.createElement('tr');
     for (const word of [title(c), ...marked.map((r) => shown(c, c.values[r]))]) line.appendChild(document.createElement('td')).textContent = word;
     return line;
@@ -296,7 +296,7 @@ const listEnds = () => {
     $(id).tHead.replaceChildren(head);
     $(id).tBodies[0].replaceChildren(...inOrder(column, sign).slice(0, 6).map((r) => {
       const line = document.createElement('tr'), name = line.insertCell(), tick = document.createElement('input'), place = marked.indexOf(r);
-      tick.type = 'checkbox'; tick.checked = place >= 0; tick.title = tick.ariaLabel = `Run ${run[r]} beside the others`;
+      tick.type = 'checkbox'; tick.checked = place >= 0; tick.title = tick.ariaLabel = `Compare run ${run[r]}`;
       line.className = tick.checked ? 'chosen' : '';
       line.style.setProperty('--colour', tick.checked ? markColour(place) : '');
       name.append(tick, String(run[r]));

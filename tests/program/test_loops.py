@@ -13,7 +13,7 @@ from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model_text
-from cutjoint.program.loops import Given, Input, Loop, Rolled, Stored, Table, roll
+from cutjoint.program.loops import Argument, Input, Loop, Rolled, Stored, Table, roll
 from cutjoint.program.records import LoweredFunction, Program
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
@@ -102,11 +102,11 @@ class Machine:
     def loop(self, i: int, loop: Loop) -> None:
         for copy in loop.copies:
             self.keep(copy.loop, copy.statement, copy.place, self.value(copy.node, {}))
-        tables = {n: [self.value(a, {}) for a in given.nodes] for n, given in loop.given.items() if isinstance(given, Table)}
+        tables = {n: [self.value(a, {}) for a in x.nodes] for n, x in loop.arguments.items() if isinstance(x, Table)}
         for k in range(loop.count):
-            local = {n: self.given(given, tables.get(n, []), k) for n, given in loop.given.items() if self.is_ready(given, k)}
+            local = {n: self.argument(x, tables.get(n, []), k) for n, x in loop.arguments.items() if self.is_ready(x, k)}
             for j, n in enumerate(loop.body):
-                local |= {m: self.given(loop.given[m], [], k) for m in loop.given if m not in local and self.is_ready(loop.given[m], k)}
+                local |= {m: self.argument(x, [], k) for m, x in loop.arguments.items() if m not in local and self.is_ready(x, k)}
                 local[n] = interpret_scalar(self.nodes[n], [self.value(a, local) for a in self.nodes[n].args], {}, {})
                 if j in loop.arrays:
                     self.keep(i, j, k, local[n])
@@ -120,11 +120,11 @@ class Machine:
         assert place not in array or np.array_equal(array[place], value)
         array[place] = value
 
-    def is_ready(self, given: Given, k: int) -> bool:
-        return not isinstance(given, Stored) or given.step.at(k) in self.stored.get((given.loop, given.statement), {})
+    def is_ready(self, argument: Argument, k: int) -> bool:
+        return not isinstance(argument, Stored) or argument.step.at(k) in self.stored.get((argument.loop, argument.statement), {})
 
-    def given(self, given: Given, table: list[Any], k: int) -> Any:
-        match given:
+    def argument(self, argument: Argument, table: list[Any], k: int) -> Any:
+        match argument:
             case Input(array, step):
                 return self.inputs[array, step.at(k)]
             case Stored(loop, statement, step):

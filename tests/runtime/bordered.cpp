@@ -10,7 +10,7 @@
 
 namespace {
 
-using cutjoint::Along, cutjoint::Bordered, cutjoint::directions;
+using cutjoint::DualPart, cutjoint::Bordered, cutjoint::seeds_at_once;
 
 /// Four parts of five unknowns, two of three, one of four and a border of three, in no order.
 struct Places {
@@ -40,14 +40,14 @@ int main() {
       }
     for (int system = 0; system < 10; ++system, ++systems) {
       double A[n][n], x[n], b[n];
-      Along many[n];
+      DualPart many[n];
       for (std::size_t i = 0; i < n; ++i) x[i] = number(random);
       for (std::size_t i = 0; i < n; ++i) {
         double sum = 0.0;
         for (std::size_t j = 0; j < n; ++j) sum += (A[i][j] = there[i][j] ? number(random) : 0.0) * x[j];
         const std::size_t slot = Matrix::places.slot(i);
         b[slot] = sum;
-        for (std::size_t k = 0; k < directions; ++k) many[slot].derivative[k] = sum * static_cast<double>(k + 1);
+        for (std::size_t k = 0; k < seeds_at_once; ++k) many[slot].derivative[k] = sum * static_cast<double>(k + 1);
       }
       const auto decompose = [&] {
         matrix->clear();
@@ -65,7 +65,7 @@ int main() {
       for (std::size_t i = 0; i < n; ++i) {
         const std::size_t slot = Matrix::places.slot(i);
         error = std::max(error, std::abs(b[slot] - x[i]));
-        for (std::size_t k = 0; k < directions; ++k) error = std::max(error, std::abs(many[slot].derivative[k] / static_cast<double>(k + 1) - x[i]));
+        for (std::size_t k = 0; k < seeds_at_once; ++k) error = std::max(error, std::abs(many[slot].derivative[k] / static_cast<double>(k + 1) - x[i]));
       }
     }
   }

@@ -24,7 +24,7 @@ void compare(const Dual& found, Formula at) {
   };
   const long double value = at(0.0L, std::size_t{0});
   record(worst_value, found.value - value, value);
-  for (std::size_t d = 0; d < cutjoint::directions; ++d) {
+  for (std::size_t d = 0; d < cutjoint::seeds_at_once; ++d) {
     const long double derivative = (8 * (at(step, d) - at(-step, d)) - (at(2 * step, d) - at(-2 * step, d))) / (12 * step);
     record(worst_derivative, found.derivative[d] - derivative, derivative);
   }
@@ -37,7 +37,7 @@ void try_formula(Formula formula) {
   Dual a[N], b[N];
   for (int k = 0; k < N; ++k) {
     a[k].value = random_number(), b[k].value = random_number();
-    for (std::size_t d = 0; d < cutjoint::directions; ++d) a[k].derivative[d] = random_number() - 0.5, b[k].derivative[d] = random_number() - 0.5;
+    for (std::size_t d = 0; d < cutjoint::seeds_at_once; ++d) a[k].derivative[d] = random_number() - 0.5, b[k].derivative[d] = random_number() - 0.5;
   }
   const auto at = [&](int k, int l) {
     return [&, k, l](long double step, std::size_t d) { return formula(a[k].value + step * a[k].derivative[d], b[l].value + step * b[l].derivative[d]); };

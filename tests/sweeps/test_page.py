@@ -107,7 +107,7 @@ def test_marked_runs_stand_beside_one_another(page: Page, done: tuple[Path, Swee
         page.run(f"document.querySelectorAll('#worst input')[{place}].click()")
     worst = _listed(page, "worst")[:2]
     assert page.run("sweep.marked()") == [17, *worst]
-    head, *lines = page.run("[...document.querySelectorAll('#beside tr')].map((r) => [...r.cells].map((c) => c.textContent))")
+    head, *lines = page.run("[...document.querySelectorAll('#comparison tr')].map((r) => [...r.cells].map((c) => c.textContent))")
     assert head[1:] == list(map(str, [17, *worst]))
     top = next(line for line in lines if line[0].startswith("top"))
     assert [float(word) for word in top[1:]] == pytest.approx(done[1]["top"][[17, *worst]], rel=1e-3)  # four digits

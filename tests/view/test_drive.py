@@ -151,7 +151,7 @@ def test_a_closed_page_loses_no_drive(car: Path, browser: Page) -> None:
     browser.open(car)
     assert not browser.run("document.getElementById('kept').hidden")
     assert re.match(r"A drive of [12] s is kept", browser.run("document.getElementById('lasted').textContent"))
-    browser.run("cutjoint.drive.goOn(cutjoint.drive.kept().earlier)")
+    browser.run("cutjoint.drive.continueDrive(cutjoint.drive.kept().earlier)")
     assert browser.run("[cutjoint.drive.table(), cutjoint.drive.log()]") == driven
     steps(browser, 100)
     assert browser.run("cutjoint.drive.shown().step") == 1600
@@ -284,7 +284,7 @@ def test_from_an_earlier_second_it_goes_on_bit_by_bit(delta: Path, browser: Page
     keys = [[0, "down", "ArrowRight"], [1300, "up", "ArrowRight"]]
     steps(browser, 2500, keys)
     first = browser.run("[cutjoint.drive.table(), cutjoint.drive.log()]")
-    browser.run("cutjoint.drive.goBack(1.9)")
+    browser.run("cutjoint.drive.rewind(1.9)")
     shown = browser.run("cutjoint.drive.shown()")
     assert (shown["step"], shown["snapshots"]) == (1000, 2)
     assert browser.run("cutjoint.drive.outputs()") != pytest.approx(rows_of(first[0])[-1, 1:10], abs=1e-6)
@@ -323,7 +323,7 @@ def test_a_fault_is_reported_and_the_drive_so_far_is_kept(delta: Path, browser: 
     assert "delta.yaml:" in shown["fault"] or "step" in shown["fault"]
     assert len(rows_of(browser.run("cutjoint.drive.table()"))) >= 1 + 1100 // 17
     browser.picture(PICTURES / "drive-fault.png")
-    browser.run("cutjoint.drive.goBack(1e9)")
+    browser.run("cutjoint.drive.rewind(1e9)")
     assert browser.run("document.getElementById('failure').hidden")
     steps(browser, 100)
     assert (browser.run("cutjoint.drive.shown().step"), browser.run("cutjoint.drive.shown().fault")) == (1100, "")

@@ -57,12 +57,12 @@ def test_the_parts_of_a_loop() -> None:
 
 def test_isomorphic_parts_have_one_colour() -> None:
     graph = graph_of("iltis")
-    kins = {b.name: b.kin for b in graph.bodies}
+    families = {b.name: b.family for b in graph.bodies}
     sides = ("front_left", "front_right", "rear_left", "rear_right")
-    assert len({kins[f"{side}.{part}"] for side in sides for part in ("arm", "carrier", "leaf_link", "tie_rod")}) == 1
-    assert kins["ground"] == kins["chassis"] == kins["rack"] == -1
-    assert kins["front_left.arm"] == 0
-    assert graph.kins == ["4 x 4 bodies: front_left.arm, front_right.arm, rear_left.arm, rear_right.arm"]
+    assert len({families[f"{side}.{part}"] for side in sides for part in ("arm", "carrier", "leaf_link", "tie_rod")}) == 1
+    assert families["ground"] == families["chassis"] == families["rack"] == -1
+    assert families["front_left.arm"] == 0
+    assert graph.families == ["4 x 4 bodies: front_left.arm, front_right.arm, rear_left.arm, rear_right.arm"]
 
 
 @pytest.mark.parametrize(("dark", "name"), [(False, "light"), (True, "dark")])
@@ -83,7 +83,7 @@ def test_a_click_tells_the_line(dark: bool, name: str, browser: Page, tmp_path: 
     assert browser.run("[...document.querySelectorAll('#graph .lit')].length") == 8
     assert browser.run("[...document.querySelectorAll('#said tr')].at(-1).textContent") == "degrees of freedom1"
     browser.picture(PICTURES / f"graph-{name}.png")
-    browser.run("cutjoint.tell('slider'); document.getElementById('tab-picture').click()")
+    browser.run("cutjoint.select('slider'); document.getElementById('tab-picture').click()")
     assert browser.run("cutjoint.shown().body") == "slider"
     require_silence(browser)
 
@@ -99,7 +99,7 @@ def test_what_a_reduction_does_is_on_the_picture(browser: Page, tmp_path: Path) 
     weld = next(link for link in shown.graph.links if link.name == "left.weld")
     assert "becomes a part of" in weld.about[2]
     browser.open(write_shown(tmp_path / "reduced.html", shown))
-    browser.run("cutjoint.tab('graph'); cutjoint.tell('left.weld')")
+    browser.run("cutjoint.tab('graph'); cutjoint.select('left.weld')")
     assert browser.run("document.getElementById('notes').textContent") == "".join(weld.about[2:])
     assert browser.run("document.querySelectorAll('#graph .gone').length") == len(gone)
     browser.picture(PICTURES / "graph-reduced.png")
@@ -108,7 +108,7 @@ def test_what_a_reduction_does_is_on_the_picture(browser: Page, tmp_path: Path) 
 
 def test_names_in_the_graph_are_text(browser: Page, tmp_path: Path) -> None:
     about = [HOSTILE[0], HOSTILE[1], HOSTILE[2]]
-    bodies = [GraphBody(name=name, short=name, x=40.0, y=40.0 * i, width=90.0, kin=0, about=about) for i, name in enumerate(HOSTILE)]
+    bodies = [GraphBody(name=name, short=name, x=40.0, y=40.0 * i, width=90.0, family=0, about=about) for i, name in enumerate(HOSTILE)]
     links = [
         GraphLink(
             name=f"link {name}", short=name, kind=name, base=HOSTILE[0], follower=HOSTILE[i], cut=i > 2, lane=200.0, heights=(0, i),
@@ -116,13 +116,13 @@ def test_names_in_the_graph_are_text(browser: Page, tmp_path: Path) -> None:
         )
         for i, name in enumerate(HOSTILE) if i
     ]  # fmt: skip
-    graph = Graph(width=400, height=300, bodies=bodies, links=links, kins=HOSTILE, facts=[(HOSTILE[0], HOSTILE[1])])
+    graph = Graph(width=400, height=300, bodies=bodies, links=links, families=HOSTILE, facts=[(HOSTILE[0], HOSTILE[1])])
     browser.open(hostile_page(tmp_path / "hostile.html", graph=graph))
     browser.run("cutjoint.tab('graph')")
     for part in ("bodies", "links"):
-        browser.run(f"cutjoint.tell(JSON.parse(document.getElementById('about').textContent).graph.{part}[1].name)")
+        browser.run(f"cutjoint.select(JSON.parse(document.getElementById('about').textContent).graph.{part}[1].name)")
         assert browser.run("document.getElementById('line').textContent") == f"{HOSTILE[0]}\n{HOSTILE[1]}"
         assert browser.run("document.getElementById('notes').textContent") == HOSTILE[2]
-    assert browser.run("[...document.querySelectorAll('#kins li')].map((item) => item.textContent)") == [*HOSTILE]
+    assert browser.run("[...document.querySelectorAll('#families li')].map((item) => item.textContent)") == [*HOSTILE]
     assert browser.run("window.owned ?? 'nobody'") == "nobody"
     require_silence(browser)

@@ -106,7 +106,7 @@ def test_a_stretch_of_the_plot_is_zoomed_to_and_a_click_still_goes_to_a_time(pre
 def test_a_trace_is_the_way_of_the_centre_of_mass(press: Shown, browser: Page) -> None:
     browser.open(press.page)
     table = read_csv(press.table)
-    x, y, z = np.array(browser.run("cutjoint.way('rod')")).T  # of the scene, in which y is up
+    x, y, z = np.array(browser.run("cutjoint.path('rod')")).T  # of the scene, in which y is up
     for found, axis in ((x, "x"), (z, "y"), (y, "z")):
         known = table[f"rod.{axis}"] * (-1 if axis == "y" else 1)
         assert found.min() == pytest.approx(known.min(), abs=1e-4)

@@ -63,14 +63,14 @@ class AimedStart:
         topology = build_topology(replace(model, signals=(*model.signals, *signals)))
         self._equations = formulate_recursive(topology, acting, outputs)
 
-    def find(self, parameters: Mapping[str, float], given: Mapping[str, float], wanted: Sequence[float]) -> dict[str, float]:
-        """All coordinates by "joint.coordinate": ``given`` ones (SI units) unchanged, the others such that places have the ``wanted``
+    def find(self, parameters: Mapping[str, float], prescribed: Mapping[str, float], wanted: Sequence[float]) -> dict[str, float]:
+        """All coordinates by "joint.coordinate": ``prescribed`` ones (SI units) unchanged, the others such that places have the ``wanted``
         values; ``parameters`` are values of tunable parameters.
 
         Raises:
             RunError: no pose has them, or none that closes the loops was found near the design position.
         """
-        q, free = self._coordinates_of(given)
+        q, free = self._coordinates_of(prescribed)
         search = _Search(self._with(parameters), free, np.array(wanted))
         start = search.by_continuation(q)
         if start is None:
@@ -94,18 +94,18 @@ class AimedStart:
     def _with(self, parameters: Mapping[str, float]) -> RecursiveEquations:
         return replace(self._equations, parameters=tuple(replace(p, value=parameters[p.name]) for p in self._equations.parameters))
 
-    def _coordinates_of(self, given: Mapping[str, float]) -> tuple[Array, Array]:
+    def _coordinates_of(self, prescribed: Mapping[str, float]) -> tuple[Array, Array]:
         """The design position with the given coordinates, and whether each speed is free."""
         q, free = design_coordinates(self._equations), np.ones(self._equations.speeds, dtype=bool)
         places = {name: i for i, name in enumerate(self._equations.coordinate_names)}
-        for name, value in given.items():
+        for name, value in prescribed.items():
             q[places[name]] = value
         for chart in self._equations.charts:
             names = self._equations.coordinate_names[chart.q : chart.q + len(chart.coordinate_names)]
-            free[chart.v : chart.v + chart.scalars] = [name not in given for name in names[: chart.scalars]]
+            free[chart.v : chart.v + chart.scalars] = [name not in prescribed for name in names[: chart.scalars]]
             if chart.ball:
-                free[chart.v + chart.scalars : chart.v + chart.scalars + 3] = names[chart.scalars] not in given
-        return self._with_reversed_attitudes(q, given), free
+                free[chart.v + chart.scalars : chart.v + chart.scalars + 3] = names[chart.scalars] not in prescribed
+        return self._with_reversed_attitudes(q, prescribed), free
 
     def _with_reversed_attitudes(self, q: Array, of: Collection[str] | None = None) -> Array:
         """Coordinates whose attitudes, all or those of names ``of``, are converted between follower relative to base and outer relative to

@@ -155,9 +155,9 @@ def scene_input_changes(equations: Equations, parameters: Array, changes: Array,
 
 
 def _by_input(equations: Equations, numbers: Array) -> dict[str, Array]:
-    given = len(equations.slots[INPUTS].names)
-    begun = given + equations.discrete_states
-    return {INPUTS: numbers[..., :given], DISCRETE_STATES: numbers[..., given:begun], LAW_VALUES: numbers[..., begun:]}
+    count = len(equations.slots[INPUTS].names)
+    begun = count + equations.discrete_states
+    return {INPUTS: numbers[..., :count], DISCRETE_STATES: numbers[..., count:begun], LAW_VALUES: numbers[..., begun:]}
 
 
 def close_loops(

@@ -201,10 +201,10 @@ class RatedChoice:
     @property
     def reason(self) -> str:
         """The reason that the cut joint in use is preferred to the best alternative."""
-        given = self.used.option.joint.cut is True
+        is_cut = self.used.option.joint.cut is True
         if not self.alternatives:
-            return "given by the model" if given else "no other joint of the loop may be cut"
-        return f"{'given by the model' if given else 'chosen'}: {_difference(self.used, self.alternatives[0])}"
+            return "given by the model" if is_cut else "no other joint of the loop may be cut"
+        return f"{'given by the model' if is_cut else 'chosen'}: {_difference(self.used, self.alternatives[0])}"
 
 
 def _difference(used: RatedOption, other: RatedOption) -> str:

@@ -133,34 +133,34 @@ class Evaluated:
 class TrimEquations:
     """The conditions of a trimmed scene as functions of a point."""
 
-    def __init__(self, of: TrimParts, given: TrimInputs) -> None:
-        self._of, self._inputs, self._find = of, given, {u.name: u for u in of._trim.find}
+    def __init__(self, of: TrimParts, inputs: TrimInputs) -> None:
+        self._of, self._inputs, self._find = of, inputs, {u.name: u for u in of._trim.find}
         self._names, self._first, self._system, self._start = of._names, of._first, of._system, of._equations
-        self._targets = np.array(given.targets)
-        self._q, _ = of._coordinates_of(given.positions)
+        self._targets = np.array(inputs.targets)
+        self._q, _ = of._coordinates_of(inputs.positions)
         self._begins = dict(zip(self._start.coordinate_names, self._q.tolist(), strict=True))
         guessed = {*of._scene.near, *(unknown.entry for unknown in of._trim.find)}
-        _, moves = of._coordinates_of({name: value for name, value in given.positions.items() if name not in guessed})
+        _, moves = of._coordinates_of({name: value for name, value in inputs.positions.items() if name not in guessed})
         y, system = np.zeros(self._first[-1]), self._system
-        y[self._part(PARAMETERS)] = [given.parameters[name] for name in self._names[PARAMETERS]]
+        y[self._part(PARAMETERS)] = [inputs.parameters[name] for name in self._names[PARAMETERS]]
         laws = evaluate_scene_inputs(system, y[self._part(PARAMETERS)], 0.0)
         y[self._part(_INPUTS)] = laws[INPUTS][:: len(INPUT_ORDERS)] if self._names[_INPUTS] else 0.0
-        y[self._part(SPEEDS)] = [given.rates.get(name, 0.0) for name in self._names[SPEEDS]]
-        of.roll(y, [u.entry for u in of._trim.find if u.kind == "rate" and u.entry not in given.rates], self._q, given.parameters)
+        y[self._part(SPEEDS)] = [inputs.rates.get(name, 0.0) for name in self._names[SPEEDS]]
+        of.roll(y, [u.entry for u in of._trim.find if u.kind == "rate" and u.entry not in inputs.rates], self._q, inputs.parameters)
         self._free = np.zeros(len(y), dtype=bool)
         self._free[self._part(MOVES)] = moves
         self._free[self._part(MULTIPLIERS)] = True
         states = {state.entry for state in system.state.states} - of._scene.starts.keys()
         read = {f"{name}.{quantity}" for aim in of._scene.assemble for name, quantity in quantities_read(aim.expression)}
         speeds = {*self._names[SPEEDS][: self._start.speeds]}
-        self._free[of._at(SPEEDS, states | ((read & speeds) - given.rates.keys()))] = True
+        self._free[of._at(SPEEDS, states | ((read & speeds) - inputs.rates.keys()))] = True
         self._free[of._at(RATES, [unknown.entry for unknown in of._trim.unsteady])] = True
         self._listed = {name: index for name, unknown in self._find.items() for index in of._at(_KINDS[unknown.kind], [unknown.entry])}
         if unplaced := [name for name in self._find if name not in self._listed]:
             raise of._error(f"'{unplaced[0]}' is not a coordinate of a tree joint", "find that of another joint")
         self._free[[*self._listed.values()]] = True
         self._found = {name: index for name, index in self._listed.items() if self._find[name].kind == "input"}
-        known = self._free[self._part(SPEEDS)] | np.array([name in given.rates for name in self._names[SPEEDS]], dtype=bool)
+        known = self._free[self._part(SPEEDS)] | np.array([name in inputs.rates for name in self._names[SPEEDS]], dtype=bool)
         self._dependent = np.flatnonzero(~known[: self._start.speeds])
         self._sizes = np.where(y == 0.0, 1.0, np.abs(y))
         self._sizes[self._part(MOVES)], self.begin = np.where(of._is_length, of._extent, 1.0), y
@@ -182,7 +182,7 @@ class TrimEquations:
             self._has_dependent = bool(moves_on or call(system, "constraint_residual", arrays, roads, held)["rate"].any())
         self._reach = np.zeros(len(self._forces) - self._start.speeds)
         self._lower, self._upper = np.full(len(y), -np.inf), np.full(len(y), np.inf)
-        for name, (lower, upper) in given.bounds.items():
+        for name, (lower, upper) in inputs.bounds.items():
             index, begin = self._listed[name], self._begins.get(name, 0.0)
             self._lower[index], self._upper[index] = lower - begin, upper - begin
             self._sizes[index] = upper - lower

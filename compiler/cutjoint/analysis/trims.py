@@ -81,13 +81,13 @@ class Trimmed:
 class TrimmedStart(TrimParts):
     """The conditions of a trimmed scene, met."""
 
-    def trim(self, given: TrimInputs, changed: Mapping[str, tuple[float, TrimInputs, TrimInputs]] = MappingProxyType({})) -> Trimmed:
+    def trim(self, inputs: TrimInputs, changed: Mapping[str, tuple[float, TrimInputs, TrimInputs]] = MappingProxyType({})) -> Trimmed:
         """The trimmed start, with gradients by parameters: ``changed`` has by name a small change and the numbers with less and with more.
 
         Raises:
             RunError: an unknown is not determined, or no start meets all conditions.
         """
-        search = _Search(self, given)
+        search = _Search(self, inputs)
         found = search.best()
         if found.worst > _MET and (unaffected := search.unaffected(found)):
             words = f"too few unknowns: none of them changes {join_and(unaffected)}"
@@ -102,9 +102,9 @@ class TrimmedStart(TrimParts):
             raise self._error(words, "give one of them a value, or add a condition", undetermined[0])
         return replace(search.result(found), gradients={name: search.gradient(found, *of) for name, of in changed.items()})
 
-    def follows(self, parameter: str, given: Any) -> bool:
-        """Return whether conditions follow from a tunable parameter; ``given`` is that of `trim`."""
-        search = _Search(self, replace(given, parameters={**given.parameters, parameter: np.nan}))
+    def follows(self, parameter: str, inputs: Any) -> bool:
+        """Return whether conditions follow from a tunable parameter; ``inputs`` is that of `trim`."""
+        search = _Search(self, replace(inputs, parameters={**inputs.parameters, parameter: np.nan}))
         return bool(np.isnan(search.residuals(search.begin)).any())
 
 
@@ -340,8 +340,8 @@ class _Search(TrimEquations):
     def gradient(self, at: Evaluated, change: float, less: TrimInputs, more: TrimInputs) -> dict[str, float]:
         """The derivatives of the listed unknowns by a number that the conditions follow from: the implicit function theorem."""
         left = []
-        for given in (less, more):
-            other = type(self)(self._of, given)
+        for inputs in (less, more):
+            other = type(self)(self._of, inputs)
             other.keep_guesses(self)
             left.append(other.residuals(np.where(self._free, at.y, other.begin)))
         moving: Any = at.A.any(axis=0)

@@ -39,8 +39,8 @@ def command(
         options.message_console(out).print(f"replay: {out}, {len(table.rows)} rows", markup=False)
         return
     with options.progress_bar(f"compiling {model.name}"):
-        given = {"--method": None if method == DEFAULT_METHOD else method, "--loops": loops, "--functions": functions}
-        more = [word for option, value in given.items() if value is not None for word in (option, str(value))]
+        own = {"--method": None if method == DEFAULT_METHOD else method, "--loops": loops, "--functions": functions}
+        more = [word for option, value in own.items() if value is not None for word in (option, str(value))]
         more += [word for pattern in tunable for word in ("--tunable", pattern)]
         ends = [_read_ends("--range", text, 2) for text in ranges]
         drive = make_drive(checked, chosen, parameters, method=method, dt=dt, roles=roles, ranges=ends, more=more)

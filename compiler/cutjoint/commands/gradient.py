@@ -40,9 +40,9 @@ def command(
     with a trim shows the derivatives of what is found.
     """
     read, chosen = load_model(model, scene, tunable)
-    given = options.read_parameters(changes)
+    values = options.read_parameters(changes)
     if objective == "start" and chosen.trim is not None:
-        _print_trim(read, chosen, given, requested, by, check)
+        _print_trim(read, chosen, values, requested, by, check)
         return
     method = method or chosen.method or DEFAULT_METHOD
     if METHODS[method].formulation is Formulation.NATURAL:
@@ -52,10 +52,10 @@ def command(
         sim = load_scene(
             read, chosen, method=method, integrator=integrator, linearise=True, adjoint=many and objective in OBJECTIVES
         )  # fmt: skip
-    sim.parameters.update({name: value for name, value in parameter_values(read, given).items() if name in sim.parameters})
-    for name in given:
+    sim.parameters.update({name: value for name, value in parameter_values(read, values).items() if name in sim.parameters})
+    for name in values:
         if name in sim.inputs:
-            sim.inputs[name] = float(given[name])
+            sim.inputs[name] = float(values[name])
     sim.reset(dt=dt)
     sim.choose_independent()
     steps = _count_steps(sim, chosen.end if end is None else end, chosen.output_step)

@@ -245,18 +245,18 @@ def _connect(
         if name in driven:
             raise RunError(f"{fmu.path}: both '{driven[name].name}' and '{port.name}' would drive input '{name}'; connect one of them")
         driven[name] = port
-    given = [sink.name for _, _, sink in passed[number]]
+    sinks = [sink.name for _, _, sink in passed[number]]
     matched = _matched(fmu, "input", outputs, named, f"output of scene '{scene.name}'", is_whole)
-    read = tuple((name, port) for port, name in matched if port.name not in given or port.name in named)
-    if twice := [name for name in given if given.count(name) > 1 or name in {port.name for _, port in read}]:
+    read = tuple((name, port) for port, name in matched if port.name not in sinks or port.name in named)
+    if twice := [name for name in sinks if sinks.count(name) > 1 or name in {port.name for _, port in read}]:
         raise RunError(f"{fmu.path}: input '{twice[0]}' would be driven twice; connect it once")
-    if not driven and not read and not given and number not in {source for others in passed for source, _, _ in others}:
+    if not driven and not read and not sinks and number not in {source for others in passed for source, _, _ in others}:
         ports = ", ".join(fmu.ports) or "none"
         raise RunError(
             f"{fmu.path}: none of its inputs and outputs ({ports}) has the name of one of the model's outputs ({', '.join(outputs)}) and "
             f"inputs ({', '.join(inputs) or 'none'}); say --connect PORT=NAME"
         )
-    taken = {port.name for _, port in read} | set(given)
+    taken = {port.name for _, port in read} | set(sinks)
     return Connections(
         driven=driven, read=read, sizes={name: measure(1.0, outputs[name] or "1").value for name, _ in read},
         steering=frozenset(p.name for p in input_parameters(model) if p.name in driven and guided_by(model, p) is not None),

@@ -161,7 +161,7 @@ def _rows(plan: Plan) -> Iterator[tuple[list[float], list[float]]]:
             for end in due:
                 end.exchange()
             if is_row:
-                yield [time, *outputs, *(value for end in ends for value in end.given)], coordinates
+                yield [time, *outputs, *(value for end in ends for value in end.driven_values)], coordinates
 
 
 def _count(end: float, step: float) -> int:
@@ -205,10 +205,10 @@ def _begin(plan: Plan, simulation: Simulation, ends: "list[_End]") -> None:
         end.controller.begin(plan.end)
     for _ in range(_EXCHANGES):
         simulation.reset(dt=plan.dt, iterations=plan.iterations, tolerance=plan.tolerance)
-        before = [(end.given, end.passed()) for end in ends]
+        before = [(end.driven_values, end.passed()) for end in ends]
         for end in ends:
             end.exchange()
-        if [(end.given, end.passed()) for end in ends] == before:
+        if [(end.driven_values, end.passed()) for end in ends] == before:
             for end in ends:
                 end.controller.start()
             return
@@ -217,10 +217,10 @@ def _begin(plan: Plan, simulation: Simulation, ends: "list[_End]") -> None:
 
 
 class _End:
-    """An FMU's end of the connections; ``given`` are the values by which it drives the model, ``others`` all ends by number."""
+    """An FMU's end of the connections; ``driven_values`` are the values by which it drives the model, ``others`` all ends by number."""
 
     def __init__(self, simulation: Simulation, controller: Controller, participant: Participant, others: "list[_End]") -> None:
-        self.controller, self.given, self._simulation, self._others = controller, list[float](), simulation, others
+        self.controller, self.driven_values, self._simulation, self._others = controller, list[float](), simulation, others
         self._path, self._connections, self._step = participant.fmu.path, participant.connections, participant.step
         self._steps = 0
 
@@ -259,10 +259,10 @@ class _End:
 
     def _read_outputs(self) -> None:
         """Set the model's inputs to the controller's outputs (zero-order hold); guides reach them at the next exchange."""
-        driven, before = self._connections.driven, self.given
-        self.given = self._read(list(driven.values()))
+        driven, before = self._connections.driven, self.driven_values
+        self.driven_values = self._read(list(driven.values()))
         has_started = self._simulation.time > 0
-        for name, value, last in zip(driven, self.given, before or self.given, strict=True):
+        for name, value, last in zip(driven, self.driven_values, before or self.driven_values, strict=True):
             if has_started and name in self._connections.steering:
                 self._simulation.set_input(name, last, (value - last) / self._step)
             else:

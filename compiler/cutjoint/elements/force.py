@@ -94,7 +94,7 @@ class Reader(Protocol):
     def common(self) -> Mapping[str, Any]:
         """The fields of all forces: ``name``, ``active`` and ``span``; between two ``bodies`` the full names ``base`` and ``follower``."""
 
-    def given(self, name: str) -> Any:
+    def field(self, name: str) -> Any:
         """The value of a field in the file, None if there is none."""
 
     def body(self, name: str) -> str:

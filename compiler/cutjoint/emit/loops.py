@@ -65,8 +65,8 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
     for loop in rolled.loops:
         front_names, front_lines = [], []
         uses = Counter(rolled.graph.signless(a) for n in loop.body for a in rolled.graph.nodes[n].args)
-        for n, given in loop.given.items():
-            match given:
+        for n, argument in loop.arguments.items():
+            match argument:
                 case Input(array, step):
                     pass
                 case Stored(number, statement, stored):
@@ -128,5 +128,5 @@ def read_by_loops(rolled: Rolled) -> list[int]:
     graph: Graph = rolled.graph
     found = [a for loop in rolled.loops for n in loop.body for a in graph.nodes[n].args]
     found += [s.node for loop in rolled.loops for s in loop.stores] + [c.node for loop in rolled.loops for c in loop.copies]
-    found += [n for loop in rolled.loops for given in loop.given.values() if isinstance(given, Table) for n in given.nodes]
+    found += [n for loop in rolled.loops for argument in loop.arguments.values() if isinstance(argument, Table) for n in argument.nodes]
     return [graph.signless(n) for n in found]

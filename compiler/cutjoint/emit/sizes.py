@@ -87,9 +87,9 @@ def _size_of_fits(equations: Equations, program: Program, plain: int, dual: int)
 def _size_of_adjoint(parts: SimulationCode, transposed: Derived, steps: Steps) -> int:
     """Numbers in the adjoint sensitivities of a run."""
     n, m, _, state = _lengths(parts.mechanism)
-    given = 3 * len(parts.mechanism.inputs) + parts.mechanism.discrete_states
+    inputs = 3 * len(parts.mechanism.inputs) + parts.mechanism.discrete_states
     fitted = _size_of_fits(parts.mechanism, parts.program, 3, 1)
-    numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
+    numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * inputs + fitted
     numbers += 6 * steps.averages * n + transposed.equations.input_values + 64
     return numbers + len(parts.mechanism.parameters) + n + 4 * m + 7 * state + 8 * seed_rows(parts, steps)
 
@@ -97,12 +97,12 @@ def _size_of_adjoint(parts: SimulationCode, transposed: Derived, steps: Steps) -
 def _size_of_residual(parts: SimulationCode, force_residual: Linearised) -> int:
     """Numbers in the derivatives of the residual of the equations of motion, over doubles and with seeds of parameters."""
     n, m, q, _ = _lengths(parts.mechanism)
-    given = 3 * len(parts.mechanism.inputs) + parts.mechanism.discrete_states
+    inputs = 3 * len(parts.mechanism.inputs) + parts.mechanism.discrete_states
     classes = (1 + _NUMBERS_OF_DUAL) * (_stored(force_residual.program) + force_residual.equations.input_values + 16)
     fitted = _size_of_fits(force_residual.equations, force_residual.program, 3, 1)
-    at_state = force_residual.length + _size_of_matrix(force_residual) + q + 2 * n + m + given + 28 * (q - parts.mechanism.speeds) + 8
-    weights = 4 * q + 2 * n + m + given + force_residual.loaded
-    return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * force_residual.loaded) + force_residual.loaded + weights + n + m + 64
+    at_state = force_residual.length + _size_of_matrix(force_residual) + q + 2 * n + m + inputs + 28 * (q - parts.mechanism.speeds) + 8
+    weights = 4 * q + 2 * n + m + inputs + force_residual.loaded
+    return classes + fitted + 2 * at_state + 8 * (q + n + inputs + 2 * force_residual.loaded) + force_residual.loaded + weights + n + m + 64
 
 
 def _size_of_matrix(force_residual: Linearised, copies: int = 1) -> int:

@@ -239,7 +239,7 @@ def _statuses(parts: SimulationCode, steps: Steps) -> list[Status]:
 
 def _guide_inputs(equations: RecursiveEquations | SystemEquations) -> list[int]:
     """The inputs that move guides."""
-    return [i for i, given in enumerate(equations.inputs) if guided_by(equations.topology.model, given) is not None]
+    return [i for i, each in enumerate(equations.inputs) if guided_by(equations.topology.model, each) is not None]
 
 
 def _free_input(equations: RecursiveEquations | SystemEquations) -> int | None:

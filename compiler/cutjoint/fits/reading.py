@@ -39,15 +39,15 @@ def element_of(path: Keys) -> tuple[str, int]:
     return (f"{_LABELS[str(path[0])]} '{path[1]}'", 2) if len(path) >= 2 and path[0] in _LABELS else ("fit", 0)
 
 
-def read_fit(given: AnyPath | Mapping[str, Any]) -> Study:
+def read_fit(study: AnyPath | Mapping[str, Any]) -> Study:
     """Read a study, a file or a mapping, with the models and the data that it names.
 
     Raises:
         ModelError: the study or a model is wrong; it has all problems.
         RunError: data cannot be read.
     """
-    named = isinstance(given, Mapping)
-    text, file = (json.dumps(dict(given)), "fit") if isinstance(given, Mapping) else (read_text(Path(given)), str(given))
+    named = isinstance(study, Mapping)
+    text, file = (json.dumps(dict(study)), "fit") if isinstance(study, Mapping) else (read_text(Path(study)), str(study))
     problems = Problems()
     source = parse_yaml(text, file)
     document = check_part(source, problems, parts.Document, element_of)
@@ -244,8 +244,8 @@ class _Reading:
         if deviation <= 0:
             self._fail((*keys, "deviation"), "a standard deviation is above zero")
         gain, bias, delay = (
-            sympy.sympify(default) if given is None else self._expression(given, (*keys, key), expected)
-            for key, given, default, expected in
+            sympy.sympify(default) if declared is None else self._expression(declared, (*keys, key), expected)
+            for key, declared, default, expected in
             (("gain", part.gain, 1, None), ("bias", part.bias, 0, None if free else dimension), ("delay", part.delay, 0, TIME))
         )  # fmt: skip
         times, values, missing = data
@@ -288,8 +288,8 @@ def _dimension(unit: str) -> Dimension | None:
 def _read_tunable(path: Path, names: Sequence[str]) -> Model:
     """The model of a file, whose numbers of these names are tunable."""
     own = {p.name for p in read_model(path).parameters}
-    opened, given = [], [name for name in names if name not in own]
-    for name in given:
+    opened, patterns = [], [name for name in names if name not in own]
+    for name in patterns:
         try:
             read_model(path, tunable=[name])
             opened.append(name)

@@ -65,8 +65,8 @@ def transpose(equations: RecursiveEquations, program: Program) -> Derived:
         derivatives = _derivatives(work.graph, equations, function, loaded)
         name, wanted = f"{function.name}_transposed", (*arguments, *_SUMMED)
         lowered.append((name, [r for r in derivatives if _array(equations, r.target) in wanted]))
-        given = [f"const Real* {a}" for a in (*arguments, *(f"by_{r}" for r in results))]
-        made.append(Function(name=name, arguments=(*given, *(f"Real* by_{a}" for a in wanted)), results={}))
+        pointers = [f"const Real* {a}" for a in (*arguments, *(f"by_{r}" for r in results))]
+        made.append(Function(name=name, arguments=(*pointers, *(f"Real* by_{a}" for a in wanted)), results={}))
     lowered.append(("load_transposed", _by_parameters(work.graph, equations, loaded)))
     arrays = ("Real* by_parameters", *(["Real* by_series"] if equations.fits else []))
     made.append(Function(name="load_transposed", arguments=("const Real* by_loaded", *arrays), results={}))
@@ -165,9 +165,9 @@ def _by_parameters(graph: Graph, equations: RecursiveEquations, loaded: Mapping[
     """The derivatives by parameters, and by coefficients of loop embeddings, from those by values that follow from them."""
     symbols = (graph.symbol("by_loaded", i, BindingTime.ITERATION) for places in loaded.values() for i in places)
     weights = {n: graph.gather(tuple(next(symbols) for _ in places)) for n, places in loaded.items()}
-    given = {n: place for n in graph.reachable(list(loaded)) if _is_given((place := _symbol(graph, n))[0])}
-    found = adjoint(graph, weights, given)
-    by_place = {place: found[n] for n, place in given.items() if n in found}
+    places = {n: place for n in graph.reachable(list(loaded)) if _is_given((place := _symbol(graph, n))[0])}
+    found = adjoint(graph, weights, places)
+    by_place = {place: found[n] for n, place in places.items() if n in found}
     series = {symbol: len(slot.names) for symbol, slot in equations.slots.items() if slot.array == "series"}
     lengths, zero = {"parameters": len(equations.parameters), **series}, graph.const(0.0)
     return [

@@ -216,8 +216,8 @@ class _Assembly:
     def _base(self, name: str) -> str:
         """The frame in which the pose of another is given."""
         node, scope = self._nodes[name]
-        given = node.find("pose")
-        relative = (given.get("relative_to") or given.get("frame") or "") if given else ""
+        pose = node.find("pose")
+        relative = (pose.get("relative_to") or pose.get("frame") or "") if pose else ""
         if not relative and node.tag in ("joint", "frame"):
             relative = node.need("child").text.strip() if node.tag == "joint" else node.get("attached_to") or ""
         found = self._find(relative or "__model__", scope)
@@ -313,15 +313,15 @@ def _link(node: Node, name: str) -> Link:
 
 
 def _pose(node: Node) -> Pose:
-    given = node.find("pose")
-    if given is None:
+    pose = node.find("pose")
+    if pose is None:
         return Pose()
-    form = given.get("rotation_format") or "euler_rpy"
+    form = pose.get("rotation_format") or "euler_rpy"
     if form == "quat_xyzw":
-        x, y, z, *quaternion = given.numbers(given.text, 7, (0.0,) * 6 + (1.0,))
-        return Pose(of_xyzw(given, tuple(quaternion)), np.array([x, y, z]))
+        x, y, z, *quaternion = pose.numbers(pose.text, 7, (0.0,) * 6 + (1.0,))
+        return Pose(of_xyzw(pose, tuple(quaternion)), np.array([x, y, z]))
     if form != "euler_rpy":
-        given.refuse(f"has the unknown rotation_format '{form[:40]}'", "use euler_rpy or quat_xyzw")
-    numbers = given.numbers(given.text, 6, (0.0,) * 6)
-    unit = np.pi / 180 if (given.get("degrees") or "false").strip() in ("1", "true") else 1.0
+        pose.refuse(f"has the unknown rotation_format '{form[:40]}'", "use euler_rpy or quat_xyzw")
+    numbers = pose.numbers(pose.text, 6, (0.0,) * 6)
+    unit = np.pi / 180 if (pose.get("degrees") or "false").strip() in ("1", "true") else 1.0
     return Pose(roll_pitch_yaw(tuple(unit * angle for angle in numbers[3:])), np.array(numbers[:3]))

@@ -170,15 +170,15 @@ def _add_sdf_joint(robot: Robot, node: Node) -> None:
     """A joint of SDF in <gazebo> closes a loop; its pose is in its child, and it is closed in the zero position."""
     name, kind = node.name(), node.get("type") or ""
     ends = [node.need(tag).text.strip() for tag in ("parent", "child")]
-    given = node.find("pose")
+    pose = node.find("pose")
     told = "left out is the loop that the joint '{}' in <gazebo> closes: {}"
     if kind not in ("revolute", "continuous", "prismatic", "fixed", "ball"):
         robot.notes.append(told.format(name, f"it is of type '{kind[:40]}'"))
         return
-    if any(end not in robot.links for end in ends) or ends[0] == ends[1] or (given is not None and given.attributes):
+    if any(end not in robot.links for end in ends) or ends[0] == ends[1] or (pose is not None and pose.attributes):
         robot.notes.append(told.format(name, "its ends or its pose are not those of links"))
         return
-    x, y, z, *angles = given.numbers(given.text, 6, (0.0,) * 6) if given is not None else (0.0,) * 6
+    x, y, z, *angles = pose.numbers(pose.text, 6, (0.0,) * 6) if pose is not None else (0.0,) * 6
     second = Pose(roll_pitch_yaw(tuple(angles)), np.array([x, y, z]))
     poses, axis = robot.poses({}), np.array([0.0, 0.0, 1.0])
     frame = poses[ends[1]] @ second

@@ -597,11 +597,11 @@ class Numerics:
         """The settings of one method, at its step; NaN where an expression has no value there."""
         from cutjoint.model.expressions.evaluate import evaluate
 
-        given = self.methods.get(method, {})
-        dt = given.get("dt", self.dt)
+        own = self.methods.get(method, {})
+        dt = own.get("dt", self.dt)
         laws = self.by_step if dt != self.dt else {}
         followed = {name: evaluate(law, dict.fromkeys(law.free_symbols, STEP if dt is None else dt)) for name, law in laws.items()}
-        return replace(self, **{**followed, **given})  # type: ignore[arg-type]
+        return replace(self, **{**followed, **own})  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,9 +13,9 @@ AnyPath: TypeAlias = str | PathLike[str]
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
-def path_of(given: AnyPath | None) -> Path | None:
+def path_of(path: AnyPath | None) -> Path | None:
     """The path that a caller gives, None if there is none."""
-    return None if given is None else Path(given)
+    return None if path is None else Path(path)
 
 
 def templates_folder() -> Path:

@@ -77,7 +77,7 @@ class Table:
 
 
 #: The placeholder for a value from outside in the body of a loop.
-Given: TypeAlias = Input | Stored | Table
+Argument: TypeAlias = Input | Stored | Table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +101,7 @@ class Copy:
 
 @dataclass(frozen=True, kw_only=True)
 class Loop:
-    """``body`` are nodes that represent those of each iteration; ``given`` are their arguments from outside that change.
+    """``body`` are nodes that represent those of each iteration; ``arguments`` are their arguments from outside that change.
 
     ``iterations`` are the nodes of the function that each iteration computes (none where it only has ``stores``, results).  ``arrays`` are
     the statements whose values arrays keep, with the first and the last place of each; ``copies`` are the nodes that must be in other
@@ -111,7 +111,7 @@ class Loop:
     count: int
     lanes: int
     body: tuple[int, ...]
-    given: Mapping[int, Given]
+    arguments: Mapping[int, Argument]
     iterations: tuple[tuple[int, ...], ...]
     arrays: Mapping[int, tuple[int, int]]
     copies: tuple[Copy, ...]
@@ -141,7 +141,7 @@ class _Run:
     """Statements, or results, that repeat: by iteration."""
 
     iterations: list[list[int]]
-    given: dict[_Column, Given] = field(default_factory=dict)
+    arguments: dict[_Column, Argument] = field(default_factory=dict)
 
 
 def roll(program: Program, function: LoweredFunction, place: Place) -> Rolled:
@@ -250,16 +250,16 @@ class _Rolling:
 
     def _fits(self, i: int, run: _Run) -> bool:
         """Fit the arguments of one run.  Drop the iterations up to one that does not fit, or from it on, whichever are fewer."""
-        run.given = {}
+        run.arguments = {}
         for column in dict.fromkeys(c for row in zip(*run.iterations, strict=True) for c in self._columns(row)):
             if len(set(column)) == 1 or self._is_inside(i, column):
                 continue
-            given = self._fit(i, column)
-            if isinstance(given, int):
-                run.iterations = run.iterations[given + 1 :] if 2 * given < len(column) else run.iterations[:given]
+            argument = self._fit(i, column)
+            if isinstance(argument, int):
+                run.iterations = run.iterations[argument + 1 :] if 2 * argument < len(column) else run.iterations[:argument]
                 return False
-            run.given[column] = given
-        listed = [c for c, given in run.given.items() if isinstance(given, Table) and self._kind(c[0])[0] != "number"]
+            run.arguments[column] = argument
+        listed = [c for c, argument in run.arguments.items() if isinstance(argument, Table) and self._kind(c[0])[0] != "number"]
         in_step = all(_step([p for _, p in self._stored(row)]) for row in zip(*run.iterations, strict=True) if row[0] < 0)
         if not in_step or len(listed) * COSTLY > len(run.iterations[0]):
             run.iterations = []
@@ -279,7 +279,7 @@ class _Rolling:
         first = self._where.get(column[0])
         return first is not None and all(self._where.get(a) == (i, first[1], k) for k, a in enumerate(column))
 
-    def _fit(self, i: int, column: _Column) -> Given | int:
+    def _fit(self, i: int, column: _Column) -> Argument | int:
         """The places of a column's values, or an iteration that does not fit."""
         if self._is_input(column[0]):
             return self._fit_input([self._place_of(a) for a in column], column)
@@ -293,7 +293,7 @@ class _Rolling:
         stride = other[2] - one[2]
         return self._fit_array(i, Stored(*one[:2], Step(other[2] - stride * middle, stride)), column)
 
-    def _fit_input(self, places: Sequence[tuple[str, int]], column: _Column) -> Given | int:
+    def _fit_input(self, places: Sequence[tuple[str, int]], column: _Column) -> Argument | int:
         """The elements of an input; if only the first or the last are irregular, these do not fit."""
         indices = [index for _, index in places]
         middle = len(indices) // 2
@@ -304,7 +304,7 @@ class _Rolling:
             return Input(places[0][0], step)
         return Table(column) if len(wrong) > _BEYOND else wrong[-1] if wrong[-1] < middle else wrong[0]
 
-    def _fit_array(self, i: int, stored: Stored, column: _Column) -> Given | int:
+    def _fit_array(self, i: int, stored: Stored, column: _Column) -> Argument | int:
         """The array of a value, or the first iteration with something else that cannot be copied to the array's ends."""
         copies = {}
         count = len(self._runs[stored.loop].iterations)
@@ -335,16 +335,16 @@ class _Rolling:
 
     def _wanted(self) -> frozenset[tuple[int, int]]:
         """Statements of loops whose values are read outside their own iteration."""
-        given = [g for run in self._runs for g in run.given.values()]
-        stored = {(g.loop, g.statement) for g in given if isinstance(g, Stored)}
-        read = {a for g in given if isinstance(g, Table) for a in g.nodes} | {a for _, a in self._copies.values()}
+        arguments = [g for run in self._runs for g in run.arguments.values()]
+        stored = {(g.loop, g.statement) for g in arguments if isinstance(g, Stored)}
+        read = {a for g in arguments if isinstance(g, Table) for a in g.nodes} | {a for _, a in self._copies.values()}
         read |= {a for n in self._order if n not in self._where for a in self._arguments(n)}
         read |= {c[0] for run in self._runs for row in zip(*run.iterations, strict=True) for c in self._columns(row) if len(set(c)) == 1}
         return frozenset(stored | {self._where[a][:2] for a in read if a in self._where})
 
     def _loop(self, i: int, run: _Run, wanted: frozenset[tuple[int, int]], graph: Graph, sections: list[Section]) -> Loop:
         body: dict[int, int] = {}
-        given: dict[_Column, int] = {}
+        arguments: dict[_Column, int] = {}
         stores: list[Store] = []
         titles: dict[int, int] = {}
         lanes = self._lanes(i, run, wanted)
@@ -352,7 +352,7 @@ class _Rolling:
             args = tuple(
                 _negative(graph, n) if self._nodes[signed].op == "neg" else n
                 for signed, column in zip(self._signed(row[0]), self._columns(row), strict=True)
-                for n in [self._argument(column, run, body, given, graph, lanes)]
+                for n in [self._argument(column, run, body, arguments, graph, lanes)]
             )  # fmt: skip
             if row[0] < 0:
                 (array, first), (_, second), *_ = self._stored(row)
@@ -366,7 +366,7 @@ class _Rolling:
         count = len(run.iterations)
         arrays = {j: [0, count - 1, *(k for loop, s, k in self._copies if (loop, s) == (i, j))] for loop, j in sorted(wanted) if loop == i}
         return Loop(
-            count=count, lanes=lanes, body=tuple(body.values()), given={n: run.given[column] for column, n in given.items()},
+            count=count, lanes=lanes, body=tuple(body.values()), arguments={n: run.arguments[column] for column, n in arguments.items()},
             iterations=tuple(tuple(nodes) for nodes in run.iterations) if body else (),
             arrays={j: (min(places), max(places)) for j, places in arrays.items()},
             copies=tuple(Copy(*place, a) for place, (reader, a) in self._copies.items() if reader == i), stores=tuple(stores),
@@ -377,22 +377,22 @@ class _Rolling:
 
         It is 0 if they read each other's values, have lanes of their own, or store conditions or read stored ones.
         """
-        alone = not any(isinstance(g, Stored) and g.loop == i for g in run.given.values())
+        alone = not any(isinstance(g, Stored) and g.loop == i for g in run.arguments.values())
         nodes = [self._nodes[n] for n in run.iterations[0] if n >= 0]
         plain = not any(x.lanes or x.op in ("lane", "lane_sum") or x.op.startswith("road_") for x in nodes)
-        shared = [run.iterations[0][j] for loop, j in wanted if loop == i] + [column[0] for column in run.given]
+        shared = [run.iterations[0][j] for loop, j in wanted if loop == i] + [column[0] for column in run.arguments]
         real = not any(self._nodes[n].op in CONDITIONS for n in shared)
         return LANES if self._program.lanes and nodes and alone and plain and real else 0
 
     def _argument(
-        self, column: _Column, run: _Run, body: Mapping[int, int], given: dict[_Column, int], graph: Graph, lanes: int
+        self, column: _Column, run: _Run, body: Mapping[int, int], arguments: dict[_Column, int], graph: Graph, lanes: int
     ) -> int:  # fmt: skip
         """The argument of a body's node."""
-        if column in run.given:
-            if column not in given:
+        if column in run.arguments:
+            if column not in arguments:
                 like = self._nodes[column[0]]
-                given[column] = _append(graph, replace(like, args=(), binding=BindingTime.ITERATION, lanes=lanes or like.lanes))
-            return given[column]
+                arguments[column] = _append(graph, replace(like, args=(), binding=BindingTime.ITERATION, lanes=lanes or like.lanes))
+            return arguments[column]
         return column[0] if len(set(column)) == 1 else body[self._where[column[0]][1]]
 
     def _joint_section(self, sections: Sequence[Section]) -> Section:

@@ -160,8 +160,8 @@ def _find(chosen: Candidate, reduced_models: _ReducedModels) -> ReducedModel:
 
 
 def _own(scene: Scene, chosen: Candidate) -> dict[str, float]:
-    given = {name: value for name, value in scene.numerics.methods.get(chosen.method, {}).items() if name != "dt"}
-    return {**given, **({"tolerance": chosen.tolerance} if chosen.integrator else {"dt": chosen.dt})}
+    own = {name: value for name, value in scene.numerics.methods.get(chosen.method, {}).items() if name != "dt"}
+    return {**own, **({"tolerance": chosen.tolerance} if chosen.integrator else {"dt": chosen.dt})}
 
 
 def _cache_path(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
@@ -384,8 +384,8 @@ def _gives_up(trials: Trials, run: Trajectory, fastest: Candidate | None) -> str
 
 def _falling(scene: Scene, method: str, ratio: float) -> list[float]:
     """Decreasing steps that have samples in common with the reference."""
-    given = scene.numerics.of_method(method).step
-    longest = min(LONGEST * given, scene.end / 8)
-    count = ceil(log(longest / (SHORTEST * given)) / log(ratio)) + 1
+    step = scene.numerics.of_method(method).step
+    longest = min(LONGEST * step, scene.end / 8)
+    count = ceil(log(longest / (SHORTEST * step)) / log(ratio)) + 1
     steps = {fraction(scene.output_step, longest / ratio**k) for k in range(count)}
     return sorted(steps, reverse=True)

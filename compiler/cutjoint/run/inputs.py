@@ -21,7 +21,7 @@ _SERIES = ("t", "value", "rate")
 INTERPOLATIONS = ("cubic", "linear")
 
 
-def input_entries(model: Model, scene: Scene, given: Mapping[str, InputLike]) -> dict[str, Any]:
+def input_entries(model: Model, scene: Scene, values: Mapping[str, InputLike]) -> dict[str, Any]:
     """The entry "inputs" of a run file, by name; inputs that are not given follow the scene.  Values are in SI units.
 
     An input is a number, or a table with times "t" and as many of "value", between which it is "interpolation" "cubic" (the default;
@@ -31,25 +31,25 @@ def input_entries(model: Model, scene: Scene, given: Mapping[str, InputLike]) ->
         RunError: a name is no input, a value is not finite, or a table is inconsistent or shorter than the scene.
     """
     names = [p.name for p in input_parameters(model)]
-    for name in given:
+    for name in values:
         if name not in names:
             raise RunError(f"model '{model.name}' has no input '{name}'; it has {', '.join(names) or 'none'}")
-    return {name: _entry(f"input '{name}'", given[name], scene.end) for name in names if name in given}
+    return {name: _entry(f"input '{name}'", values[name], scene.end) for name in names if name in values}
 
 
-def read_table(what: str, given: Mapping[str, Any], start: float, end: float) -> dict[str, Any]:
+def read_table(what: str, values: Mapping[str, Any], start: float, end: float) -> dict[str, Any]:
     """A table over time as a run file has it, of a run between two times (s).
 
     Raises:
         RunError: it is inconsistent, or shorter than the run.
     """
-    if unknown := [key for key in given if key not in (*_SERIES, "interpolation")]:
+    if unknown := [key for key in values if key not in (*_SERIES, "interpolation")]:
         raise RunError(f"{what}: unknown key '{unknown[0]}'; a table has t, value, and perhaps rate and interpolation")
-    if missing := [key for key in ("t", "value") if key not in given]:
+    if missing := [key for key in ("t", "value") if key not in values]:
         raise RunError(f"{what}: the table has no '{missing[0]}'; give as many values as times")
-    table = {key: _numbers(f"{what}: {key}", given[key]) for key in _SERIES if key in given}
+    table = {key: _numbers(f"{what}: {key}", values[key]) for key in _SERIES if key in values}
     _require_table(what, table, start, end)
-    kind = given.get("interpolation", INTERPOLATIONS[0])
+    kind = values.get("interpolation", INTERPOLATIONS[0])
     if kind not in INTERPOLATIONS:
         raise RunError(f"{what}: interpolation '{kind}' is not one of {', '.join(INTERPOLATIONS)}")
     if kind == "linear" and "rate" in table:
@@ -86,8 +86,8 @@ def with_constant_inputs(model: Model, scene: Scene, parameters: Mapping[str, fl
     return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(value) for name, value in held.items()}}), others
 
 
-def _entry(what: str, given: InputLike, end: float) -> float | dict[str, Any]:
-    return read_table(what, given, 0.0, end) if isinstance(given, Mapping) else _number(what, given)
+def _entry(what: str, value: InputLike, end: float) -> float | dict[str, Any]:
+    return read_table(what, value, 0.0, end) if isinstance(value, Mapping) else _number(what, value)
 
 
 def _require_table(what: str, table: Mapping[str, Sequence[float]], start: float, end: float) -> None:

@@ -96,7 +96,7 @@ def make_run_file(
     settings = find_settings(scene, METHODS[method], implementation, options)
     parameters = parameter_values(model, changes)
     every = _merge_inputs(constant_inputs(model, changes), inputs)
-    given = input_entries(model, scene, every)
+    entries = input_entries(model, scene, every)
     if task in ("simulate", "realtime", "batch"):
         _require_steps(scene, settings, task)
         require_sampling(model, scene, settings.integrator)
@@ -104,7 +104,7 @@ def make_run_file(
             require_fitting_steps(model, scene, settings.dt)
     near = tuple(name for name in scene.near if name in scene.positions)
     return RunFile(
-        task=task, parameters=parameters, inputs=given if input_parameters(model) else None, settings=settings, end=scene.end,
+        task=task, parameters=parameters, inputs=entries if input_parameters(model) else None, settings=settings, end=scene.end,
         output_step=scene.output_step, pose=scene.pose, near=near, out=out, surface=_surface(model, scene),
         **find_dependent_parts(model, _with_start_inputs(scene, every), parameters, (*sources_of_parts(model, scene), MASSES)),
     )  # fmt: skip
@@ -177,15 +177,15 @@ def _numbers(values: Mapping[str, float]) -> dict[str, sympy.Float]:
     return {name: sympy.Float(value, 17) for name, value in values.items()}
 
 
-def _at_start(given: InputLike) -> float:
-    return float(np.interp(0.0, given["t"], given["value"]) if isinstance(given, Mapping) else given)
+def _at_start(value: InputLike) -> float:
+    return float(np.interp(0.0, value["t"], value["value"]) if isinstance(value, Mapping) else value)
 
 
-def _with_start_inputs(scene: Scene, given: Mapping[str, InputLike]) -> Scene:
+def _with_start_inputs(scene: Scene, inputs: Mapping[str, InputLike]) -> Scene:
     """The scene with the initial values of given inputs, if it prescribes positions to be solved for."""
     if not scene.assemble:
         return scene
-    return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(_at_start(x)) for name, x in given.items()}})
+    return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(_at_start(x)) for name, x in inputs.items()}})
 
 
 def _merge_inputs(held: Mapping[str, float], inputs: Mapping[str, InputLike]) -> dict[str, InputLike]:

@@ -89,33 +89,33 @@ class Compiled(Protocol):
 ModelLike: TypeAlias = AnyPath | Model | Compiled
 
 
-def model_of(given: ModelLike, tunable: Sequence[str] = ()) -> Model:
+def model_of(source: ModelLike, tunable: Sequence[str] = ()) -> Model:
     """The model, whatever its scenes are.
 
     Raises:
         ModelError: the file is wrong.
         RunError: numbers are to be ``tunable`` after the file was read.
     """
-    if isinstance(given, str | PathLike):
+    if isinstance(source, str | PathLike):
         from cutjoint.topology.reading import read_model  # cached runs do not need it
 
-        return read_model(given, tunable=tunable)
-    if not isinstance(given, Model | Compiled):
-        raise TypeError(f"a model is its file, what read_model has made of it, or an artifact, not {type(given).__name__}")
+        return read_model(source, tunable=tunable)
+    if not isinstance(source, Model | Compiled):
+        raise TypeError(f"a model is its file, what read_model has made of it, or an artifact, not {type(source).__name__}")
     if tunable:
         raise RunError("constants become tunable while the file is read; give the file, or read_model(path, tunable=[...])")
-    return given if isinstance(given, Model) else given.model
+    return source if isinstance(source, Model) else source.model
 
 
-def load_model(given: ModelLike, scene: str | None = None, tunable: Sequence[str] = ()) -> tuple[Model, Scene]:
+def load_model(source: ModelLike, scene: str | None = None, tunable: Sequence[str] = ()) -> tuple[Model, Scene]:
     """The model (`model_of`), and its scene of a name: without one the scene that it is compiled for, or the only one.
 
     Raises:
         ModelError: the file is wrong.
         RunError: there is no such scene, or numbers are to be ``tunable`` after the file was read.
     """
-    model = model_of(given, tunable)
-    return (model, given.scene) if scene is None and isinstance(given, Compiled) else find_case(model, scene)
+    model = model_of(source, tunable)
+    return (model, source.scene) if scene is None and isinstance(source, Compiled) else find_case(model, scene)
 
 
 def method_of(scene: Scene) -> str:

@@ -77,11 +77,11 @@ def with_options(scene: Scene, method: str, options: Options, *, has_rows: bool 
     Raises:
         RunError: no run has one of them.
     """
-    given = {"dt": options.dt, "penalty": options.penalty, "tolerance": options.tolerance}
-    require_settings(**given, end=options.end, iterations=options.iterations)
+    own = {"dt": options.dt, "penalty": options.penalty, "tolerance": options.tolerance}
+    require_settings(**own, end=options.end, iterations=options.iterations)
     if has_rows and options.dt is None:
-        given["dt"] = _fitting(scene, scene.numerics.of_method(method).dt)
-    changed = with_settings(scene, method, {name: value for name, value in given.items() if value is not None})
+        own["dt"] = _fitting(scene, scene.numerics.of_method(method).dt)
+    changed = with_settings(scene, method, {name: value for name, value in own.items() if value is not None})
     return changed if options.end is None else replace(changed, end=options.end)
 
 
@@ -104,8 +104,8 @@ def find_settings(scene: Scene, method: Method, implementation: Implementation, 
     events = find_events(numerics, method, implementation, integrator, options.events)
     if options.iterations is not None:
         _require_fixed_cost(method, integrator, closure, events)
-    chosen, start, given = numerics.of_method(method.name), numerics.of_method(START), numerics.methods.get(method.name, {})
-    updates = given.get("multiplier_updates", chosen.multiplier_updates if method.default_updates is None else method.default_updates)
+    chosen, start, own = numerics.of_method(method.name), numerics.of_method(START), numerics.methods.get(method.name, {})
+    updates = own.get("multiplier_updates", chosen.multiplier_updates if method.default_updates is None else method.default_updates)
     settings = Settings(
         integrator=integrator.name,
         solver=_solver(method, implementation, options.solver) if integrator.uses_solver else None,
@@ -255,9 +255,9 @@ def _solver(method: Method, implementation: Implementation, requested: str | Non
 
 def _penalty(numerics: Numerics, method: Method, integrator: Integrator) -> float | None:
     """The penalty of a method; a penalty given for that method is not bounded."""
-    given = numerics.methods.get(method.name, {}).get("penalty")
-    if given is not None or method.default_updates is not None:
-        return given
+    penalty = numerics.methods.get(method.name, {}).get("penalty")
+    if penalty is not None or method.default_updates is not None:
+        return penalty
     penalty = numerics.of_method(method.name).penalty
     return penalty if penalty is None or integrator.largest_penalty is None else min(penalty, integrator.largest_penalty)
 

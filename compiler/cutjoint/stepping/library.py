@@ -270,8 +270,8 @@ class Lanes:
         """
         function, size, whole = self._functions
         memory, begins = np.zeros(size // 8 + 1), (ctypes.c_char_p * len(snapshots))(*snapshots)
-        given = [(np.array(places, dtype=np.intc), np.ascontiguousarray(values)) for places, values in (parameters, inputs)]
-        (p, p_values), (i, i_values) = given
+        columns = [(np.array(places, dtype=np.intc), np.ascontiguousarray(values)) for places, values in (parameters, inputs)]
+        (p, p_values), (i, i_values) = columns
         is_one = all(len(each) == whole for each in snapshots) and function(
             memory.ctypes.data, len(snapshots), rows.shape[1], begins, len(p), p.ctypes.data, p_values.ctypes.data, len(i), i.ctypes.data,
             i_values.ctypes.data, rows.ctypes.data,

@@ -91,8 +91,8 @@ def open_standalone(standalone: Standalone, library: Path, **more: Any) -> Simul
 def _begin(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Mapping[str, float], Mapping[str, float]]:
     """Coordinates and speeds of a scene's start with ``parameters``; empty if these are the compiled ones."""
     usual = parameter_values(model, {})
-    given = {**usual, **{name: value for name, value in parameters.items() if name in usual}}
-    found = find_dependent_parts(model, scene, given, ("positions", "rates")) if given != usual else {}
+    changed = {**usual, **{name: value for name, value in parameters.items() if name in usual}}
+    found = find_dependent_parts(model, scene, changed, ("positions", "rates")) if changed != usual else {}
     return found.get("positions", {}), found.get("rates", {})
 
 

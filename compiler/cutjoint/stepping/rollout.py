@@ -36,10 +36,10 @@ def rollout(
         ToolchainError: the compiler failed.
     """
     held, trajectories = _split(inputs or {}, steps)
-    given = (_columns(parameters or {}), held)
-    counts = {len(column) for columns in (*given, trajectories) for column in columns.values() if column.ndim}
+    constants = (_columns(parameters or {}), held)
+    counts = {len(column) for columns in (*constants, trajectories) for column in columns.values() if column.ndim}
     counts |= {len(snapshots)} if snapshots is not None else set()
-    if not counts and any(given):
+    if not counts and any(constants):
         counts = {1}
     if not counts:
         raise ValueError("number of simulations unknown: give an array of values for a parameter or an input, or snapshots")
@@ -47,7 +47,7 @@ def rollout(
         raise ValueError(f"parameters, inputs and snapshots need one and the same number of simulations, not {sorted(counts)}")
     number, common = counts.pop(), simulation.snapshot()
     begins = [common] * number if snapshots is None else snapshots
-    columns = [{name: np.broadcast_to(values, number) for name, values in each.items()} for each in given]
+    columns = [{name: np.broadcast_to(values, number) for name, values in each.items()} for each in constants]
     rows = np.full((number, steps, len(simulation.outputs)), np.nan)
     lanes = simulation.library.lanes
     if trajectories or lanes is None or not lanes.reach_break_even(steps * number):
@@ -69,9 +69,9 @@ def _split(inputs: Mapping[str, ArrayLike], steps: int) -> tuple[dict[str, Array
     return _columns({name: values for name, values in arrays.items() if name not in trajectories}), trajectories
 
 
-def _columns(given: Mapping[str, ArrayLike]) -> dict[str, Array]:
+def _columns(by_name: Mapping[str, ArrayLike]) -> dict[str, Array]:
     """One value for all simulations, or one for each."""
-    arrays = {name: np.asarray(values, dtype=np.float64) for name, values in given.items()}
+    arrays = {name: np.asarray(values, dtype=np.float64) for name, values in by_name.items()}
     for name, values in arrays.items():
         if values.ndim > 1:
             raise ValueError(f"parameter '{name}': an array {values.shape} has not one value for each simulation")
@@ -87,8 +87,8 @@ def _alone(
     def run(i: int) -> None:
         one = Simulation(simulation.library)
         one.restore(begins[i])
-        for values, given in zip((one.parameters, one.inputs), columns, strict=True):
-            for name, column in given.items():
+        for values, by_name in zip((one.parameters, one.inputs), columns, strict=True):
+            for name, column in by_name.items():
                 values[name] = column[i]
         take, first, step = simulation.library.run, rows[i].ctypes.data, rows.strides[1]
         if not places:
@@ -109,8 +109,8 @@ def _in_lanes(
 ) -> Callable[[int], None]:
     """A function that runs simulations together, at most as many as there are lanes, from an index on."""
     parameters, inputs = (
-        ([values.place(name) for name in given], np.column_stack([*given.values()]) if given else np.empty((len(begins), 0)))
-        for values, given in zip((simulation.parameters, simulation.inputs), columns, strict=True)
+        ([values.place(name) for name in by_name], np.column_stack([*by_name.values()]) if by_name else np.empty((len(begins), 0)))
+        for values, by_name in zip((simulation.parameters, simulation.inputs), columns, strict=True)
     )
     lanes.compile()
 

@@ -159,9 +159,9 @@ class LinearModel:
 
     def peak(self, output: str, input: str, frequencies: Array | None = None) -> Peak:
         """Largest gain from an input to an output; of a stable model over a range that covers its poles the H-infinity norm."""
-        given = self.frequencies() if frequencies is None else np.asarray(frequencies)
+        nodes = self.frequencies() if frequencies is None else np.asarray(frequencies)
         own = np.concatenate([np.abs(self.rates), np.abs(self.rates.imag)]) / (2 * np.pi)
-        grid = np.union1d(given, own[(own > given[0]) & (own < given[-1])])
+        grid = np.union1d(nodes, own[(own > nodes[0]) & (own < nodes[-1])])
         gain = self._gain(output, input)
         gains = np.abs(gain(grid))
         best = int(gains.argmax())
@@ -280,8 +280,8 @@ class StateSpace(LinearModel):
         Raises:
             KeyError: there is no such input or output.
         """
-        given = ((self.inputs, inputs), (self.outputs, outputs))
-        columns, rows = ([find_place({n: i for i, n in enumerate(of)}, name) for name in (of if to is None else to)] for of, to in given)
+        choices = ((self.inputs, inputs), (self.outputs, outputs))
+        columns, rows = ([find_place({n: i for i, n in enumerate(of)}, name) for name in (of if to is None else to)] for of, to in choices)
         parts = {key: getattr(self, key)[:, columns] for key in ("B", "B_rate", "B_acceleration")}
         parts |= {key: getattr(self, key)[np.ix_(rows, columns)] for key in ("D", "D_rate", "D_acceleration")}
         parts |= {"C": self.C[rows], "y": self.y[rows]}

@@ -54,9 +54,9 @@ class InputTrajectory:
 
 
 def make_trajectories(
-    names: Sequence[str], given: Mapping[str, InputTrajectoryLike], start: float, steps: int, dt: float
+    names: Sequence[str], inputs: Mapping[str, InputTrajectoryLike], start: float, steps: int, dt: float
 ) -> tuple[InputTrajectory, ...]:  # fmt: skip
-    """Make trajectories for a run of so many steps from a start time (s), from the inputs ``given`` by name.
+    """Make trajectories for a run of so many steps from a start time (s), from ``inputs`` by name.
 
     Raises:
         KeyError: there is no such input.
@@ -64,17 +64,17 @@ def make_trajectories(
         ValueError: values are not held for equal numbers of steps each.
     """
     places = {name: i for i, name in enumerate(names)}
-    return tuple(_make(name, find_place(places, name), each, start, steps, dt) for name, each in given.items())
+    return tuple(_make(name, find_place(places, name), each, start, steps, dt) for name, each in inputs.items())
 
 
-def _make(name: str, place: int, given: InputTrajectoryLike, start: float, steps: int, dt: float) -> InputTrajectory:
-    if not isinstance(given, Mapping):
-        values = np.asarray(given, dtype=np.float64)
+def _make(name: str, place: int, trajectory: InputTrajectoryLike, start: float, steps: int, dt: float) -> InputTrajectory:
+    if not isinstance(trajectory, Mapping):
+        values = np.asarray(trajectory, dtype=np.float64)
         if values.ndim != 1 or not len(values) or steps % len(values):
             raise ValueError(f"input '{name}': {values.shape} values: their number does not divide {steps} steps")
         times: Array = start + np.arange(float(len(values))) * ((steps // len(values)) * dt)
         return _linear(place, times, lambda knots: np.column_stack([knots[name], np.zeros((len(times), 3))]), {name: values}, jumps=True)
-    table = read_table(f"input '{name}'", given, start, start + steps * dt * (1 - 1e-12))
+    table = read_table(f"input '{name}'", trajectory, start, start + steps * dt * (1 - 1e-12))
     t, rate = np.array(table["t"]), f"{name}.rate"
     knots = {name: np.array(table["value"]), **({rate: np.array(table["rate"])} if "rate" in table else {})}
 

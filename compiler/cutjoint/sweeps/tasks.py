@@ -73,10 +73,10 @@ Task: TypeAlias = Callable[[Mapping[str, float]], Result]
 
 def _kinematics(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
     over = options.get("over", "travel")
-    given = {name: value for name, value in options.items() if name != "over"}
+    task_options = {name: value for name, value in options.items() if name != "over"}
 
     def find(parameters: Mapping[str, float]) -> Result:
-        found = find_kinematics(model, parameters=parameters, only=(over,), **given)
+        found = find_kinematics(model, parameters=parameters, only=(over,), **task_options)
         if over not in found.sweeps:
             raise RunError(f"axle '{found.axle.name}' is not steered: it has no kinematics over {over}")
         if found.limits:
@@ -160,11 +160,11 @@ def _response(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
         near: LinearModel = find_scene_linear_model(model, scene, at=at, inputs=inputs, outputs=outputs, parameters=parameters)
         frequencies, units = near.frequencies(from_=band["from_"], to=band["to"]), dict[str, str]()
         for output in near.outputs:
-            for given in near.inputs:
-                above, below = near.units.get(output, ""), near.units.get(given, "")
+            for source in near.inputs:
+                above, below = near.units.get(output, ""), near.units.get(source, "")
                 gain = f"({above or 1})/({below})" if below else above
                 numbers = {"peak": gain, "peak_frequency": "Hz", "bandwidth": "Hz", "gain_margin": "", "phase_margin": "deg"}
-                units |= {f"{output}/{given}.{name}": unit for name, unit in numbers.items()}
+                units |= {f"{output}/{source}.{name}": unit for name, unit in numbers.items()}
         return Result(units=units, find=lambda name: _number_of(near, name, frequencies))
 
     return find
@@ -173,12 +173,12 @@ def _response(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
 def _number_of(near: LinearModel, name: str, frequencies: Array) -> float:
     """A number of a response, by the name "output/input.number"."""
     output, _, rest = name.partition("/")
-    given, _, number = rest.rpartition(".")
+    source, _, number = rest.rpartition(".")
     if number in ("peak", "peak_frequency"):
-        return near.peak(output, given, frequencies)[number != "peak"]
+        return near.peak(output, source, frequencies)[number != "peak"]
     if number == "bandwidth":
-        return near.bandwidth(output, given, frequencies)
-    margins = near.margins(output, given, frequencies)
+        return near.bandwidth(output, source, frequencies)
+    margins = near.margins(output, source, frequencies)
     return margins.gain if number == "gain_margin" else margins.phase
 
 

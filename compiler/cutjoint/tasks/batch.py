@@ -274,8 +274,8 @@ def _own_parts(model: Model, scene: Scene, cases: Sequence[Mapping[str, float]])
     own = []
     for case in cases:
         begun, start, inputs = trimmed(model, scene, case, constant_inputs(model, case))
-        given, held = parameter_values(begun, case), input_entries(begun, start, inputs)
-        own.append({"parameters": given, **({"inputs": held} if held else {}), **find_dependent_parts(begun, start, given, parts)})
+        values, held = parameter_values(begun, case), input_entries(begun, start, inputs)
+        own.append({"parameters": values, **({"inputs": held} if held else {}), **find_dependent_parts(begun, start, values, parts)})
     return own
 
 

@@ -24,7 +24,7 @@ _STEP, _CLEAR = 4.0, 18.0
 
 @dataclass(frozen=True, kw_only=True)
 class GraphBody:
-    """A body with the middle of its left side and its width; ``kin`` is the number of its class of isomorphic parts, -1 for none.
+    """A body with the middle of its left side and its width; ``family`` is the number of its class of isomorphic parts, -1 for none.
 
     ``short`` is its name without the instance if the body that carries it has that too; ``is_removed`` is whether a reduction left it out.
     """
@@ -34,7 +34,7 @@ class GraphBody:
     x: float
     y: float
     width: float
-    kin: int
+    family: int
     about: Sequence[str]
     is_removed: bool = False
 
@@ -69,7 +69,7 @@ class Graph:
     height: float
     bodies: Sequence[GraphBody]
     links: Sequence[GraphLink]
-    kins: Sequence[str]
+    families: Sequence[str]
     facts: Sequence[tuple[str, str]]
 
 
@@ -94,7 +94,7 @@ class _Layout:
         return Graph(
             width=self._right + _LANE * (len(self.topology.closing) + 1) + _LETTER * labels + _MARGIN,
             height=_ROW * (max(self._rows.values()) + 1) + _MARGIN, bodies=bodies, links=links,
-            kins=[f"{len(c.roots)} x {c.size} bodies: {', '.join(c.roots)}" for c in self.topology.classes], facts=self.facts,
+            families=[f"{len(c.roots)} x {c.size} bodies: {', '.join(c.roots)}" for c in self.topology.classes], facts=self.facts,
         )  # fmt: skip
 
     @cached_property
@@ -154,11 +154,11 @@ class _Layout:
         left, width = self._columns[self._depths[name]]
         about = [] if name == GROUND else self._about(next(b.span for b in self.topology.model.bodies if b.name == name))
         return GraphBody(
-            name=name, short=self._short_body(name), x=left, y=self._height(name), width=width, kin=self._kin(name),
+            name=name, short=self._short_body(name), x=left, y=self._height(name), width=width, family=self._family(name),
             about=[*about, *self.notes.get(name, ())], is_removed=name in self.gone,
         )  # fmt: skip
 
-    def _kin(self, body: str) -> int:
+    def _family(self, body: str) -> int:
         """The largest class of isomorphic parts that has the body."""
         classes = [i for i, c in enumerate(self.topology.classes) if any(body in member for member in c.members)]
         return max(classes, key=lambda i: self.topology.classes[i].size, default=-1)
@@ -259,7 +259,7 @@ def picture_graph(topology: Topology) -> bytes:
     for link in graph.links:
         (_draw_cut if link.cut else _draw_tree)(axes, link, bodies[link.base], bodies[link.follower], shrunk)
     for body in graph.bodies:
-        colour = "0.92" if body.kin < 0 else f"C{body.kin % 10}"
+        colour = "0.92" if body.family < 0 else f"C{body.family % 10}"
         box = (body.x, body.y - _HALF), body.width, 2 * _HALF
         axes.add_patch(FancyBboxPatch(*box, boxstyle="round,pad=0,rounding_size=4", facecolor=colour, edgecolor="0.2", alpha=0.9))
         axes.text(body.x + body.width / 2, body.y, body.short, ha="center", va="center", fontsize=8 * shrunk)

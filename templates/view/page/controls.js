@@ -54,13 +54,13 @@ window.cutjoint = {
   },
   /** Position and target of the camera in the scene's axes (y is up), its field of view in degrees, and the picture's size in pixels. */
   eye() { return { from: camera.position.toArray(), to: orbit.target.toArray(), angle: camera.fov, size: [picture.clientWidth, picture.clientHeight] }; },
-  motion: chooseMotion, tab: showTab, tell, plotted() { return plot?.data; }, table: tableText,
+  motion: chooseMotion, tab: showTab, select, plotted() { return plot?.data; }, table: tableText,
   /** The points of a body's trace, in the scene's axes. */
-  way(body) { return wayOf(body).map((place) => place.toArray()); },
+  path(body) { return pathOf(body).map((place) => place.toArray()); },
   /** Moves a coordinate to a value as its slider does; returns all coordinates. */
   slide(name, value) { slide(sliders.sliders.find((s) => s.name === name), value); return [...pose]; },
   /** The number of poses received from a host. */
-  heard() { return heard; },
+  received() { return received; },
   shown() { return { ...state, row: row() }; },
   frames() { return renderer.info.render.frame; },
 };

@@ -4,7 +4,7 @@ const { AmbientLight, AnimationMixer, Box3, BufferGeometry, Color, DirectionalLi
   Scene, Vector2, Vector3, Vector4, WebGLRenderer,
 } = Libraries;
 function bytes(id) {
-  const text = atob(held(id)), all = new Uint8Array(text.length);
+  const text = atob(textOf(id)), all = new Uint8Array(text.length);
   for (let i = 0; i < all.length; i++) all[i] = text.charCodeAt(i);
   return all.buffer;
 }
@@ -12,7 +12,7 @@ const remainders = Uint32Array.from({ length: 256 }, (_, byte) => {
   for (let bit = 0; bit < 8; bit++) byte = (byte >>> 1) ^ (byte & 1 && 0xedb88320);
   return byte;
 });
-const about = JSON.parse(held('about'));
+const about = JSON.parse(textOf('about'));
 const numbers = new Float32Array(bytes('table'));
 let t = numbers.subarray(0, about.rows);
 const columns = about.columns.map((c, i) => measured({ ...c, values: numbers.subarray((i + 1) * about.rows, (i + 2) * about.rows) }));
@@ -21,7 +21,7 @@ let [first, last] = about.motions.length ? [0, about.period] : [t[0], t[t.length
 const state = { time: first, playing: false, body: '', chosen: columns.slice(0, 1).map((c) => c.name), over: '', follow: outlook.follow };
 
 /** The text of an element, verified by its CRC-32 (ISO/IEC 13239). */
-function held(id) {
+function textOf(id) {
   const element = by(id), text = element?.textContent ?? '';
   let crc = -1;
   for (let i = 0; i < text.length; i++) crc = (crc >>> 8) ^ remainders[(crc ^ text.charCodeAt(i)) & 255];

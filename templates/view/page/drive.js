@@ -24,7 +24,7 @@ class Growing {
 
 const run = {
   sim: undefined, core: undefined, module: undefined, road: undefined, given: {}, script: undefined, busy: false, axes: [], step: 0, rest: 0, keys: new Set(), events: [], snapshots: [], rows: [], times: new Growing(),
-  late: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, speed: 0, camera: drive?.car ? 'chase' : 'orbit', heading: undefined, pad: undefined, drawn: 0, told: 0, frames: 0,
+  late: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, speed: 0, camera: drive?.car ? 'chase' : 'orbit', heading: undefined, pad: undefined, drawn: 0, reportedAt: 0, frames: 0,
 };
 
 /** An input or a parameter moved by keys, a slider, touch or a gamepad: `place` is from -1 to 1, with 0 at rest. */
@@ -37,8 +37,8 @@ class Axis {
     return this.rest + Math.abs(this.place) * (end - this.rest);
   }
   placeOf(value) {
-    const way = value - this.rest, far = Math.sign(way) === Math.sign(this.low - this.rest) ? this.rest - this.low : this.high - this.rest;
-    return far ? Math.min(Math.max(way / far, -1), 1) : 0;
+    const offset = value - this.rest, reach = Math.sign(offset) === Math.sign(this.low - this.rest) ? this.rest - this.low : this.high - this.rest;
+    return reach ? Math.min(Math.max(offset / reach, -1), 1) : 0;
   }
   /** The direction of the keys that are down. */
   get keyed() {
@@ -57,15 +57,15 @@ class Axis {
   move(dt) {
     const pushed = this.pushed, [away, back] = PACE[this.role];
     if (pushed && !this.touched) this.place = this.placeOf(run.sim.input(this.name));
-    if (pushed) { this.touched = true; this.wanted = away && !this.role ? this.place + Math.sign(pushed) : pushed; this.held = false; }
-    else if (back && !this.held) this.wanted = 0;
-    else if (!this.held) this.wanted = this.place;
+    if (pushed) { this.touched = true; this.wanted = away && !this.role ? this.place + Math.sign(pushed) : pushed; this.fixed = false; }
+    else if (back && !this.fixed) this.wanted = 0;
+    else if (!this.fixed) this.wanted = this.place;
     const most = (pushed && Math.sign(pushed) === Math.sign(pushed - this.place) ? away * (this.keyed ? this.reach : 1) : Math.max(back, away)) * dt;
-    const way = this.wanted - this.place;
-    this.place = Math.min(Math.max(this.held ? this.wanted : this.place + Math.min(Math.max(way, -most), most), -1), 1);
+    const change = this.wanted - this.place;
+    this.place = Math.min(Math.max(this.fixed ? this.wanted : this.place + Math.min(Math.max(change, -most), most), -1), 1);
   }
   /** Sets the slider's position, which stays until a key is pressed. */
-  put(place) { [this.wanted, this.held, this.touched] = [place, true, true]; }
+  put(place) { [this.wanted, this.fixed, this.touched] = [place, true, true]; }
   /** Passes the value to the simulation if it has changed. */
   send() {
     if (!this.touched || this.value === this.sent) return;
@@ -74,9 +74,9 @@ class Axis {
     give(run.core, run.sim, this.name, this.value);
   }
   /** Takes the value of a replayed drive. */
-  take(value) { [this.place, this.wanted, this.touched, this.held, this.sent] = [this.placeOf(value), this.placeOf(value), true, !this.role, value]; }
-  get state() { return [this.place, this.wanted, this.touched, this.held, this.sent]; }
-  set state(state) { [this.place, this.wanted, this.touched, this.held, this.sent] = state; }
+  take(value) { [this.place, this.wanted, this.touched, this.fixed, this.sent] = [this.placeOf(value), this.placeOf(value), true, !this.role, value]; }
+  get state() { return [this.place, this.wanted, this.touched, this.fixed, this.sent]; }
+  set state(state) { [this.place, this.wanted, this.touched, this.fixed, this.sent] = state; }
 }
 
 /** The inputs of a saved drive, by steps. */
@@ -147,7 +147,7 @@ function stop(error) {
 }
 
 /** Returns to the last snapshot at or before a time and discards what came later. */
-function goBack(time) {
+function rewind(time) {
   playDrive(false);
   const at = Math.max(0, run.snapshots.findLastIndex((each) => each.time <= time + 1e-9)), to = run.snapshots[at];
   run.snapshots.length = at + 1;
@@ -161,7 +161,7 @@ function goBack(time) {
 }
 
 /** A simulation at the start of the scene, with given values. */
-function begun(core, given) {
+function startSimulation(core, given) {
   const sim = core.create();
   sim.setStep(drive.dt);
   for (const [name, value] of Object.entries(given)) give(core, sim, name, value);
@@ -175,7 +175,7 @@ function restart(given = drive.given) {
   if (run.sim && given === run.given) run.sim.restore(run.snapshots[0].bytes);
   else {
     run.sim?.free();
-    run.sim = begun(run.core, given);
+    run.sim = startSimulation(run.core, given);
   }
   run.axes = drive.axes.map((each, i) => Object.assign(new Axis(each), shownBy[i]));
   Object.assign(run, { given, script: undefined, step: 0, rest: 0, events: [], snapshots: [], times: new Growing(), late: 0, frames: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, speed: speedOf(run.sim.poses), heading: undefined });
@@ -222,10 +222,10 @@ function driveFrame(now) {
   run.rest += elapsed * speed;
   run.wall += elapsed;
   run.pad = [...(navigator.getGamepads?.() ?? [])].find((pad) => pad?.connected && pad.mapping === 'standard');
-  let goes = true;
-  while (goes && run.rest >= dt && performance.now() - began < 1000 * BUDGET) {
+  let isRunning = true;
+  while (isRunning && run.rest >= dt && performance.now() - began < 1000 * BUDGET) {
     const count = Math.min(8, Math.floor(run.rest / dt));
-    goes = takeSteps(count);
+    isRunning = takeSteps(count);
     run.rest -= count * dt;
     run.simulated += count * dt;
   }
@@ -233,9 +233,9 @@ function driveFrame(now) {
   run.frames++;
   if (run.rest >= dt) { run.late++; run.rest = 0; }
   showDriven(now - run.drawn > 1000 * CURVES);
-  if (now - run.told > 1000 * FIGURES) { run.told = now; showFigures(); }
+  if (now - run.reportedAt > 1000 * FIGURES) { run.reportedAt = now; showFigures(); }
   if (now - kept.at > kept.every) storeDrive();
-  if (goes && state.playing) requestAnimationFrame(driveFrame);
+  if (isRunning && state.playing) requestAnimationFrame(driveFrame);
 }
 
 /** Draws bodies, camera, sliders and clock; curves too if requested. */
@@ -263,7 +263,7 @@ function showDriven(curves) {
 function showAxis(axis) {
   const value = axis.touched || axis.kind === 'parameter' ? axis.value : run.sim.input(axis.name);
   axis.output.textContent = `${+value.toPrecision(4)} ${axis.unit}`;
-  if (document.activeElement !== axis.input || !axis.held) axis.input.value = axis.touched ? axis.place : 0;
+  if (document.activeElement !== axis.input || !axis.fixed) axis.input.value = axis.touched ? axis.place : 0;
   if (axis.bar) axis.bar.style.setProperty('--place', axis.place);
 }
 
@@ -287,10 +287,10 @@ function showDials(speed) {
 /** A drawing of each wheel at its position, forward is up. */
 function layWheels() {
   const part = (name, parent, given = {}) => { const made = document.createElementNS('http://www.w3.org/2000/svg', name); for (const [key, value] of Object.entries(given)) made.setAttribute(key, value); return parent.appendChild(made); };
-  const far = [0, 1].map((axis) => Math.max(...drive.wheels.map(({ at }) => Math.abs(at[axis] - middle(axis))), 1e-9));
+  const extent = [0, 1].map((axis) => Math.max(...drive.wheels.map(({ at }) => Math.abs(at[axis] - middle(axis))), 1e-9));
   function middle(axis) { const all = drive.wheels.map(({ at }) => at[axis]); return (Math.min(...all) + Math.max(...all)) / 2; }
   run.wheels = drive.wheels.map(({ at, name }) => {
-    const group = part('g', by('wheels'), { transform: `translate(${88 - 34 * (at[1] - middle(1)) / far[1]} ${58 - 30 * (at[0] - middle(0)) / far[0]})` });
+    const group = part('g', by('wheels'), { transform: `translate(${88 - 34 * (at[1] - middle(1)) / extent[1]} ${58 - 30 * (at[0] - middle(0)) / extent[0]})` });
     part('title', group).textContent = `${name}: load in kN, the circle of its friction, its force`;
     return ['circle', 'line', 'circle', 'text'].map((kind, i) => part(kind, group, [{}, {}, { r: 3, class: 'dot' }, { x: at[1] > middle(1) ? -30 : 30, y: 4, 'text-anchor': at[1] > middle(1) ? 'end' : 'start' }][i]));
   });
@@ -310,7 +310,7 @@ function look(from) {
   const at = node.getWorldPosition(new Vector3());
   if (ground.road) { sun.position.copy(at).add(new Vector3(-4, 9, 5).multiplyScalar(size)); sun.target.position.copy(at); }
   if (run.camera === 'orbit') return;
-  const turn = node.getWorldQuaternion(new Quaternion()), ahead = new Vector3(1, 0, 0).applyQuaternion(turn), up = new Vector3(0, 1, 0);
+  const rotation = node.getWorldQuaternion(new Quaternion()), ahead = new Vector3(1, 0, 0).applyQuaternion(rotation), up = new Vector3(0, 1, 0);
   if (run.camera === 'driver') {
     camera.position.copy(at).addScaledVector(up, 0.22 * size);
     orbit.target.copy(camera.position).addScaledVector(ahead, 4 * size);
@@ -410,7 +410,7 @@ function listen() {
     else if (e.code === 'KeyR') resetDrive();
     else if (e.code === 'KeyC') chooseCamera({ chase: 'driver', driver: 'orbit', orbit: 'chase' }[run.camera]);
     else if (e.code === 'KeyH') by('keys').hidden = !by('keys').hidden;
-    else if (e.code === 'Backspace') { e.preventDefault(); goBack(run.sim.time - 3); }
+    else if (e.code === 'Backspace') { e.preventDefault(); rewind(run.sim.time - 3); }
   });
   addEventListener('keyup', (e) => run.keys.delete(e.code));
   addEventListener('blur', () => run.keys.clear());
@@ -419,9 +419,9 @@ function listen() {
   addEventListener('gamepaddisconnected', () => { if (!run.pad) return; run.pad = undefined; playDrive(false); say('The gamepad is gone: paused. Plug it in, or go on with the keys.'); });
   by('play').addEventListener('click', () => playDrive(!state.playing));
   by('again').addEventListener('click', () => resetDrive());
-  by('back').addEventListener('click', () => goBack(run.sim.time - 3));
+  by('back').addEventListener('click', () => rewind(run.sim.time - 3));
   by('time').addEventListener('input', (e) => { playDrive(false); by('clock').textContent = `back to ${(Number(e.target.value) * last).toFixed(1)} s`; });
-  by('time').addEventListener('change', (e) => goBack(Number(e.target.value) * last));
+  by('time').addEventListener('change', (e) => rewind(Number(e.target.value) * last));
   by('camera').addEventListener('change', (e) => chooseCamera(e.target.value));
   by('rescue').addEventListener('click', saveDrive);
 }
@@ -457,12 +457,12 @@ const driven = {
     showDriven(true);
     return run.step;
   },
-  road: changeRoad, goOn, ghost: raceGhost, store: storeDrive, kept: () => kept,
+  road: changeRoad, continueDrive, ghost: raceGhost, store: storeDrive, kept: () => kept,
   heights() { return Array.from(run.road.field?.heights ?? []); },
   groundBelow() { return heightAt(run.sim.poses[0], run.sim.poses[1]); },
   /** The position of a body's ghost, in the model's axes. */
   rival(body) { return rival.figure.nodes.get(body).position.toArray(); },
-  goBack, reset: resetDrive, table: driveTable, log: driveLog, camera: chooseCamera,
+  rewind, reset: resetDrive, table: driveTable, log: driveLog, camera: chooseCamera,
   shown() { return { step: run.step, time: run.sim.time, late: run.late, fault: run.fault?.message ?? '', playing: state.playing, snapshots: run.snapshots.length, camera: run.camera, road: run.road?.name ?? '', ghost: rival.rows?.length ?? 0, axes: Object.fromEntries(run.axes.map((axis) => [axis.name, axis.value])) }; },
   outputs() { return Array.from(run.sim.outputs); },
   simulation() { return run.sim; },

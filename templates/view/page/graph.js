@@ -3,7 +3,7 @@ const { graph } = about;
 const SVG = 'http://www.w3.org/2000/svg';
 const parts = new Map();  // of the graph, by the element's name
 const eyeOfGraph = { x: 0, y: 0, scale: 1 };
-let told = '';
+let selected = '';
 
 function shape(parent, kind, attributes, text) {
   const made = document.createElementNS(SVG, kind);
@@ -16,8 +16,8 @@ function shape(parent, kind, attributes, text) {
 /** The group of an element, which a click selects. */
 function part(parent, name, kind) {
   const made = shape(parent, 'g', { class: kind, tabindex: 0, role: 'button', 'aria-label': name });
-  made.addEventListener('click', () => tell(name));
-  made.addEventListener('keydown', (e) => { if (e.key === 'Enter') tell(name); });
+  made.addEventListener('click', () => select(name));
+  made.addEventListener('keydown', (e) => { if (e.key === 'Enter') select(name); });
   parts.set(name, made);
   return made;
 }
@@ -26,11 +26,11 @@ const marksOf = (link) => (link.is_noted ? ' noted' : '') + (link.is_removed ? '
 
 function drawGraph() {
   const bodies = new Map(graph.bodies.map((b) => [b.name, b])), svg = by('graph');
-  const ways = shape(svg, 'g', {}), boxes = shape(svg, 'g', {});
-  for (const link of graph.links.filter((l) => !l.cut)) drawTreeJoint(ways, link, bodies);
-  for (const [i, link] of graph.links.filter((l) => l.cut).entries()) drawCut(ways, link, i, bodies);
+  const edges = shape(svg, 'g', {}), boxes = shape(svg, 'g', {});
+  for (const link of graph.links.filter((l) => !l.cut)) drawTreeJoint(edges, link, bodies);
+  for (const [i, link] of graph.links.filter((l) => l.cut).entries()) drawCut(edges, link, i, bodies);
   for (const body of graph.bodies) {
-    const g = part(boxes, body.name, `body kin${body.kin < 0 ? '' : body.kin % 6}${body.is_removed ? ' gone' : ''}`);
+    const g = part(boxes, body.name, `body family${body.family < 0 ? '' : body.family % 6}${body.is_removed ? ' gone' : ''}`);
     shape(g, 'rect', { x: body.x, y: body.y - 13, width: body.width, height: 26, rx: 6 });
     shape(g, 'text', { x: body.x + body.width / 2, y: body.y + 4, 'text-anchor': 'middle' }, body.short);
   }
@@ -38,8 +38,8 @@ function drawGraph() {
 
 function drawTreeJoint(parent, link, bodies) {
   const [a, b] = [bodies.get(link.base), bodies.get(link.follower)].sort((one, other) => one.x - other.x);
-  const turn = a.x + a.width + 12, g = part(parent, link.name, `joint${marksOf(link)}`);
-  const d = `M ${a.x + a.width} ${a.y} H ${turn} V ${b.y} H ${b.x}`;
+  const elbow = a.x + a.width + 12, g = part(parent, link.name, `joint${marksOf(link)}`);
+  const d = `M ${a.x + a.width} ${a.y} H ${elbow} V ${b.y} H ${b.x}`;
   shape(g, 'path', { d, class: 'reach' });
   shape(g, 'path', { d });
   const label = shape(g, 'text', { x: b.x - 8, y: b.y - 5, 'text-anchor': 'end' }, link.short);
@@ -70,19 +70,19 @@ function placeOf(wanted) {
 }
 
 /** Shows an element's details and highlights it with its loop. */
-function tell(name) {
-  told = told === name ? '' : name;
-  const link = graph.links.find((l) => l.name === told), body = graph.bodies.find((b) => b.name === told);
-  const lit = new Set([told, ...(link?.members ?? []), ...(link ? [link.base, link.follower] : [])]);
-  by('graph').classList.toggle('choosing', told !== '');
+function select(name) {
+  selected = selected === name ? '' : name;
+  const link = graph.links.find((l) => l.name === selected), body = graph.bodies.find((b) => b.name === selected);
+  const lit = new Set([selected, ...(link?.members ?? []), ...(link ? [link.base, link.follower] : [])]);
+  by('graph').classList.toggle('choosing', selected !== '');
   for (const [other, g] of parts) g.classList.toggle('lit', lit.has(other));
   const [place, line, ...notes] = (link ?? body)?.about ?? [];
-  by('detail').hidden = !told;
-  by('element').textContent = told;
+  by('detail').hidden = !selected;
+  by('element').textContent = selected;
   by('kind').textContent = link ? `${link.cut && link.kind !== 'gear' ? 'cut, ' : ''}${link.kind}, ${link.base} to ${link.follower}` : 'body';
   by('line').textContent = place === undefined ? 'the fixed world' : `${place}\n${line}`;
   by('notes').replaceChildren(...notes.map((note) => Object.assign(document.createElement('li'), { textContent: note })));
-  if (body && nodes.has(told)) choose(told);
+  if (body && nodes.has(selected)) choose(selected);
 }
 
 function lookAtGraph() {
@@ -111,9 +111,9 @@ function showGraph() {
   if (!graph) return;
   by('tabs').hidden = false;
   by('said').replaceChildren(...graph.facts.map(tableLine));
-  by('kins').replaceChildren(...graph.kins.map((text, i) => {
+  by('families').replaceChildren(...graph.families.map((text, i) => {
     const item = document.createElement('li');
-    item.className = `kin${i % 6}`;
+    item.className = `family${i % 6}`;
     item.textContent = text;
     return item;
   }));

@@ -35,7 +35,7 @@ function findKept() {
   by('kept').hidden = !(kept.earlier?.steps > 0);
   const lasted = kept.earlier ? kept.earlier.steps * kept.earlier.dt : 0;
   by('lasted').textContent = kept.earlier ? `A drive of ${lasted.toFixed(lasted < 1 ? 1 : 0)} s is kept from before this page was closed.` : '';
-  by('goon').addEventListener('click', () => goOn(kept.earlier));
+  by('continue').addEventListener('click', () => continueDrive(kept.earlier));
   by('race').addEventListener('click', () => raceGhost(kept.earlier));
   by('forget').addEventListener('click', () => { by('kept').hidden = true; });
   by('rival').addEventListener('change', async (e) => {
@@ -74,7 +74,7 @@ async function inSlices(count, call, what) {
 }
 
 /** Resumes a saved drive from its end, bit by bit. */
-async function goOn(log) {
+async function continueDrive(log) {
   playDrive(false);
   by('kept').hidden = true;
   if (run.busy || !fits(log)) return;
@@ -97,7 +97,7 @@ async function raceGhost(log) {
   if (log) {
     const core = await instantiate(run.module), road = drive.ground && makeRoad(log.road ?? '', log.seed ?? 1), script = new Script(log);
     if (road) layRoad(core, road);
-    const sim = begun(core, log.given), rows = [], times = [];
+    const sim = startSimulation(core, log.given), rows = [], times = [];
     const note = () => { times.push(sim.time); rows.push({ poses: about.bodies.map((_, i) => Array.from(sim.poses.subarray(16 * i, 16 * i + 7))), outputs: Float32Array.from(sim.outputs) }); };
     note();
     let step = 0;

@@ -1,5 +1,5 @@
 // A host that runs elsewhere: poses of bodies arrive as events.
-let heard = 0;
+let received = 0;
 
 /** Applies the positions of bodies' centres of mass and their attitudes w, x, y, z to a drawn mechanism. */
 function stand(figure, poses) {
@@ -16,7 +16,7 @@ function stand(figure, poses) {
 
 /** Shows a pose at a time. */
 function follow(time, ...poses) {
-  heard++;
+  received++;
   const before = state.follow && nodes.get(state.follow)?.getWorldPosition(new Vector3());
   stand(shown, poses);
   state.time = time;

@@ -24,7 +24,7 @@ function traceBody(body) {
     scene.remove(drawn);
     traces.delete(body);
   } else if (action && nodes.has(body)) {
-    const line = lineThrough(wayOf(body), new Color(colourOf(`--loop${traces.size % 6}`)));
+    const line = lineThrough(pathOf(body), new Color(colourOf(`--loop${traces.size % 6}`)));
     traces.set(body, line);
     scene.add(line);
   }
@@ -32,7 +32,7 @@ function traceBody(body) {
 }
 
 /** The positions of a body's centre of mass at its key times, in the scene's axes. */
-function wayOf(body) {
+function pathOf(body) {
   const node = nodes.get(body), track = action.getClip().tracks.find((each) => each.name === `${node.uuid}.position` || each.name === `${node.name}.position`);
   if (!track) return [node.getWorldPosition(new Vector3())];
   const { values } = track;

@@ -19,10 +19,10 @@ function retract(q, delta) {
 const speeds = () => Math.max(0, ...sliders.charts.map((c) => c.v + c.scalars + 3 * c.ball));
 
 /** The columns of the residual's Jacobian by finite differences, zero for the fixed velocity. */
-function jacobian(q, residual, held) {
+function jacobian(q, residual, fixed) {
   const n = speeds(), step = 1e-7;
   return Array.from({ length: n }, (_, k) => {
-    if (k === held) return residual.map(() => 0);
+    if (k === fixed) return residual.map(() => 0);
     const delta = new Array(n).fill(0);
     delta[k] = step;
     return Mechanism.residual(retract(q, delta)).map((value, i) => (value - residual[i]) / step);
@@ -53,14 +53,14 @@ function solve(columns, residual) {
 }
 
 /** Coordinates near q that close the loops with one of them fixed; undefined if there are none. */
-function closed(q, held) {
+function closed(q, fixed) {
   let best = Infinity;
   for (let round = 0; round < ROUNDS; round++) {
     const residual = Mechanism.residual(q), error = Math.max(0, ...residual.map(Math.abs));
     if (!Number.isFinite(error)) return undefined;
     if (error === 0 || (error < CLOSED && error >= best / 2)) return q;
     best = Math.min(best, error);
-    q = retract(q, solve(jacobian(q, residual, held), residual));
+    q = retract(q, solve(jacobian(q, residual, fixed), residual));
   }
   return best < 1e3 * CLOSED ? q : undefined;
 }
@@ -120,9 +120,9 @@ function placeOther(other, figure) {
     if (other.from.body) axis.transformDirection(frames.get(other.from.body));
     start.copy(end).addScaledVector(axis, -end.clone().sub(start).dot(axis));
   }
-  const way = end.clone().sub(start), length = Math.max(way.length(), outlook.extent * 0.013);
+  const span = end.clone().sub(start), length = Math.max(span.length(), outlook.extent * 0.013);
   node.position.copy(start);
-  node.quaternion.setFromUnitVectors(new Vector3(0, 0, 1), way.lengthSq() ? way.normalize() : axis);
+  node.quaternion.setFromUnitVectors(new Vector3(0, 0, 1), span.lengthSq() ? span.normalize() : axis);
   node.scale.set(1, 1, length);
 }
 

@@ -19,9 +19,9 @@ function setTime(time) {
 
 /** Moves the camera with the followed body. */
 function keepInMiddle(before) {
-  const way = nodes.get(state.follow).getWorldPosition(new Vector3()).sub(before);
-  camera.position.add(way);
-  orbit.target.add(way);
+  const shift = nodes.get(state.follow).getWorldPosition(new Vector3()).sub(before);
+  camera.position.add(shift);
+  orbit.target.add(shift);
   orbit.update();
 }
 

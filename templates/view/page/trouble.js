@@ -1,7 +1,7 @@
 // The notice of a page that cannot show its content, present until all is ready.
 const by = (id) => document.getElementById(id);
 
-function tellTrouble(error) {
+function showError(error) {
   const notice = by('notice') ?? document.body.appendChild(document.createElement('p'));
   document.body.dataset.ready = 'no';
   notice.id = 'notice';
@@ -14,6 +14,6 @@ for (const [name, thrown] of [['error', (e) => e.error], ['unhandledrejection', 
   addEventListener(name, (e) => {
     if (!thrown(e)) return;
     e.preventDefault();
-    tellTrouble(thrown(e));
+    showError(thrown(e));
   });
 }

@@ -128,9 +128,9 @@ def _embed_block(model: Model, topology: Topology, block: Block, scene: Scene, s
     """A block as an embedded loop."""
     _require_simple(model, block)
     names = {joint.name for joint in block.joints}
-    given = sorted({key.rpartition(".")[0] for key in (*scene.positions, *scene.rates)} & names)
-    if len(given) > 1:
-        raise NoEmbeddingError(f"the scene gives {join_and(given)}, of which only one can be independent")
+    started = sorted({key.rpartition(".")[0] for key in (*scene.positions, *scene.rates)} & names)
+    if len(started) > 1:
+        raise NoEmbeddingError(f"the scene gives {join_and(started)}, of which only one can be independent")
     drive = block.drives[0] if block.drives else None
     motion = _drive_motion(model, drive, scene.end, input_functions(model, scene)) if drive is not None else None
     u = motion.range if motion is not None else Interval(lower=0.0, upper=0.0)
@@ -138,24 +138,24 @@ def _embed_block(model: Model, topology: Topology, block: Block, scene: Scene, s
     first = BlockLoops(driven_by_time(topology, moved), block)
     if first.open and u.half > 0:
         raise NoEmbeddingError("its geometry has tunable parameters, and its guide moves")
-    if not given and scene.pose != "equilibrium" and scene.trim is None:
+    if not started and scene.pose != "equilibrium" and scene.trim is None:
         _require_closed(first, motion)
     if motion is not None and motion.rate != 0 and not {key.rpartition(".")[0] for key in scene.rates} & names:
         raise NoEmbeddingError("its guide moves at the start, where the scene gives no speed of it")
-    joint, tried = _first_independent(fastest_joints(first, u.middle), given), list[str]()
+    joint, tried = _first_independent(fastest_joints(first, u.middle), started), list[str]()
     used = [force.joint_of for force in model.forces if force.joint_of]
     while True:
         cuts = spanning_cuts(block, joint, used)
         tree, closing = split(model, {cut.name for cut in topology.cuts} - names | cuts)
         loops = BlockLoops(driven_by_time(replace(topology, tree=tree, cuts=closing), moved), block)
         candidates = find_independent(loops, trace(loops, u.middle, seen.curves))
-        best = next((independent for independent in candidates if not given or independent.joint.name in given), None)
+        best = next((independent for independent in candidates if not started or independent.joint.name in started), None)
         own = next((independent for independent in candidates if independent.joint is joint), None)
         tried.append(joint.name)
         if best is not None and own is not None and own.travel >= best.travel / 2:
             break
         if best is None or best.joint.name in tried:
-            raise NoEmbeddingError(f"the scene gives {given[0]}, which cannot be independent" if given else NO_INDEPENDENT)
+            raise NoEmbeddingError(f"the scene gives {started[0]}, which cannot be independent" if started else NO_INDEPENDENT)
         joint = best.joint
     functions = fit(loops, own, u, Wanted(tolerance=scene.numerics.loop_tolerance, terms=scene.numerics.loop_terms), seen.ranges)
     terms = sum(coefficient != 0 for found in functions.series.values() for one in found for row in one.coefficients for coefficient in row)

@@ -53,12 +53,12 @@ class BodyLoad(Force):
     @classmethod
     def read(cls, reader: Reader) -> Self:
         """The record of an element in a model file."""
-        is_force = reader.given("force") is not None
+        is_force = reader.field("force") is not None
         name, law = ("force", _FORCE) if is_force else ("torque", _TORQUE)
         components = reader.triple(name, law, let="let")
         return cls(
-            **reader.common(), body=reader.body("body"), point=reader.point("at") if reader.given("at") is not None else None,
-            axes=reader.given("axes"), components=components, moving_only=reader.given("moving_only"),
+            **reader.common(), body=reader.body("body"), point=reader.point("at") if reader.field("at") is not None else None,
+            axes=reader.field("axes"), components=components, moving_only=reader.field("moving_only"),
         )  # fmt: skip
 
     @property

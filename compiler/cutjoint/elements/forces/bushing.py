@@ -82,7 +82,7 @@ class Bushing(Force):
 def _read_law(reader: Reader, index: int) -> Scalar:
     """The restoring force along an axis, or torque about one, on the follower."""
     law, per_position, per_rate = _LAWS[index]
-    if reader.given("laws") is not None:
+    if reader.field("laws") is not None:
         return reader.law("laws", index, law=law)
     stiffness, damping = (
         reader.number(name, index, unit=unit) for name, unit in (("stiffness", per_position), ("damping", per_rate))

@@ -70,11 +70,11 @@ class Contact(Force):
     @classmethod
     def read(cls, reader: Reader) -> Self:
         """The record of an element in a model file."""
-        is_plane = reader.given("normal") is not None
+        is_plane = reader.field("normal") is not None
         normal = reader.direction("normal") if is_plane else None
         return cls(
             **reader.common(), start=reader.point("at"), centre=reader.point("centre"), normal=normal,
-            along=reader.direction("axis") if normal is None else reader.across(normal, "along"), inside=reader.given("inside"),
+            along=reader.direction("axis") if normal is None else reader.across(normal, "along"), inside=reader.field("inside"),
             ball=reader.number("radius", unit="m"), cylinder=None if is_plane else reader.number("cylinder", unit="m"),
             force=reader.triple("force", _FORCE, let="let"),
         )  # fmt: skip

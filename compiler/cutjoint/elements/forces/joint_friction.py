@@ -60,11 +60,11 @@ class JointFriction(OnJoint):
         joint, coordinate, unit = reader.coordinate("joint", "coordinate")
         law, bristle = reader.friction(unit)
         preload, radius, arm, thrust_radius = (
-            None if reader.given(name) is None else reader.number(name, unit=of) for name, of in _OF_LOAD.items()
+            None if reader.field(name) is None else reader.number(name, unit=of) for name, of in _OF_LOAD.items()
         )
         return cls(
             **reader.common(), joint=joint, coordinate=coordinate, unit=unit, law=law, bristle=bristle, preload=preload,
-            carried=reader.given("carried"), bearing_radius=radius, arm=arm, thrust_radius=thrust_radius,
+            carried=reader.field("carried"), bearing_radius=radius, arm=arm, thrust_radius=thrust_radius,
         )  # fmt: skip
 
     @property

@@ -15,7 +15,7 @@ TERRAIN_FIELDS = tuple(ForceField(name, Shape.NUMBER, None, unit=unit) for name,
 
 def read_terrain(reader: Reader) -> Mapping[str, Any]:
     """The expressions of those fields that are given."""
-    return {name: reader.expression(name, unit=unit) for name, unit in TERRAIN.items() if reader.given(name) is not None}
+    return {name: reader.expression(name, unit=unit) for name, unit in TERRAIN.items() if reader.field(name) is not None}
 
 
 @dataclass(frozen=True, kw_only=True)

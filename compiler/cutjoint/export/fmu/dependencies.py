@@ -64,11 +64,11 @@ class StartDependencies:
     by_settings: bool
 
 
-def find_dependencies(equations: RecursiveEquations, given: Iterable[str]) -> tuple[StartDependencies, ...]:
-    """The dependencies of each column; ``given`` are the names of the coordinates and speeds that the start gives."""
+def find_dependencies(equations: RecursiveEquations, seeds: Iterable[str]) -> tuple[StartDependencies, ...]:
+    """The dependencies of each column; ``seeds`` are the names of the coordinates and speeds that the start gives."""
     names = ("evaluate", "constraint_residual")
     solving = find_leaves(block for name in names for block in equations.function(name).results.values())
-    solved, report = replace(solving, symbols=frozenset(given)), equations.function("report").results
+    solved, report = replace(solving, symbols=frozenset(seeds)), equations.function("report").results
     return tuple(_of_column(equations, find_leaves([report[f"column:{c.name}"]]), solved) for c in equations.columns)
 
 

@@ -120,14 +120,14 @@ def _with_states(interface: Interface, equations: RecursiveEquations, dofs: int)
     speeds = tuple(range(first_state + dofs, first_state + count))
     accelerations, columns = find_column_dependencies(equations)
 
-    def with_rates(given: Iterable[int]) -> tuple[int, ...]:
+    def with_rates(inputs: Iterable[int]) -> tuple[int, ...]:
         """Inputs by their value references, with those of their rates."""
-        numbers = [rated.index(g - first_input) for g in given if g - first_input in rated]
-        return tuple(sorted({*given, *(first_rate + 2 * k + order for k in numbers for order in (0, 1))}))
+        numbers = [rated.index(g - first_input) for g in inputs if g - first_input in rated]
+        return tuple(sorted({*inputs, *(first_rate + 2 * k + order for k in numbers for order in (0, 1))}))
 
     def known(following: Dependencies) -> tuple[int, ...]:
-        time, given = ((0,) if following.time else ()), with_rates([first_input + i for i in following.inputs])
-        return (*time, *given, *(places if following.positions else ()), *(speeds if following.rates else ()))
+        time, inputs = ((0,) if following.time else ()), with_rates([first_input + i for i in following.inputs])
+        return (*time, *inputs, *(places if following.positions else ()), *(speeds if following.rates else ()))
 
     start = with_rates(range(1, first_input + len(interface.inputs)))  # a state is chosen in the pose that all of it leads to
     kinds = [_STATES[0]] * dofs + [_STATES[1]] * dofs + [_STATES[2]] * (count - 2 * dofs)
@@ -152,11 +152,11 @@ def _with_states(interface: Interface, equations: RecursiveEquations, dofs: int)
     )  # fmt: skip
 
 
-def _rates(given: Variable) -> tuple[Variable, Variable]:
-    unit = given.unit or "1"
+def _rates(value: Variable) -> tuple[Variable, Variable]:
+    unit = value.unit or "1"
     return (
-        replace(given, name=f"der({given.name})", description=f"Derivative of {given.name}", unit=f"{unit}/s", start=0.0),
-        replace(given, name=f"der({given.name},2)", description=f"Second derivative of {given.name}", unit=f"{unit}/s^2", start=0.0),
+        replace(value, name=f"der({value.name})", description=f"Derivative of {value.name}", unit=f"{unit}/s", start=0.0),
+        replace(value, name=f"der({value.name},2)", description=f"Second derivative of {value.name}", unit=f"{unit}/s^2", start=0.0),
     )
 
 
@@ -185,12 +185,12 @@ def _pose(element: str) -> Iterator[Variable]:
 
 
 def _settings(run_file: RunFile) -> Iterator[Variable]:
-    given = run_file.settings
-    settings = [("step", "Length of the integrator's steps", "s", given.dt)]
-    if INTEGRATORS[given.integrator].adaptive:
-        settings = [("step", "Longest step", "s", given.dt)]
-        settings.append(("relative_tolerance", "Error of a step as a share of a coordinate or speed", "", given.tolerance))
-        settings.append(("absolute_tolerance", "Error of a step in SI units", "", given.absolute_tolerance or given.tolerance))
+    of_run = run_file.settings
+    settings = [("step", "Length of the integrator's steps", "s", of_run.dt)]
+    if INTEGRATORS[of_run.integrator].adaptive:
+        settings = [("step", "Longest step", "s", of_run.dt)]
+        settings.append(("relative_tolerance", "Error of a step as a share of a coordinate or speed", "", of_run.tolerance))
+        settings.append(("absolute_tolerance", "Error of a step in SI units", "", of_run.absolute_tolerance or of_run.tolerance))
     for name, description, unit, value in settings:
         yield Variable(
             name=f"integrator.{name}", causality="parameter", variability="tunable", description=description, unit=unit, start=float(value)

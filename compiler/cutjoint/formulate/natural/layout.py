@@ -260,8 +260,8 @@ class _Builder:
         """Choose the basis of a group and its shared nodes."""
         if group != GROUND:
             bodies = tuple(self._bodies_of[group])
-            given = self._given(group)
-            basis, surplus = self._choose(group, given, self._needs[group])
+            existing = self._given(group)
+            basis, surplus = self._choose(group, existing, self._needs[group])
             pairs = [
                 (_displacement(basis, i), _displacement(basis, j)) for i in range(1, len(basis)) for j in range(i, len(basis))
                 if not self.layout.settled([*_displacement(basis, i), *_displacement(basis, j)], group)
@@ -270,28 +270,28 @@ class _Builder:
             self.layout.groups[group] = Group(
                 name=group, bodies=bodies, basis=tuple(basis), inverse=self._inverse(basis), pairs=tuple(pairs), surplus=tuple(surplus)
             )
-            for node in given:
+            for node in existing:
                 self.layout.carry(group, node)
             for node in basis:
-                if node not in given:
+                if node not in existing:
                     self.layout.add(node)
         self._done.add(group)
         self._first_of_attitude.setdefault(self._attitude_of[group], group)
 
     def _given(self, group: str) -> list[Node]:
         """The nodes that joints share with groups laid out before, points first."""
-        given: dict[Node, None] = {}
+        existing: dict[Node, None] = {}
         mate = self._first_of_attitude.get(self._attitude_of[group])
         if mate is not None:
             needs = [Need(kind=NodeKind.VECTOR, place=axis, title=NodeName(mate, "xyz"[i])) for i, axis in enumerate(GLOBAL_AXES)]
-            given |= dict.fromkeys(self.layout.shared(mate, need) for need in needs)
+            existing |= dict.fromkeys(self.layout.shared(mate, need) for need in needs)
         for joint in self._joints_at[group]:
             base, follower = self.group_of[joint.base], self.group_of[joint.follower]
             other = follower if base == group else base
             if other in self._done and other != group:
                 for need in self._shared(joint):
-                    given.setdefault(self.layout.shared(other, need))
-        return sorted(given, key=lambda n: n.kind is not NodeKind.POINT)
+                    existing.setdefault(self.layout.shared(other, need))
+        return sorted(existing, key=lambda n: n.kind is not NodeKind.POINT)
 
     def _shared(self, joint: Joint) -> list[Need]:
         """The point and the direction that a joint's two bodies share."""
@@ -303,19 +303,19 @@ class _Builder:
             shared.append(Need(kind=NodeKind.VECTOR, place=direction_of(joint, direction), title=NodeName(joint.name, direction)))
         return shared
 
-    def _choose(self, group: str, given: list[Node], needs: Needs) -> tuple[list[Node], list[Node]]:
+    def _choose(self, group: str, existing: list[Node], needs: Needs) -> tuple[list[Node], list[Node]]:
         """The basis of a group and the shared nodes that are left over."""
         selection = _Selection(self._column, self.layout.free_title)
-        items: list[Node | Need] = [*given, *needs.shared, *needs.spanned]
+        items: list[Node | Need] = [*existing, *needs.shared, *needs.spanned]
         rank = _span([self._column(item) for item in items])
         points = sorted(needs.shared, key=lambda n: n.kind is not NodeKind.POINT)
         if rank == 4 and group not in self._alike:
             points = [need for need in points if not self._is_of_alike(need)]
-        if not given and rank == 4:
+        if not existing and rank == 4:
             self._free(group, needs, selection)
-        if given and given[0].kind is not NodeKind.POINT:
+        if existing and existing[0].kind is not NodeKind.POINT:
             selection.offer(group, self._first_point(group, points, needs), 0.0)
-        surplus = [node for node in given if not selection.take(node, _SHARED)]
+        surplus = [node for node in existing if not selection.take(node, _SHARED)]
         for need in points:
             if len(selection.nodes) < rank:
                 selection.offer(group, need, _OWN if selection.nodes else _SHARED)

@@ -140,13 +140,13 @@ class Body(Part):
 
     @model_validator(mode="after")
     def _one_form(self) -> "Body":
-        given = {name for name in ("mass", "centre_of_mass", "inertia", "about") if getattr(self, name) is not None}
-        if self.shapes is not None and (given or self.massless):
-            raise shape_error("its shapes give mass, centre and inertia", f"remove {', '.join(sorted(given)) or 'massless'}")
-        if self.massless and given & {"mass", "about"}:
+        fields = {name for name in ("mass", "centre_of_mass", "inertia", "about") if getattr(self, name) is not None}
+        if self.shapes is not None and (fields or self.massless):
+            raise shape_error("its shapes give mass, centre and inertia", f"remove {', '.join(sorted(fields)) or 'massless'}")
+        if self.massless and fields & {"mass", "about"}:
             raise shape_error("a massless body has no mass", "remove it, or 'massless'")
-        if self.shapes is None and not self.massless and not {"mass", "centre_of_mass"} <= given:
+        if self.shapes is None and not self.massless and not {"mass", "centre_of_mass"} <= fields:
             raise shape_error("needs mass and centre_of_mass, or shapes", "add them, or write massless: true")
-        if "about" in given and "inertia" not in given:
+        if "about" in fields and "inertia" not in fields:
             raise shape_error("'about' belongs to an inertia", "add inertia, or remove about")
         return self

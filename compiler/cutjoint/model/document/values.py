@@ -241,9 +241,9 @@ class Attitude(Part):
 
     @model_validator(mode="after")
     def _one_form(self) -> Attitude:
-        given = [name for name in ("rotation_vector", "euler", "quaternion") if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise shape_error(f"has {' and '.join(given) or 'no attitude'}", "write one of rotation_vector, euler and quaternion")
+        forms = [name for name in ("rotation_vector", "euler", "quaternion") if getattr(self, name) is not None]
+        if len(forms) != 1:
+            raise shape_error(f"has {' and '.join(forms) or 'no attitude'}", "write one of rotation_vector, euler and quaternion")
         if (self.euler is None) != (self.order is None):
             raise shape_error("'euler' and 'order' belong together", "write for example {euler: [yaw, pitch, roll], order: zyx}")
         return self

@@ -92,7 +92,7 @@ def read_points(scope: Scope, part: model_file.Elements) -> Mapping[str, Vector]
     points: dict[str, Vector] = {}
     scope = with_points(scope, points)
     for name, point in part.points.items():
-        points[name] = scope.given.get(name) or read_point(element(scope, "point", "points", name), point, ())
+        points[name] = scope.instance_points.get(name) or read_point(element(scope, "point", "points", name), point, ())
     return points
 
 
@@ -118,11 +118,11 @@ def _read_visual(element: Element, visual: body_parts.Visual) -> Visual:
 def _read_joint(element: Element, joint: joint_parts.Joint) -> Joint:
     base, follower = element.two_bodies(joint.bodies)
     kind = JOINTS[joint.kind]
-    given = {field.name: getattr(joint, field.name) for field in kind.fields}
+    fields = {field.name: getattr(joint, field.name) for field in kind.fields}
     at, to = read_point(element, joint.at, ("at",)), None
-    if "to" in given:
-        at, to = element.settle(at), element.settle(read_point(element, given["to"], ("to",)))
-    axes = {name: read_direction(element, given[name], (name,)) for name in ("axis", "axis_2") if given.get(name) is not None}
+    if "to" in fields:
+        at, to = element.settle(at), element.settle(read_point(element, fields["to"], ("to",)))
+    axes = {name: read_direction(element, fields[name], (name,)) for name in ("axis", "axis_2") if fields.get(name) is not None}
     is_sound = _check_fields(element, kind, {"at": at, **({} if to is None else {"to": to}), **axes})
     return Joint(
         name=element.name,
@@ -132,7 +132,7 @@ def _read_joint(element: Element, joint: joint_parts.Joint) -> Joint:
         at=at,
         axes=_axes(kind, tuple(axes.values()), is_sound),
         to=to,
-        pitch=element.scalar(given["pitch"], LENGTH, ("pitch",)) if "pitch" in given else None,
+        pitch=element.scalar(fields["pitch"], LENGTH, ("pitch",)) if "pitch" in fields else None,
         cut=joint.cut,
         guide=_guide(element, joint),
         span=element.span,
@@ -141,13 +141,13 @@ def _read_joint(element: Element, joint: joint_parts.Joint) -> Joint:
 
 
 def _armature(element: Element, kind: JointElement, joint: joint_parts.Joint) -> Scalar:
-    given = getattr(joint, "armature", None)
-    if given is None:
+    armature = getattr(joint, "armature", None)
+    if armature is None:
         return 0
     if joint.cut:
         element.fail("a cut joint has no armature", "leave out cut: true", ("cut",))
     (coordinate,) = kind.coordinates
-    armature = element.scalar(given, INERTIA if kind.units[coordinate] == "rad" else MASS, ("armature",))
+    armature = element.scalar(armature, INERTIA if kind.units[coordinate] == "rad" else MASS, ("armature",))
     element.positive(element.value(armature), ("armature",))
     return armature
 

@@ -56,7 +56,7 @@ def expand(source: Source, problems: Problems, shaped: Shaped, tunables: Tunable
     elements = _read(scope, model, machine)
     check_loops(elements.forces, elements.signals, problems)
     reporting = {prefix: replace(each, read=partial(machine.read, reported=True)) for prefix, each in machine.scopes.items()}
-    return Expansion(parameters.given, parameters.derived, scope, elements, reporting)
+    return Expansion(parameters.independent, parameters.derived, scope, elements, reporting)
 
 
 def _survey(scope: Scope, model: model_file.Document) -> Mapping[str, Quantified]:
@@ -168,7 +168,7 @@ def _inner(where: Element, use: Use, around: Scope) -> Scope:
         path=use.at,
         prefix=f"{where.name}.",
         connectors=_connectors(where, instance, use.submodel),
-        given=_points(where, use),
+        instance_points=_points(where, use),
         sensed=around.sensed | {symbol for symbol in symbols if quantities_read(symbol)},
         mirrors=where.scope.mirrors if mirror is None else (mirror, *where.scope.mirrors),
     )
@@ -188,18 +188,18 @@ def _arguments(where: Element, use: Use, submodel: model_file.Submodel) -> dict[
     values = {("with", name): value for name, value in instance.with_.items()}
     values |= {("properties", name): value for name, value in {**properties, **absent}.items()}
     terms = {keys: where.term(value, keys, where.scope.reading()) for keys, value in values.items()}
-    given = {keys[1]: where.tunable(term, None, keys, is_argument=True) for keys, term in terms.items()}
-    return {name: given.get(name, FAILED_TERM) for name in submodel.parameters} | _with_defaults(where, use, given)
+    arguments = {keys[1]: where.tunable(term, None, keys, is_argument=True) for keys, term in terms.items()}
+    return {name: arguments.get(name, FAILED_TERM) for name in submodel.parameters} | _with_defaults(where, use, arguments)
 
 
-def _with_defaults(where: Element, use: Use, given: Mapping[str, Term]) -> dict[str, Term]:
+def _with_defaults(where: Element, use: Use, arguments: Mapping[str, Term]) -> dict[str, Term]:
     """The parameters that have defaults: numbers, or expressions over the parameters without, and over defaults before them."""
     assert use.submodel is not None
     inner = replace(where, path=use.at, label=f"submodel '{use.at[-1]}'")
-    known = {name: given.get(name, FAILED_TERM) for name in use.submodel.parameters}
+    known = {name: arguments.get(name, FAILED_TERM) for name in use.submodel.parameters}
     for name, value in use.submodel.defaults.items():
         keys = ("defaults", name)
-        known[name] = given[name] if name in given else inner.tunable(inner.term(value, keys, known), None, keys, is_argument=True)
+        known[name] = arguments[name] if name in arguments else inner.tunable(inner.term(value, keys, known), None, keys, is_argument=True)
     return {name: known[name] for name in use.submodel.defaults}
 
 
@@ -226,20 +226,20 @@ def _check_accepted(where: Element, instance: model_file.Instance, submodel: mod
 def _connectors(where: Element, instance: model_file.Instance, submodel: model_file.Submodel) -> dict[str, str]:
     """The full names of the bodies that the instance connects."""
     _match_keys(where, "connect", instance.connect, submodel.connectors, "connector", instance.use)
-    given = {name: where.body(body, ("connect", name)) for name, body in instance.connect.items()}
-    return {name: given.get(name, UNKNOWN) for name in submodel.connectors}
+    bodies = {name: where.body(body, ("connect", name)) for name, body in instance.connect.items()}
+    return {name: bodies.get(name, UNKNOWN) for name in submodel.connectors}
 
 
 def _points(where: Element, use: Use) -> dict[str, Vector]:
     """The points of the submodel that the instance gives, by those around the instance."""
     assert use.submodel is not None
-    given = use.instance.points
-    if not given:
+    points = use.instance.points
+    if not points:
         return {}
-    _match_keys(where, "points", given, tuple(use.submodel.points), "point", use.instance.use, needed=())
+    _match_keys(where, "points", points, tuple(use.submodel.points), "point", use.instance.use, needed=())
     around = read_points(replace(where.scope, problems=IgnoredProblems()), use.around[-1].part)
     inner = replace(where, scope=with_points(where.scope, around))
-    return {name: read_point(inner, point, ("points", name)) for name, point in given.items()}
+    return {name: read_point(inner, point, ("points", name)) for name, point in points.items()}
 
 
 def _match_keys(

@@ -50,48 +50,48 @@ class _Reader:
             fields["base"], fields["follower"] = self.element.two_bodies(self.part.bodies)
         return fields
 
-    def given(self, name: str) -> Any:
+    def field(self, name: str) -> Any:
         return getattr(self.part, force_parts.attribute(name))
 
     def body(self, name: str) -> str:
-        return self.element.body(self.given(name), (name,))
+        return self.element.body(self.field(name), (name,))
 
     def coordinate(self, joint: str, coordinate: str) -> tuple[str, str, str]:
-        name, part = self.element.joint(self.given(joint), (joint,))
+        name, part = self.element.joint(self.field(joint), (joint,))
         if part is None:
             return name, "", ""
-        found = read_coordinate(self.element, name, part, self.given(coordinate), _naming((joint,), (coordinate,)))
+        found = read_coordinate(self.element, name, part, self.field(coordinate), _naming((joint,), (coordinate,)))
         return name, found.name, found.unit
 
     def point(self, name: str) -> Vector:
-        return read_point(self.element, self.given(name), (name,))
+        return read_point(self.element, self.field(name), (name,))
 
     def distinct(self, start: Vector, end: Vector, *, names: tuple[str, str], hint: str) -> None:
         if coincide(self.element, start, end):
             self.element.fail(f"{' and '.join(names)} are the same point", hint, (names[1],))
 
     def direction(self, name: str) -> Vector:
-        return read_direction(self.element, self.given(name), (name,))
+        return read_direction(self.element, self.field(name), (name,))
 
     def across(self, direction: Vector, name: str) -> Vector:
-        if self.given(name) is None:
+        if self.field(name) is None:
             sizes = [abs(self.element.value(component)) for component in direction]
             return read_across(self.element, direction, GLOBAL_AXES[sizes.index(min(sizes))], ())
         return read_across(self.element, direction, self.direction(name), (name,))
 
     def frame(self) -> tuple[Vector, Vector, Vector]:
-        is_given = any(self.given(axis) is not None for axis in "xyz")
+        is_given = any(self.field(axis) is not None for axis in "xyz")
         return read_axes(self.element, self.part, ()) if is_given else GLOBAL_AXES
 
     def number(self, *path: str | int, unit: str) -> Scalar:
         return self.element.scalar(self._at(path, missing=0), _DIMENSIONS[unit] if unit else None, path)
 
     def expression(self, name: str, *, unit: str) -> Scalar:
-        return self.element.scalar(self.given(name), _DIMENSIONS[unit], (name,), self.element.scope.reading("t"))
+        return self.element.scalar(self.field(name), _DIMENSIONS[unit], (name,), self.element.scope.reading("t"))
 
     def triple(self, name: str, law: Law, *, let: str) -> Vector:
-        names = read_names(self.element, self.given(let), (let,), self.element.scope.reading(*law.variables, "t"))
-        return self.element.triple(self.given(name), _DIMENSIONS[law.unit], (name,), names)
+        names = read_names(self.element, self.field(let), (let,), self.element.scope.reading(*law.variables, "t"))
+        return self.element.triple(self.field(name), _DIMENSIONS[law.unit], (name,), names)
 
     def law(self, *path: str | int, law: Law, drawn: Scalar = 0) -> Scalar:
         return read_law(self.element, self._at(path), _kind_of(law), path, drawn=drawn)
@@ -108,10 +108,10 @@ class _Reader:
     def _at(self, path: Path, missing: Any = None) -> Any:
         """The value at a path, through lists and parts."""
         first, *rest = path
-        given = self.given(str(first))
-        if given is None:
+        field = self.field(str(first))
+        if field is None:
             return missing
-        return reduce(lambda value, key: value[key] if isinstance(key, int) else getattr(value, key), rest, given)
+        return reduce(lambda value, key: value[key] if isinstance(key, int) else getattr(value, key), rest, field)
 
 
 def read_force(element: Element, force: force_parts.Force) -> Force:

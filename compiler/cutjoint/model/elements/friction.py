@@ -62,11 +62,11 @@ def read_friction(element: Element, part: Any, unit: str) -> tuple[Scalar, Brist
     _check_fields(element, part, unit)
     if problem := name_problem(bristle_name(str(element.path[-1]))):
         element.fail(f"its bristle: {problem[0]}", "rename the force", at_key=True)
-    given = {name: element.scalar(getattr(part, name), dimension, (name,)) for name, dimension in sizes.items()}
+    numbers = {name: element.scalar(getattr(part, name), dimension, (name,)) for name, dimension in sizes.items()}
     sliding = element.scalar(part.coefficient, NONE, ("coefficient",))
     symbol = quantity_symbol(bristle_name(element.name), VALUE)
-    bristle = Bristle(symbol=symbol, rate=_rate(symbol, sliding, given), limit=_limit(sliding, given))
-    return _law(symbol, sliding, given), bristle
+    bristle = Bristle(symbol=symbol, rate=_rate(symbol, sliding, numbers), limit=_limit(sliding, numbers))
+    return _law(symbol, sliding, numbers), bristle
 
 
 def _value(element: Element, part: Any, name: str, dimension: Dimension) -> float:
@@ -90,44 +90,44 @@ def _check_fields(element: Element, part: Any, unit: str) -> None:
         element.fail("stribeck_speed leads from a static coefficient to that of sliding", "give static too", ("stribeck_speed",))
 
 
-def _surface(given: dict[str, Scalar]) -> tuple[Scalar, Scalar]:
+def _surface(numbers: dict[str, Scalar]) -> tuple[Scalar, Scalar]:
     """The radius, 1 of a slide, and the speed of the surfaces."""
-    radius = given.get("radius", sympy.Integer(1))
+    radius = numbers.get("radius", sympy.Integer(1))
     return radius, radius * variable("rate")
 
 
-def _stribeck(v: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
+def _stribeck(v: Scalar, sliding: Scalar, numbers: dict[str, Scalar]) -> Scalar:
     """g."""
-    if "static" not in given or "stribeck_speed" not in given:
+    if "static" not in numbers or "stribeck_speed" not in numbers:
         return sympy.Integer(1)
-    static = given["static"]
-    return (sliding + (static - sliding) * sympy.exp(-((v / given["stribeck_speed"]) ** 2))) / static
+    static = numbers["static"]
+    return (sliding + (static - sliding) * sympy.exp(-((v / numbers["stribeck_speed"]) ** 2))) / static
 
 
-def _law(s: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
-    radius, v = _surface(given)
-    g = _stribeck(v, sliding, given)
+def _law(s: Scalar, sliding: Scalar, numbers: dict[str, Scalar]) -> Scalar:
+    radius, v = _surface(numbers)
+    g = _stribeck(v, sliding, numbers)
     u = s / g
-    return -radius * given.get("static", sliding) * g * (u + (1 - u**2) * sympy.tanh(v / given["damping_speed"]) / 2)
+    return -radius * numbers.get("static", sliding) * g * (u + (1 - u**2) * sympy.tanh(v / numbers["damping_speed"]) / 2)
 
 
-def _limit(sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
+def _limit(sliding: Scalar, numbers: dict[str, Scalar]) -> Scalar:
     """The largest force by N of load."""
-    static, radius = given.get("static", sliding), given.get("radius", sympy.Integer(1))
+    static, radius = numbers.get("static", sliding), numbers.get("radius", sympy.Integer(1))
     return radius * (sliding if static == sliding else choice((static, static > sliding), (sliding, sympy.true)))
 
 
-def _rate(s: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
+def _rate(s: Scalar, sliding: Scalar, numbers: dict[str, Scalar]) -> Scalar:
     """s' over ``rate``."""
-    _, v = _surface(given)
-    u = s / _stribeck(v, sliding, given)
-    free, above = v / given["presliding"], (u**2 - BREAKAWAY) / (1 - BREAKAWAY)
+    _, v = _surface(numbers)
+    u = s / _stribeck(v, sliding, numbers)
+    free, above = v / numbers["presliding"], (u**2 - BREAKAWAY) / (1 - BREAKAWAY)
     w2 = choice((sympy.Integer(0), above < 0), (above**2, sympy.true))
-    a = w2 / (1 + w2) * (1 + sympy.tanh(u * v / (REVERSAL * given["damping_speed"])))
+    a = w2 / (1 + w2) * (1 + sympy.tanh(u * v / (REVERSAL * numbers["damping_speed"])))
     over = u**2 - 1
     beyond = (over + sympy.sqrt(over**2 + ROUNDING**2)) / 2
-    giving = u * beyond / (1 + u**2 * beyond) / (SLOWER * given["settling"])
-    return free * (1 - a) / (1 + 2 / (1 - BREAKAWAY) * a * u * free * given["settling"]) - giving
+    giving = u * beyond / (1 + u**2 * beyond) / (SLOWER * numbers["settling"])
+    return free * (1 - a) / (1 + 2 / (1 - BREAKAWAY) * a * u * free * numbers["settling"]) - giving
 
 
 def bristle_name(force: str) -> str:

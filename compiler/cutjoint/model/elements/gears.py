@@ -77,13 +77,13 @@ def read_gear(element: Element, gear: model_file.Gear) -> Gear:
     )  # fmt: skip
 
 
-def _ratios(element: Element, given: Any, first: JointCoordinate, others: list[JointCoordinate]) -> list[Scalar]:
+def _ratios(element: Element, ratio: Any, first: JointCoordinate, others: list[JointCoordinate]) -> list[Scalar]:
     """The ratios of a gear, by its coordinates but the first."""
     found = []
     for index, other in enumerate(others):
-        keys: Path = ("ratio", index) if isinstance(given, tuple) else ("ratio",)
+        keys: Path = ("ratio", index) if isinstance(ratio, tuple) else ("ratio",)
         expected = _DIMENSIONS[first.unit] / _DIMENSIONS[other.unit] if first.unit and other.unit else None
-        found.append(element.scalar(given[index] if isinstance(given, tuple) else given or 0, expected, keys))
+        found.append(element.scalar(ratio[index] if isinstance(ratio, tuple) else ratio or 0, expected, keys))
         if element.value(found[-1]) == 0:
             element.fail("the ratio is zero", "a joint that does not move is of kind fixed, or has guide: 0", keys)
     return found

@@ -150,12 +150,12 @@ def read_across(element: Element, direction: Vector, vector: Vector, keys: Path)
 
 def read_axes(element: Element, part: Any, keys: Path) -> tuple[Vector, Vector, Vector]:
     """The directions x, y, z of a frame, of which the part gives two; the three make a right-handed frame."""
-    given = {key: getattr(part, key) for key in "xyz" if getattr(part, key) is not None}
+    axes = {key: getattr(part, key) for key in "xyz" if getattr(part, key) is not None}
     failed = (FAILED, FAILED, FAILED)
-    if len(given) != 2:
+    if len(axes) != 2:
         element.fail(f"{field_name(keys) or 'its frame'} needs two of the directions x, y, z", "", keys)
         return (failed, failed, failed)
-    axes = {key: read_direction(element, value, (*keys, key)) for key, value in given.items()}
+    axes = {key: read_direction(element, value, (*keys, key)) for key, value in axes.items()}
     (first, a), (second, b) = axes.items()
     if not perpendicular(element, a, b):
         element.fail(f"the directions {first} and {second} are not perpendicular", "", (*keys, second))

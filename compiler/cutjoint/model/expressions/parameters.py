@@ -21,16 +21,16 @@ from cutjoint.model.records import Binding, DerivedParameter, Parameter
 class Parameters:
     """The parameters of a model: given ones, derived ones, and each one's term by its name in the file's order."""
 
-    given: tuple[Parameter, ...]
+    independent: tuple[Parameter, ...]
     derived: tuple[DerivedParameter, ...]
     terms: Mapping[str, Term]
 
     def extend(self, scope: Scope) -> Scope:
         """The scope of a model that has these parameters."""
         return replace(
-            scope, names=self.terms, values={p.symbol: p.value for p in self.given},
-            settled={p.symbol: sympy.Float(p.value) for p in self.given if p.binding is Binding.CONST},
-            moving=frozenset(p.symbol for p in self.given if p.binding is Binding.INPUT),
+            scope, names=self.terms, values={p.symbol: p.value for p in self.independent},
+            settled={p.symbol: sympy.Float(p.value) for p in self.independent if p.binding is Binding.CONST},
+            moving=frozenset(p.symbol for p in self.independent if p.binding is Binding.INPUT),
         )  # fmt: skip
 
 

@@ -55,7 +55,7 @@ class Scope:
 
     ``path`` leads to the elements in the document.  ``names`` are the symbols of expressions, ``moving``
     the parameters' symbols that may change with time.  ``values`` are the parameters' values by symbol, ``settled`` those
-    that never change.  ``connectors`` maps local body names to full ones, ``given`` has the points that the instance gives.
+    that never change.  ``connectors`` maps local body names to full ones, ``instance_points`` has those that the instance gives.
     ``tunables`` makes parameters of numbers.
 
     Expressions may have these names:
@@ -82,7 +82,7 @@ class Scope:
     prefix: str = ""
     connectors: Mapping[str, str] = field(default_factory=dict)
     points: Mapping[str, Vector] = field(default_factory=dict)
-    given: Mapping[str, Vector] = field(default_factory=dict)
+    instance_points: Mapping[str, Vector] = field(default_factory=dict)
     tunables: TunableNumbers = field(default_factory=TunableNumbers)
     own: frozenset[str] = frozenset()
     read: "Callable[[Scope, str], Term] | None" = None

@@ -190,11 +190,11 @@ def _constrained_wheels(axle: Axle, equations: RecursiveEquations, at: Linearisa
 def _static_response(free: Array, stiffness: Array, load: Array) -> Array | None:
     """The small motion (speeds,) along free directions by which springs balance a load; None if they cannot."""
     n = len(load)
-    along, given = free.T @ stiffness[:n, :n] @ free, free.T @ load
-    if not given.size:
+    along, loads = free.T @ stiffness[:n, :n] @ free, free.T @ load
+    if not loads.size:
         return np.zeros(n)
-    moved = np.linalg.lstsq(along, given, rcond=TOLERANCE)[0]
-    return np.asarray(free @ moved) if np.abs(along @ moved - given).max() <= _LOOSE * np.abs(load).max() else None
+    moved = np.linalg.lstsq(along, loads, rcond=TOLERANCE)[0]
+    return np.asarray(free @ moved) if np.abs(along @ moved - loads).max() <= _LOOSE * np.abs(load).max() else None
 
 
 def _load(wheel: Wheel, state: WheelState, load: str) -> Array:

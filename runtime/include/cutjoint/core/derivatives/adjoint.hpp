@@ -393,7 +393,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     while (place > 0 && ends_at_event(place - 1)) place -= 2;
     constexpr std::size_t moving = coordinates + n + (carries_derivative ? n + coordinates : has_stages ? n : 0), all = moving + discrete + inputs + parameters;
     Fixed<double, all> found;
-    std::array<int, directions> by{};
+    std::array<int, seeds_at_once> by{};
     const auto follow = [&](std::size_t number, double* derivatives) {
       if (const Fault fault = differentiate_substeps(place, last, number)) return fault;
       for (std::size_t k = 0; k < number; ++k) {
@@ -407,8 +407,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       }
       return Fault{};
     };
-    for (std::size_t first = 0; first < all; first += directions) {
-      const std::size_t number = std::min(directions, all - first);
+    for (std::size_t first = 0; first < all; first += seeds_at_once) {
+      const std::size_t number = std::min(seeds_at_once, all - first);
       open_seeds(number, by);
       for (std::size_t k = 0; k < number; ++k) {
         const std::size_t which = first + k;
@@ -438,7 +438,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   /// This many seeds, zero at first; `by` says what each changes besides states.
-  void open_seeds(std::size_t number, std::array<int, directions>& by) {
+  void open_seeds(std::size_t number, std::array<int, seeds_at_once>& by) {
     matrix_.fill(0.0);
     by.fill(-1);
     blocks_ = {};
@@ -464,7 +464,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
           if (!derivatives) continue;
           trajectories->change_piece(i, piece);
           const Fault fault = follow(derivatives);
-          trajectories->change_along(InputTrajectories<inputs>::Along::nothing);
+          trajectories->change_seeds(InputTrajectories<inputs>::Seeded::nothing);
           if (fault) return fault;
         }
       }
@@ -801,7 +801,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     else transposed_.load_transposed(by_loaded_.data(), by_parameter);
     for (std::size_t i = 0; i < inputs; ++i) by_input[i] = by_input_[numbers_per_input * i];
     constexpr std::size_t all = states + inputs + parameters;
-    std::array<int, directions> by{};
+    std::array<int, seeds_at_once> by{};
     const auto follow = [&](std::size_t number, auto put) {
       const double* const carried = this->carried_;
       this->load_all();
@@ -820,8 +820,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       }
       return Fault{};
     };
-    for (std::size_t first = 0; first < all; first += directions) {
-      const std::size_t number = std::min(directions, all - first);
+    for (std::size_t first = 0; first < all; first += seeds_at_once) {
+      const std::size_t number = std::min(seeds_at_once, all - first);
       open_seeds(number, by);
       for (std::size_t k = 0; k < number; ++k) {
         const std::size_t which = first + k;
@@ -875,7 +875,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   Fixed<double, Base::columns> by_outputs_;
   Fixed<double, m> by_violation_, nothing_;
   Numbers found_values_;
-  Fixed<double, Base::rows * directions> matrix_;
+  Fixed<double, Base::rows * seeds_at_once> matrix_;
 };
 
 }  // namespace cutjoint

@@ -94,8 +94,8 @@ class Derivatives {
   /// Derivatives with respect to a range of the list: states, inputs, parameters, rates of inputs, accelerations of inputs.
   template <class Place>
   Fault derive_columns(Simulation& simulation, Minimal& minimal, std::size_t first, std::size_t end, Place place) {
-    for (std::size_t from = first; from < end; from += directions) {
-      const std::size_t number = std::min(directions, end - from);
+    for (std::size_t from = first; from < end; from += seeds_at_once) {
+      const std::size_t number = std::min(seeds_at_once, end - from);
       dx_.fill(Dual());
       du_.fill(Dual());
       for (Dual& x : parameters_) x.derivative = Tangents{};
@@ -189,7 +189,7 @@ class Derivatives {
       if ((i + 1) % std::size_t{numbers_per_input} != 0) by_time = x.u_[i + 1] * t.derivative;
       else if (const double* const jerk = x.trajectories_ ? x.trajectories_->jerk(i - 2) : nullptr) by_time = *jerk * t.derivative;
       else if (input[i].value == x.u_[i])  // an acceleration by the law of the scene; others are constant
-        for (std::size_t k = 0; k < directions; ++k) by_time[k] = t.derivative[k] == 0.0 ? 0.0 : input[i].derivative[k];
+        for (std::size_t k = 0; k < seeds_at_once; ++k) by_time[k] = t.derivative[k] == 0.0 ? 0.0 : input[i].derivative[k];
       input[i] = {x.u_[i], x.du_[i].derivative + by_time};
     }
     for (std::size_t i = 0; i < M::sizes.discrete; ++i) input[x.du_.size() + i] = {x.u_[x.du_.size() + i], x.ddiscrete_[i]};
@@ -378,8 +378,8 @@ class Derivatives {
 
   /// Derivatives of dependent coordinates such that the constraint violations vanish.
   void close_loops_jvp(const Fixed<Dual, m>& violations, Minimal& minimal, Fixed<Dual, n>& numbers) {
-    Fixed<Along, m> left;
-    Fixed<Along, n> step, room;
+    Fixed<DualPart, m> left;
+    Fixed<DualPart, n> step, room;
     for (std::size_t i = 0; i < m; ++i) left[i].derivative = violations[i].derivative;
     minimal.solve(left.data(), step.data(), room.data());
     for (std::size_t i = 0; i < n; ++i) numbers[i].derivative -= step[i].derivative;

@@ -41,7 +41,7 @@ class ResidualJacobian {
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
                                given = inputs + M::sizes.discrete, loaded = T::loaded;
   using Places = T;
-  using Changes = std::array<Along, n + m>;
+  using Changes = std::array<DualPart, n + m>;
   using Numbers = Fixed<double, n + m>;
   static constexpr std::size_t first_speed = coordinates, first_input = first_speed + n, first_discrete = first_input + inputs,
                                first_loaded = first_input + given, first_acceleration = first_loaded + loaded,
@@ -77,7 +77,7 @@ class ResidualJacobian {
     if constexpr (loaded > 0) {
       const auto changes = [](const Dual& x) {
         double size = 0.0;
-        for (std::size_t k = 0; k < directions; ++k) size += std::abs(x.derivative[k]);
+        for (std::size_t k = 0; k < seeds_at_once; ++k) size += std::abs(x.derivative[k]);
         return size > 0.0;
       };
       const bool were_changing = std::exchange(are_changing_, std::any_of(parameters, parameters + M::sizes.parameters, changes));
@@ -129,7 +129,7 @@ class ResidualJacobian {
 
   /// Minus the Jacobian's product with derivatives of all but accelerations and multipliers, row by row.
   template <class Q, class V, class Inputs, class Discrete>
-  void subtract_jvp(const JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Discrete& discrete, Along* rows) {
+  void subtract_jvp(const JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Discrete& discrete, DualPart* rows) {
     Changes found;
     subtract_jvp_in_slots(derivative, q, v, du, discrete, found);
     for (std::size_t i = 0; i < n + m; ++i) rows[i] = found[order[i]];
@@ -139,7 +139,7 @@ class ResidualJacobian {
   /// False if a number is not finite, or loops stay open.
   template <class Matrix, class Unknowns>
   bool solve(const Matrix& matrix, Unknowns& change) const {
-    std::array<Along, Matrix::size> found;
+    std::array<DualPart, Matrix::size> found;
     for (std::size_t i = 0; i < found.size(); ++i) found[places_of<Matrix>[i]] = change[i];
     const bool is_found = solve_in_places(matrix, found);
     for (std::size_t i = 0; i < found.size(); ++i) change[i] = found[places_of<Matrix>[i]];
@@ -216,7 +216,7 @@ class ResidualJacobian {
   }
 
   /// Derivatives of loaded values.
-  const Fixed<Along, loaded>& changes() const { return changes_; }
+  const Fixed<DualPart, loaded>& changes() const { return changes_; }
 
   double compliance(std::size_t equation) const { return compliance_[order[n + equation]]; }
 
@@ -561,20 +561,20 @@ class ResidualJacobian {
 
   /// The solution in the order of positions; false if a number is not finite, or loops stay open.
   template <class Matrix, std::size_t size>
-  bool solve_in_places(const Matrix& matrix, std::array<Along, size>& found) const {
+  bool solve_in_places(const Matrix& matrix, std::array<DualPart, size>& found) const {
     matrix.solve(found.data());
     Tangents odd{};
-    for (const Along& along : found) odd += 0.0 * along.derivative;
+    for (const DualPart& along : found) odd += 0.0 * along.derivative;
     double sum = 0.0;
-    for (std::size_t k = 0; k < directions; ++k) sum += odd[k];
+    for (std::size_t k = 0; k < seeds_at_once; ++k) sum += odd[k];
     return sum == 0.0 && close(matrix, found) && (!leaves_out_ || left_out_stay<Matrix>(found));
   }
 
   /// Whether the variables of left-out derivatives are constant.
   template <class Matrix, std::size_t size>
-  bool left_out_stay(const std::array<Along, size>& found) const {
-    const auto stays = [](const Along& x) {
-      for (std::size_t k = 0; k < directions; ++k)
+  bool left_out_stay(const std::array<DualPart, size>& found) const {
+    const auto stays = [](const DualPart& x) {
+      for (std::size_t k = 0; k < seeds_at_once; ++k)
         if (x.derivative[k] != 0.0) return false;
       return true;
     };
@@ -600,7 +600,7 @@ class ResidualJacobian {
 
   /// The largest derivative of accelerations, or of multipliers, along each seed.
   template <class Matrix, std::size_t size>
-  static Tangents largest(const std::array<Along, size>& changes, bool of_multipliers) {
+  static Tangents largest(const std::array<DualPart, size>& changes, bool of_multipliers) {
     Tangents most{};
     for (std::size_t i = 0; i < size; ++i)
       if ((i % (n + m) >= n) == of_multipliers) {
@@ -612,17 +612,17 @@ class ResidualJacobian {
 
   static double share_of(const Tangents& part, const Tangents& whole) {
     double share = 0.0;
-    for (std::size_t k = 0; k < directions; ++k) share = std::max(share, part[k] > 0.0 ? part[k] / whole[k] : 0.0);
+    for (std::size_t k = 0; k < seeds_at_once; ++k) share = std::max(share, part[k] > 0.0 ? part[k] / whole[k] : 0.0);
     return share;
   }
 
   /// Refine for the compliance of constraints, whose error decreases as the changes of multipliers do; false if that does not
   /// converge.
   template <class Matrix, std::size_t size>
-  bool close(const Matrix& matrix, std::array<Along, size>& change) const {
+  bool close(const Matrix& matrix, std::array<DualPart, size>& change) const {
     if constexpr (m > 0) {
-      std::array<Along, size> more;
-      const std::array<Along, size>* last = &change;
+      std::array<DualPart, size> more;
+      const std::array<DualPart, size>* last = &change;
       for (int iteration = 0; iteration < 8; ++iteration) {
         const Tangents pulled = largest<Matrix>(*last, true);
         for (std::size_t i = 0; i < size; ++i) more[i].derivative = (*last)[i].derivative * -compliance_[own_places<Matrix>[i]];
@@ -640,10 +640,10 @@ class ResidualJacobian {
   C<Dual> with_changes_;
   At at_[2];
   int now_ = 0;
-  Fixed<Along, loaded> changes_;  ///< derivatives of loaded values
+  Fixed<DualPart, loaded> changes_;  ///< derivatives of loaded values
   bool are_changing_ = false, leaves_out_ = false;
   Fixed<bool, width> is_left_out_;  ///< columns of left-out derivatives
-  Fixed<Along, first_acceleration> by_;  ///< of all but accelerations and multipliers
+  Fixed<DualPart, first_acceleration> by_;  ///< of all but accelerations and multipliers
   Fixed<double, n + m> compliance_;  ///< of constraints, in the matrix
   Fixed<double, width + (has_balls ? 3 * coordinates : 0)> weights_;  ///< of columns in the matrix, for quaternions by each of three velocities
 };

@@ -75,7 +75,7 @@ class RuleFormula {
   /// Replace derivatives of coordinates and velocities at the beginning by those at the end, for constant accelerations there.
   template <class Q, class V>
   void begin_jvp(Q& q, V& v, const V& means, const V& before, const Tangents&) const {
-    std::array<Along, n> delta;
+    std::array<DualPart, n> delta;
     for (std::size_t i = 0; i < n; ++i) {
       delta[i].derivative = h_ * v[i].derivative + position_weights_.mean * means[i].derivative;
       v[i].derivative += velocity_weights_.mean * means[i].derivative;
@@ -86,8 +86,8 @@ class RuleFormula {
 
   /// Add the terms of accelerations at the end.
   template <class Q, class V>
-  void end_jvp(const Along* change, Q& q, V& v) const {
-    std::array<Along, n> delta;
+  void end_jvp(const DualPart* change, Q& q, V& v) const {
+    std::array<DualPart, n> delta;
     for (std::size_t i = 0; i < n; ++i) delta[i] = position_weights_.end * change[i], v[i].derivative += velocity_weights_.end * change[i].derivative;
     retraction_.jvp(M::charts, delta, q, false);
   }
@@ -147,14 +147,14 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   /// accelerations and multipliers there.  False if there are none.
   template <class Formula, class Solve>
   bool propagate_implicit(Formula& formula, const StateOf<M>& end, const Tangents& length, Solve solve) {
-    std::array<Along, Formula::stages * (n + m)> change;
+    std::array<DualPart, Formula::stages * (n + m)> change;
     before_ = vdot_;
     formula.begin_jvp(q_, v_, means(), before_, length);
     for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = end.q[i];
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
     if (!solve(change)) return false;
     formula.end_jvp(change.data(), q_, v_);
-    const Along* const last = change.data() + change.size() - n - m;
+    const DualPart* const last = change.data() + change.size() - n - m;
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = {end.vdot[i], last[i].derivative};
     for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], last[n + i].derivative};
     return true;

@@ -73,7 +73,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
   Fault run(Simulation& simulation, Minimal& minimal, long steps, const Directions& along, Trajectory trajectory) {
     blocks_ = {{{along.matrix, along.number, -1, along.by, M::sizes.discrete}, {}, {}}};
     open(simulation, minimal, along.matrix + (states + M::sizes.discrete) * along.number);
-    if (this->trajectories_) this->trajectories_->change_along(InputTrajectories<inputs>::Along::changes);
+    if (this->trajectories_) this->trajectories_->change_seeds(InputTrajectories<inputs>::Seeded::changes);
     trajectory_ = &trajectory;
     if (events_.found) *events_.found = 0;
     const Fault lacks = find_carried();
@@ -187,8 +187,8 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
   template <class Use>
   Fault for_seeds(Use use) {
     const std::size_t columns = count_columns();
-    for (std::size_t first = 0; first < columns; first += directions)
-      if (const Fault fault = use(first, std::min(directions, columns - first))) return fault;
+    for (std::size_t first = 0; first < columns; first += seeds_at_once)
+      if (const Fault fault = use(first, std::min(seeds_at_once, columns - first))) return fault;
     return {};
   }
 
@@ -275,7 +275,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
 
   /// This many derivatives, usually all.
   [[gnu::always_inline]] static void copy_derivatives(const double* from, std::size_t number, double* to) {
-    if (number == directions) std::memcpy(to, from, sizeof(Tangents));
+    if (number == seeds_at_once) std::memcpy(to, from, sizeof(Tangents));
     else std::copy_n(from, number, to);
   }
 
@@ -506,7 +506,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
     }
     visit_carried(first, [&](Dual& x, const double* row, Carried kind) {
       if (!is_carried && kind == Carried::rest) return;
-      if (number < directions) x.derivative = Tangents{};
+      if (number < seeds_at_once) x.derivative = Tangents{};
       copy_derivatives(row, number, reinterpret_cast<double*>(&x.derivative));
     });
     if (!is_carried && !this->find_accelerations(mechanism, number)) return false;

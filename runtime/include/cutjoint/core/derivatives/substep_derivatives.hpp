@@ -155,7 +155,7 @@ class SubstepDerivatives : public EventDerivatives<Simulation, D, S, dofs, Force
     const bool moves = this->is_time_moving_;
     const auto solve = [&](auto& change) {
       for (std::size_t i = 0; i < points_.size(); ++i) {
-        Along* const rows = change.data() + i * (n + m);
+        DualPart* const rows = change.data() + i * (n + m);
         if (moves || this->trajectories_) mechanism.begin_step(points_[i].t, 1.0);
         if (!moves) {
           if (this->trajectories_) this->take_inputs(mechanism);
@@ -252,7 +252,7 @@ class SubstepDerivatives : public EventDerivatives<Simulation, D, S, dofs, Force
   static double largest_share(const Numbers& numbers, const Others& others) {
     const Dual most = largest(numbers), size = largest(others);
     double share = most.value / (1.0 + size.value);
-    for (std::size_t k = 0; k < directions; ++k) {
+    for (std::size_t k = 0; k < seeds_at_once; ++k) {
       const double along = size.derivative[k] == 0.0 ? most.derivative[k] : most.derivative[k] / size.derivative[k];
       if (!(along <= share)) share = along;
       if (along != along) break;
@@ -277,7 +277,7 @@ class SubstepDerivatives : public EventDerivatives<Simulation, D, S, dofs, Force
   template <class Numbers>
   static bool is_at_most(const Numbers& numbers, double most) {
     const Dual found = largest(numbers);
-    for (std::size_t k = 0; k < directions; ++k)
+    for (std::size_t k = 0; k < seeds_at_once; ++k)
       if (!(found.derivative[k] <= most)) return false;
     return found.value <= most;
   }

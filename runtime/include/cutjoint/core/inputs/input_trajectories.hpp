@@ -27,7 +27,7 @@ class InputTrajectories {
   static constexpr std::size_t orders = 4;
 
   /// Which numbers of trajectories depend on the seeds.
-  enum class Along { nothing, changes, piece };
+  enum class Seeded { nothing, changes, piece };
 
   std::size_t number() const { return number_; }
 
@@ -49,7 +49,7 @@ class InputTrajectories {
     select_pieces_within(t, std::numeric_limits<double>::infinity());
     rounding_ = 1e-9 * dt;
     jumps_ = false;
-    along_ = Along::nothing;
+    seeded_ = Seeded::nothing;
   }
 
   /// Begin a substep; return whether an input trajectory may jump there.
@@ -100,9 +100,9 @@ class InputTrajectories {
   }
 
   /// Let seeds be those of the host, or the numbers of one piece.
-  void change_along(Along along) { along_ = along; }
+  void change_seeds(Seeded seeded) { seeded_ = seeded; }
   void change_piece(std::size_t trajectory, std::size_t piece) {
-    along_ = Along::piece;
+    seeded_ = Seeded::piece;
     trajectory_ = trajectory;
     piece_ = piece;
   }
@@ -110,13 +110,13 @@ class InputTrajectories {
   /// Add derivatives of inputs, at the time last filled in, along seeds from `first` on.
   template <class Numbers>
   void add_changes(std::size_t first, std::size_t number, Numbers& du) const {
-    if (along_ == Along::piece) {
+    if (seeded_ == Seeded::piece) {
       for (std::size_t k = 0; k < number && pieces_[trajectory_] == piece_; ++k) {
         double unit[orders] = {};
         unit[k] = 1.0;
         evaluate(unit, since_[trajectory_], [&](std::size_t order, double x) { du[place(trajectories_[trajectory_]) + order].derivative[k] += x; });
       }
-    } else if (along_ == Along::changes) {
+    } else if (seeded_ == Seeded::changes) {
       for (std::size_t i = 0; i < number_; ++i)
         for (std::size_t k = 0; k < number && trajectories_[i].changes; ++k) {
           const double* const row = trajectories_[i].changes + orders * ((first + k) * static_cast<std::size_t>(trajectories_[i].pieces) + pieces_[i]);
@@ -175,7 +175,7 @@ class InputTrajectories {
   Fixed<double, n> since_;        ///< their beginning
   double from_ = 0.0, until_ = 0.0, rounding_ = 0.0;
   bool jumps_ = false;
-  Along along_ = Along::nothing;
+  Seeded seeded_ = Seeded::nothing;
   std::size_t trajectory_ = 0, piece_ = 0;
 };
 

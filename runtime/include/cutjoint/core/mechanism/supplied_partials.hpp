@@ -13,10 +13,10 @@ template <std::size_t count, std::size_t size, class Call>
 void find_partials(Call call, const double* arguments, double* results, double* partials) {
   call(arguments, results);
   if (!partials) return;
-  for (std::size_t from = 0; from < count; from += directions) {
+  for (std::size_t from = 0; from < count; from += seeds_at_once) {
     Dual x[count], y[size];
     std::copy_n(arguments, count, x);
-    const std::size_t number = std::min(directions, count - from);
+    const std::size_t number = std::min(seeds_at_once, count - from);
     for (std::size_t k = 0; k < number; ++k) x[from + k].derivative[k] = 1.0;
     call(x, y);
     for (std::size_t i = 0; i < size; ++i)

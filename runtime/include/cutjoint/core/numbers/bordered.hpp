@@ -65,18 +65,18 @@ struct Sides {
 };
 
 template <std::size_t side, std::size_t... l>
-struct Sides<side, Along, std::index_sequence<l...>> {
-  Along x[side];
+struct Sides<side, DualPart, std::index_sequence<l...>> {
+  DualPart x[side];
 
   template <class Of>
   [[gnu::always_inline]] static Sides of(Of each) {
     return {{each(l)...}};
   }
   [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Sides& b) { ((x[l].derivative -= factor[l] * b.x[l].derivative), ...); }
-  [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Along& b) { ((x[l].derivative -= factor[l] * b.derivative), ...); }
+  [[gnu::always_inline]] void subtract(const Beside<side>& factor, const DualPart& b) { ((x[l].derivative -= factor[l] * b.derivative), ...); }
   [[gnu::always_inline]] void scale(const Beside<side>& factor) { ((x[l].derivative *= factor[l]), ...); }
-  [[gnu::always_inline]] Along sum() const {
-    Along total = x[0];
+  [[gnu::always_inline]] DualPart sum() const {
+    DualPart total = x[0];
     for (std::size_t k = 1; k < side; ++k) total += x[k];
     return total;
   }

@@ -66,8 +66,8 @@ struct Side<count, std::index_sequence<p...>> {
 };
 
 /// Derivatives along several seeds.
-inline constexpr std::size_t directions = 8;
-using Tangents = Side<directions>;
+inline constexpr std::size_t seeds_at_once = 8;
+using Tangents = Side<seeds_at_once>;
 
 // Not inlined, products and quotients compile in a third less time and run a tenth slower.
 #ifdef CUTJOINT_SMALL_DERIVATIVES
@@ -111,16 +111,16 @@ struct Dual {
 #undef CUTJOINT_PRODUCT
 
 /// Derivatives without a value, for linear maps.
-struct Along {
+struct DualPart {
   Tangents derivative;
 
-  [[gnu::always_inline]] Along& operator+=(const Along& b) { return derivative += b.derivative, *this; }
-  [[gnu::always_inline]] Along& operator-=(const Along& b) { return derivative -= b.derivative, *this; }
-  [[gnu::always_inline]] Along& operator*=(double b) { return derivative *= b, *this; }
-  [[gnu::always_inline]] Along& operator/=(double b) { return derivative /= b, *this; }
+  [[gnu::always_inline]] DualPart& operator+=(const DualPart& b) { return derivative += b.derivative, *this; }
+  [[gnu::always_inline]] DualPart& operator-=(const DualPart& b) { return derivative -= b.derivative, *this; }
+  [[gnu::always_inline]] DualPart& operator*=(double b) { return derivative *= b, *this; }
+  [[gnu::always_inline]] DualPart& operator/=(double b) { return derivative /= b, *this; }
 
-  [[gnu::always_inline]] friend Along operator*(const Along& a, double b) { return {a.derivative * b}; }
-  [[gnu::always_inline]] friend Along operator*(double a, const Along& b) { return {a * b.derivative}; }
+  [[gnu::always_inline]] friend DualPart operator*(const DualPart& a, double b) { return {a.derivative * b}; }
+  [[gnu::always_inline]] friend DualPart operator*(double a, const DualPart& b) { return {a * b.derivative}; }
 };
 
 /// A function's value and the chain rule for an argument, with the partial derivative `steepness`.

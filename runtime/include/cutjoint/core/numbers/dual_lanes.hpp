@@ -27,7 +27,7 @@ struct Lanes<Dual, N> {
   };
 
   using Values = Side<std::max<std::size_t>(N, register_length)>;  ///< repeated if registers are longer
-  using Derivatives = Side<directions * N>;
+  using Derivatives = Side<seeds_at_once * N>;
 
   Values value;
   Derivatives derivative;
@@ -42,7 +42,7 @@ struct Lanes<Dual, N> {
 
   [[gnu::noinline]] Dual operator[](int k) const {
     Dual number(value[static_cast<std::size_t>(k)]);
-    for (std::size_t d = 0; d < directions; ++d) number.derivative[d] = derivative[N * d + static_cast<std::size_t>(k)];
+    for (std::size_t d = 0; d < seeds_at_once; ++d) number.derivative[d] = derivative[N * d + static_cast<std::size_t>(k)];
     return number;
   }
 
@@ -97,7 +97,7 @@ struct Lanes<Dual, N> {
 
   friend Dual sum(const Lanes& a) {
     Dual total(sum(value_of(a)));
-    for (std::size_t d = 0; d < directions; ++d) {
+    for (std::size_t d = 0; d < seeds_at_once; ++d) {
       typename Plain::Vector v;
       std::memcpy(&v, reinterpret_cast<const double*>(a.derivative.part) + N * d, sizeof v);
       total.derivative[d] = sum(Plain(v));

@@ -39,7 +39,7 @@ struct BallStages {
     constexpr Chart here{0, 0, 0, true};
     std::array<double, size * size> matrix;
     std::array<std::size_t, size> order;
-    std::array<Along, size> right[2]{}, room;
+    std::array<DualPart, size> right[2]{}, room;
     for (std::size_t j = 0; j < Table::stages; ++j) {
       Dual at[3], by[3], rate[3];
       for (std::size_t k = 0; k < 3; ++k) {
@@ -50,11 +50,11 @@ struct BallStages {
       for (std::size_t i = 0; i < Table::stages; ++i)
         for (std::size_t k = 0; k < 3; ++k) {
           const std::size_t row = 3 * i + k;
-          right[size / directions][row].derivative[size % directions] += weight(i, j) * rate[k].value;
+          right[size / seeds_at_once][row].derivative[size % seeds_at_once] += weight(i, j) * rate[k].value;
           for (std::size_t c = 0; c < 3; ++c) {
             const std::size_t column = 3 * j + c;
             matrix[column * size + row] = (row == column ? 1.0 : 0.0) - h * weight(i, j) * rate[k].derivative[c];
-            right[column / directions][row].derivative[column % directions] = h * weight(i, j) * rate[k].derivative[3 + c];
+            right[column / seeds_at_once][row].derivative[column % seeds_at_once] = h * weight(i, j) * rate[k].derivative[3 + c];
           }
         }
     }
@@ -62,8 +62,8 @@ struct BallStages {
     triangles.decompose();
     for (auto& columns : right) triangles.solve(columns.data(), room.data());
     for (std::size_t i = 0; i < size; ++i) {
-      for (std::size_t j = 0; j < size; ++j) by_omega[i][j] = right[j / directions][i].derivative[j % directions];
-      by_length[i] = right[size / directions][i].derivative[size % directions];
+      for (std::size_t j = 0; j < size; ++j) by_omega[i][j] = right[j / seeds_at_once][i].derivative[j % seeds_at_once];
+      by_length[i] = right[size / seeds_at_once][i].derivative[size % seeds_at_once];
     }
   }
 };
@@ -121,8 +121,8 @@ class StageDerivatives {
 
   /// Add the terms of accelerations; coordinates and velocities become those of the last stage.
   template <class Q, class V>
-  void end_jvp(const Along* change, Q& q, V& v) {
-    std::array<Fixed<Along, n>, stages> more;
+  void end_jvp(const DualPart* change, Q& q, V& v) {
+    std::array<Fixed<DualPart, n>, stages> more;
     for (std::size_t i = 0; i < stages; ++i)
       for (std::size_t l = 0; l < n; ++l) {
         for (std::size_t j = 0; j < stages; ++j) more[i][l] += h_ * weight(i, j) * change[j * unknowns + l];
@@ -154,8 +154,8 @@ class StageDerivatives {
 
   /// The Jacobian's product with derivatives of accelerations and multipliers in a stage.
   template <class Vdot, class Lambda>
-  void add_jvp(std::size_t stage, const Vdot& vdot, const Lambda& lambda, Along* rows) const {
-    std::fill_n(rows, unknowns, Along{});
+  void add_jvp(std::size_t stage, const Vdot& vdot, const Lambda& lambda, DualPart* rows) const {
+    std::fill_n(rows, unknowns, DualPart{});
     ForceResidual::visit_unknowns(0, unknowns, [&](std::size_t i, std::size_t k, std::size_t j) { rows[i].derivative += derivative_[stage][k] * (j < n ? vdot[j].derivative : lambda[j - n].derivative); });
   }
 
@@ -197,7 +197,7 @@ class StageDerivatives {
   template <class Speeds>
   void move(const Speeds& speeds, const Tangents& length, bool from_start) {
     for (std::size_t i = 0; i < stages; ++i) {
-      std::array<Along, n> delta;
+      std::array<DualPart, n> delta;
       for (std::size_t l = 0; l < n; ++l) {
         delta[l].derivative = speeds_[i][l] * length;
         for (std::size_t j = 0; j < stages; ++j) delta[l].derivative += h_ * weight(i, j) * speeds[j][l].derivative;
