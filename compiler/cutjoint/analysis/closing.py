@@ -134,8 +134,11 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
 
 
 def evaluate_scene_inputs(equations: Equations, parameters: Array, t: float) -> dict[str, Array]:
-    """The values (..., length) of a scene's laws at ``t`` (s) that a step of a mechanism or system reads with ``parameters`` (..., length),
-    by symbol, and the initial discrete states of controllers; none of a model without inputs and controllers."""
+    """The values (..., length), by symbol, of a scene's laws at ``t`` (s) with ``parameters`` (..., length), and the initial discrete
+    states.
+
+    They are what a step reads; none of a model without inputs and controllers.
+    """
     if not equations.input_values:
         return {}
     results = equations.function("scene_inputs").results

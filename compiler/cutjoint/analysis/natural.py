@@ -73,8 +73,9 @@ def evaluate_changes(
     roads: Mapping[str, RoadTable] | None, held: Mapping[str, float | Array], by_input: Mapping[str, Array] = MappingProxyType({}),
     touching: Collection[Block] = (),
 ) -> dict[str, tuple[Array, Array]]:  # fmt: skip
-    """Results (length,) by name and their exact changes (directions, length) by ``changes`` (directions, length) of arrays (length,) and
-    ``by_input`` (directions,) of held inputs; other arguments as of `evaluate_results` and `interpret_tangents`."""
+    """Results (length,) by name, and their exact changes (directions, length).
+    ``changes`` (directions, length) are those of arrays (length,), ``by_input`` (directions,) those of constant inputs; other arguments as
+    of `evaluate_results` and `interpret_tangents`."""
     by_parameters, count = changes["parameters"], len(changes["parameters"])
     laws = scene_input_changes(equations, arrays["parameters"], by_parameters, float(arrays["t"][0]))
     seeds = {"parameters": by_parameters, **laws}

@@ -187,8 +187,8 @@ def _is_constant(poses: Sequence[Pose]) -> bool:
 
 
 def _is_even(equations: RecursiveEquations, pose: Pose, t: float) -> bool:
-    """Return whether multipliers of the null space and their opposites give the same loads in any motion of the loops, as across the plane
-    of a planar mechanism with forces in this plane: by symmetry such multipliers are zero."""
+    """Return whether multipliers of the null space and their opposites give the same loads in any motion of the loops.
+    By symmetry such multipliers are zero, as across the plane of a planar mechanism with forces in this plane."""
     random = np.random.default_rng(7)
     left, _, right = np.linalg.svd(pose.jacobian)
     null, free = left[:, pose.rank :].T, right[pose.rank :]
@@ -235,7 +235,6 @@ def _changes(equations: RecursiveEquations, pose: Pose, each: Array) -> Array:
 
 
 def _columns(equations: RecursiveEquations, inputs: Mapping[str, Array], multipliers: Array) -> Array:
-    """The columns for each row of multipliers."""
     loaded = {f"lambda:{c.joint}": multipliers[:, c.first : c.first + len(c.names)] for c in equations.closures}
     results = equations.function("report").results
     found = interpret_blocks(results.values(), {**inputs, **loaded}, {name: FlatRoad() for name in equations.roads})

@@ -25,7 +25,7 @@ def command(
     closure: str | None, dt: float | None, end: float | None, tunable: tuple[str, ...], changes: tuple[str, ...], threads: int | None,
     out: Path, functions: Path | None,
 ) -> None:  # fmt: skip
-    """Run one scene of MODEL once for each row of CASES, a CSV file of parameters and constant inputs in SI units: many runs side by side.
+    """Run one scene of MODEL once for each row of CASES, a CSV file of parameters and constant inputs in SI units.
 
     The table has a row for each run, with end, smallest and largest value of each output over the scene's rows.
     """

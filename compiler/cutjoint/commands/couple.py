@@ -36,8 +36,9 @@ def command(
     iterations: int | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path, error: bool, plots: Path | None,
     view: Path | None, functions: Path | None,
 ) -> None:  # fmt: skip
-    """Run one scene of MODEL beside FMUs for co-simulation, or a system of them (.ssp): their outputs drive the inputs of the same names,
-    and they read outputs."""
+    """Run one scene of MODEL with FMUs for co-simulation, or with a system of them (.ssp).
+
+    Outputs of the FMUs drive the inputs of the same names; inputs of the FMUs read the outputs of the scene."""
     read_files = {"the model": model, **{"the FMU" if len(fmus) == 1 else f"the FMU {fmu}": fmu for fmu in fmus}}
     require_apart(read_files, tables={"--out": out}, plots=plots, documents=[("--view", view)])
     require_view(view, "--view")
@@ -163,5 +164,5 @@ def _facts_of(participant: Participant, plan: Plan) -> list[tuple[str, str]]:
         (f"communication{which}", f"{int(plan.end / participant.step + 1e-6)} steps of {participant.step:g} s"),
         *([("driven", ", ".join(f"{name} by {port.name}" for name, port in connected.driven.items()))] if connected.driven else []),
         *([("read", ", ".join(read))] if read else []),
-        *([("stay at their start", f"{', '.join(connected.held)} of the FMU{which}")] if connected.held else []),
+        *([("stay at their start", f"{', '.join(connected.constant)} of the FMU{which}")] if connected.constant else []),
     ]  # fmt: skip

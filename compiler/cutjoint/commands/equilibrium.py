@@ -14,7 +14,7 @@ from cutjoint.view.views import require_view, write_shown
 
 @table.command("equilibrium")
 def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], view: Path | None) -> None:
-    """Find the static equilibrium of MODEL, or what the scene's trim asks for, and print every body's pose and every element's force."""
+    """Find the static equilibrium of MODEL, or solve the scene's trim, and print every body's pose and every element's force."""
     require_apart({"the model": model}, documents=[("--view", view)])
     require_view(view, "--view")
     parameters = options.read_parameters(changes)

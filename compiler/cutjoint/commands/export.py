@@ -32,7 +32,7 @@ def command(
     method: str | None, integrator: str | None, poses: bool, external_wrenches: tuple[str, ...], terrain: tuple[str, ...], out: Path,
     functions: Path | None,
 ) -> None:  # fmt: skip
-    """Write MODEL as a program for another simulator, which runs one scene there, as an FMU, or as a URDF or MJCF file with loops."""
+    """Write MODEL as an FMU, as a URDF or MJCF file with loops, or as a program that runs one scene in another simulator."""
     if peer == table.FMU:
         if changes or requested:
             option = "--set" if changes else "--output"

@@ -11,7 +11,7 @@ from cutjoint.run.result_files import write_whole
 
 @table.command("fit")
 def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Path | None) -> None:
-    """Fit numbers of models to measurements as STUDY asks, and say what the data leave open.
+    """Fit numbers of models to measurements as STUDY asks, and report what the data do not determine.
 
     Exit status: 0 identified, 3 not converged, 4 not identified, 5 residual not white.
     """

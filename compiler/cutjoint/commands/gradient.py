@@ -30,14 +30,12 @@ _LEAST = 1e-9
 def command(
     model: Path, scene: str | None, method: str | None, integrator: str | None, dt: float | None, end: float | None,
     tunable: tuple[str, ...], changes: tuple[str, ...], requested: tuple[str, ...], by: tuple[str, ...], objective: str,
-    from_equilibrium: bool,
-    check: bool,
+    from_equilibrium: bool, check: bool,
 ) -> None:  # fmt: skip
-    """Run MODEL and print how its outputs change with parameters and inputs, for the steps as taken; where there are more of these than
-    outputs, by the adjoint method.
+    """Run MODEL and print the exact derivatives of its outputs by parameters and inputs, for the steps as taken.
 
-    The states at the beginning stay as they are, unless they are those of a pose at rest that changes too.  With --objective start a scene
-    with a trim shows the derivatives of what is found.
+    The initial state stays constant, unless --from-equilibrium or the objective says otherwise.  With --objective start, a scene with a
+    trim shows the derivatives of what the trim finds.
     """
     read, chosen = load_model(model, scene, tunable)
     values = options.read_parameters(changes)

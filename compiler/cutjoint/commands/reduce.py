@@ -18,7 +18,7 @@ from cutjoint.view.views import require_view, write_shown
 def command(
     model: Path, scene: str | None, method: str, approximate: bool, dt: float | None, changes: tuple[str, ...], view: Path | None
 ) -> None:  # fmt: skip
-    """Cut MODEL down to what a scene needs: what each pass did and why, operations, and error and speed of every reduced model."""
+    """Reduce MODEL to what a scene needs; print what each pass did, and operations, error and speed of each reduced model."""
     require_apart({"the model": model}, documents=[("--view", view)])
     require_view(view, "--view")
     checked = read_model(model)

@@ -35,7 +35,7 @@ def command(
 ) -> None:  # fmt: skip
     """Make all runs of STUDY, a file of variables, a design and objectives, and write a table with a row for each.
 
-    A call that was stopped goes on where it was when it is made again.
+    A repeated call continues where the last one stopped.
     """
     out = Path(f"{study.stem}.parquet") if out is None else out
     if threads is not None and scheduler is not None:

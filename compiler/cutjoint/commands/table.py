@@ -126,7 +126,7 @@ def _packages(added: ExtensionPoint[Any]) -> str:
 
 
 def _contents(function: Callable[..., Any]) -> Callable[..., Any]:
-    words = {"sources": "An FMU of C++ alone.", "binary": "An FMU with binaries alone.", "both": "An FMU with both, which is the default."}
+    words = {"sources": "An FMU with sources only.", "binary": "An FMU with binaries only.", "both": "An FMU with both (default)."}
     for content in reversed(words):
         function = click.option(f"--{content}", "content", flag_value=content, help=words[content])(function)
     return function
@@ -197,7 +197,7 @@ OPTIONS: Mapping[str, Row] = {
         help="located: steps end where a force changes its formula; crossed: steps pass over. Default: the scene's; else "
         f"crossed for {join_and(names_of(INTEGRATORS, lambda i: i.events is Events.CROSSED))}, located for others."),
     **dict.fromkeys(("batch.events", "couple.events"), click.option("--events", type=click.Choice([Events.CROSSED.value]),
-        help="Steps do not end where forces change their formulas, where the scene has them located.")),
+        help="Steps pass over events, even if the scene says located.")),
     "precision": _one_of("--precision", names=PRECISIONS.names, default=DEFAULT_PRECISION, show_default=True,
         help=f"Number type{_packages(PRECISIONS.added)}."),
     "closure": click.option("--closure", type=click.Choice(list(CLOSURES)),
@@ -271,7 +271,7 @@ OPTIONS: Mapping[str, Row] = {
     "compile.target": click.option("--target", type=click.Choice(["native", "wasm"]), default="native", show_default=True,
         help="native: a simulator for this machine. wasm: a WebAssembly module with its JavaScript calls."),
     "reproducible": click.option("--reproducible", is_flag=True,
-        help="Same bits on all processors and in WebAssembly: an own mathematical library, no fused multiply-add."),
+        help="Same bits on all processors and in WebAssembly: own mathematical library, no fused multiply-add."),
     "cases": click.argument("cases", type=_READ),
     "fmus": click.argument("fmus", metavar="FMU...", type=_READ, nargs=-1, required=True),
     "threads": click.option("--threads", type=Setting("threads"), help="Number of threads. Default: all processors."),
@@ -351,7 +351,7 @@ OPTIONS: Mapping[str, Row] = {
     "simulate.view": _page("that replays the run in a browser"),
     "check.proof": click.option("--proof", type=_FILE,
         help="Prove error bounds of embedded loops, embedding them if the scene does not, and write this certificate (JSON)."),
-    "check.view": _page("that moves in each direction that the loops leave free"),
+    "check.view": _page("that moves in each degree of freedom"),
     "couple.view": _page("of the run"),
     "equilibrium.view": _page("that goes from the design position to the equilibrium"),
     "modes.view": _page("that moves in each mode"),

@@ -12,8 +12,7 @@ from cutjoint.toolchain.drivers import DRIVERS, Kind
 def command(drivers: tuple[str, ...], precision: str, comparison: bool) -> None:
     """Compile the drivers, which serve all models: half a minute each.
 
-    The libraries go beside the installation, or into the cache where the installation cannot be written.  The compiler and its flags are
-    those of $CXX and $CUTJOINT_FLAGS.
+    They are stored in the installation, or in the cache if it is not writable.  $CXX and $CUTJOINT_FLAGS name the compiler and its flags.
     """
     drivers = drivers or DRIVERS
     if "batch" in drivers and precision != DEFAULT_PRECISION:

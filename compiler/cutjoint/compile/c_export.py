@@ -79,10 +79,12 @@ def lanes_break_even(operations: int, steps: float) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Standalone:
-    """The folder and the library of a mechanism; ``name`` is the model's, ``digest`` that of its source, ``parts`` the code of both,
-    ``integrator`` the name of the rule of its steps, ``run_file`` the settings, parameters and start that it begins with, ``code`` the
-    library's text behind its interface.  The program of a folder that is ``reproducible`` has the same bits on all processors, and a
-    host of one that ``lays_roads`` changes the road under its wheels."""
+    """A C export: the library and the folder of a mechanism.
+
+    * ``name``: of the model; ``digest``: of its source; ``parts``: the code of both; ``code``: the library's text behind its interface
+    * ``integrator``: the rule of its steps; ``run_file``: settings, parameters and start
+    * ``reproducible``: same bits on all processors; ``lays_roads``: a host changes the road under its wheels
+    """
 
     name: str
     digest: str
@@ -268,15 +270,13 @@ def make_standalone(
     generated: Generated, *, integrator: str | None = None, equal_steps: bool = False, lanes: bool = True, linearise: bool = False,
     derives_steps: bool = True, adjoint: bool = False, side_by_side: bool = False,
 ) -> Standalone:  # fmt: skip
-    """The folder of a model in a scene, from the results of `pipeline.generate`, with the settings, parameters and start of the scene.
-
-    The integrator follows from ``integrator`` and ``equal_steps`` (`choose_steps`).  ``lanes`` computes isomorphic parts side by
-    side.  With ``linearise`` it has minimal coordinates and derivatives too, also those of steps if it ``derives_steps``, with ``adjoint``
-    those from the end of a run. With ``side_by_side`` it also has the class of several instances, if its steps can be taken in lanes.
+    """The C export of a model in a scene, from the results of `pipeline.generate`.
+    The integrator follows from ``integrator`` and ``equal_steps`` (`choose_steps`). ``lanes`` computes isomorphic parts side by side.
+    ``linearise`` adds derivatives, ``derives_steps`` those of steps, ``adjoint`` adjoint sensitivities, ``side_by_side`` the class of
+    several instances.
 
     Raises:
-        RunError: the core has not the integrator, Newton's iteration has nothing to solve for, the state of the method has natural
-            coordinates, which have no derivatives and no poses, or the scene has a setting or a start without a finite value.
+        RunError: the method does not support the integrator, derivatives or poses, or a setting or the start is not finite.
     """
     equations, program, source = generated
     _require_unknowns(equations)
@@ -357,7 +357,6 @@ def linearised_methods() -> tuple[str, ...]:
 
 
 def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCode:
-    """The code of a simulation."""
     start = equations.mechanism
     if not isinstance(equations, SystemEquations):
         return SimulationCode(mechanism=start, program=program, system=None)

@@ -32,9 +32,9 @@ _FMU = "application/x-fmu-sharedlibrary"
 class Connections:
     """Ports of an FMU by the model's names.
 
-    ``driven`` has the output that drives each input of the model, ``read`` pairs of an output of the model and the input of the FMU that
-    takes it, ``sizes`` the units of these outputs in SI.  ``steering`` are driven inputs that move guides, ``passed`` has another FMU's
-    number and output, and the input that takes it.  ``held`` are inputs of the FMU that stay at their start.
+    * ``driven``: the output that drives each input of the model; ``steering``: driven inputs that move guides
+    * ``read``: pairs of an output of the model and the FMU's input; ``sizes``: the units of these outputs in SI
+    * ``passed``: another FMU's number and output, and the input that reads it; ``constant``: inputs that keep their start value
     """
 
     driven: Mapping[str, Port]
@@ -42,7 +42,7 @@ class Connections:
     sizes: Mapping[str, float]
     steering: frozenset[str]
     passed: tuple[tuple[int, Port, Port], ...]
-    held: tuple[str, ...]
+    constant: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,12 +158,12 @@ def _connection(path: Path, element: Any, components: Mapping[str, Any], model: 
 def connect(
     fmus: Sequence[ControllerFmu], model: Model, scene: Scene, named: Mapping[str, str], *, is_whole: bool = False
 ) -> tuple[Connections, ...]:
-    """The connections of each FMU: of each port with the input or output of its name in the model, or of its name in ``named``, which may
-    be a port of another FMU; of those in ``named`` alone if they are the ``whole``.
+    """The connections of each FMU, of ports with inputs and outputs of the model of the same names, or of their names in ``named``.
+    A name in ``named`` may be a port of another FMU. If ``whole``, only ports in ``named`` are connected.
 
     Raises:
         RunError: there is no such port, input or output, a unit is of another dimension, an input has two sources, or an FMU is not
-            connected.
+        connected.
     """
     names = [set(model_names) for model_names in (_inputs(model), _outputs(model, scene))]
     own: list[dict[str, str]] = [{} for _ in fmus]
@@ -261,7 +261,7 @@ def _connect(
         driven=driven, read=read, sizes={name: measure(1.0, outputs[name] or "1").value for name, _ in read},
         steering=frozenset(p.name for p in input_parameters(model) if p.name in driven and guided_by(model, p) is not None),
         passed=tuple(passed[number]),
-        held=tuple(p.name for p in fmu.ports.values() if p.causality == "input" and p.name not in taken),
+        constant=tuple(p.name for p in fmu.ports.values() if p.causality == "input" and p.name not in taken),
     )  # fmt: skip
 
 

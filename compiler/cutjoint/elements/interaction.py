@@ -81,8 +81,8 @@ class Motion(Protocol):
 
 
 class Rotation(Motion, Protocol):
-    """Small rotations (3, 1) in a frame, their rates, their Jacobian (3, 3) by the relative angular velocity in that frame, and S = E^T G,
-    the axes that one body carries in those of the other, by rows of scalars."""
+    """Small rotations (3, 1) in a frame, their rates, and their Jacobian (3, 3) by the relative angular velocity in that frame.
+    S = E^T G are the axes that one body carries in those of the other, by rows of scalars."""
 
     @property
     def axes(self) -> Sequence[Sequence[Block]]: ...

@@ -218,7 +218,6 @@ class _Assembler:
         return self._spread[a, user.lanes]
 
     def _register(self, n: int) -> int:
-        """The register of a scalar."""
         node = self._graph.nodes[n]
         match node.op, node.data:
             case "const", float(value):

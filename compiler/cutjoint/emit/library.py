@@ -53,8 +53,9 @@ _OF_LOADED = _Number(
 
 @dataclass(frozen=True, kw_only=True)
 class _Placed:
-    """A class of the library: the place of its ``header``, without the ending, the beginning of its functions' files, its namespace within
-    that of generated classes, the target of the project that compiles it, and its number types."""
+    """A class of the library: where its files and its code go.
+    ``header`` has no ending. There are also the beginning of its functions' files, its namespace within that of generated classes, the
+    target of the project that compiles it, and its number types."""
 
     made: CppClass
     header: str
@@ -104,7 +105,6 @@ def emit_library(parts: SimulationCode, defaults: Defaults, digest: str, code: s
 
 
 def _classes(parts: SimulationCode, steps: Steps) -> Iterator[_Placed]:
-    """The classes of a library."""
     name, has_derivatives = parts.page.header, parts.dofs is not None
     mechanism = sized_mechanism_class(parts, parts.program, header=name)
     of_mechanism, of_system = (replace(x, functions=x.functions | {"events"}) if steps.finds_events else x

@@ -238,7 +238,6 @@ def _statuses(parts: SimulationCode, steps: Steps) -> list[Status]:
 
 
 def _guide_inputs(equations: RecursiveEquations | SystemEquations) -> list[int]:
-    """The inputs that move guides."""
     return [i for i, each in enumerate(equations.inputs) if guided_by(equations.topology.model, each) is not None]
 
 

@@ -114,8 +114,7 @@ ROUNDING = 1e-14
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """A body at the start: a point p of the design position is at rotation (3, 3) p + shift (3,), m; velocity (3,) of its own centre
-    of mass, m/s; spin (3,), rad/s.
+    """A body at the start: rotation (3, 3) and shift (3,), m, of its points; velocity (3,), m/s, of its centre of mass; spin (3,), rad/s.
     """
 
     rotation: Array

@@ -242,8 +242,8 @@ class _Mjcf(Tree):
     # drives and starts
 
     def _drive(self, force: Force) -> Element | None:
-        """The actuator of a force that an input drives, of several that one pulls at the first; None, with a note, of one that is none and
-        resists nothing."""
+        """The actuator of a force that an input drives; of several, of the first. None, with a note, if an unsupported force resists
+        nothing."""
         if force.name in self._pulled:
             return self._pulled[force.name]
         found = self._actuator(force)

@@ -143,8 +143,7 @@ class Tree:
         return any(joint.name == joint_of(force) for joint, _, _ in self.tree) and self.as_resistance(force) is not None
 
     def as_resistance(self, force: Force) -> Resistance | None:
-        """A force whose law is -k (position - rest) - c rate, on a ball the same about the design position, or friction that is constant
-        where it slides; None of any other."""
+        """A force with the law -k (position - rest) - c rate, or friction of a constant size; None of any other."""
         if isinstance(force, BallSpring):
             found = Resistance(self.number(force.stiffness), 0.0, self.number(force.damping))
             return found if force.axes == GLOBAL_AXES or not found.stiffness else None
@@ -280,8 +279,8 @@ class _Urdf(Tree):
         return not gear.others and (gear.name == f"{gear.first.joint}_mimic" or not self._coupling(gear))
 
     def _coupling(self, gear: Gear) -> tuple[str, str, float] | tuple[()]:
-        """The links and the ratio of a coupling: ratio times the joints before one link, less those before the other one, beyond their
-        common way; empty where no two links give the gear's equation."""
+        """The links and the ratio of a coupling; empty if no two links give the gear's equation.
+        The equation is ratio times the joints before one link, less those before the other one, without their common part."""
         terms = {end.joint: self.number(factor) for end, factor in gear.terms}
         ends = [child for joint, _, child in self.tree if joint.name in terms]
         for second in ends:

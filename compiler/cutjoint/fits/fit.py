@@ -28,8 +28,8 @@ STATUSES = {"": 0, "not converged": 3, "not identified": 4, "residual not white"
 
 @dataclass(frozen=True, kw_only=True)
 class SignalResult:
-    """A signal after the fit: ``rms`` of the residual and standard ``deviation`` of its noise, given or estimated, in SI units;
-    ``explained`` is 1 - (residual / spread)^2; ``p_value`` is that of white noise (Ljung-Box), None where it was not tested."""
+    """A signal after the fit: ``rms`` of the residual and standard ``deviation`` of its noise, given or estimated, in SI units.
+    ``explained`` is 1 - (residual / spread)^2; ``p_value`` is that of white noise (Ljung-Box), None if not tested."""
 
     experiment: str
     signal: str
@@ -217,13 +217,13 @@ class Solver:
     def _covariance(self, jacobian: Array) -> tuple[Array, Array]:
         """Standard deviations, infinite where data leave a parameter open, and correlations."""
         _, singular, directions = np.linalg.svd(jacobian * self.sizes, full_matrices=True)
-        told = np.zeros(len(self.names), dtype=bool)
-        told[: len(singular)] = singular > NULL * singular[0]
-        half = directions[told].T / singular[told[: len(singular)]]
+        determined = np.zeros(len(self.names), dtype=bool)
+        determined[: len(singular)] = singular > NULL * singular[0]
+        half = directions[determined].T / singular[determined[: len(singular)]]
         covariance = half @ half.T
         deviations = np.sqrt(np.diag(covariance))
         lengths = np.where(deviations > 0, deviations, 1.0)
-        is_open = np.abs(directions[~told]).max(axis=0, initial=0.0) > np.sqrt(NULL)
+        is_open = np.abs(directions[~determined]).max(axis=0, initial=0.0) > np.sqrt(NULL)
         return np.where(is_open, np.inf, deviations * self.sizes), covariance / np.outer(lengths, lengths)
 
     def _bootstrap(self, theta: Array) -> Array:

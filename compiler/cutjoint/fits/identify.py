@@ -16,8 +16,12 @@ _SHARE, COLLINEAR = 0.05, 20.0
 
 @dataclass(frozen=True, kw_only=True)
 class Identifiability:
-    """``singular_values`` of the Jacobian by parameters as shares of their sizes, the largest first; ``open`` are combinations that the
-    data do not determine, ``nearly_open`` those hardly determined, each with shares by names; ``collinear`` is a pair with its index."""
+    """What data determine of the parameters.
+
+    * ``singular_values``: of the Jacobian by parameters as shares of their sizes, the largest first
+    * ``open``, ``nearly_open``: combinations that the data do not determine, or hardly, with shares by names
+    * ``collinear``: pairs with their index
+    """
 
     singular_values: Array
     open: tuple[dict[str, float], ...]

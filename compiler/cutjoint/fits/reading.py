@@ -288,11 +288,11 @@ def _dimension(unit: str) -> Dimension | None:
 def _read_tunable(path: Path, names: Sequence[str]) -> Model:
     """The model of a file, whose numbers of these names are tunable."""
     own = {p.name for p in read_model(path).parameters}
-    opened, patterns = [], [name for name in names if name not in own]
+    tunable, patterns = [], [name for name in names if name not in own]
     for name in patterns:
         try:
             read_model(path, tunable=[name])
-            opened.append(name)
+            tunable.append(name)
         except ModelError:  # it may be of another model, or of expressions alone; what none has is noted
             continue
-    return read_model(path, tunable=opened)
+    return read_model(path, tunable=tunable)

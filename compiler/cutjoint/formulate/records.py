@@ -115,14 +115,13 @@ class LeftOut:
 
 @dataclass(frozen=True, kw_only=True)
 class Equations:
-    """The symbolic mechanics of one model in one scene, by any formulation; ``domains`` describe the margins of the function of that name,
-    ``indicators`` the values of ``events``.
+    """The symbolic equations of one model in one scene, by any formulation.
 
-    ``parameters`` are tunable parameters, which the binary loads, ``roads`` the tyres in the order of their road tables, ``columns``
-    the outputs with their units, ``state`` the layout of the state, ``slots`` the places of inputs and results, ``load_arguments`` the
-    arguments of the generated ``load``.
-    ``inputs`` are the parameters that are read at every step, ``input_values`` the length of the array that ``scene_inputs`` fills, with
-    values of controllers.  ``left_out`` are equations that guards monitor, ``fits`` the loop embeddings that depend on parameters.
+    * ``parameters``: tunable ones, which the binary loads; ``roads``: tyres in the order of their road tables
+    * ``columns``: outputs with units; ``state``: layout of the state; ``slots``: places of inputs and results
+    * ``inputs``: parameters read at every step; ``input_values``: length of the array that ``scene_inputs`` fills, with discrete states
+    * ``domains``, ``indicators``: descriptions of the results of ``domains`` and ``events``; ``left_out``: equations that guards monitor
+    * ``load_arguments``: those of the generated ``load``; ``fits``: loop embeddings that depend on parameters
     """
 
     topology: Topology
@@ -195,12 +194,10 @@ class Equations:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RecursiveEquations(Equations):
-    """The recursive formulation: joint coordinates by charts, cut joints and gears by closures, the values of ``events`` by ``indicators``.
-
-    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``violation:joint``,
+    """The recursive formulation: joint coordinates by charts, cut joints and gears by closures.
+    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (multipliers of a cut joint), ``violation:joint``,
     ``numerics`` (penalty, damping ratio, frequency). Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``,
-    ``dz:joint``, ``column:name``, ``value:number``. Vectors, of residuals too, are resolved in the axes of the body ``axes``.
-    """
+    ``dz:joint``, ``column:name``, ``value:number``. Vectors are resolved in the axes of the body ``axes``."""
 
     axes: str
 
@@ -240,12 +237,9 @@ class RecursiveEquations(Equations):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SystemEquations(Equations):
-    """An index-3 formulation that Newton's iteration solves, see runtime/include/cutjoint/lagrangian/system.hpp.
-
-    ``start`` are the recursive equations that find where a run begins.  The results ``tangent:row,column`` are the tangent's candidates,
-    of a symmetric tangent the lower triangle; their slots follow from its pattern, and ``plan`` is its factorisation's, once there is
-    one.
-    """
+    """An index-3 formulation that Newton's iteration solves; see runtime/include/cutjoint/lagrangian/system.hpp.
+    ``start`` are the recursive equations that find the initial state. The results ``tangent:row,column`` are the tangent's candidates, of a
+    symmetric tangent the lower triangle; ``plan`` is its factorisation."""
 
     method: str
     start: RecursiveEquations

@@ -60,8 +60,8 @@ def by_state(b: Builder, name: str, damping: Block) -> Variation:
 def state_tangent(
     b: Builder, translator: Translator, layout: StateLayout, model: Model, damping: Block, *, symmetric: bool
 ) -> Iterator[Entry]:
-    """The derivatives of the states' equations by the states, of a symmetric tangent those of each by its own state: most states drive
-    others that do not act on them, whose symmetric part may have no positive pivots."""
+    """The derivatives of the states' equations by the states; of a symmetric tangent those of each by its own state.
+    Most states drive others that do not act on them; their symmetric part may have no positive pivots."""
     rates = state_rates(b, translator, model)
     changes = {s.name: by_state(b, s.name, damping) for s in model.states}
     for i, row in enumerate(model.states):

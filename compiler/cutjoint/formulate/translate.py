@@ -139,8 +139,8 @@ class Translator:
 
 
 def _polynomial_symbol(e: Any) -> Any:
-    """The one symbol of a polynomial that is expanded or in Horner's form, so that its coefficients can be read off: no product has two
-    sums and no sum has a power, for these would be expanded and lose digits."""
+    """The one symbol of a polynomial that is expanded or in Horner's form, so that its coefficients can be read off.
+    No product has two sums and no sum has a power: these would be expanded and lose digits."""
     if e.is_number:
         return None
     if e.is_Symbol:

@@ -179,9 +179,12 @@ def _by_parameters(graph: Graph, equations: RecursiveEquations, loaded: Mapping[
 
 @dataclass(frozen=True, kw_only=True)
 class Linearised(Derived):
-    """The derivatives of a force residual: of each of its rows, in order, the ``columns`` of derivatives that are not always zero, those
-    of ``unknowns``, accelerations and then multipliers, from one on, the ``places`` where these derivatives are written, and how unknowns
-    fall apart, by ``sides`` (`program.borders`), whose groups are written first."""
+    """The derivatives of a force residual, row by row.
+
+    * ``columns``: of each row those of derivatives that are not always zero; ``unknowns``: the first column of accelerations and
+      multipliers
+    * ``places``: where these derivatives are written; ``sides``: how unknowns separate (`program.borders`), groups first
+    """
 
     columns: Sequence[Sequence[int]]
     unknowns: int

@@ -247,8 +247,8 @@ class Document:
         self._note("armatures of free joints and balls are bodies, without weight", body)
 
     def _resist(self, name: str, element: dict[str, Any], joint: Joint | Loop, here: Array) -> None:
-        """The spring, damper and friction of a joint, whose coordinates in the file are ``here`` in the design position; a ball's turn it
-        there from where its spring is at rest, rad in global axes."""
+        """The spring, damper and friction of a joint; ``here`` are its coordinates in the file at the design position.
+        Those of a ball rotate it there from where its spring is at rest, rad in global axes."""
         if joint.kind == "free" and not joint.stiffness:
             self._add_resisting_force(name, element, joint.damping, joint.friction)
             return

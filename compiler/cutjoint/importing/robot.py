@@ -148,8 +148,8 @@ class Spring:
 
 @dataclass(eq=False)
 class Coupling:
-    """A relation: the sum of ``terms``, factors by joints, times coordinates is ``constant``, plus a polynomial of the coordinate of the
-    joint ``independent`` with coefficients ``higher_terms`` from the square up."""
+    """A relation: the sum of ``terms`` (factors by joints) times coordinates is ``constant`` plus a polynomial of ``independent``.
+    ``higher_terms`` are the coefficients of that joint's coordinate from the square up."""
 
     name: str
     node: Node

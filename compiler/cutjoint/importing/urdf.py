@@ -171,12 +171,12 @@ def _add_sdf_joint(robot: Robot, node: Node) -> None:
     name, kind = node.name(), node.get("type") or ""
     ends = [node.need(tag).text.strip() for tag in ("parent", "child")]
     pose = node.find("pose")
-    told = "left out is the loop that the joint '{}' in <gazebo> closes: {}"
+    note = "left out is the loop that the joint '{}' in <gazebo> closes: {}"
     if kind not in ("revolute", "continuous", "prismatic", "fixed", "ball"):
-        robot.notes.append(told.format(name, f"it is of type '{kind[:40]}'"))
+        robot.notes.append(note.format(name, f"it is of type '{kind[:40]}'"))
         return
     if any(end not in robot.links for end in ends) or ends[0] == ends[1] or (pose is not None and pose.attributes):
-        robot.notes.append(told.format(name, "its ends or its pose are not those of links"))
+        robot.notes.append(note.format(name, "its ends or its pose are not those of links"))
         return
     x, y, z, *angles = pose.numbers(pose.text, 6, (0.0,) * 6) if pose is not None else (0.0,) * 6
     second = Pose(roll_pitch_yaw(tuple(angles)), np.array([x, y, z]))
@@ -187,7 +187,7 @@ def _add_sdf_joint(robot: Robot, node: Node) -> None:
         of_model = axis_node.find("use_parent_model_frame")
         seen = axis_node.need("xyz").get("expressed_in") or ""
         if seen not in ("", "__model__"):
-            robot.notes.append(told.format(name, f"its axis is expressed in '{seen[:40]}'"))
+            robot.notes.append(note.format(name, f"its axis is expressed in '{seen[:40]}'"))
             return
         if seen or (of_model is not None and of_model.text.strip() in ("1", "true")):
             axis = frame.rotation.T @ axis

@@ -463,12 +463,9 @@ class HeightTable:
 
 @dataclass(frozen=True, kw_only=True)
 class CurvedGrid:
-    """Heights along a line as OpenCRG has them: cross sections (x, y, height, banking), ``step`` apart, and for each of them heights at
-    places ``across``, on those of the line; lengths in m.
-
-    ``borders`` are OpenCRG's modes beyond the edges along and across, ``offsets`` are added there, and over ``smooth`` from begin and end
-    heights become those of the line.  A line that is ``closed`` begins at so many steps and has so many, else zero.
-    """
+    """Heights along a line as in OpenCRG: cross sections (x, y, height, banking), m, ``step`` apart, each with heights at ``across``.
+    ``borders`` are OpenCRG's modes beyond the edges along and across, with ``offsets`` added; over ``smooth`` from begin and end heights
+    become those of the line. A ``closed`` line has its first step and its number of steps, else zeros."""
 
     sections: tuple[tuple[float, float, float, float], ...]
     across: tuple[float, ...]
@@ -555,19 +552,15 @@ STEP = 1e-3
 class Numerics:
     """Settings of the numerical method.
 
-    ``closure`` is how the recursive method enforces its cut joints: "proximal" or "solved", with penalties from the effective masses up to
-    the bound ``penalty``, or "penalty"; None for the integrator's default. A ``penalty`` of None follows from masses. ``penalty`` (alpha),
-    ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints, ``tolerance`` (relative change of the accelerations) and
-    ``iterations`` (limit) to the fixed point, in whose first ``multiplier_updates`` iterations of a step the multipliers are corrected. The
-    augmented method has a penalty and ``multiplier_updates`` of its own. ``dt`` (s) is the length of equal steps, None for adaptive steps
-    by the tolerance, if the method has such an integrator. ``integrator`` applies to methods with a choice of integrators, None for the
-    default by method and ``dt``; of "dormand-prince", "dop853" and "radau5" ``tolerance`` is the relative error of a step and
-    ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for the same value; "generalised-alpha" has the high-frequency
-    ``spectral_radius``. ``events`` says whether steps of the methods "recursive" and "recursive-newton" end where forces, guides or drives
-    change their formulas: "located" or "crossed", None for the integrator's default. ``methods`` has the settings that a method overrides,
-    by name; ``by_step`` the penalty and frequency that were written as expressions of dt, whose values here are those at ``dt``. ``loops``
-    is the treatment of loops with one degree of freedom by the method "recursive": "exact", or "embedded" by functions with errors of at
-    most ``loop_tolerance`` (m, rad) on the range that ``loop_terms`` allow.
+    * ``dt`` (s): equal steps, None for adaptive ones; ``integrator``: None for the default by method and ``dt``
+    * ``tolerance``: relative change of accelerations that ends an iteration, or relative error of an adaptive step, whose
+      ``absolute_tolerance`` (m, rad, m/s, rad/s) is the same value if None; ``iterations``: their limit
+    * ``events``: "located" or "crossed", None for the integrator's default; ``spectral_radius``: of "generalised-alpha"
+    * ``closure``: "proximal", "solved" or "penalty", None for the integrator's default
+    * ``penalty`` (alpha), ``damping_ratio`` (xi), ``frequency`` (omega, 1/s): of cut joints; a penalty of None follows from masses and else
+      bounds that of "proximal" and "solved"; ``multiplier_updates``: corrections of multipliers in a step
+    * ``loops``: "exact" or "embedded", by functions within ``loop_tolerance`` (m, rad) on the range that ``loop_terms`` allow
+    * ``methods``: settings by method; ``by_step``: penalty and frequency as expressions of dt
     """
 
     dt: float | None = None
@@ -655,17 +648,14 @@ class Trim:
 class Scene:
     """One run of the model: its start, inputs, switches, road, numerics and outputs.
 
-    ``pose`` is "design" or "equilibrium". ``positions`` and ``rates`` give initial joint coordinates and speeds by ``joint.coordinate``, an
-    attitude by ``joint.e0`` to ``joint.e3``, the quaternion that takes the axes of the follower to those of the base, of length one within
-    `UNIT_BOUND`; ``inputs`` gives inputs as expressions of ``t`` (one that is not given keeps its parameter's value); ``switches`` turns
-    forces on and off by their full names. ``method`` is the formulation ("" for the default) or "auto", which selects model, formulation
-    and steps for position and angle errors within ``accuracy`` (m, rad) and a speed of ``budget`` times real time. ``on_violation`` decides
-    when a guard is violated: "stop", "restart" with the full model, or None to stop for forces alone. ``entries`` are the places of
-    positions and rates by "section.joint.coordinate". ``starts`` are initial values of first-order states, by their places, that replace
-    the states' own. ``guides`` are those of joints that the scene locks or drives, None of joints that it releases. ``plots`` are its
-    plots. ``assemble`` are conditions on the start with closed loops; once the start has been found, ``positions`` are all coordinates, for
-    the parameters' values in the file. The ``positions`` that ``near`` names are initial guesses of this search. A start by ``trim`` keeps
-    the given positions, rates and states that are not its unknowns.
+    * ``pose``: "design" or "equilibrium"; ``positions``, ``rates``: by ``joint.coordinate``; an attitude by ``joint.e0`` to ``joint.e3``,
+      the quaternion from the follower's axes to the base's, of length one within `UNIT_BOUND`; ``near``: positions that are initial guesses
+    * ``assemble``: conditions on the start with closed loops, after which ``positions`` are all coordinates; ``trim``: the steady start
+    * ``starts``: initial values of first-order states by their places; ``entries``: places by "section.joint.coordinate"
+    * ``inputs``: expressions of ``t``, parameters' values by default; ``switches``: forces on or off; ``guides``: of joints that the scene
+      locks or drives, None of released ones
+    * ``method``: the formulation, "" for the default, "auto" to choose for ``accuracy`` (m, rad) and ``budget`` (times real time)
+    * ``on_violation``: of a guard: "stop", "restart" with the full model, None to stop for forces alone; ``plots``: its plots
     """
 
     name: str
@@ -726,16 +716,14 @@ class SuppliedFunction:
 @dataclass(frozen=True, kw_only=True)
 class Model:
     """A validated model: the content of the file, flat and in SI units.
+    Element names are unique; an element of an instance is called ``instance.element``.
 
-    Element names are unique over bodies, joints, gears, forces, reactions, markers, states, signals and controllers. An element of a
-    submodel's instance is called ``instance.element``. ``derived`` are parameters that are replaced by expressions of others. ``guards``
-    replace forces that a pass removed: a run stops where one of them would act. ``states`` are first-order states, ``signals`` named
-    expressions of quantities, ``controllers`` have discrete states. ``embedded_loops`` are loops that a pass has replaced by functions.
-    ``text`` is the model file's, ``files`` are the texts of the files that it names, by their names in places, ``notes`` sentences about
-    words of earlier versions in the file, about unused parameters and outputs of inactive forces, and warnings of submodels; ``choices``
-    are the values that submodels declare as choices, by instance. ``written`` are the joints as the file has them where those of a scene
-    differ. ``functions`` are those that the user supplies, ``code`` is their C++. ``frozen`` are parameters that exported code has as
-    constants.
+    * ``derived``: parameters replaced by expressions; ``frozen``: those that exported code has as constants
+    * ``states``, ``signals``, ``controllers``: first-order states, named expressions, discrete states
+    * ``guards``: forces that a pass removed; a run stops where one would act; ``embedded_loops``: loops replaced by functions
+    * ``written``: joints as in the file where those of a scene differ; ``functions``, ``code``: supplied by the user, in C++
+    * ``text``, ``files``: of the model file and of those that it names; ``notes``: warnings; ``choices``: declared by submodels, by
+      instance
     """
 
     name: str

@@ -67,9 +67,9 @@ def check_submodels(source: Source, problems: Problems, model: model_file.Docume
             if parameter not in used:
                 message = f"nothing in it uses the parameter '{parameter}'"
                 problems.add(span, f"submodel '{path[-1]}'", message, "remove it here and in its instances, or use it")
-        told = [("choices", name, source.value_span((*path, "choices", index))) for index, name in enumerate(submodel.choices)]
-        told += [("warns", name, source.key_span((*path, "warns", name))) for name in submodel.warns]
-        for section, name, span in told:
+        entries = [("choices", name, source.value_span((*path, "choices", index))) for index, name in enumerate(submodel.choices)]
+        entries += [("warns", name, source.key_span((*path, "warns", name))) for name in submodel.warns]
+        for section, name, span in entries:
             if name not in places:
                 problems.add(span, f"submodel '{path[-1]}'", f"{section}: unknown parameter '{name}'", nearest(name, places, "parameters"))
 
@@ -98,11 +98,11 @@ def silent_outputs(source: Source, scenes: Mapping[str, Scene], forces: Sequence
 
 def unused_properties(source: Source, model: model_file.Document) -> Iterator[str]:
     """A sentence for the properties of each instance that its submodel does not read, but for those that change no force."""
-    told: set[Path] = set()
+    reported: set[Path] = set()
     for use in find_uses(model):
-        if use.submodel is None or use.path in told:
+        if use.submodel is None or use.path in reported:
             continue
-        told.add(use.path)
+        reported.add(use.path)
         known = STANDARD.union(use.submodel.parameters, use.submodel.defaults, use.submodel.accepts)
         spans = {name: source.key_span((*use.path, "properties", name)) for name in use.instance.properties if name not in known}
         if spans:
@@ -142,9 +142,9 @@ def warnings_of(model: model_file.Document, scopes: Mapping[str, Scope]) -> Iter
             numbers = [_value(scope, where.term(each, ("warns", name), scope.names)) for each in _BRACES.findall(text)]
             if numbers and not any(numbers):
                 continue
-            told = _BRACES.sub("{:.2g}", text).format(*numbers)
+            text_of_warning = _BRACES.sub("{:.2g}", text).format(*numbers)
             state = _word(value) if value > 1 else "on"
-            found[f"{scope.source.key_span(use.path)}: {name} of '{use.instance.use}' is {state}: {told}"] = None
+            found[f"{scope.source.key_span(use.path)}: {name} of '{use.instance.use}' is {state}: {text_of_warning}"] = None
     yield from found
 
 

@@ -86,8 +86,8 @@ class _Sums:
 
 
 def adjoint(graph: Graph, weights: Mapping[int, int], targets: Collection[int]) -> dict[int, int]:
-    """The derivatives of a sum of nodes, each by the node of its weight, by each of the ``targets`` on which it depends, with as many lanes
-    as that has.  Paths end at targets.
+    """The derivatives of a sum of nodes, each times the node of its weight, by each of the ``targets`` on which it depends.
+    They have as many lanes as the target.
 
     Raises:
         ValueError: an operation has no derivative.
@@ -216,8 +216,7 @@ _Edge: TypeAlias = dict[tuple[int | None, int | None], int]
 
 
 def derivatives(graph: Graph, results: Sequence[int], targets: Collection[int]) -> list[dict[int, int]]:
-    """The derivatives of each of the results, none of which has lanes, by each of the ``targets``, with as many lanes as that has, if it
-    depends on it.  Paths end at targets.
+    """The derivatives of each result, without lanes, by each of the ``targets`` on which it depends, with that one's lanes.
 
     Raises:
         ValueError: an operation has no derivative.
@@ -397,7 +396,6 @@ class _Elimination:
 
 
 def _edges(graph: Graph, scalars: _Scalars, n: int) -> Iterator[tuple[int, tuple[int | None, int | None], int]]:
-    """The edges to a scalar from its arguments."""
     node, one = graph.nodes[n], graph.const(1.0)
     end = _ALL if node.lanes else None
     match node.op:

@@ -1,10 +1,7 @@
 """`method: auto`: the cheapest model, formulation and steps that keep a scene's accuracy, found by calibration runs.
-
-The truth is the full model at steps that are halved until nothing changes any more.  The reduced models of the first method that takes the
-model, and the cheapest of these for each other method, are then tried with steps that divide or multiply the distance of the scene's rows,
-and with steps whose error the method's own integrator holds.  All are timed at the longest steps, or the largest tolerance, within the
-accuracy.
-"""
+The reference is the full model at steps that are halved until the motion has converged. The reduced models of the first method that
+supports the model, and the cheapest of these for each other method, are tried with steps that divide or multiply the scene's output step,
+and with adaptive steps. All are timed at the longest steps, or the largest tolerance, within the accuracy."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
@@ -54,8 +51,8 @@ ROUNDS = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A reduced model with a method at a step ``dt`` (s), or 0 with the ``tolerance`` of an ``integrator``: its distance from the truth,
-    its time in s, and the instructions of its evaluations; or why it was left."""
+    """A reduced model with a method and steps, its error, time (s) and instructions; or the reason for leaving it.
+    ``dt`` (s) is the step, or 0 with the ``tolerance`` of an ``integrator``."""
 
     variant: str
     method: str
@@ -88,8 +85,7 @@ class Choice:
 
 
 class _ReducedModels:
-    """The reduced models that are tried: of the first method that takes the model its own reduction sequence, of the others the cheapest of
-    these."""
+    """The reduced models to try: the reduction sequence of the first method that supports the model, the cheapest of these for others."""
 
     def __init__(self, model: Model, scene: Scene) -> None:
         self._model, self._scene = model, scene
@@ -129,10 +125,10 @@ class _ReducedModels:
 
 
 def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> Choice:
-    """The choice for a scene, from the cache where it was made before.
+    """The choice for a scene, cached.
 
     Raises:
-        RunError: nothing keeps the accuracy or the budget; the message says what came nearest.
+        RunError: nothing keeps the accuracy or the budget; the message has the nearest candidate.
     """
     try:
         place = _cache_path(model, scene, parameters or {})
@@ -230,10 +226,8 @@ def _find_steps(
     reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Reference
 ) -> list[tuple[Candidate, Trials | None]]:  # fmt: skip
     """The candidates, not yet timed, and the runs of those within the accuracy, whose code is being compiled.
-
-    The first method with one is searched alone.  The others, side by side, give up where they take much more than that.  A saddle
-    point is begun last, since it takes longest to prepare.
-    """
+    The first method with one is searched alone; the others, side by side, give up where they take much longer. A saddle point is begun
+    last, since it takes longest to prepare."""
     search = partial(_search, reduced_models, scene, parameters, truth)
     found: list[tuple[Candidate, Trials | None]] = []
     others = list(METHODS)
@@ -265,7 +259,7 @@ def _search(
 
 
 def trials_by(variant: ReducedModel) -> Callable[[str], Trials]:
-    """Runs of a reduced model by integrators, each of which holds loops as in a run of its own; those that do the same share them."""
+    """Runs of a reduced model by integrators; those with the same closure share them."""
     method = METHODS[variant.method]
 
     @cache
@@ -290,11 +284,9 @@ def find_step(
     variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Reference, trials: Trials, *,
     ratio: float = RATIO, fastest: Candidate | None = None,
 ) -> Candidate:  # fmt: skip
-    """The longest step of a reduced model that keeps the scene's accuracy, by its ``trials``; steps fall by ``ratio``.
-
-    It gives up where a run is much slower than the ``fastest`` so far, or where a fourth of the step has not brought the error down: the
-    rest of the error is then the reduced model's own.
-    """
+    """The longest step of a reduced model that keeps the scene's accuracy; steps fall by ``ratio``.
+    It gives up if a run is much slower than the ``fastest`` so far, or if a fourth of the step has not reduced the error, which is then
+    that of the reduced model."""
     best = Candidate(variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the accuracy")
     wanted = (replace(best, dt=dt) for dt in _falling(variant.scene, variant.method, ratio))
     vain = partial(_cannot_win, "dt", 4), "shorter steps do not lower its error"
@@ -348,8 +340,7 @@ def _first_within(
 
 
 def searches(variant: ReducedModel) -> tuple[tuple[Callable[..., Candidate], str], ...]:
-    """The searches for steps of a reduced model with their integrators: equal steps, and without one in the scene those of each that holds
-    errors."""
+    """The searches for steps of a reduced model: equal steps, and the adaptive ones unless the scene names an integrator."""
     return (find_step, DEFAULT_INTEGRATOR), *((partial(find_tolerated, name), name) for name in _adaptive_integrators(variant))
 
 

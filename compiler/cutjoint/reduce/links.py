@@ -1,9 +1,7 @@
 """Massless links in loops become distances.
-
 A link with a ball at each end, or a ball and a universal joint, keeps two points at a distance: one equation in place of five coordinates
-and three.  One with a hinge and a ball keeps a point on a circle about the hinge: two distances, from points of the axis on both sides, so
-far from the circle's centre that the two lines stand at right angles.
-"""
+and three. A link with a hinge and a ball keeps a point on a circle about the hinge: two distances from points of the axis, so far from the
+centre that the two lines are perpendicular."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -141,11 +139,7 @@ def _moved_marker(marker: Marker, link: _Link) -> Marker:
 
 
 def _converted(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint], forces: Sequence[Force]) -> Reaction | RodForce:
-    """The force in the link's cut joint, from those in the rods.
-
-    The link has no weight: its cut joint gives it the force that the rods give to the other end, less the force that acts on the link
-    there.
-    """
+    """The force in the link's cut joint, from the forces in the rods less the force that acts on the link; the link has no weight."""
     if isinstance(reaction, RodForce) or reaction.joint not in (link.cut.name, link.tree.name):
         if isinstance(reaction, Reaction) and reaction.body == link.body.name:
             raise _StaysError(f"stays: the direction of '{reaction.name}' is fixed in it")

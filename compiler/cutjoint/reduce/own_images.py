@@ -95,7 +95,6 @@ def _require_forces(forces: Sequence[Force], mirrored: Iterable[Force], signs: M
 
 
 def _is_image(force: Force, reflection: Force, candidate: Force, signs: Mapping[str, Mapping[str, int]]) -> bool:
-    """Return whether a candidate is the reflection of a force."""
     if type(force) is not type(candidate):
         return False
     if force.joint_of:

@@ -173,8 +173,8 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
     if modes.frozen_controllers:
         names = join_and([f"'{name}'" for name in modes.frozen_controllers])
         yield f"{names}: sampled values are held constant: these are not the modes of the sampled loop; a run shows whether it is stable"
-    told = {"eigenvalue": modes.modes, "moves": modes.modes, "without dampers": modes.undamped, "rigid-body modes": modes.zeros}
-    yield facts("words", [(word, meaning) for word, meaning in _MODE_WORDS if told[word]])
+    modes_by_word = {"eigenvalue": modes.modes, "moves": modes.modes, "without dampers": modes.undamped, "rigid-body modes": modes.zeros}
+    yield facts("words", [(word, meaning) for word, meaning in _MODE_WORDS if modes_by_word[word]])
 
 
 def _table(title: str, modes: tuple[Mode, ...], *, damped: bool = True) -> Table:

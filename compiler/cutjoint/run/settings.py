@@ -40,8 +40,8 @@ _WHOLE = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class StepSettings:
-    """The steps of a host: an ``integrator``, the ``step`` (s) of equal ones, else the longest, the ``tolerance`` of an iteration or of a
-    step's error, and whether steps end at ``events``."""
+    """The steps of a host: ``integrator``, ``step`` (s, the longest of adaptive ones), ``tolerance``, and whether steps end at ``events``.
+    """
 
     integrator: str
     step: float
@@ -189,8 +189,8 @@ def accuracy_of(scene: Scene) -> float:
 
 
 def find_tolerance(scene: Scene, method: str, integrator: str) -> float | None:
-    """The tolerance of steps of a host that takes a run once, where `simulate` takes it again until it keeps its goal; None where the scene
-    says how steps are.
+    """The tolerance of a host's steps: a host runs once, where `simulate` repeats the run until it meets its goal. None if the scene sets
+    steps.
 
     By the same steps `simulate` ends a run that keeps the usual goal at once.
     """
@@ -247,7 +247,6 @@ def _require_fixed_cost(method: Method, integrator: Integrator, closure: Closure
 
 
 def _solver(method: Method, implementation: Implementation, requested: str | None) -> str | None:
-    """The linear solver of a method that has one."""
     if not method.has_system or requested:
         return requested if method.has_system else None
     return IMPLEMENTATIONS.load(implementation).solvers.get(method.name, DEFAULT_SOLVER) if implementation.is_generic else DEFAULT_SOLVER

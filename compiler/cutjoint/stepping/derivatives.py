@@ -240,16 +240,16 @@ class Derivatives(Linear):
             record.derivatives = derivatives[i].ctypes.data if derivatives else None
         self._call(self.library.set_input_trajectories, len(trajectories), records)
 
-    def _record_events(self, most: int, directions: int, outputs: int) -> Callable[[], EventSensitivities]:
+    def _record_events(self, most: int, seeds: int, outputs: int) -> Callable[[], EventSensitivities]:
         """Let the next run record at most ``most`` events; returns a function that makes the record after the run."""
         found, which = ctypes.c_int(0), np.empty(most, dtype=np.intc)
-        told = [np.empty(shape) for shape in ((most,), (most, directions), (most, outputs), (most, outputs, directions))]
+        arrays = [np.empty(shape) for shape in ((most,), (most, seeds), (most, outputs), (most, outputs, seeds))]
         if most and self.library.records_events:
-            self._call(self.library.record_events, most, ctypes.byref(found), which.ctypes.data, *(each.ctypes.data for each in told))
+            self._call(self.library.record_events, most, ctypes.byref(found), which.ctypes.data, *(each.ctypes.data for each in arrays))
 
         def make() -> EventSensitivities:
             number = min(found.value, most)
-            times, derivatives_of_times, values, derivatives = (each[:number] for each in told)
+            times, derivatives_of_times, values, derivatives = (each[:number] for each in arrays)
             names = tuple(self.library.event_names[i] for i in which[:number])
             return EventSensitivities(names=names, times=times, derivatives_of_times=derivatives_of_times, values=values,
                 derivatives=derivatives)

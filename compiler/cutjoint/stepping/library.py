@@ -221,7 +221,6 @@ class Library:
 
 
 def _opened(path: Path, arguments: Mapping[str, Any]) -> Library:
-    """Open the library of a pickle."""
     return Library(path, **arguments, lanes=None)
 
 

@@ -74,8 +74,8 @@ def find_scene_linear_model(
     if any(function.memory for function in model.functions):
         words = "a function has a memory, by which controllers have no derivative; replace it by signals and memory"
         raise RunError(f"{model.span.file}: {words}")
-    opened, begun, requested = _with_sampled_inputs(model, scene)
-    sim = _begin(opened, begun, parameters, None if at is None else 0.0)
+    exposed, begun, requested = _with_sampled_inputs(model, scene)
+    sim = _begin(exposed, begun, parameters, None if at is None else 0.0)
     held = [_sampled_input(value) for value in model.discrete_states]
     if at is not None:
         watched = [_signal(model, f"{name}.held", value.symbol) for name, value in zip(held, model.discrete_states, strict=True)]
@@ -149,10 +149,10 @@ def _with_sampled_inputs(model: Model, scene: Scene) -> tuple[Model, Scene, tupl
     requested = {o.column: inputs[quantity_symbol(o.element, o.quantity)] for o in scene.outputs if o.element in names}
     shown = {column: _signal(model, column, held.symbol, held.unit) for column, held in requested.items()}
     plain = _with_symbols(replace(model, controllers=()), symbols)
-    opened = replace(plain, parameters=(*model.parameters, *inputs.values()), signals=(*plain.signals, *shown.values(), *follow))
+    exposed = replace(plain, parameters=(*model.parameters, *inputs.values()), signals=(*plain.signals, *shown.values(), *follow))
     outputs = (*(_reported(shown[o.column]) if o.column in shown else o for o in scene.outputs), *map(_reported, follow))
     starts = {_sampled_input(v): v.start for v in model.discrete_states}
-    return opened, replace(scene, outputs=outputs, inputs={**scene.inputs, **starts}), tuple(o.column for o in outputs)
+    return exposed, replace(scene, outputs=outputs, inputs={**scene.inputs, **starts}), tuple(o.column for o in outputs)
 
 
 def _sampled_input(value: DiscreteState) -> str:

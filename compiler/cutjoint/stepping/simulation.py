@@ -39,7 +39,6 @@ class Simulation(Derivatives):
 def _rebuilt(
     library: Library, snapshot: bytes | None, parameters: Array, inputs: Array, limits: Mapping[str, float], settings: StepSettings
 ) -> Simulation:  # fmt: skip
-    """A simulation restored from a snapshot."""
     made = Simulation(library)
     made._settings = settings
     made.parameters.array[:], made.inputs.array[:] = parameters, inputs

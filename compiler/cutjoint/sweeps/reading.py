@@ -220,7 +220,6 @@ class _Reading:
         )  # fmt: skip
 
     def _limits(self, part: ObjectivePart, keys: Keys) -> tuple[float, float] | None:
-        """The limits of an objective in its unit."""
         if part.limits is None:
             return None
         low, high = (self.at(keys).number(value, None, (*keys, "limits", i)) for i, value in enumerate(part.limits))

@@ -75,15 +75,13 @@ def compile_batch(model: ModelLike, *, scene: str | None = None, tunable: Sequen
 
 def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -> BatchArtifact:
     """Compile a model for batches of a scene, with the recursive method.
-
-    Runs go side by side by the trapezoidal rule, whose cut joints are held by penalties where the scene names no closure; where `simulate`
-    would take another integrator, since the scene says neither integrator nor step, they go one by one by that.  They also go one by one
-    where the rates of guides may jump, where the model has controllers, or, interpreted, where there is no compiler.
+    Runs are made side by side by the trapezoidal rule, with penalties if the scene names no closure. They are made one by one if the
+    scene's default integrator is another, if rates of guides may jump, if there are controllers, or without a compiler.
 
     Raises:
         ModelError, EquationsError: the model is wrong.
-        RunError: the scene has an integrator or events that batches do not have.
-        ToolchainError: the C++ side failed.
+        RunError: batches do not support the scene's integrator or events.
+        ToolchainError: the compiler failed.
     """
     _require_batch(scene)
     integrator = find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, Options())

@@ -12,8 +12,8 @@ def compile_unless_compiled(
     model: ModelLike, scene: str | None = None, tunable: Sequence[str] = (), method: str | None = None, integrator: str | None = None,
     dt: float | None = None,
 ) -> Artifact:  # fmt: skip
-    """A compiled model as it is, and any other compiled by `compile_model` with a method, the scene's where none is named, and with the
-    closure of the integrator that is asked for, or of equal steps ``dt`` (s)."""
+    """A compiled model as it is; any other compiled by `compile_model`.
+    The method is the scene's by default; the closure is that of the requested integrator, or of equal steps ``dt`` (s)."""
     if isinstance(model, Artifact) and scene is None and not tunable and method in (None, model.method):
         return model
     read, chosen = load_model(model, scene, tunable)

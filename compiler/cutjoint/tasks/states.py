@@ -56,8 +56,8 @@ def find_equilibrium(
 
 
 def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> MechanismState:
-    """The static equilibrium of a model with every quantity of its bodies, forces and reactions, and what holds the scene's positions; of a
-    scene with a trim its start, and what that has found.
+    """The static equilibrium of a model, or the trimmed start of a scene, with every quantity of bodies, forces and reactions.
+    It also has the forces that lock the scene's positions, or the result of the trim.
 
     Raises:
         NoEquilibriumError: none was found near the design position.

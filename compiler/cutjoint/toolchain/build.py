@@ -127,8 +127,8 @@ def build_folder(name: str, files: Mapping[str, str], digest: str, flags: Sequen
 def build_files(
     name: str, files: Mapping[str, str], made: str, digest: str, flags: Sequence[str], *settings: str, platform: Platform | None = None
 ) -> Path:  # fmt: skip
-    """Build the CMake project of ``files`` around the folder of a model for a ``platform``, by default this machine's, or find the file
-    ``made`` by it in the cache; errors as above."""
+    """Build the CMake project of ``files`` around a C export for a ``platform`` (default: this machine); returns the file ``made``, cached.
+    Errors as above."""
     compiler, there = (platform.find_compiler(), platform.settings) if platform else (find_compiler(), ())
     key = digest_of([digest, *map(without_mark, files.values()), *compiler.key, *resolve(flags), *settings, *there])
     cached = cache_folder() / f"alone-{key}" / made

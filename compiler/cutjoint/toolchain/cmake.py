@@ -34,8 +34,8 @@ def plain_tree(tree: Path, copy: Path) -> Path:
 def build_project(
     source: Path, out: Path, compiler: Compiler, flags: Sequence[str], *definitions: str, runs: bool = True, shared: bool = False
 ) -> None:  # fmt: skip
-    """Configure and build a CMake project, in folders with plain paths; what it makes ``runs`` on this machine or is for others, and is a
-    program or a ``shared`` library.
+    """Configure and build a CMake project in folders with plain paths.
+    The result ``runs`` on this machine or is for others; it is a program or a ``shared`` library.
 
     Raises:
         ToolchainError: CMake or the compiler refused it, or no program comes of the flags.

@@ -11,8 +11,9 @@ from cutjoint.toolchain.compiler import Compiler, ask_version, find_compiler, fi
 
 @dataclass(frozen=True, kw_only=True)
 class Platform:
-    """A system and a processor as CMake names them, the prefix of the tools that compile for both, Debian's package of these, how names
-    of modules end there, and the flags of code for processors with AVX2 and FMA, where there are such."""
+    """A system and a processor as CMake names them, and how to compile for them.
+    There are the prefix of the tools, Debian's package of these, the ending of modules, and the flags for processors with AVX2 and FMA, if
+    any."""
 
     system: str
     processor: str

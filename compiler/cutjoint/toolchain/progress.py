@@ -19,8 +19,9 @@ from cutjoint.toolchain.cache import cache_folder, digest_of, read_record, write
 
 @dataclass(frozen=True, kw_only=True)
 class Compiling:
-    """``done`` files of ``total``, and how many ``seconds`` the others take, None where one of them has not been compiled before; whether
-    parts of a driver are among the others, which all models ``share``."""
+    """Progress of a compilation: ``done`` files of ``total``, and the ``seconds`` that the others take.
+    ``seconds`` is None if one of them has not been compiled before. ``share``: parts of the drivers, which all models share, are among the
+    others."""
 
     done: int
     total: int

@@ -70,8 +70,8 @@ class BodyGraph:
 
     @cached_property
     def branches(self) -> tuple[Branch, ...]:
-        """The largest branches of at most MOST_UNKNOWNS unknowns, those around a hub and its own, and the smallest of more unknowns that a
-        gear needs, in the order of their first bodies."""
+        """The largest branches of at most MOST_UNKNOWNS unknowns, those around a hub, and the smallest larger ones that a gear needs.
+        They are in the order of their first bodies."""
         order = {t.child: i for i, t in enumerate(self.tree)}
         return tuple(sorted(_Search(self).branches(), key=lambda branch: order[branch.bodies[0]]))
 

@@ -64,8 +64,8 @@ def reasons_not_to_cut(model: Model) -> Mapping[str, str]:
 
 
 def shortest_paths(joints: Sequence[Joint], bound: Iterable[str]) -> set[str]:
-    """A breadth-first tree of joints that are not cut; ``bound`` ones, which must not be cut, count as no distance, so that it has all of
-    them unless they close a loop."""
+    """A breadth-first tree of joints that are not cut.
+    ``bound`` joints, which must not be cut, count as no distance, so that the tree has all of them unless they close a loop."""
     known: set[str] = set()
     chosen: set[str] = set()
     kept = set(bound)

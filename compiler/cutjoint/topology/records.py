@@ -52,8 +52,8 @@ class Branch:
 
 @dataclass(frozen=True, kw_only=True)
 class SubtreeClass:
-    """Parts of one shape, each a subtree or several that cut joints and gears connect: ``roots`` are the first of their innermost bodies,
-    ``size`` is the number of bodies in each.
+    """Isomorphic parts, each a subtree or several that cut joints and gears connect.
+    ``roots`` are the first of their innermost bodies, ``size`` is the number of bodies in each.
 
     ``members`` are the elements of each part (bodies, tree joints, cut joints, gears, forces), corresponding ones in the same place.
     ``independent`` is whether one body carries them all and they are coupled through it and its carriers only.

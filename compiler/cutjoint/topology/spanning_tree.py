@@ -70,8 +70,8 @@ def _path_to_ground(above: Mapping[str, TreeJoint], body: str) -> list[TreeJoint
 
 
 def _orient(joints: Sequence[Joint]) -> tuple[TreeJoint, ...]:
-    """The joints as seen from the ground, depth first in the file's order, so that a subtree stands together; bodies of known motion come
-    last, so that they are eliminated first and their couplings merge."""
+    """The joints as seen from the ground, depth first in the file's order.
+    Bodies of known motion come last, so that they are eliminated first and their couplings merge."""
     at: dict[str, list[Joint]] = {}
     for joint in sorted(joints, key=lambda j: degrees(j) == 0):
         at.setdefault(joint.base, []).append(joint)

@@ -1,6 +1,4 @@
-"""Motions on screen about a state, such as modes, the way to the equilibrium, and directions that the loops leave free; and the effect of a
-reduction on the picture of the topology.
-"""
+"""Motions about a state: modes, the search for the equilibrium, degrees of freedom; and the effect of a reduction on the topology."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,5 +1,4 @@
-"""Loop embedding of blocks with one degree of freedom, and the conversion of a state of such a model to one of the same spanning tree with
-the loops' equations."""
+"""Loop embedding of blocks with one degree of freedom, and the conversion of their states to the equations of the loops."""
 
 import pickle
 from collections.abc import Mapping, Sequence
@@ -125,7 +124,6 @@ def _embedded(found: _Embedded) -> Note:
 
 
 def _embed_block(model: Model, topology: Topology, block: Block, scene: Scene, seen: _Seen) -> _Embedded:
-    """A block as an embedded loop."""
     _require_simple(model, block)
     names = {joint.name for joint in block.joints}
     started = sorted({key.rpartition(".")[0] for key in (*scene.positions, *scene.rates)} & names)
@@ -208,8 +206,7 @@ def _require_simple(model: Model, block: Block) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class _DriveMotion:
-    """The motion of a guide in a scene: its ``range``, a tenth wider on both sides, or one value where it is at rest; its value and rate
-    at the start."""
+    """The motion of a guide in a scene: its ``range``, a tenth wider on both sides, or one value at rest; value and rate at the start."""
 
     range: Interval
     start: float
@@ -241,9 +238,8 @@ def without_functions(topology: Topology) -> Model:
 def state_of_loops(
     functions: RecursiveEquations, loops: RecursiveEquations, kept: Mapping[str, Any], parameters: Mapping[str, float]
 ) -> dict[str, Any]:  # fmt: skip
-    """The state (``initial_state`` of a run file) from which a run continues by the equations of ``loops``, from the state ``kept`` of a
-    run with
-    ``functions`` and tunable ``parameters`` (SI units)."""
+    """The ``initial_state`` of a run file from which the equations of ``loops`` continue a run.
+    ``kept`` is the state of the run with ``functions`` and tunable ``parameters`` (SI units)."""
     t, q, v = (np.array([kept[name]], dtype=float) for name in ("t", "q", "v"))
     places = dict(zip(functions.coordinate_names, q[0], strict=True))
     speeds = dict(zip(functions.speed_names, v[0], strict=True))

@@ -405,9 +405,8 @@ def _largest_derivative(functions: LoopFunctions) -> float:
 
 
 def refit(topology: Topology, embedded_loop: EmbeddedLoop, parameters: Mapping[str, float]) -> LoopFunctions:
-    """The functions of an embedded loop with tunable geometry for other ``parameters`` (SI units), as core/mechanism/loop_fits.hpp fits
-    them; its own if the loops do not close over the range.
-    """
+    """The functions of a loop with tunable geometry for other ``parameters`` (SI units), as core/mechanism/loop_fits.hpp fits them.
+    They are its own if the loops do not close over the range."""
     model, functions, moved = topology.model, embedded_loop.functions, embedded_loop.drive
     model = replace(model, parameters=tuple(replace(p, value=parameters.get(p.name, p.value)) for p in model.parameters))
     block = Block(carrier=embedded_loop.carrier, bodies=embedded_loop.bodies, joints=joints_of(model, embedded_loop), drives=())

@@ -42,8 +42,8 @@ Traced: TypeAlias = list[tuple[BlockLoops, Curve]]
 
 
 def trace(loops: BlockLoops, u: float, known: Traced) -> Curve:
-    """Trace a block from its pose in the scene in both directions until its equations become ill-conditioned; an equal or mirrored block
-    reuses the ``known`` curve, to which new ones are added.
+    """Trace a block from its pose in the scene in both directions until its equations become ill-conditioned.
+    An equal or mirrored block reuses the ``known`` curve; new curves are added there.
 
     Raises:
         NoEmbeddingError: the block does not close, or has another number of degrees of freedom than one.

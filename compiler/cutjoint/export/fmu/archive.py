@@ -47,9 +47,9 @@ _NO_TIME = (1980, 1, 1, 0, 0, 0)
 
 @dataclass(frozen=True, kw_only=True)
 class Fmu:
-    """An FMU by FMI ``version``: the folder of the model, its descriptions, its variables, what is added to the folder's C++, the layer
-    over its C interface, the files by name of the project that builds both, the licence, a page about it, and the topology for that
-    page's picture."""
+    """An FMU by FMI ``version``: the C export, its description and variables, and the files of the project that builds it.
+    There are also ``kept``, which is added to the export's C++, the layer over the C interface, the licence, a page about it, and the
+    topology for that page's picture."""
 
     version: int
     standalone: Standalone
@@ -69,8 +69,8 @@ class Fmu:
         return {**code, f"fmi{self.version}.cpp": self.layer}
 
     def build(self, flags: Sequence[str] = FMU_FLAGS, *, platform: str | None = None, target: str | None = None) -> Path:
-        """The binary for one of `toolchain.platforms.PLATFORMS`, by default this machine's, with code for one of `TARGETS`, by default both
-        unless the flags name a processor; other platforms than x86-64 have code for all their processors.
+        """The binary for one of `toolchain.platforms.PLATFORMS`, by default this machine's, and one of `TARGETS`.
+        The default target is both, unless the flags name a processor; only x86-64 has targets.
 
         Raises:
             RunError: there is no name for binaries of this machine, or the processor is named by flags and by target.
@@ -85,8 +85,8 @@ class Fmu:
     def pack(
         self, *, sources: bool, binary: bool, picture: bytes, platforms: Sequence[str] = (), target: str | None = None
     ) -> bytes:  # fmt: skip
-        """The archive, with the sources, a binary for each of the ``platforms``, by default for this machine, or both, and a ``picture``
-        (PNG) of the topology; ``target`` and errors as of `build`."""
+        """The archive: sources, a binary for each of the ``platforms`` (default: this machine), and a ``picture`` (PNG) of the topology.
+        ``target`` and errors as of `build`."""
         subject = replace(self.subject, sources=tuple(n for n in self.sources if n.endswith(".cpp")) if sources else ())
         files = {
             "modelDescription.xml": write_description(subject, self.interface, self.version).encode(),
@@ -108,8 +108,8 @@ def make_fmu(
     model: Model, scene: Scene, *, version: int, kind: str = "cs", method: str = DEFAULT_METHOD, integrator: str | None = None,
     poses: bool = False,
 ) -> Fmu:
-    """The FMU of a model in a scene by FMI ``version``, 2 or 3, of one of `KINDS`, with the steps of a ``method`` that has folders;
-    ``poses`` has those of all bodies and markers as local variables.
+    """The FMU of a model in a scene by FMI ``version``, 2 or 3, of one of `KINDS`, with the steps of a ``method``.
+    ``poses`` adds those of all bodies and markers as local variables.
 
     Raises:
         RunError: the method has no folders, or none with states for model exchange.

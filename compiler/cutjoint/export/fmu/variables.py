@@ -87,8 +87,7 @@ def _beside(taken: set[str], variable: Variable) -> Variable:
 def make_interface(
     equations: RecursiveEquations, run_file: RunFile, dofs: int | None = None, posed: Sequence[str] = ()
 ) -> Interface:
-    """The variables of a mechanism's folder that begins as a run file says; with its degrees of freedom those for model exchange too, and
-    of elements that are ``posed`` their poses.
+    """The variables of a C export: those for model exchange too if it has degrees of freedom, and the poses of ``posed`` elements.
 
     Raises:
         RunError: an input has no finite value at the start.

@@ -161,7 +161,6 @@ class ConstraintMaker:
         return _Row(b=self._b, motions=self._m, residual=zero, rate=zero, drift=zero)
 
     def _stacked(self, element: str, names: Sequence[str], rows: Sequence[_Row]) -> Constraint:
-        """Rows as one constraint."""
         b, rows = self._b, [row.times(self._arm) for row in rows]
         nodes = dict.fromkeys(node for row in rows for node in row.gradient)
         return Constraint(
@@ -322,7 +321,6 @@ class ConstraintMaker:
         return row
 
     def _add_terms(self, row: _Row, terms: Sequence[tuple[JointCoordinate, Scalar]]) -> None:
-        """Add coordinates with their factors."""
         b, joints = self._b, {joint.name: joint for joint in self._model.joints}
         for coordinate, factor in terms:
             joint, key = joints[coordinate.joint], (coordinate.joint, coordinate.name)
@@ -387,5 +385,4 @@ def _design(form: Form) -> list[Scalar]:
 
 
 def _displacement_name(form: Form) -> str:
-    """A displacement by the name of its end."""
     return next(iter(form)).name

@@ -319,7 +319,6 @@ class NodalMechanics(Laws):
         return {"position": travel.x, "rate": travel.v}
 
     def _guided(self, joint: Joint) -> dict[str, Block]:
-        """The coordinate on the guide."""
         assert joint.guide is not None
         guide = joint.guide[joint.element.coordinates.index(self.force.coordinate_of)]
         position, rate, _ = (self.translator.scalar(e) for e in guide_rates(guide, self.model))

@@ -62,14 +62,15 @@ def formulate_recursive(
     topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = PLAIN_CLOSURE, poses: bool = False,
     load_events: bool = False,
 ) -> RecursiveEquations:  # fmt: skip
-    """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
+    """The equations of a scene: accelerations, residuals of cut joints, and outputs.
 
-    The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``constraint_residual``: q, v -> residual and its
-    rate; ``report``: q, v, vdot, lambda -> the outputs; ``energy``: the same -> kinetic energy and power; ``project``: q, violation -> the
-    step of the speeds' integrals that removes the violations of the cut joints with the least mass-weighted norm; with guards ``guard``: q,
-    v -> margins; with indicators ``events``: q, v -> their values; with laws that may be undefined ``domains``: q, v, lambda -> the margins
-    of their arguments; with inputs ``scene_inputs``: t -> the scene's inputs; with controllers ``sample``: q, v, vdot, lambda -> their next
-    discrete states; with ``poses`` the function of that name. With ``load_events`` the lengths in loads of friction have indicators.
+    * ``evaluate``: q, v, lambda -> vdot and the correction of the multipliers
+    * ``constraint_residual``: q, v -> residual and rate; ``project``: q, violation -> the displacement of least mass-weighted norm
+    * ``report``, ``energy``, ``sample``: q, v, vdot, lambda -> outputs; kinetic energy and power; next discrete states
+    * ``guard``, ``events``: q, v -> margins; indicators; ``domains``: q, v, lambda -> margins of arguments of laws
+    * ``scene_inputs``: t -> inputs; with ``poses`` the function of that name
+
+    With ``load_events`` lengths in loads of friction have indicators.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
@@ -87,7 +88,7 @@ def formulate_recursive(
     acting, (own_masses, own_forces) = replace(system, Q=Q), system.uneliminated()
     solution = solve(topology, system, k, closing, numbers)
     solution = refine(topology, masses, k, closing, numbers, solution, refinements)
-    kinks: list[EventIndicator] = []
+    sign_changes: list[EventIndicator] = []
     if frictions:
         motion = FrictionMotion(topology=topology, masses=masses, k=k, closing=closing, numbers=numbers, times=refinements)
         solution = motion.solve(frictions, solution, acting)
@@ -95,7 +96,7 @@ def formulate_recursive(
         alone = closing.without_multipliers(b)
         with b.marked("n", "without multipliers"):
             free = refine(topology, masses, k, alone, numbers, solve(topology, begun, k, alone, numbers), refinements)
-            kinks = replace(motion, closing=alone).load_indicators(frictions, free, acting)
+            sign_changes = replace(motion, closing=alone).load_indicators(frictions, free, acting)
     correction = corrections(b, loops, numbers, solution.errors)
     violations = {x.element.name: b.symbol(f"violation:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
     step = respond(topology, masses, k, closing, numbers, violations, mark="p", origin="of gaps alone").vdot
@@ -116,7 +117,7 @@ def formulate_recursive(
     switching = [*accelerations.values(), *k.guided_rates]  # a jump of a guide does work even if no acceleration depends on it
     laws = derive_scene_inputs(b, model, scene, switching)
     fits = loop_fits(b, topology)
-    indicators = [*find_indicators(b, switching), *laws.indicators, *kinks]
+    indicators = [*find_indicators(b, switching), *laws.indicators, *sign_changes]
     domains = [*find_domains(b, accelerations.values()), *laws.domains]
     functions = (
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={

@@ -26,8 +26,8 @@ from cutjoint.program.blocks import BindingTime, Block
 
 @dataclass(frozen=True, kw_only=True)
 class Reactions:
-    """Knows the reactions of all joints; ``M``, ``Q`` and ``Zdd`` by body, without the terms of cut joints in M and Q; ``acting`` are the
-    wrenches on the followers of cut joints by forces on their coordinates."""
+    """The reactions of all joints, from ``M``, ``Q`` and ``Zdd`` by body, M and Q without the terms of cut joints.
+    ``acting`` are the wrenches on the followers of cut joints by forces on their coordinates."""
 
     kinematics: Kinematics
     loops: tuple[LoopClosure, ...]

@@ -109,8 +109,8 @@ def posed_elements(model: Model) -> tuple[str, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class ContactFrame:
-    """The contact of a wheel, where its plane meets the road: the wheel's ``body``, its position ``at`` (3, 1) from the body's pole, and
-    ``axes`` (3, 3) in columns, along the rolling direction, to the left in the road's plane, and along the road's normal."""
+    """The contact of a wheel, where its plane meets the road, ``at`` (3, 1) from the pole of its ``body``.
+    ``axes`` (3, 3) are columns: the rolling direction, to the left in the road's plane, and the road's normal."""
 
     body: str
     at: Block

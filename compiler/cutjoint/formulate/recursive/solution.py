@@ -112,8 +112,8 @@ def respond(
     topology: Topology, masses: Mapping[str, Block], k: Kinematics, closing: ClosingElements, numbers: Numbers,
     violations: Mapping[str, Block], *, mark: str, origin: str, apply: Callable[[BodySystem], None] = lambda system: None,
 ) -> Solution:  # fmt: skip
-    """The response of bodies without velocity to violations of the cut joints, and to forces if something shall ``apply``:
-    (M + A^T a A) z = Q - A^T a violation, errors A z + violation.
+    """The response of bodies at rest to violations of cut joints, and to forces that ``apply``: (M + A^T a A) z = Q - A^T a violation.
+    It also has the errors A z + violation.
 
     ``masses`` are those of the bodies without cut joints; names of the blocks get a ``mark``, headings an ``origin``.
     """

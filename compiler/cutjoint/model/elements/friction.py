@@ -97,7 +97,6 @@ def _surface(numbers: dict[str, Scalar]) -> tuple[Scalar, Scalar]:
 
 
 def _stribeck(v: Scalar, sliding: Scalar, numbers: dict[str, Scalar]) -> Scalar:
-    """g."""
     if "static" not in numbers or "stribeck_speed" not in numbers:
         return sympy.Integer(1)
     static = numbers["static"]

@@ -19,8 +19,9 @@ from cutjoint.model.records import Gear, JointCoordinate, Scalar
 
 @dataclass(frozen=True)
 class Naming:
-    """The reference of an element to a coordinate: the reason that it needs one, the field and the text before a name in it, the places of
-    joint and coordinate, and whether it must be a tree joint's."""
+    """The reference of an element to a coordinate, for messages.
+    It has the reason that a coordinate is needed, the field and the text before a name in it, the places of joint and coordinate, and
+    whether it must be a tree joint's."""
 
     need: str
     field: str

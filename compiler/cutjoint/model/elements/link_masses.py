@@ -66,7 +66,6 @@ def _span(model: Model, body: str) -> tuple[Vector, Vector] | None:
 
 
 def _points(joint: Joint, body: str) -> list[Vector]:
-    """The points of a joint on a body."""
     return [joint.at] * (joint.base == body) + [joint.to or joint.at] * (joint.follower == body)
 
 

@@ -38,8 +38,8 @@ class LawKind:
 def read_law(
     element: Element, law: Any, kind: LawKind, keys: Path, names: Mapping[str, Term] | None = None, *, drawn: Scalar = 0
 ) -> Scalar:  # fmt: skip
-    """The expression of a law over its variables and over ``names`` (by default all parameters and quantities); ``drawn`` is the value of
-    its length or position in the design position."""
+    """The expression of a law over its variables and ``names`` (default: all parameters and quantities).
+    ``drawn`` is the value of its length or position in the design position."""
     symbols = element.scope.reading(*kind.variables) if names is None else names
     expression = _Law(element, kind, symbols, drawn).read(law, keys)
     if has_finite_numbers(expression):

@@ -84,8 +84,9 @@ def samples_read(expression: Scalar) -> list[str]:
 
 @dataclass(frozen=True)
 class Names(Mapping[str, Term]):
-    """The names of an expression that may read quantities: ``terms`` by name, and what ``quantity`` knows: names with a dot, and those
-    of states and signals, ``own``, where the expression stands.  ``functions`` are those that it may call besides those of all."""
+    """The names of an expression that may read quantities.
+    ``terms`` are terms by name. ``quantity`` finds names with a dot, and those of states and signals, ``own``, where the expression stands.
+    ``functions`` may be called besides the built-in ones."""
 
     terms: Mapping[str, Term]
     own: frozenset[str]

@@ -53,22 +53,16 @@ class Directory:
 class Scope:
     """The surroundings in which elements are read: the model itself (empty ``prefix``) or one instance of a submodel.
 
-    ``path`` leads to the elements in the document.  ``names`` are the symbols of expressions, ``moving``
-    the parameters' symbols that may change with time.  ``values`` are the parameters' values by symbol, ``settled`` those
-    that never change.  ``connectors`` maps local body names to full ones, ``instance_points`` has those that the instance gives.
-    ``tunables`` makes parameters of numbers.
+    * ``path``: leads to the elements in the document; ``names``: symbols of expressions; ``values``: parameters' values by symbol
+    * ``moving``: symbols of parameters that may change with time; ``settled``: values of those that never change
+    * ``connectors``: local body names to full ones; ``instance_points``: points that the instance gives; ``tunables``: makes parameters of
+      numbers
+    * ``own``, ``read``: quantities of the scope; finds a quantity; ``functions``: supplied by the user, for what reads quantities
+    * ``sensed``: symbols of quantities that an instance gives to its submodel; ``mirrors``: axes of its mirror and of those around it
+    * ``sampled``: expressions that read quantities may also read accelerations and reactions, since they act only afterwards
 
-    Expressions may have these names:
-
-    * of masses, points, starts and all other numbers the parameters that do not move, `constants`;
-    * of guides, and of a scene's inputs but for inputs, ``t`` and all parameters, `timed`;
-    * of laws of forces, of rates of states, of signals and of controllers these, the law's variables, and the quantities of elements,
-      `reading`: by "element.quantity", as outputs have them; the value of a state or a signal by its name alone.  ``own`` are those of the
-      scope; ``read`` is what finds a quantity.
-
-    ``sensed`` are the symbols of quantities that an instance gives to its submodel's parameters, ``mirrors`` the axes of its mirror and of
-    those around it.  ``functions`` are those that the model's user supplies, for what reads quantities.  ``sampled`` is whether what reads
-    quantities may also have accelerations and reactions, since it acts only afterwards.
+    Names in expressions: `constants` (masses, points, starts): parameters that do not move. `timed` (guides, a scene's inputs): ``t`` and
+    all parameters. `reading` (laws, rates, signals, controllers): these, the law's variables and quantities by "element.quantity".
     """
 
     source: Source
@@ -126,10 +120,7 @@ class Scope:
 
 @dataclass(frozen=True)
 class Element:
-    """One element while it is read: turns its fields into expressions and reports errors.
-
-    Fields are given with the keys that lead to them inside the element.
-    """
+    """One element while it is read: turns its fields, named by their keys inside the element, into expressions and reports errors."""
 
     scope: Scope
     label: str

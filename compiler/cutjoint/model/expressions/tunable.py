@@ -117,8 +117,7 @@ def _input(name: str, unit: str, span: Span, value: float = 0.0) -> Parameter:
 
 
 def with_external_wrenches(model: Model, names: Sequence[str]) -> Model:
-    """The model with a force (N) at the centre of mass of each body that is named, or at a marker, and a torque (N m), in global axes.
-
+    """The model with a force (N) and a torque (N m), in global axes, on each named body at its centre of mass, or at a named marker.
     They are the inputs ``NAME.wrench.fx`` to ``NAME.wrench.tz``, 0 by default.
 
     Raises:

@@ -139,10 +139,10 @@ class _Reading:
 
     def _value(self, cell: Cell, unit: str | None, dimension: Dimension | None) -> float:
         if not is_number(cell.text):
-            told, hint = ("a cell is empty", "write a number, or leave the row out") if not cell.text else (
+            problem, hint = ("a cell is empty", "write a number, or leave the row out") if not cell.text else (
                 f"'{cell.text[:30]}' is not a number", "write plain decimal numbers, such as -0.5 or 1e-3"
             )  # fmt: skip
-            self._fail(cell.span, told, hint)
+            self._fail(cell.span, problem, hint)
             return math.nan
         value = float(cell.text)
         if dimension is not None and unit is not None:

@@ -362,10 +362,9 @@ class OpenCrg:
 
 
 def cross_sections(x: _Array, y: _Array) -> _Array:
-    """Of the piece of a line (n,) from each of its places to the next (n, 5): cosine and sine of its heading, its length, the forward
-    offset of the cross section at its begin per metre to the left, and the change of that until its end; the last has the last heading. A
-    cross section between pieces is perpendicular to the line from the place before to the one behind.
-    """
+    """For each place (n,) of a line the piece to the next (n, 5); the last has the last heading.
+    The columns are cosine and sine of its heading, its length, the forward offset of the cross section at its begin per metre to the left,
+    and the change of that until its end."""
     dx, dy = np.diff(x), np.diff(y)
     length = np.hypot(dx, dy)
     c, s = dx / length, dy / length

@@ -23,8 +23,7 @@ STAGES = (
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """The price of a tunable parameter: operations an evaluation more than with its value folded in, and the scalars that depend on it
-    which the loaded stage keeps for later."""
+    """The cost of a tunable parameter: additional operations of an evaluation, and scalars that the loaded stage stores."""
 
     parameter: Parameter
     operations: int

@@ -25,8 +25,8 @@ Drive: TypeAlias = tuple[Block, Block, Block]
 
 @dataclass(frozen=True, kw_only=True)
 class DependentMotion:
-    """The motion of a dependent joint: its coordinates, quaternion, speeds, and the accelerations without their terms in q'', as
-    `JointMotion` has them; ``derivative`` (k, 1) are the speeds by q'."""
+    """The motion of a dependent joint: coordinates, quaternion, speeds, accelerations without their terms in q'', as in `JointMotion`.
+    ``derivative`` (k, 1) are the speeds by q'."""
 
     motion: tuple[tuple[Block, ...], tuple[Block, ...], tuple[Block, ...], tuple[Block, ...]]
     derivative: Block
