@@ -58,7 +58,7 @@ _ABOUT = {
     "apply_jacobian": "Phi_q x.",
     "report": "The reported columns.",
     "energy": "Kinetic energy, and the power of all forces, guides and drives.",
-    "sample": "What controllers hold next.",
+    "sample": "The next discrete states of controllers.",
     POSES: "Position, rotation by columns, velocity, angular velocity and design point of each body, marker and contact.",
     "guard": "The smallest margin of each force that was left out: negative where it would act.",
     "events": "The event indicators, at whose changes of sign formulas change.",

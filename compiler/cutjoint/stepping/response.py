@@ -1,6 +1,6 @@
 """From a model and its scene to a linear model about a rest, a trimmed start or a moment of a run, with sampled controllers as they are.
 
-What controllers hold becomes inputs of the mechanism, and their next values outputs, so that both are linearised exactly.
+Discrete states of controllers become inputs of the mechanism, and their next values outputs, so that both are linearised exactly.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
