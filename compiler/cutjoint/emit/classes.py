@@ -49,7 +49,7 @@ _STAGES = {
 #: Comments of the other functions.
 _ABOUT = {
     "evaluate": "Accelerations for given multipliers, and the correction that the augmented update adds to these.",
-    "project": "The step of the speeds' integrals that closes gaps of the cut joints and moves the masses least.",
+    "project": "The step of the speeds' integrals that removes violations of the cut joints with the least mass-weighted norm.",
     "initial_coordinates": "The system's coordinates and their rates from relative coordinates and speeds.",
     "dynamic_residual": "M vdot + Phi_q^T (penalty Phi + lambda) - Q, and Phi.",
     "linearise": "The same, and the entries of the tangent.",
