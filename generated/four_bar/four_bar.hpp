@@ -35,7 +35,7 @@ class FourBar {
   /// Kinetic energy, and the power of all forces, guides and drives.  154 operations.
   CUTJOINT_APART void energy(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* energy) const;
 
-  /// The step of the speeds' integrals that closes gaps of the cut joints and moves the masses least.  213 operations.
+  /// The step of the speeds' integrals that removes violations of the cut joints with the least mass-weighted norm.  213 operations.
   CUTJOINT_APART void project(const Real* q, const Real* violation, Real* dz) const;
 
  private:
