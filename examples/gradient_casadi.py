@@ -40,6 +40,6 @@ class Trajectory(casadi.Callback):
         return self.derivatives
 
 
-x, trajectory = casadi.MX.sym("x", 2), Trajectory("course", [casadi.Sparsity.dense(2, 1)], 1)
+x, trajectory = casadi.MX.sym("x", 2), Trajectory("trajectory", [casadi.Sparsity.dense(2, 1)], 1)
 slope = casadi.Function("slope", [x], [casadi.gradient(casadi.sumsqr(trajectory(x)) / ROWS, x)])([2000.0, 0.1]).full()[:, 0]
 print(f"the mean square of the slider's place changes by {slope[0]:.4g} m^2 per N/m and {slope[1]:.4g} m per m")

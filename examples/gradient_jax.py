@@ -1,4 +1,4 @@
-"""The press in JAX: the course of the slider by a spring's rate and a hardpoint, with exact derivatives, under jit."""
+"""The press in JAX: the trajectory of the slider by a spring's rate and a hardpoint, with exact derivatives, under jit."""
 
 from functools import partial
 from pathlib import Path

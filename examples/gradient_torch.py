@@ -1,4 +1,4 @@
-"""The press in PyTorch: the course of the slider by a spring's rate and a hardpoint, whose slopes come by the adjoint method."""
+"""The press in PyTorch: the trajectory of the slider by a spring's rate and a hardpoint, whose derivatives come by the adjoint method."""
 
 from pathlib import Path
 
@@ -30,7 +30,7 @@ class Trajectory(torch.autograd.Function):
         return torch.from_numpy(start(x).forward_sensitivities(STEPS, ["slider.x"], [], every=10).values[:, 0])
 
     @staticmethod
-    @once_differentiable  # PyTorch takes the slopes for constants otherwise, and Hessians are wrong
+    @once_differentiable  # PyTorch takes the derivatives for constants otherwise, and Hessians are wrong
     def backward(ctx, weights):
         run = start(*ctx.saved_tensors).adjoint_sensitivities(STEPS, ["slider.x"], BY, weights.numpy()[None, :, None], every=10)
         return torch.from_numpy(run.derivatives[0])

@@ -21,7 +21,7 @@ runs = 0
 
 
 def cost(x):
-    """The mean of weighed squares over a bump of the left wheel, from rest, and its slopes by the changes of both sides alike."""
+    """The mean of weighed squares over a bump of the left wheel, from rest, and its derivatives by the changes of both sides alike."""
     global runs
     runs += 1
     both = REACH * np.vstack([x, x * mirror])

@@ -16,7 +16,7 @@ runs = 0
 
 
 def run(x):
-    """The course of the slider and its derivatives, from the scene's start."""
+    """The trajectory of the slider and its derivatives, from the scene's start."""
     global runs
     runs += 1
     sim.parameters.update(zip(BY, x * SCALES, strict=True))

@@ -219,7 +219,7 @@ def test_force_on_every_coordinate(kind: JointKind) -> None:
 
 @pytest.mark.parametrize("seed", [0, 2])
 def test_held_at_rest(seed: int) -> None:
-    """Guides stand where they are when ``motion`` is nought."""
+    """Guides stand where they are when ``motion`` is zero."""
     model = random_models.random_loops(seed)
     assert any(j.guide is not None for j in model.joints)
     compare(model, seed, motion=0.0)

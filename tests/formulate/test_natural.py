@@ -321,7 +321,7 @@ def test_equations_that_depend_on_others_are_found() -> None:
 
 
 def differences(pair: Pair, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array, Array]:
-    """M, C, K and Phi_q by central differences of balance and residual, multipliers nought."""
+    """M, C, K and Phi_q by central differences of balance and residual, multipliers zero."""
     h = 1e-6
 
     def column(name: str, i: int) -> tuple[Array, Array]:

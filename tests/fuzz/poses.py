@@ -182,7 +182,7 @@ def _coordinate(k: int, link: Node, found: MechanismState) -> float:
     if "slides" in link:
         return float((np.array([found.values[f"link{k}.x"], found.values[f"link{k}.z"]]) - middle) @ link["slides"])
     roll, pitch, yaw = (found.values[f"link{k}.{name}"] for name in ("roll", "pitch", "yaw"))
-    upright = np.cos(yaw) * np.cos(roll)  # of a turn about y alone, roll and yaw are both nought or both pi
+    upright = np.cos(yaw) * np.cos(roll)  # of a turn about y alone, roll and yaw are both zero or both pi
     return float(pitch if upright > 0 and abs(yaw) < 1 else np.pi - pitch)
 
 

@@ -118,7 +118,7 @@ class Workshop:
         return tuple(sympy.Float(x) for x in scale * self.rng.uniform(-1, 1, 3))
 
     def point(self) -> tuple[Any, Any, Any]:
-        """A point; now and then one of its components is an expression over a parameter, or nought."""
+        """A point; now and then one of its components is an expression over a parameter, or zero."""
         x, y, z = self.numbers()
         if self.chance(0.2):
             return SIZE.symbol * x, y, z

@@ -166,7 +166,7 @@ def test_sliding_block_has_the_acceleration_of_coulomb(tmp_path: Path, method: s
 
 @pytest.mark.parametrize("method", RULES)
 def test_a_block_slides_far_above_its_stribeck_speed(tmp_path: Path, method: str) -> None:
-    """At 100 times that speed, where the share of sticking friction is nought."""
+    """At 100 times that speed, where the share of sticking friction is zero."""
     text = BLOCK.format(coefficient="0.3, static: 0.5, stribeck_speed: 0.01", shake=0, end=1)
     text = text.replace("end: 1,", "end: 1, rates: {slide.displacement_rate: 1},")
     columns = completed(run(tmp_path, text, method, tolerance=1e-9)).columns

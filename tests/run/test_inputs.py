@@ -158,7 +158,7 @@ def test_the_command_line_takes_units_as_a_model_file_does(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("how", with_heavy([Implementation.INTERPRETED, Implementation.GENERIC], Implementation.GENERIC))
 def test_inputs_drive_what_submodels_have(how: Implementation) -> None:
-    """Two carts pushed by an input: x = integral of f/m, once by its law and once by twice that; the course of a guide follows too."""
+    """Two carts pushed by an input: x = integral of f/m, once by its law and once by twice that; the trajectory of a guide follows too."""
     text = """
 cutjoint: 1
 name: carts

@@ -11,7 +11,7 @@ from cutjoint.run.results import UNTRIED, FailureReport, Trajectory
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 
-#: Messages of loops that may have no pose beyond this point, which no settings cure.
+#: Messages of loops that may have no pose beyond this point, which no settings avoid.
 _OPEN = (
     "the loops cannot be closed", "no speeds keep the loops closed",
     "the run stands still: its steps have become too short for it to reach its end",
