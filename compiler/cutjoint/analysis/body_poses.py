@@ -64,8 +64,7 @@ def _inputs(equations: PoseEquations, t: Array, q: Array, parameters: Mapping[st
 def find_dependent_joints(
     equations: PoseEquations, t: Array, q: Array, v: Array, parameters: Mapping[str, float]
 ) -> Mapping[str, tuple[Array, Array]]:  # fmt: skip
-    """The coordinates (times, n) and speeds (times, k) of dependent joints, by coordinates and speeds (times, ...) of the others; other
-    arguments as of `find_poses`."""
+    """Coordinates (times, n) and speeds (times, k) of dependent joints, from those of the others; other arguments as of `find_poses`."""
     speeds = {f"v:{c.joint}": v[:, c.v : c.v + len(c.speed_names)] for c in equations.charts}
     inputs = {**_inputs(equations, t, q, parameters), **speeds, "motion": np.ones(1)}
     found = interpret_blocks([block for pair in equations.followers.values() for block in pair], inputs, {})

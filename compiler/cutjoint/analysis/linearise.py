@@ -16,9 +16,8 @@ from cutjoint.topology.geometry import TOLERANCE
 
 @dataclass(frozen=True, kw_only=True)
 class Linearisation:
-    """The matrices above: ``M``, ``C``, ``K``, ``W`` (speeds, speeds), ``J``, ``G`` (equations, speeds), with a name for each speed's
-    coordinate, the state's coordinates ``q``, and whether the state is ``at_rest``. The last of the speeds are ``states`` first-order
-    states, whose rows are x' + C (q', x) + K q = 0."""
+    """The matrices above: ``M``, ``C``, ``K``, ``W`` (speeds, speeds), ``J``, ``G`` (equations, speeds), names of coordinates, and the
+    state."""
 
     names: tuple[str, ...]
     M: Array

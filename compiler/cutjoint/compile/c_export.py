@@ -194,8 +194,7 @@ class Standalone:
         return build(self.library, flags=flags).path
 
     def build_module(self) -> bytes:
-        """The folder as a module of WebAssembly, with the facts that its host in JavaScript reads; errors as of
-        `toolchain.wasm.build_module`.
+        """The C export as a WebAssembly module with its JavaScript interface; errors as of `toolchain.wasm.build_module`.
 
         Raises:
             RunError: functions are left to a host, which WebAssembly has no pointers to.

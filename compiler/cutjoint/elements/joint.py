@@ -1,4 +1,4 @@
-"""The description of a joint kind: its fields in the file, its chain of elementary motions as a tree joint, its conditions as a cut joint.
+"""The description of a joint kind: fields in the file, chain of elementary motions (tree joint), conditions (cut joint).
 
 A record has no formula of any method.  Coordinates, speeds, units, mirror images and the order in which a reversed joint undoes its
 motions follow from the chain; residuals, shared points and equations of natural coordinates follow from the conditions.

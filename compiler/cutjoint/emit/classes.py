@@ -1,6 +1,4 @@
-"""Programs -> C++ classes: those of a mechanism and of a system, for simulators, libraries and C exports; and the initial settings of their
-simulations.
-"""
+"""Programs -> C++ classes of mechanisms and systems, for simulators, libraries and C exports; and initial settings."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

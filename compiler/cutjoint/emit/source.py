@@ -41,8 +41,9 @@ _STANDARD = re.compile(r"#include <([^>]+)>\n")
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """Generated files by name, a digest of them (without the mark of the model file), and the required driver: "recursive", "batch" or
-    "lagrangian"; LIBRARY for none."""
+    """Generated files by name, their digest (without the mark of the model file), and the driver: "recursive", "batch", "lagrangian" or
+    LIBRARY.
+    """
 
     stem: str
     files: Mapping[str, str]

@@ -30,8 +30,9 @@ class Parameter:
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """A measured output: an expression of the model, and what was measured, ``values`` at ``times`` (s) from the start of the run;
-    ``deviation`` is NaN where it is to be estimated.  ``gain``, ``bias`` and ``delay`` are expressions of the parameters."""
+    """A measured output: an expression of the model, and ``values`` at ``times`` (s) from the start; a ``deviation`` of NaN is to be
+    estimated.
+    """
 
     text: str
     unit: str

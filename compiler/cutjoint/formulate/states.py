@@ -1,4 +1,4 @@
-"""First-order states in addition to the mechanism: their rates x' = f, and the part of a residual with a tangent, x' - f = 0.
+"""First-order states beside the mechanism: their rates x' = f, and the part x' - f = 0 of a residual with a tangent.
 
 The unknown of a step is x', with which x changes by ``damping``.  The function ``sample`` updates the discrete states of controllers.
 """

@@ -459,7 +459,7 @@ def name_of(path: Path) -> Path:
 
 
 def import_file(path: Path, *, free: bool = False, folder: Path | None = None, model: str = "") -> Imported:
-    """A file of another program as a model file; with ``free`` its base moves freely, else it stands on the ground unless the file says it.
+    """A file of another program as a model file; with ``free`` its base moves freely, else as the file says, by default on the ground.
 
     Files that it names are below a ``folder``, that of the file otherwise, and so are paths of its pictures.  ``model`` is one of an SDF.
     Raises ModelError, with places in the file, for what is wrong in it or cannot be said in a model file.

@@ -1,4 +1,4 @@
-"""Ranges of settings, on the command line, from Python and in a model file; the number of steps in a run, and in a row of its table."""
+"""Ranges of settings on the command line, in Python and in model files; limits on the number of steps."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -490,7 +490,7 @@ class RoughSurface:
 
 @dataclass(frozen=True, kw_only=True)
 class Patch:
-    """A rectangle of a road, from and to x and y, m, where ``friction`` is a factor; it rises or falls to that over ``edge`` (m)."""
+    """A rectangle of a road (from and to x and y, m) with a factor ``friction``, reached over ``edge`` (m)."""
 
     x: tuple[float, float]
     y: tuple[float, float]

@@ -26,8 +26,7 @@ class Domain:
 
 
 def find_domains(builder: Builder, results: Iterable[Block]) -> list[Domain]:
-    """The domains, each once, of all functions that laws call and the results depend on, if a parameter, the time or the motion may leave
-    them."""
+    """The domains, each once, of functions that laws call and results depend on, if parameters, time or motion may leave them."""
     found: dict[Block, Domain] = {}
     for block in reachable_blocks(results):
         if block in builder.restricted:

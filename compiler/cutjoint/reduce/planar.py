@@ -70,7 +70,7 @@ def _freed(outcome: Outcome, cut: Joint) -> Outcome:
 
 
 def flatten(model: Model, scene: Scene) -> Outcome:
-    """The pass: a mechanism that moves in one of the planes y = 0, x = 0, z = 0, or in parallel ones, gets coordinates in it.
+    """The pass: a mechanism that moves in planes parallel to y = 0, x = 0 or z = 0 gets planar coordinates.
 
     ``left`` says why one stays of which joints hold a body in a plane.
     """

@@ -49,7 +49,7 @@ def compiling_seconds(operations: int, method: str) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Poses:
-    """Poses of a body at the samples of a run: rotations ``R`` (n, 3, 3) and positions ``r`` (n, 3) of its origin in global axes."""
+    """Poses of a body at the samples of a run: rotations ``R`` (n, 3, 3), positions ``r`` (n, 3) of its origin, global axes."""
 
     R: NDArray[np.float64]
     r: NDArray[np.float64]

@@ -32,8 +32,7 @@ MOTIONS = ("exact", "guarded", "approximate")
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A pass by name, what it does to the motion (see MOTIONS), and whether it takes models with gears, and with laws that read quantities
-    or signals."""
+    """A pass by name, its effect on the motion (see MOTIONS), and whether it supports gears and laws that read quantities."""
 
     name: str
     reduce: Pass

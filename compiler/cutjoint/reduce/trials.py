@@ -35,8 +35,7 @@ _INTERPRETING = 4e-9
 
 @dataclass(frozen=True, kw_only=True)
 class Steps:
-    """Equal steps of ``dt`` (s), or steps of an ``integrator`` that are as long as a ``tolerance`` allows, with rows of the scene; dt is
-    then 0."""
+    """Equal steps of ``dt`` (s), or, with dt 0, adaptive steps of an ``integrator`` with a ``tolerance``."""
 
     dt: float = 0.0
     integrator: str = ""

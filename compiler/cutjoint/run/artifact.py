@@ -150,8 +150,7 @@ def make_simulator_run(
     artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None, *,
     inputs: Mapping[str, InputLike] | None = None, tangents: bool = False, coordinates: bool = False,
 ) -> SimulatorRun:  # fmt: skip
-    """The run of a compiled model with options, ``parameters`` and ``inputs`` (SI units); with ``tangents`` it reports Jacobians, with
-    ``coordinates`` the tree's coordinates at each sample.
+    """The run of a compiled model; ``tangents`` adds Jacobians, ``coordinates`` the tree's coordinates at each sample.
 
     Raises:
         RunError: a parameter or an input that cannot be set, or options that exclude each other or that no run has.

@@ -1,4 +1,4 @@
-"""From a model and its scene to a linear model about a rest, a trimmed start or a moment of a run, with sampled controllers as they are.
+"""From a model and its scene to a linear model about equilibrium, a trimmed start or a moment of a run, with sampled controllers.
 
 Discrete states of controllers become inputs of the mechanism, and their next values outputs, so that both are linearised exactly.
 """

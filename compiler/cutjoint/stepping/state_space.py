@@ -38,8 +38,7 @@ def need(module: str) -> Any:
 
 
 class Margins(NamedTuple):
-    """Margins of a loop that is closed by -1: the factor and the phase lag (deg) that bring it to -1, infinity without one, and their
-    frequencies (Hz)."""
+    """Margins of a loop with negative unity feedback: gain factor and phase lag (deg), infinity without one, and their frequencies (Hz)."""
 
     gain: float
     gain_at: float

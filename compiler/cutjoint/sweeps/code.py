@@ -32,8 +32,7 @@ from cutjoint.sweeps.records import Kind, Study, Variable
 def with_runs(
     standalone: Standalone, study: Study, scene: Scene, columns: Sequence[Column], names: Mapping[str, Sequence[str]]
 ) -> Standalone:  # fmt: skip
-    """A folder whose library also runs a study, in lanes if it has some; ``names`` are those of its parameters, inputs, coordinates and
-    speeds.
+    """A C export whose library also runs a study, in lanes if possible; ``names``: its parameters, inputs, coordinates and speeds.
 
     Raises:
         RunError: the library has no place for something that the study changes.

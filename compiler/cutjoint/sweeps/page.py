@@ -1,4 +1,4 @@
-"""The page of a sweep, one HTML file that holds all it needs, and pages of its runs, which the simulator of the command line runs again."""
+"""The page of a sweep, one HTML file, and pages of its runs, which the simulator of the command line repeats."""
 
 import base64
 from collections.abc import Callable, Mapping, Sequence

@@ -1,6 +1,4 @@
-"""The variables of a study: the parts of the model that they change, their ranges, and their values run by run, also from tables that users
-write.
-"""
+"""The variables of a study: the parts of the model that they change, their ranges, and their values for each run."""
 
 import csv
 import os

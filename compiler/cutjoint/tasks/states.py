@@ -130,8 +130,7 @@ def find_modes(
 def find_scene_modes(
     model: Model, scene: Scene, *, at: float | None = None, parameters: Mapping[str, float] | None = None, progress: Progress | None = None
 ) -> Modes:  # fmt: skip
-    """Eigenvalues and mode shapes of a model about its static equilibrium or where a scene is trimmed, or about its motion ``at`` a time
-    (s) of a scene.
+    """Eigenvalues and mode shapes of a model about its equilibrium, a trimmed start, or its motion ``at`` a time (s) of a scene.
 
     Raises:
         NoEquilibriumError: none was found near the design position.

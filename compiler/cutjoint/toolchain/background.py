@@ -46,8 +46,7 @@ class BuildPending(Exception):  # noqa: N818 -- no error
 
 
 def build_in_background(source: Source, *, flags: Sequence[str], patience: float) -> BackgroundBuild | None:
-    """Begin to compile a source, if that takes longer than ``patience`` (s) and its program can be interpreted meanwhile; else None, and
-    nothing is begun.
+    """Begin to compile a source, if that takes longer than ``patience`` (s) and its program can be interpreted meanwhile; else None.
 
     Raises:
         ToolchainError: there is no compiler, or the cache cannot be written.

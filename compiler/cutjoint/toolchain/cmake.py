@@ -63,7 +63,7 @@ def _shipped_headers(out: Path) -> tuple[str, ...]:
 
 
 def _one_word(compiler: Compiler, folder: Path) -> str:
-    """A compiler as a path that CMake takes as it is: its own, or a script, since CMake hands the words of $CXX to the shell unquoted."""
+    """A compiler as a path for CMake: its own, or a script, since CMake passes the words of $CXX to the shell unquoted."""
     if len(compiler.command) == 1 and is_plain(Path(compiler.command[0])):
         return compiler.command[0]
     return str(_script(folder / "c++", compiler.command))

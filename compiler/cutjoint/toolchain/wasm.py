@@ -51,8 +51,7 @@ def require_zig() -> str:
 
 
 def build_module(name: str, files: Mapping[str, str], digest: str) -> bytes:
-    """The module of a C export, with its C interface, whose functions have the ``name`` before their own; or that of the
-    cache.
+    """The WebAssembly module of a C export, cached; functions of its C interface begin with ``name``.
 
     Raises:
         MissingToolsError: ziglang is not installed.

@@ -1,4 +1,4 @@
-"""The search for the joints to cut, and for one loop the joints that could be cut in place of its own, with the cost of each choice.
+"""The search for the joints to cut, and the alternatives for one loop, with the cost of each choice.
 
 Joints stand alike in the body graph, before anything is cut, by their kind, and by the joints and forces around them.
 """
@@ -126,7 +126,8 @@ class _Search:
         return best
 
     def _best(self, used: Spanning, cut: Joint, *, everywhere: bool) -> Spanning:
-        """The choice in use or one with another joint of a cut joint's loop cut, in all loops alike if asked for, or in this loop alone."""
+        """The best choice: the present one, or one with another joint of a cut joint's loop cut, in all loops alike or in this loop alone.
+        """
         options = [(cut, used)]
         for joint in self.exchanges.around(used, cut):
             options += [(joint, used.exchanged(cut, joint))]

@@ -74,8 +74,7 @@ class LaidRoad:
     level: float = 0.0
 
     def heights(self, seed: int) -> tuple[Array, Array]:
-        """The grid's first place along x and y and the distances of places (4,), and heights (along x, along y), m; none of a road without
-        waves."""
+        """The grid's first place along x and y, the distances of places (4,), and heights (along x, along y), m; empty without waves."""
         if not self.roughness:
             return np.zeros(4), np.zeros((0, 0))
         field = rough_field(self.roughness, seed, self.width, band=self.band, step=self.step, length=self.length, level=self.level)

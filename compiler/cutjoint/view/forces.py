@@ -1,6 +1,4 @@
-"""Springs, rods, wheels and the road, which move between bodies or as none does; forces and reactions as arrows, as far as the scene's
-outputs have them whole.
-"""
+"""Springs, rods, wheels and the road in pictures; forces and reactions as arrows if the scene reports all their components."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

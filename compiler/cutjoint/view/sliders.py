@@ -1,4 +1,4 @@
-"""A pose that can be changed in its page: the kinematics of the tree and the equations of the loops as a program of the page's own.
+"""A pose with sliders in a page: the tree's kinematics and the loops' equations as a program of the page.
 
 The program is functions in JavaScript: numbers and operations, and no text of a model.
 """

@@ -24,8 +24,7 @@ class NoEmbeddingError(Exception):
 
 @dataclass(frozen=True, kw_only=True)
 class Poses:
-    """Closed poses of a block: coordinates ``q`` (n, coordinates) of the tree, its Jacobian by all the block's speeds (n, m, speeds), and
-    the residual (n, m)."""
+    """Closed poses of a block: coordinates ``q`` (n, coordinates), the loops' Jacobian (n, m, speeds) and residual (n, m)."""
 
     q: Array
     jacobian: Array

@@ -37,8 +37,7 @@ _MOST_KEPT = 8
 
 
 def embed_loops(model: Model, scene: Scene, *, measure: bool = False) -> Outcome:
-    """Embed the loops of each block that has one degree of freedom, to the scene's tolerance of functions; with ``measure`` notes report
-    the accuracy at random coordinates."""
+    """Embed the loops of each block that has one degree of freedom, within the scene's tolerance; ``measure`` adds notes on accuracy."""
     how = scene.numerics
     parts = scene.positions, scene.rates, scene.inputs, scene.switches, scene.pose, scene.trim, scene.end
     asked = how.closure, how.loop_tolerance, how.loop_terms, measure
@@ -229,7 +228,7 @@ def _drive_motion(model: Model, drive: Joint, end: float, laws: Mapping[Scalar, 
 
 
 def without_functions(topology: Topology) -> Model:
-    """The model with the equations of all loops and the same cuts as with embedded loops, so that the joints of the tree are the same."""
+    """The model with the equations of all loops, and with the cuts, and so the tree, of the embedded loops."""
     cut = {joint.name for joint in (*topology.cuts, *topology.embedded)}
     joints = tuple(replace(joint, cut=joint.name in cut) for joint in topology.model.joints)
     return replace(topology.model, joints=joints, embedded_loops=())

@@ -36,8 +36,7 @@ MOST_ACROSS, NODES_ACROSS = 20, 24
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """The wanted functions: their ``tolerance`` (m, rad), and the most ``terms`` on a range, which may be fewer than those on a full turn;
-    ``spare`` ones are added."""
+    """The wanted functions: ``tolerance`` (m, rad), most ``terms`` on a range (a full turn may have more), ``spare`` terms to add."""
 
     tolerance: float
     terms: int
@@ -278,8 +277,7 @@ _ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 
 def _length(c: Array, half: float, tolerance: float) -> int:
-    """The least number of terms by which value and derivative are within the tolerance, and the second derivative within ten times that,
-    relative to their sizes.
+    """The least number of terms with value and derivative within the tolerance, and the second derivative within ten times that.
 
     The truncation error is bounded by the largest values 1, k^2 and k^2 (k^2 - 1)/3 of polynomial k and its derivatives. Coefficients at
     the level of rounding of the derivatives count as zero.

@@ -1,4 +1,4 @@
-"""A ball or a point of a body on a plane or a cylinder of another: the motion of the contact, and a force there by expressions.
+"""A ball or a point of a body on a plane or a cylinder of another, with a force there by expressions.
 
 With the displacement w from the surface's point p_b to the centre c, the surface's normal n and the distance l from c to the surface::
 

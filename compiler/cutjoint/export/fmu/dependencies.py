@@ -73,8 +73,7 @@ def find_dependencies(equations: RecursiveEquations, seeds: Iterable[str]) -> tu
 
 
 def _of_column(equations: RecursiveEquations, leaves: LeafSymbols, solved: LeafSymbols) -> StartDependencies:
-    """A column follows from everything in the start's equations where it needs a result of them, else from the given values of its own
-    joints."""
+    """The dependencies of a column: all of the start's equations if it needs a result of them, else the given values of its own joints."""
     closes = bool(equations.closures) or equations.scene.pose == "equilibrium"
     is_solved = leaves.has("vdot:", "lambda:", *(("q:", "v:") if closes else ()))
     free = frozenset(name for name in solved.symbols if leaves.has(*(f"{a}:{name.rpartition('.')[0]}" for a in "qv")))

@@ -207,8 +207,7 @@ _FACTOR = re.compile(r"(?P<sign>/?)\s*(?P<name>[A-Za-z]+|1)(?:(?:\^|\*\*)(?P<pow
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
-    """A unit: whole exponents of the base units that it has, none where one is no whole number, its size in these; the unit to display
-    with its factor, if it has radians."""
+    """A unit: exponents of the base units, if whole, and its factor; with radians also the unit to display and its factor."""
 
     name: str
     exponents: Mapping[str, int]

@@ -150,8 +150,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
 
 
 def formulate_residual(start: RecursiveEquations, closure: str = DEFAULT_CLOSURE) -> RecursiveEquations:
-    """The inverse-dynamics residual: q, v, vdot, lambda -> residuals of forces (with loop reactions) and of loop accelerations,
-    in the axes of the recursive equations ``start``."""
+    """The inverse-dynamics residual: q, v, vdot, lambda -> residuals of forces and of loop accelerations, in the axes of ``start``."""
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
     k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in start.charts}, axes=start.axes)

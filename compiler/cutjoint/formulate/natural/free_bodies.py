@@ -1,4 +1,4 @@
-"""The free body from whose equations the force of a joint is found, if the joint has no equations of its own but only shares a point.
+"""The free body whose equations give the force of a joint that has no equations of its own but only shares a point.
 
 The joint is cut by a virtual displacement: one of its bodies moves the point, the others stay.  The virtual work of the masses, equations
 and forces that move with that body gives the joint's force on it.

@@ -156,8 +156,7 @@ def _on_axis(point: Vector, joint: Joint) -> bool:
 
 
 def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene, outputs: tuple[Output, ...]) -> Forces:
-    """The force elements that the scene has switched on; from now on laws know the quantities that they may read, and ``outputs`` where
-    the parts of forces are that are switched off."""
+    """The active force elements; afterwards laws know the quantities that they may read."""
     forces = Forces()
     let_laws_read(k, model, forces)
     for force, names in measured_forces(model, scene, outputs):

@@ -91,8 +91,7 @@ def _ratios(element: Element, ratio: Any, first: JointCoordinate, others: list[J
 
 
 def _end(element: Element, index: int, text: str) -> tuple[JointCoordinate, joint_parts.Joint | None]:
-    """The coordinate at one end of a gear, named by a joint or a joint.coordinate, and the joint in the document; without a unit if the
-    name is wrong."""
+    """The coordinate at one end of a gear, named by a joint or a joint.coordinate, and the joint in the document."""
     local, coordinate = _parted(element, text)
     keys = ("joints", index)
     name, joint = element.joint(local, keys)

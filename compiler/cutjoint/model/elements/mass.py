@@ -56,7 +56,7 @@ def mass_problems(mass: float, inertia: Sequence[float]) -> Iterator[str]:
 
 
 def moments_problem(inertia: Sequence[float], *, has_mass: bool = True) -> str:
-    """The reason that no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; "" when one can or when it is not finite.
+    """The reason that no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; "" if one can or if it is not finite.
 
     Without mass it stands for parts whose mass is counted elsewhere, and one moment may be larger than the sum of the others.
     """

@@ -41,8 +41,7 @@ def forces_in_order(model: Model) -> tuple[Force, ...]:
 
 
 def seeing_forces(model: Model) -> frozenset[str]:
-    """The forces that depend on more than their bodies: their laws read quantities of motion, be it by signals or by other forces, or they
-    follow from loads."""
+    """The forces that depend on more than their bodies: through quantities of motion in their laws, signals or other forces, or loads."""
     states = {element.name for group in (model.states, model.controllers) for element in group}
     signals = {signal.name: signal.value for signal in model.signals}
     forces = {force.name: force for force in model.force_elements}

@@ -88,8 +88,7 @@ def with_inputs(model: Model, *, external_wrenches: Sequence[str] = (), terrain:
 
 
 def with_terrain(model: Model, patterns: Sequence[str]) -> Model:
-    """The model whose wheels of names that match a pattern, with * for any text, have terrain from a host in addition to their own and the
-    road's.
+    """The model whose wheels that match a pattern (* for any text) have inputs for terrain in addition to the road's.
 
     Each has the inputs ``NAME.terrain_height`` (m), ``NAME.terrain_slope`` and ``NAME.terrain_bank``, 0 by default, which are added, and
     ``NAME.friction``, a factor of value 1.

@@ -289,8 +289,7 @@ def _belongs_to(joint: Joint, bodies: set[str], chassis: str) -> bool:
 
 
 def _steering(model: Model, values: Values, bodies: set[str], chassis: str, steer: str | None) -> Joint | None:
-    """The joint that steers: the named one, else the only one of the axle's joints with a guide, else the only rack, a slider of the
-    chassis along y."""
+    """The joint that steers: the named one, else the axle's only joint with a guide, else its only rack (a slider along y)."""
     joints = [joint for joint in model.joints if {joint.base, joint.follower} & bodies]
     single = [joint for joint in joints if len(joint.element.coordinates) == 1 and not joint.element.has_ball]
     if steer is not None:

@@ -1,4 +1,4 @@
-"""Sweeps of an axle: both wheels up and down, one up and the other down, and the steering to and fro; and what forces move it by."""
+"""Sweeps of an axle: parallel and opposite wheel travel, steering, and the compliance under forces."""
 
 from __future__ import annotations
 
