@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cutjoint.package.locations import runtime_folder
-from cutjoint.toolchain.wasm import MATHEMATICS, build_module, build_twin
+from cutjoint.toolchain.wasm import MATHEMATICS, build_matching_library, build_module
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def arguments() -> Array:
 
 def natively(given: Array) -> Mapping[str, Array]:
     """The values of each function by the library for this machine."""
-    library, found = ctypes.CDLL(str(build_twin("m", FILES, "libm"))), {}
+    library, found = ctypes.CDLL(str(build_matching_library("m", FILES, "libm"))), {}
     for name in MATHEMATICS:
         found[name] = np.empty(given.shape[1])
         getattr(library, f"m_{name}")(*(x.ctypes.data_as(ctypes.c_void_p) for x in (*given, found[name])), given.shape[1])
@@ -88,7 +88,7 @@ def test_modules_have_the_same_bits(tmp_path: Path) -> None:
 @pytest.mark.skipif(which("nm") is None, reason="needs nm of binutils")
 def test_no_other_mathematics_is_called() -> None:
     """Square roots and whole numbers are exact wherever they come from."""
-    library = build_twin("m", FILES, "libm")
+    library = build_matching_library("m", FILES, "libm")
     said = subprocess.run(["nm", "-D", "--undefined-only", library], check=True, capture_output=True, text=True)
     called = {line.split()[-1].partition("@")[0] for line in said.stdout.splitlines()}
     assert {name for name in called if not name.startswith(("_", "mem", "str"))} <= {"sqrt", "floor", "fabs"}

@@ -222,7 +222,7 @@ def test_a_replay_on_another_processor_has_the_same_bits(tmp_path: Path, monkeyp
     here = replay_drive(model, scene, tmp_path / "drive.json").rows
     tools = "aarch64-linux-gnu"
     monkeypatch.setattr(wasm, "find_compiler", lambda: replace(find_compiler(), command=(f"{tools}-g++",)))
-    library = alone.build_twin()
+    library = alone.build_matching_library()
     (tmp_path / "delta.h").write_text(alone.files["delta.h"], encoding="utf-8")
     given = ("-I.", '-DHEADER="delta.h"', "-DMODEL=delta", f"-DBYTES={alone.size}")
     sources = (str(Path(__file__).with_name("replay.c")), str(library))

@@ -52,7 +52,7 @@ from cutjoint.run.result_files import write_files
 from cutjoint.run.run_file import make_run_file, sources_of_parts
 from cutjoint.run.settings import Options, StepSettings, find_closure, find_integrator, find_tolerance
 from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of
-from cutjoint.toolchain.wasm import build_module, build_twin, mathematics, with_section
+from cutjoint.toolchain.wasm import build_matching_library, build_module, mathematics, with_section
 
 # Folders and libraries
 
@@ -209,9 +209,9 @@ class Standalone:
         }  # fmt: skip
         return with_section(build_module(self.name, self.files, self.digest), json.dumps(facts).encode())
 
-    def build_twin(self) -> Path:
-        """The shared library whose results equal those of the module bit by bit; errors as of `toolchain.wasm.build_twin`."""
-        return build_twin(self.name, self.files, self.digest)
+    def build_matching_library(self) -> Path:
+        """The shared library whose results equal those of the module bit by bit; errors as of `toolchain.wasm.build_matching_library`."""
+        return build_matching_library(self.name, self.files, self.digest)
 
     @property
     def module_files(self) -> Mapping[str, str]:

@@ -63,7 +63,7 @@ def build_module(name: str, files: Mapping[str, str], digest: str) -> bytes:
     return _build(f"{name}.wasm", files, digest, (zig, "c++"), (zig, "cc"), _WASM, linked).read_bytes()
 
 
-def build_twin(name: str, files: Mapping[str, str], digest: str) -> Path:
+def build_matching_library(name: str, files: Mapping[str, str], digest: str) -> Path:
     """The shared library of a C export whose results are those of its module to the last bit; or that of the cache.
 
     Raises:
