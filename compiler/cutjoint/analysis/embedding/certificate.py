@@ -1,36 +1,34 @@
 """Check a certificate of `cutjoint check --proof` with python-flint alone: ``python certificate.py FILE``.
 
-A loop has equations F(q, s) = 0 and series p(q) for its dependent coordinates s. With Y near the inverse of F_s, the deviation e = s - p
-of a closed pose and its derivative by q are fixed points of::
+A loop has equations F(q, s) = 0 and series p(q) for its dependent coordinates s. With Y near the inverse of F_s, a pose s = p + e has::
 
-    e  = -Y F(q, p) + (I - Y F_s) e             e' = -Y (dF(q, p)/dq + D e) + (I - Y F_s) e'        D = d/dh F_s(q + h, p + e + h p')
+    e   = -Y F(q, p) + (I - Y F_s) e                          F_s at (q, p + e)
+    e'  = -Y (F' + D e) + (I - Y F_s) e'                      ' = d/dq of F(q, p(q)); D, D2 = first and second derivatives
+    e'' = -Y (F'' + D2 e + 2 D e') + (I - Y F_s) e''          by h of F_s(q + h, p + e + h (p' + e') + h^2 p''/2)
 
-On a cell of q, and where |e| <= R, let |Y F| <= c, |I - Y F_s| <= M, |Y dF/dq| <= c', |Y D| <= E. If c + M R < R, exactly one solution has
-|e| <= R (Krawczyk). If c + M b <= b and c' + E b + M d <= d, it has |e| <= b and |e'| <= d.
+On a cell of q, and where |e|, |e'| <= R, let |Y F| <= c, |Y F'| <= c', |Y F''| <= c'', |I - Y F_s| <= M, |Y D| <= E, |Y D2| <= E2. If
+c + M R < R, exactly one solution has |e| <= R (Krawczyk). It has |e| <= b, |e'| <= d and |e''| <= a if c + M b <= b <= R,
+c' + E b + M d <= d <= R and c'' + E2 b + 2 E d + M a <= a.
 """
 
 import json
 import sys
+from collections import namedtuple
+from math import perm
 from typing import Any
 
 from flint import arb, arb_mat, arb_poly, arb_series, ctx
 
 TERMS, BITS = 10, 128  #: of Taylor expansions of residuals, and of numbers
-
-
-class Dual:
-    """A power series in h, with its partial derivatives by those dependent coordinates that it depends on."""
-
-    def __init__(self, value: Any, partials: dict[int, Any] | None = None) -> None:
-        self.value, self.partials = value, partials or {}
+#: A power series in h, with its partial derivatives by those dependent coordinates that it depends on.
+Dual = namedtuple("Dual", "value partials", defaults=({},))
 
 
 def chain(value: Any, *parts: tuple[Any, Dual]) -> Dual:
     """A value whose partial derivatives are the sum of factors times those of other ones."""
     partials: dict[int, Any] = {}
-    for factor, one in parts:
-        for j, x in one.partials.items():
-            partials[j] = partials[j] + factor * x if j in partials else factor * x
+    for factor, (_, own) in parts:
+        partials |= {j: partials.get(j, 0) + factor * x for j, x in own.items()}
     return Dual(value, partials)
 
 
@@ -69,8 +67,8 @@ def expand(loop: dict[str, Any], middle: Any, at: Any, terms: int) -> list[Any]:
         basis = [arb_poly([1]), x]
         while len(basis) < count:
             basis.append(2 * x * basis[-1] - basis[-2])
-    sums = [sum((arb(c) * x for c, x in zip(s["coefficients"], basis, strict=False)), 0 * basis[0]) for s in loop["series"]]
-    values = sums if loop["periodic"] else [_taylor(each, at - middle, terms) for each in sums]
+    values = [sum((arb(c) * x for c, x in zip(s["coefficients"], basis, strict=False)), 0 * basis[0]) for s in loop["series"]]
+    values = values if loop["periodic"] else [_taylor(each, at - middle, terms) for each in values]
     return [q, *(value + arb(s["growth"]) * q for value, s in zip(values, loop["series"], strict=True))]
 
 
@@ -83,44 +81,47 @@ def _taylor(polynomial: Any, at: Any, terms: int) -> Any:
 
 
 def examine(loop: dict[str, Any], lower: float, upper: float, box: float) -> dict[str, Any]:
-    """c, M, c' and E of a cell, R as ``box`` times the sizes of coordinates, and |F(q, p)| and |F_s| of all rows."""
+    """R as ``box`` times the sizes of coordinates, M, E and E2 of a cell, c, c' and c'' as "c", and |F| and |F_s| of all rows."""
     ctx.prec = BITS
     middle, cell = arb((lower + upper) / 2), arb(lower).union(arb(upper))
-    width, size = (cell - middle).abs_upper(), len(loop["series"])
-    R = [arb(box) * arb(s) for s in loop["sizes"]]
-    wide = [Dual(x) for x in expand(loop, middle, cell, 2)]
-    moved = [Dual(wide[j].value + arb(0, R[j - 1].upper()), {j - 1: arb_series([1])}) for j in range(1, size + 1)]
-    rows = residual(loop, [wide[0], *moved])
-    jacobian, turned = (arb_mat([[row.partials.get(j, wide[0].value * 0)[k] for j in range(size)] for row in rows]) for k in range(2))
-    near = jacobian.mid()
-    Y = (near.inv() if len(rows) == size else (near.transpose() * near).inv() * near.transpose()).mid()
-    thin = residual(loop, [Dual(x) for x in expand(loop, middle, middle, TERMS)])
-    last = residual(loop, [Dual(x) for x in expand(loop, middle, cell, TERMS + 1)])
-    F = [arb_mat([[row.value[k]] for row in thin]) for k in range(TERMS)] + [arb_mat([[row.value[TERMS]] for row in last])]
-    M, E, YF = Y * jacobian, Y * turned, [Y * f for f in F]
+    width, size, R = (cell - middle).abs_upper(), len(loop["series"]), [(arb(box) * arb(s)).upper() for s in loop["sizes"]]
+    thin, last = (residual(loop, [Dual(x) for x in expand(loop, middle, at, n)]) for at, n in ((middle, TERMS), (cell, TERMS + 1)))
+    F = [arb_mat([[row.value[k]] for row in rows]) for k, rows in enumerate([thin] * TERMS + [last])]
+    q, *p = expand(loop, middle, cell, 3)
+    near = [Dual(x + arb_series([arb(0, r), arb(0, r)]), {j: arb_series([1])}) for j, (x, r) in enumerate(zip(p, R, strict=True))]
+    rows = residual(loop, [Dual(q), *near])
+    jacobian, turned, bent = (arb_mat([[row.partials.get(j, 0 * q)[k] for j in range(size)] for row in rows]) for k in range(3))
+    J = jacobian.mid()
+    Y = (J.inv() if len(rows) == size else (J.transpose() * J).inv() * J.transpose()).mid()
+    YF, unit = [Y * f for f in F], arb_mat([[int(i == j) for j in range(size)] for i in range(size)])
     return {
-        "R": R,
-        "M": [[(int(i == j) - M[i, j]).abs_upper() for j in range(size)] for i in range(size)],
-        "E": [[E[i, j].abs_upper() for j in range(size)] for i in range(size)],
-        "c": [sum(f[i, 0].abs_upper() * width**k for k, f in enumerate(YF)) for i in range(size)],
-        "rate": [sum(k * f[i, 0].abs_upper() * width ** (k - 1) for k, f in enumerate(YF) if k) for i in range(size)],
-        "rest": [YF[-1][i, 0].abs_upper() * width**TERMS for i in range(size)],
-        "F": [sum(f[i, 0].abs_upper() * width**k for k, f in enumerate(F)) for i in range(len(rows))],
-        "J": [[jacobian[i, j].abs_upper() for j in range(size)] for i in range(len(rows))],
+        "R": R, "M": magnitudes(unit - Y * jacobian), "E": magnitudes(Y * turned), "E2": magnitudes(2 * (Y * bent)),
+        "c": [_summed(YF, width, order) for order in range(3)], "F": _summed(F, width, 0), "J": magnitudes(jacobian),
+        "rest": [x * width**TERMS for (x,) in magnitudes(YF[-1])],
     }  # fmt: skip
+
+
+def magnitudes(matrix: Any) -> list[list[Any]]:
+    return [[x.abs_upper() for x in row] for row in matrix.tolist()]
+
+
+def _summed(terms: list[Any], width: Any, order: int) -> list[Any]:
+    parts = [[perm(k, order) * x * width ** (k - order) for (x,) in magnitudes(f)] for k, f in enumerate(terms) if k >= order]
+    return [sum(part) for part in zip(*parts, strict=True)]
 
 
 def times(matrix: list[list[Any]], x: list[Any]) -> list[Any]:
     return [sum((a * b for a, b in zip(row, x, strict=True)), arb(0)) for row in matrix]
 
 
-def holds(found: dict[str, Any], errors: list[float], rates: list[float]) -> bool:
-    """Return whether there is one solution within R, whose errors are at most ``errors`` and those of its derivatives ``rates``."""
-    b, d, R = [arb(x) for x in errors], [arb(x) for x in rates], found["R"]
-    whole, first, second, pushed = times(found["M"], R), times(found["M"], b), times(found["M"], d), times(found["E"], b)
+def holds(found: dict[str, Any], bounds: list[list[float]]) -> bool:
+    """Return whether there is one solution within R, and its errors and those of both derivatives are at most ``bounds``."""
+    (b, d, a), R, c = ([arb(x) for x in each] for each in bounds), found["R"], found["c"]
+    whole, *own = (times(found["M"], x) for x in (R, b, d, a))
+    first, second, twice = times(found["E"], b), times(found["E2"], b), times(found["E"], d)
     return all(
-        found["c"][i] + whole[i] < R[i] and b[i] <= R[i] and found["c"][i] + first[i] <= b[i]
-        and found["rate"][i] + pushed[i] + second[i] <= d[i] for i in range(len(b))
+        c[0][i] + whole[i] < R[i] and c[0][i] + own[0][i] <= b[i] and b[i] <= R[i] and c[1][i] + first[i] + own[1][i] <= d[i]
+        and d[i] <= R[i] and c[2][i] + second[i] + 2 * twice[i] + own[2][i] <= a[i] for i in range(len(R))
     )  # fmt: skip
 
 
@@ -132,13 +133,12 @@ def left_over(found: dict[str, Any], errors: list[float]) -> float:
 
 def check(loop: dict[str, Any]) -> str:
     """The reason why a loop is not proved; empty if it is."""
-    end, bounds = loop["range"][0], [*loop["errors"], *loop["rates"], loop["redundant"]]
-    for lower, upper, box, errors, rates in loop["cells"]:
+    end = loop["range"][0]
+    for lower, upper, box, bounds in loop["cells"]:
         found = examine(loop, lower, upper, box)
-        if lower != end or not holds(found, errors, rates):
-            return f"the cell from {lower} to {upper} does not hold or not follow the one before"
-        if not all(x <= y for x, y in zip([*errors, *rates, left_over(found, errors)], bounds, strict=True)) or not box >= loop["box"]:
-            return f"the cell from {lower} to {upper} has other bounds than the loop"
+        pairs = [*zip([*bounds, [left_over(found, bounds[0]), -box]], [*loop["bounds"], [loop["redundant"], -loop["box"]]], strict=True)]
+        if lower != end or not holds(found, bounds) or not all(x <= y for own, most in pairs for x, y in zip(own, most, strict=True)):
+            return f"the cell from {lower} to {upper} does not hold, follow the one before, or have the bounds of the loop"
         end = upper
     return "" if end == loop["range"][1] else f"no cell begins at {end}"
 

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from cutjoint.analysis.closing import Array
 from cutjoint.formulate.recursive.embedding.open_geometry import joints_of, loop_residual
 from cutjoint.model.records import EmbeddedLoop, Model
 from cutjoint.package.extensions import MissingPackageError
@@ -35,12 +36,12 @@ class LoopProof:
         e = self.entry
         if self.reason:
             return f"{e['independent']}: no proof: {self.reason}"
-        worst, steepest = (max(range(len(e["names"])), key=e[x].__getitem__) for x in ("errors", "rates"))
+        errors, rates, curvatures = (max(zip(bounds, e["names"], strict=True)) for bounds in e["bounds"])
         lower, upper = e["range"]
         over = "its whole range" if self.is_whole else f"{lower:.6g} to {upper:.6g} of {e['asked'][0]:.6g} to {e['asked'][1]:.6g}"
         words = (
-            f"{e['independent']}: proved on {over}: one branch within {e['box']:.2g} of the functions; errors at most "
-            f"{e['errors'][worst]:.2g} ({e['names'][worst]}), of derivatives {e['rates'][steepest]:.2g} ({e['names'][steepest]})"
+            f"{e['independent']}: proved on {over}: one branch within {e['box']:.2g} of the functions; errors at most {errors[0]:.2g} "
+            f"({errors[1]}), of first derivatives {rates[0]:.2g} ({rates[1]}), of second ones {curvatures[0]:.2g} ({curvatures[1]})"
         )
         return words if e["redundant"] == 0 else f"{words}; dependent equations hold within {e['redundant']:.2g}"
 
@@ -88,9 +89,11 @@ def _prove(model: Model, embedded_loop: EmbeddedLoop) -> LoopProof:
     cells = _longest(list(_search(entry, np.linspace(lower, upper, _CELLS + 1).tolist())))
     if not cells:
         return LoopProof(name, "the iteration contracts nowhere: the functions are not near one branch")
-    errors, rates = (np.max([cell[k] for cell in cells], axis=0).tolist() for k in (3, 4))
-    found = {"range": [cells[0][0], cells[-1][1]], "asked": asked, "box": min(cell[2] for cell in cells), "errors": errors, "rates": rates}
-    return LoopProof(entry | found | {"redundant": max(cell[5] for cell in cells), "cells": [cell[:5] for cell in cells]})
+    found = {
+        "range": [cells[0][0], cells[-1][1]], "asked": asked, "box": min(cell[2] for cell in cells),
+        "bounds": np.max([cell[3] for cell in cells], axis=0).tolist(), "redundant": max(cell[4] for cell in cells),
+    }  # fmt: skip
+    return LoopProof(entry | found | {"cells": [cell[:4] for cell in cells]})
 
 
 def _entry(model: Model, embedded_loop: EmbeddedLoop) -> dict[str, Any]:
@@ -127,7 +130,7 @@ def _node(node: Scalar) -> list[Any]:
 
 
 def _search(entry: Mapping[str, Any], ends: Sequence[float]) -> Iterator[tuple[Any, ...]]:
-    """The cells that hold, from the lower end on: their ends, box, bounds of errors and of derivatives, and of dependent equations."""
+    """The cells that hold, from the lower end on: ends, box, bounds of errors and of both derivatives, of dependent equations."""
     from cutjoint.analysis.embedding.certificate import examine, holds, left_over
 
     failures, first = 0, ends[1] - ends[0]
@@ -140,10 +143,10 @@ def _search(entry: Mapping[str, Any], ends: Sequence[float]) -> Iterator[tuple[A
             found = examine(dict(entry), lower, upper, box)
         except ZeroDivisionError:
             found = None
-        if found is not None and (bounds := _bounds(found, wanted=1.0 if least else _CONTRACTION)) and holds(found, *bounds):
-            sharp = all(rest <= c / 4 or rest < 1e-14 for rest, c in zip(found["rest"], found["c"], strict=True))
+        if found is not None and (bounds := _bounds(found, wanted=1.0 if least else _CONTRACTION)) and holds(found, bounds):
+            sharp = all(rest <= c / 4 or rest < 1e-14 for rest, c in zip(found["rest"], found["c"][0], strict=True))
             if sharp or least:
-                yield lower, upper, box, *bounds, left_over(found, bounds[0])
+                yield lower, upper, box, bounds, left_over(found, bounds[0])
                 continue
         if least:
             failures += 1
@@ -151,15 +154,18 @@ def _search(entry: Mapping[str, Any], ends: Sequence[float]) -> Iterator[tuple[A
             waiting += [(middle, upper), (lower, middle)]
 
 
-def _bounds(found: Mapping[str, Any], wanted: float) -> tuple[list[float], list[float]] | None:
+def _bounds(found: Mapping[str, Any], wanted: float) -> list[list[float]] | None:
     """Bounds of errors and of derivatives a little above the least; None where the contraction is not as strong as ``wanted``."""
-    M, E = (np.array([[float(x) for x in row] for row in found[name]]) for name in ("M", "E"))
-    c, rate, R = (np.array([float(x) for x in found[name]]) for name in ("c", "rate", "R"))
+    M, E, E2, c, R = (np.array(found[name], dtype=float) for name in ("M", "E", "E2", "c", "R"))
     if not ((M @ R) / R).max() < wanted:
         return None
-    inverse = np.linalg.inv(np.eye(len(c)) - M)
-    errors = 1.001 * (inverse @ c) + 1e-25
-    return errors.tolist(), (1.001 * (inverse @ (rate + E @ errors)) + 1e-25).tolist()
+
+    def solved(right: Array) -> Array:
+        return 1.001 * np.linalg.solve(np.eye(len(R)) - M, right) + 1e-25
+
+    errors = solved(c[0])
+    rates = solved(c[1] + E @ errors)
+    return [errors.tolist(), rates.tolist(), solved(c[2] + E2 @ errors + 2 * E @ rates).tolist()]
 
 
 def _longest(cells: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
