@@ -182,6 +182,20 @@ def test_functions_of_a_pose_that_is_not_closed_have_no_proof() -> None:
     assert str(none) == f"{loop.independent}: no proof: the iteration contracts nowhere: the functions are not near one branch"
 
 
+def test_a_part_of_the_range_is_named() -> None:
+    """Functions of a tolerance of 0.1 come so close to the change point that their derivatives are too far off there."""
+    model = read_model_text(SWING % "", "swing.yaml")
+    scene = model.scenes["fall"]
+    coarse = replace(scene, numerics=replace(scene.numerics, loop_tolerance=0.1, loop_terms=30))
+    (proof,) = prove_loops(embed_loops(model, coarse).model)
+    assert not proof.is_whole
+    (lower, upper), asked = proof.entry["range"], proof.entry["asked"]
+    assert lower == asked[0]
+    assert 0.9 * asked[1] < upper < asked[1]
+    assert f"a: proved on {lower:.6g} to {upper:.6g} of {asked[0]:.6g} to {asked[1]:.6g}: one branch" in str(proof)
+    assert certificate.check(json.loads(json.dumps(dict(proof.entry)))) == ""
+
+
 def test_what_cannot_be_proved_says_why(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert str(prove(RAILS)).endswith(": no proof: it has no dependent coordinate")
     (guided,) = prove_loops(with_functions(embedded(SWING % ""), drive_range=Interval(lower=0.0, upper=1.0)))
