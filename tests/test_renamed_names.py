@@ -10,6 +10,7 @@ import pytest
 import cutjoint
 from cutjoint.commands.renamed import rename_arguments
 from cutjoint.package.renamed import MEMBERS, NAMES
+from cutjoint.run.results import FailureReport, MechanismState
 from tests.conftest import MODELS
 
 
@@ -35,6 +36,12 @@ def test_members_of_records() -> None:
         assert found.slopes is found.derivatives
     with pytest.warns(FutureWarning, match="'largest' is now 'maximum'"):
         assert found.largest[0] == found.maximum[0] == 1.0
+    report = FailureReport(message="it stopped", time=1.0, step=2, element="pin", residual=1.0, advice="")
+    with pytest.warns(FutureWarning, match="'what' is now 'summary'"):
+        assert report.what == report.summary
+    state = MechanismState(values={}, units={}, locking_forces={"pin.angle": (1.0, "N*m")})
+    with pytest.warns(FutureWarning, match="'held' is now 'locking_forces'"):
+        assert state.held == state.locking_forces
 
 
 def test_old_members_have_new_ones() -> None:
