@@ -222,8 +222,8 @@ def _residual_view(force_residual: Linearised, name: str) -> dict[str, object]:
     middles = [first + sum(c < force_residual.unknowns for c in row) for first, row in zip(starts, force_residual.columns, strict=False)]
     return {
         "name": name, "loaded": force_residual.loaded, "starts": starts, "middles": middles, "derivatives": force_residual.places,
-        "columns": [c for row in force_residual.columns for c in row], "parts": force_residual.sides.parts,
-        "beside": force_residual.sides.numbers, "groups": list(map(len, force_residual.sides.groups)),
+        "columns": [c for row in force_residual.columns for c in row],
+        "parts": force_residual.sides.parts, "beside": force_residual.sides.numbers,
     }  # fmt: skip
 
 

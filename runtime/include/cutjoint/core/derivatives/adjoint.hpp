@@ -90,35 +90,19 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   using ByColumns = Fixed<double, ForceResidual::first_acceleration>;  ///< with respect to all that the force residual reads
   using Unknowns = Fixed<double, unknowns>;
 
-  /// A state without its time, or derivatives with respect to one.
-  struct Point {
-    Fixed<double, coordinates> q;
-    Numbers v, vdot;
-    Fixed<double, m> lambda;
+  /// A state whose time is unused, or derivatives with respect to one.
+  struct Point : StateOf<M> {
     Fixed<double, averages ? n : 0> mean;
 
-    void clear() { q.fill(0.0), v.fill(0.0), vdot.fill(0.0), lambda.fill(0.0), mean.fill(0.0); }
+    void take(const StateOf<M>& state) { StateOf<M>::operator=(state); }
 
-    template <class State>
-    void take(const State& state) {
-      std::copy(state.q.begin(), state.q.end(), q.begin());
-      std::copy(state.v.begin(), state.v.end(), v.begin());
-      std::copy(state.vdot.begin(), state.vdot.end(), vdot.begin());
-      std::copy(state.lambda.begin(), state.lambda.end(), lambda.begin());
+    template <class Use>
+    void visit(Use use) {
+      use(this->q), use(this->v), use(this->vdot), use(this->lambda), use(mean);
     }
 
-    const double* read(const double* x) {
-      const auto all = [&x](auto& numbers) { std::copy_n(x, numbers.size(), numbers.begin()), x += numbers.size(); };
-      all(q), all(v), all(vdot), all(lambda), all(mean);
-      return x;
-    }
-
-    double* write(double* x) const {
-      x = std::copy(q.begin(), q.end(), x);
-      x = std::copy(v.begin(), v.end(), x);
-      x = std::copy(vdot.begin(), vdot.end(), x);
-      x = std::copy(lambda.begin(), lambda.end(), x);
-      return std::copy(mean.begin(), mean.end(), x);
+    void clear() {
+      visit([](auto& numbers) { numbers.fill(0.0); });
     }
   };
 
@@ -202,9 +186,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     *x++ = kind == Kind::controller_sample ? record_.first : h;
     *x++ = t;
     *x++ = record_.number;
-    x = record_.from.write(x);
-    x = (kind == Kind::substep ? record_.end : record_.from).write(x);
-    for (const Point& stage : record_.between) x = stage.write(x);
+    const auto put = [&x](const auto& numbers) { x = std::copy(numbers.begin(), numbers.end(), x); };
+    record_.from.visit(put), (kind == Kind::substep ? record_.end : record_.from).visit(put);
+    for (Point& stage : record_.between) stage.visit(put);
     if constexpr (discrete > 0) {
       M& mechanism = simulation_->mechanism();
       mechanism.begin_step(t, 1.0);
@@ -223,9 +207,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     const int number = record_.kind == Kind::substep ? record_.number : 0;
     record_.is_restarted = number & restarted, record_.restarts_average = number & average_restarted;
     record_.number -= number & (restarted | average_restarted);
-    x = record_.from.read(x);
-    x = record_.end.read(x);
-    for (Point& stage : record_.between) x = stage.read(x);
+    const auto take = [&x](auto& numbers) { std::copy_n(x, numbers.size(), numbers.begin()), x += numbers.size(); };
+    record_.from.visit(take), record_.end.visit(take);
+    for (Point& stage : record_.between) stage.visit(take);
     std::copy_n(x, discrete, record_.values.begin());
   }
 
@@ -274,12 +258,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
         if (place > 0) read(place - 1);
         continue;
       }
-      if (place == 0) break;
+      if (place == 0) return is_explicit && !reverse_accelerations(record_) ? not_finite_step() : Fault{};
       const Record later = record_;
       read(place - 1);
       const bool is_new = record_.kind == Kind::controller_sample || later.is_restarted;
       const bool recomputes_end = seeks_multipliers && record_.number == 1;
-      const bool reuses_accelerations = !is_explicit && !is_new && !recomputes_end && later.from.vdot == record_.end.vdot;
+      const bool reuses_accelerations = is_explicit ? is_part : !is_new && !recomputes_end && later.from.vdot == record_.end.vdot;
       if (!reuses_accelerations && !reverse_accelerations(later)) return not_finite_step();
     }
     return {};
@@ -307,11 +291,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   const StateOf<M>& put(const Point& point, double t) {
+    stage_ = point;
     stage_.t = t;
-    std::copy(point.q.begin(), point.q.end(), stage_.q.begin());
-    std::copy(point.v.begin(), point.v.end(), stage_.v.begin());
-    std::copy(point.vdot.begin(), point.vdot.end(), stage_.vdot.begin());
-    std::copy(point.lambda.begin(), point.lambda.end(), stage_.lambda.begin());
     return stage_;
   }
 
@@ -391,50 +372,58 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     const std::size_t last = place;
     place -= kind_at(place) == Kind::cut ? 1 : 0;
     while (place > 0 && ends_at_event(place - 1)) place -= 2;
-    constexpr std::size_t moving = coordinates + n + (carries_derivative ? n + coordinates : has_stages ? n : 0), all = moving + discrete + inputs + parameters;
-    Fixed<double, all> found;
-    std::array<int, seeds_at_once> by{};
+    constexpr std::size_t moving = coordinates + n + (carries_derivative ? n + coordinates : has_stages ? n : 0);
+    Fixed<double, discrete + moving + inputs + parameters> found;
     const auto follow = [&](std::size_t number, double* derivatives) {
       if (const Fault fault = differentiate_substeps(place, last, number)) return fault;
-      for (std::size_t k = 0; k < number; ++k) {
-        const double* row = this->carried_ + k;
-        const auto add_rows = [&](const auto& by_end) {
-          for (const double derivative : by_end) derivatives[k] += derivative * *row, row += number;
-        };
-        add_rows(by_.q), add_rows(by_.v);
-        if constexpr (carries_derivative)
-          if (owes_derivative_) add_rows(by_derivative_), add_rows(by_coordinate_rates_);
-      }
+      add_carried(number, derivatives);
       return Fault{};
     };
-    for (std::size_t first = 0; first < all; first += seeds_at_once) {
-      const std::size_t number = std::min(seeds_at_once, all - first);
-      open_seeds(number, by);
-      for (std::size_t k = 0; k < number; ++k) {
-        const std::size_t which = first + k;
-        if (which >= moving + discrete) by[k] = static_cast<int>(which - moving - discrete);
-        if (which < moving) this->carried_[which * number + k] = 1.0;
-        else if (which < moving + discrete) matrix_[(states + which - moving) * number + k] = 1.0;
-      }
-      if (const Fault fault = follow(number, found.data() + first)) return fault;
-    }
-    const auto by_piece = [&](double* derivatives) {
-      open_seeds(orders, by);
-      return follow(orders, derivatives);
-    };
-    if (const Fault fault = visit_pieces(place, last, by_piece)) return fault;
+    if (const Fault fault = along_seeds(states, discrete + moving, place, last, follow, found.data())) return fault;
     read(place);
     const double* x = found.data();
     const auto take = [&x](auto& derivatives) { std::copy_n(x, derivatives.size(), derivatives.begin()), x += derivatives.size(); };
     by_.clear();
+    for (double& derivative : by_discrete_) derivative += *x++;
     take(by_.q), take(by_.v);
     if constexpr (has_stages) take(by_.vdot);
     if constexpr (carries_derivative) take(by_derivative_), take(by_coordinate_rates_);
     owes_derivative_ = carries_derivative && record_.number == 1;
-    for (double& derivative : by_discrete_) derivative += *x++;
     for (std::size_t i = 0; i < inputs; ++i) by_input_[numbers_per_input * i] += *x++;
     for (double& derivative : by_parameter_) derivative += *x++;
     return {};
+  }
+
+  /// Along a number of rows of the matrix of seeds from one on, inputs and parameters, and along the pieces of input trajectories that the substeps touch: `follow` adds to derivatives.
+  template <class Follow>
+  Fault along_seeds(std::size_t begin, std::size_t rows, std::size_t place, std::size_t last, Follow follow, double* found) {
+    std::array<int, seeds_at_once> by{};
+    const std::size_t all = rows + inputs + parameters;
+    for (std::size_t first = 0; first < all; first += seeds_at_once) {
+      const std::size_t number = std::min(seeds_at_once, all - first);
+      open_seeds(number, by);
+      for (std::size_t k = 0, which = first; k < number; ++k, ++which)
+        if (which >= rows) by[k] = static_cast<int>(which - rows);
+        else matrix_[(begin + which) * number + k] = 1.0;
+      if (const Fault fault = follow(number, found + first)) return fault;
+    }
+    return visit_pieces(place, last, [&](double* derivatives) {
+      open_seeds(orders, by);
+      return follow(orders, derivatives);
+    });
+  }
+
+  /// Add the derivatives of an objective along the carried seeds.
+  void add_carried(std::size_t number, double* derivatives) {
+    for (std::size_t k = 0; k < number; ++k) {
+      const double* row = this->carried_ + k;
+      const auto add_rows = [&](const auto& by) {
+        for (const double derivative : by) derivatives[k] += derivative * *row, row += number;
+      };
+      add_rows(by_.q), add_rows(by_.v);
+      if (owes_derivative_) add_rows(by_derivative_), add_rows(by_coordinate_rates_);
+      else if constexpr (!is_explicit) add_rows(by_.vdot), add_rows(by_.lambda), add_rows(by_.mean);
+    }
   }
 
   /// This many seeds, zero at first; `by` says what each changes besides states.
@@ -549,6 +538,15 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     add_inputs();
   }
 
+  /// From derivatives with respect to displaced coordinates to those before; those with respect to the displacement are returned.
+  Numbers retraction_vjp(const Fixed<double, coordinates>& from, const Numbers& displacement) {
+    const Fixed<double, coordinates> later = by_.q;
+    Numbers by_delta;
+    by_.q.fill(0.0);
+    RetractionDerivatives<balls>(charts(), from.data(), displacement.data()).vjp(charts(), later.data(), by_.q.data(), by_delta.data());
+    return by_delta;
+  }
+
   /// From derivatives after the projection by the force residual at the end to those before it.
   bool residual_loops_vjp() {
     if constexpr (m > 0) {
@@ -556,10 +554,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       this->force_residual_.find(record_.t + record_.h, end.q, end.v, end.vdot, end.lambda, this->u_);
       if (!this->force_residual_.violations_vjp(by_.v, by_violation_)) return false;
       residual_vjp(open, nothing_, by_violation_, by_.q, by_.v);
-      Fixed<double, coordinates> later = by_.q;
-      Numbers by_delta;
-      by_.q.fill(0.0);
-      RetractionDerivatives<balls>(charts(), open.q.data(), by_delta.data()).vjp(charts(), later.data(), by_.q.data(), by_delta.data());
+      const Numbers by_delta = retraction_vjp(open.q, Numbers());
       if (!this->force_residual_.violations_vjp(by_delta, by_violation_)) return false;
       residual_vjp(open, by_violation_, nothing_, by_.q, by_.v);
     }
@@ -579,7 +574,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     std::copy(by_.lambda.begin(), by_.lambda.end(), std::copy(by_.vdot.begin(), by_.vdot.end(), by_first.begin()));
     if (!this->ends_.accelerations_vjp(force_residual, by_.vdot, by, projected, by_first)) return false;
     add_columns(projected, by_.q, by_.v);
-    if (!this->ends_.speeds_vjp(force_residual, by_.v, by, by_first, by_violation_)) return false;
+    if (!this->ends_.vjp(this->ends_.speeds(), force_residual, by_.v, by, by_violation_, &by_first)) return false;
     residual_vjp(record_.end, nothing_, by_violation_, by_.q, by_.v);
     add_columns(by, by_.q, by_.v);
     Point rule;
@@ -587,7 +582,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     std::copy_n(by_first.begin(), n, by_.vdot.begin()), std::copy_n(by_first.begin() + n, m, by_.lambda.begin());
     return step_vjp(this->formula_, [&](auto& x, auto& by_q, auto& by_v) {
       by.fill(0.0);
-      if (!this->ends_.rule_vjp(force_residual, x, by, by_violation_)) return false;
+      if (!this->ends_.vjp(this->ends_.rule(), force_residual, x, by, by_violation_, nullptr)) return false;
       residual_vjp(rule, by_violation_, nothing_, by_q[0], by_v[0]);
       add_columns(by, by_q[0], by_v[0]);
       return true;
@@ -736,12 +731,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       }
       for (std::size_t i = position_count; i-- > 0;) {
         const Point& x = places[i];
-        Fixed<double, coordinates> later = by_.q;
-        Numbers by_delta;
-        by_.q.fill(0.0);
         simulation_->mechanism().project(x.q.data(), violations[i].data(), found_values_.data());
-        RetractionDerivatives<balls>(charts(), x.q.data(), found_values_.data()).vjp(charts(), later.data(), by_.q.data(), by_delta.data());
-        move_vjp(x, violations[i], by_delta);
+        move_vjp(x, violations[i], retraction_vjp(x.q, found_values_));
         residual_vjp(x, by_violation_, nothing_, by_.q, by_.v);
       }
     }
@@ -799,48 +790,25 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     double* const by_parameter = objectives.by_parameter + objective * parameters;
     if constexpr (has_fits) transposed_.load_transposed(by_loaded_.data(), by_parameter, by_series_.data());
     else transposed_.load_transposed(by_loaded_.data(), by_parameter);
-    for (std::size_t i = 0; i < inputs; ++i) by_input[i] = by_input_[numbers_per_input * i];
-    constexpr std::size_t all = states + inputs + parameters;
-    std::array<int, seeds_at_once> by{};
-    const auto follow = [&](std::size_t number, auto put) {
-      const double* const carried = this->carried_;
+    Fixed<double, states + inputs + parameters> found;
+    const auto follow = [&](std::size_t number, double* derivatives) {
       this->load_all();
       if (const Fault fault = this->find_carried()) return fault;
+      add_carried(number, derivatives);
       const Dual* series = nullptr;
       if constexpr (has_fits) series = fits_.find(this->mechanism_, this->parameters_.data());
       for (std::size_t k = 0; k < number; ++k) {
-        double sum = 0.0;
-        const double* row = carried + k;
-        const auto add_rows = [&](const auto& derivatives) {
-          for (const double derivative : derivatives) sum += derivative * *row, row += number;
-        };
-        for (std::size_t i = 0; series && i < by_series_.size(); ++i) sum += by_series_[i] * series[i].derivative[k];
-        add_rows(by_.q), add_rows(by_.v), add_rows(by_.vdot), add_rows(by_.lambda), add_rows(by_.mean);
-        put(k, sum);
+        derivatives[k] += residual_values_jvp(k);
+        for (std::size_t i = 0; series && i < by_series_.size(); ++i) derivatives[k] += by_series_[i] * series[i].derivative[k];
       }
       return Fault{};
     };
-    for (std::size_t first = 0; first < all; first += seeds_at_once) {
-      const std::size_t number = std::min(seeds_at_once, all - first);
-      open_seeds(number, by);
-      for (std::size_t k = 0; k < number; ++k) {
-        const std::size_t which = first + k;
-        if (which >= states) by[k] = static_cast<int>(which - states);
-        else matrix_[which * number + k] = 1.0;
-      }
-      const auto put = [&](std::size_t k, double sum) {
-        const std::size_t which = first + k;
-        if (which < states) by_state[which] = sum;
-        else if (which < states + inputs) by_input[which - states] += sum;
-        else by_parameter[which - states - inputs] += sum + residual_values_jvp(k) + by_parameter_[which - states - inputs];
-      };
-      if (const Fault fault = follow(number, put)) return fault;
-    }
-    const auto by_piece = [&](double* derivatives) {
-      open_seeds(orders, by);
-      return follow(orders, [&](std::size_t k, double sum) { derivatives[k] += sum; });
-    };
-    return visit_pieces(0, 0, by_piece);
+    if (const Fault fault = along_seeds(0, states, 0, 0, follow, found.data())) return fault;
+    const double* x = found.data();
+    for (std::size_t i = 0; i < states; ++i) by_state[i] = *x++;
+    for (std::size_t i = 0; i < inputs; ++i) by_input[i] = by_input_[numbers_per_input * i] + *x++;
+    for (std::size_t i = 0; i < parameters; ++i) by_parameter[i] += by_parameter_[i] + *x++;
+    return {};
   }
 
   /// The derivative along a seed from derivatives with respect to parameter values in the force residual.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -53,29 +54,18 @@ class Derivatives {
 
   /// x' = A x + B u, y = C x + D u by values of inputs; matrices by rows, a null pointer where one is not wanted.
   Fault linearise(Simulation& simulation, Minimal& minimal, double* A, double* B, double* C, double* D_) {
-    if (const Fault fault = begin(simulation, minimal)) return fault;
-    const std::size_t first = A || C ? 0 : states, end = B || D_ ? states + inputs : states;
-    return derive_columns(simulation, minimal, first, end, [&](std::size_t j) {
-      return j < states ? Columns{A, C, j, states} : Columns{B, D_, j - states, inputs};
-    });
+    return derive_columns(simulation, minimal, 0, {{{A, C, states}, {B, D_, inputs}}});
   }
 
   /// The terms of input rates and accelerations, x' = B_rate u' + B_acceleration u'' and likewise y, each of the size of B or D.  They are zero
   /// without guides.
   Fault linearise_rates(Simulation& simulation, Minimal& minimal, double* B_rate, double* B_acceleration, double* D_rate, double* D_acceleration) {
-    if (const Fault fault = begin(simulation, minimal)) return fault;
-    return derive_columns(simulation, minimal, after, after + 2 * inputs, [&](std::size_t j) {
-      return j < after + inputs ? Columns{B_rate, D_rate, j - after, inputs} : Columns{B_acceleration, D_acceleration, j - after - inputs, inputs};
-    });
+    return derive_columns(simulation, minimal, after, {{{B_rate, D_rate, inputs}, {B_acceleration, D_acceleration, inputs}}});
   }
 
   /// x' = E p, y = F p by parameters.
   Fault linearise_parameters(Simulation& simulation, Minimal& minimal, double* E, double* F) {
-    if (const Fault fault = begin(simulation, minimal)) return fault;
-    constexpr std::size_t before = states + inputs, number = M::sizes.parameters;
-    const Fault fault = derive_columns(simulation, minimal, before, before + number, [&](std::size_t j) { return Columns{E, F, j - before, number}; });
-    for (Dual& x : parameters_) x.derivative = Tangents{};
-    return fault;
+    return derive_columns(simulation, minimal, states + inputs, {{{E, F, M::sizes.parameters}, {}}});
   }
 
  protected:
@@ -85,16 +75,19 @@ class Derivatives {
 
   struct None {};
 
-  /// The destination of derivatives of x' and y: a column of two matrices of the same width; a null pointer if not wanted.
+  /// Matrices of derivatives of x' and y by so many numbers, a column for each; a null pointer if not wanted.
   struct Columns {
     double *of_rates, *of_outputs;
-    std::size_t column, width;
+    std::size_t width;
+
+    bool are_wanted() const { return of_rates || of_outputs; }
   };
 
-  /// Derivatives with respect to a range of the list: states, inputs, parameters, rates of inputs, accelerations of inputs.
-  template <class Place>
-  Fault derive_columns(Simulation& simulation, Minimal& minimal, std::size_t first, std::size_t end, Place place) {
-    for (std::size_t from = first; from < end; from += seeds_at_once) {
+  /// Derivatives with respect to numbers of the list from one on: states, inputs, parameters, rates of inputs, accelerations of inputs.
+  Fault derive_columns(Simulation& simulation, Minimal& minimal, const std::size_t first, const std::array<Columns, 2>& matrices) {
+    if (const Fault fault = begin(simulation, minimal)) return fault;
+    const std::size_t middle = first + matrices[0].width, end = middle + (matrices[1].are_wanted() ? matrices[1].width : 0);
+    for (std::size_t from = matrices[0].are_wanted() ? first : middle; from < end; from += seeds_at_once) {
       const std::size_t number = std::min(seeds_at_once, end - from);
       dx_.fill(Dual());
       du_.fill(Dual());
@@ -104,11 +97,13 @@ class Derivatives {
       if (from < after && from + number > states + inputs) load_parameters(simulation);
       if (const Fault fault = derive(simulation.mechanism(), minimal, number)) return fault;
       for (std::size_t k = 0, j = from; k < number; ++k, ++j) {
-        const Columns to = place(j);
-        for (std::size_t i = 0; to.of_rates && i < states; ++i) to.of_rates[i * to.width + to.column] = dxdot_[i].derivative[k];
-        for (std::size_t i = 0; to.of_outputs && i < columns; ++i) to.of_outputs[i * to.width + to.column] = columns_[i].derivative[k];
+        const Columns& to = matrices[j < middle ? 0 : 1];
+        const std::size_t column = j - (j < middle ? first : middle);
+        for (std::size_t i = 0; to.of_rates && i < states; ++i) to.of_rates[i * to.width + column] = dxdot_[i].derivative[k];
+        for (std::size_t i = 0; to.of_outputs && i < columns; ++i) to.of_outputs[i * to.width + column] = columns_[i].derivative[k];
       }
     }
+    for (Dual& x : parameters_) x.derivative = Tangents{};
     return {};
   }
 

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <iterator>
 #include <limits>
 #include <span>
 #include <type_traits>
@@ -28,8 +27,7 @@ struct NoResidual {
 };
 
 /// The force residual and the second rates of loops, r(q, v, vdot, lambda, inputs, parameters) = 0, of a mechanism M, with the Jacobian by
-/// generated code C and its sparsity by T: starts of rows, of their derivatives with respect to accelerations and multipliers, columns, and positions in the output,
-/// those of SIMD groups first.  Parameters enter by `loaded` values that depend on them alone.
+/// generated code C and its sparsity by T: starts of rows, of their derivatives with respect to accelerations and multipliers, columns, and positions in the output.  Parameters enter by `loaded` values that depend on them alone.
 ///
 /// At a state the Jacobian is evaluated and a matrix decomposed once; each seed takes products and a solution.  Constraints have a small compliance,
 /// a fraction of that of their penalties, which iterative refinement removes: dependent equations get the multipliers of the augmented update.
@@ -61,13 +59,12 @@ class ResidualJacobian {
     load_mechanism(plain_, simulation.parameters().data(), simulation.roads(), simulation.stabilisation(), penalties);
     for (At& x : at_) x.is_found = false;
     leaves_out_ = false;
-    changes_.fill({});
+    by_.fill({});
     are_changing_ = false;
     for (std::size_t cut = 0, i = 0; i < m; ++i) {
       while (cut + 1 < M::sizes.cuts && static_cast<std::size_t>(M::cuts[cut + 1]) <= i) ++cut;
-      compliance_[order[n + i]] = 1e-3 / penalties[cut];
+      compliance_[i] = 1e-3 / penalties[cut];
     }
-    std::fill_n(weights_.begin() + first_acceleration, n + m, 1.0);
   }
 
   /// Their derivatives.
@@ -85,7 +82,7 @@ class ResidualJacobian {
       Fixed<Dual, loaded> values;
       load_mechanism(with_changes_, parameters, roads, stabilisation, penalties);
       with_changes_.loaded_values(values.data());
-      for (std::size_t i = 0; i < loaded; ++i) changes_[i].derivative = values[i].derivative;
+      for (std::size_t i = 0; i < loaded; ++i) by_[first_loaded + i].derivative = values[i].derivative;
     }
   }
 
@@ -117,7 +114,7 @@ class ResidualJacobian {
     plain_.begin_step(x.t, 1.0);
     plain_.residual_jacobian(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), derivative.data());
     for (std::size_t k = 0; leaves_out_ && k < length; ++k)
-      if (!(derivative[k] - derivative[k] == 0.0)) derivative[k] = 0.0, is_left_out_[sources.column[k]] = true;
+      if (double& x = derivative[T::derivatives[k]]; !(x - x == 0.0)) x = 0.0, is_left_out_[T::columns[k]] = true;
   }
 
   /// From now on leave out infinite derivatives: seeds must not change their variables.  False if they were left out before.
@@ -127,12 +124,18 @@ class ResidualJacobian {
     return !std::exchange(leaves_out_, true);
   }
 
-  /// Minus the Jacobian's product with derivatives of all but accelerations and multipliers, row by row.
+  /// Minus the Jacobian's product with derivatives of all but accelerations and multipliers, row by row; `at` has the places of rows.
   template <class Q, class V, class Inputs, class Discrete>
-  void subtract_jvp(const JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Discrete& discrete, DualPart* rows) {
-    Changes found;
-    subtract_jvp_in_slots(derivative, q, v, du, discrete, found);
-    for (std::size_t i = 0; i < n + m; ++i) rows[i] = found[order[i]];
+  void subtract_jvp(const JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Discrete& discrete, DualPart* rows, const std::uint32_t* at = in_order.data()) {
+    const auto put = [this](std::size_t first, const auto& numbers) {
+      for (std::size_t j = 0; j < numbers.size(); ++j) by_[first + j].derivative = numbers[j].derivative;
+    };
+    put(0, q), put(first_speed, v), put(first_input, du), put(first_discrete, discrete);
+    for (std::size_t i = 0; i < n + m; ++i) {
+      Tangents sum{};
+      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) sum -= derivative[T::derivatives[k]] * by_[T::columns[k]].derivative;
+      rows[at[i]].derivative = sum;
+    }
   }
 
   /// Solve with one or several stacked matrices over accelerations and multipliers, in place, and refine for the compliance of constraints.
@@ -140,10 +143,8 @@ class ResidualJacobian {
   template <class Matrix, class Unknowns>
   bool solve(const Matrix& matrix, Unknowns& change) const {
     std::array<DualPart, Matrix::size> found;
-    for (std::size_t i = 0; i < found.size(); ++i) found[places_of<Matrix>[i]] = change[i];
-    const bool is_found = solve_in_places(matrix, found);
-    for (std::size_t i = 0; i < found.size(); ++i) change[i] = found[places_of<Matrix>[i]];
-    return is_found;
+    for (std::size_t i = 0; i < found.size(); ++i) found[slots<Matrix>[i]] = change[i];
+    return solve(matrix, found, change);
   }
 
   /// Derivatives of the smallest displacement or velocity change, in the metric of the masses, that removes violations; false if they remain.
@@ -159,9 +160,9 @@ class ResidualJacobian {
   bool solve_transposed(const Matrix& matrix, Fixed<double, size>& x) const {
     const auto solve = [&matrix](Fixed<double, size>& unknowns) {
       std::array<double, size> found;
-      for (std::size_t i = 0; i < size; ++i) found[places_of<Matrix>[i]] = unknowns[i];
+      for (std::size_t i = 0; i < size; ++i) found[slots<Matrix>[i]] = unknowns[i];
       matrix.solve_transposed(found.data());
-      for (std::size_t i = 0; i < size; ++i) unknowns[i] = found[places_of<Matrix>[i]];
+      for (std::size_t i = 0; i < size; ++i) unknowns[i] = found[slots<Matrix>[i]];
     };
     solve(x);
     Fixed<double, size> more = x;
@@ -216,14 +217,14 @@ class ResidualJacobian {
   }
 
   /// Derivatives of loaded values.
-  const Fixed<DualPart, loaded>& changes() const { return changes_; }
+  const DualPart* changes() const { return by_.data() + first_loaded; }
 
-  double compliance(std::size_t equation) const { return compliance_[order[n + equation]]; }
+  double compliance(std::size_t equation) const { return compliance_[equation]; }
 
   // Columns of coordinates: the velocity whose integral one is (the first of three for a quaternion), whether it is of a quaternion, of which ball, and its index there.
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
   static std::size_t unknown_of(std::size_t column) { return columns.unknown[column]; }
-  static bool is_quaternion(std::size_t column) { return columns.stride[column] > 0; }
+  static bool is_quaternion(std::size_t column) { return columns.number[column] > 1; }
   static std::array<std::size_t, 2> ball_of(std::size_t column) { return {columns.ball[column], columns.place[column]}; }
 
   /// Derivatives of accelerations and multipliers at a state; false if one is not finite, or the mass matrix is singular.
@@ -235,12 +236,9 @@ class ResidualJacobian {
   /// The same at the end of a trapezoidal step, whose state depends on them; after `decompose_end`.
   template <class Q, class V, class Inputs, class Discrete>
   bool solve_end(const Q& q, const V& v, const Inputs& du, const Discrete& discrete, Changes& change) {
-    At& x = at_[now_];
     Changes found;
-    subtract_jvp_in_slots(x.derivative, q, v, du, discrete, found);
-    const bool is_found = solve_in_places(x.matrix, found);
-    for (std::size_t i = 0; i < n + m; ++i) change[i] = found[order[i]];
-    return is_found;
+    subtract_jvp(at_[now_].derivative, q, v, du, discrete, found.data(), order.data());
+    return solve(at_[now_].matrix, found, change);
   }
 
   /// The transpose of `solve_end`: the solution replaces `by_end`, and derivatives with respect to all that `subtract_jvp` reads are added to `by`.
@@ -260,7 +258,7 @@ class ResidualJacobian {
     if (x.decomposed_for == h) return true;
     for (std::size_t column = 0; column < first_input; ++column) {
       std::size_t place = columns.share[column];
-      formula.template visit_weights<ResidualJacobian>(column, 0, 0, [&](std::size_t, double share) { weights_[place] = share, place += columns.stride[column]; });
+      formula.template visit_weights<ResidualJacobian>(column, 0, 0, [&](std::size_t, double share) { weights_[place++] = share; });
     }
     return decompose(x, h);
   }
@@ -271,45 +269,35 @@ class ResidualJacobian {
   /// Corrections of accelerations, in place of their errors `left`, and of multipliers, `vjp`.
   void correct(Fixed<double, n>& left, Fixed<double, m>& vjp) {
     At& x = at_[now_];
-    double by[n + m], force[n + m];
-    for (std::size_t i = 0; i < n; ++i) by[slots[first_acceleration + i]] = left[i];
-    find_products<true>(x.derivative.data(), by, force);
-    x.matrix.solve(force);
-    for (std::size_t i = 0; i < n; ++i) left[i] = -force[order[i]];
-    for (std::size_t i = 0; i < m; ++i) vjp[i] = -force[order[n + i]];
+    std::array<double, n + m> force{};
+    visit_unknowns(0, n + m, [&](std::size_t i, std::size_t k, std::size_t unknown) {
+      if (unknown < n) force[order[i]] += x.derivative[k] * left[unknown];
+    });
+    x.matrix.solve(force.data());
+    for (std::size_t i = 0; i < n; ++i) left[i] = force[order[i]];
+    for (std::size_t i = 0; i < m; ++i) vjp[i] = force[order[n + i]];
   }
 
  private:
   static constexpr double none = -1.0;
   static constexpr std::size_t length = T::starts[n + m];
 
-  /// The unknown that each column depends on, and the position of its weight; for a quaternion the first of three of both.  The three weights of
-  /// one are a stride apart, beside those of its SIMD group.
+  /// The unknown that each column depends on, and its weight's position; for a quaternion the first of three of both.
   struct Columns {
-    std::array<std::uint32_t, width> unknown{}, share{}, stride{};
+    std::array<std::uint32_t, width> unknown{}, share{}, number{};
     std::array<std::uint32_t, coordinates> ball{}, place{};
 
     constexpr Columns() {
-      constexpr auto& places = Bordered<T>::places;
-      for (std::size_t i = 0; i < width; ++i) share[i] = static_cast<std::uint32_t>(i);
+      for (std::size_t i = 0; i < width; ++i) share[i] = static_cast<std::uint32_t>(i), number[i] = 1;
       for (std::size_t i = 0; i < n; ++i) unknown[first_speed + i] = static_cast<std::uint32_t>(i);
       for (std::size_t i = 0; i < n + m; ++i) unknown[first_acceleration + i] = static_cast<std::uint32_t>(i);
-      std::array<std::size_t, n + m> first{};
-      std::size_t next = width;
-      std::uint32_t balls_before = 0;
+      std::uint32_t next = first_input, balls_before = 0;
       for (const Chart& chart : M::charts) {
         for (int i = 0; i < chart.scalars; ++i) unknown[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint32_t>(chart.v + i);
-        if (!chart.ball) continue;
-        const auto speed = static_cast<std::size_t>(chart.v + chart.scalars);
-        const std::size_t side = T::beside[places.set[speed]], lane = (places.slot(speed) - places.first[places.set[speed]]) % side;
-        if (lane == 0) first[places.slot(speed)] = next, next += 12 * side;
-        for (std::size_t i = 0; i < 4; ++i) {
+        for (std::uint32_t i = 0; chart.ball && i < 4; ++i, next += 3) {
           const std::size_t column = static_cast<std::size_t>(chart.q + chart.scalars) + i;
-          unknown[column] = static_cast<std::uint32_t>(speed);
-          share[column] = static_cast<std::uint32_t>(first[places.slot(speed) - lane] + 3 * side * i + lane);
-          stride[column] = static_cast<std::uint32_t>(side);
-          ball[column] = balls_before;
-          place[column] = static_cast<std::uint32_t>(i);
+          unknown[column] = static_cast<std::uint32_t>(chart.v + chart.scalars), share[column] = next, number[column] = 3;
+          ball[column] = balls_before, place[column] = i;
         }
         balls_before += chart.ball;
       }
@@ -317,177 +305,43 @@ class ResidualJacobian {
   };
   static constexpr Columns columns{};
 
-  /// The row and column of each derivative in the order of the output.
-  struct Sources {
-    std::array<std::uint32_t, length> row{}, column{};
-
-    constexpr Sources() {
-      for (std::size_t i = 0; i < n + m; ++i)
-        for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k)
-          row[T::derivatives[k]] = static_cast<std::uint32_t>(i), column[T::derivatives[k]] = static_cast<std::uint32_t>(T::columns[k]);
-    }
-
-    /// Whether the derivatives of a group belong to one row, and to one column.
-    constexpr bool share_row(std::size_t first, std::size_t side) const { return side > 1 && row[first] == row[first + side - 1]; }
-    constexpr bool share_column(std::size_t first, std::size_t side) const { return side > 1 && column[first] == column[first + side - 1]; }
-  };
-  static constexpr Sources sources{};
-
-  /// Visit the first derivative of each group of `side`.
-  template <std::size_t side, class Use>
-  static constexpr void visit_groups(Use use) {
-    std::size_t first = 0;
-    for (std::size_t s = 0; s < std::size(T::groups); first += T::groups[s] * T::beside[s], ++s)
-      for (std::size_t k = first; T::beside[s] == side && k < first + T::groups[s] * side; k += side) use(k);
-    for (std::size_t k = first; side == 1 && k < length; ++k) use(k);
-  }
-
-  /// The positions of derivatives of columns, groups first, and of unknowns.
+  /// The position of each stacked unknown in a matrix, and in that of one stage.
+  template <class Matrix>
   static constexpr auto slots = [] {
-    std::array<std::uint32_t, width> found{};
-    for (const auto& range : {std::pair{std::size_t{0}, first_acceleration}, std::pair{first_acceleration, width}}) {
-      const std::size_t begin = range.first, end = range.second;
-      std::array<bool, width> is_placed{};
-      std::size_t next = 0;
-      const auto place = [&](std::size_t column) {
-        if (!is_placed[column] && column >= begin && column < end) found[column] = static_cast<std::uint32_t>(next++), is_placed[column] = true;
-      };
-      const auto place_groups = [&]<std::size_t side>() {
-        visit_groups<side>([&](std::size_t k) {
-          for (std::size_t l = 0; l < side && !sources.share_column(k, side); ++l) place(sources.column[k + l]);
-        });
-      };
-      place_groups.template operator()<4>(), place_groups.template operator()<2>();
-      for (std::size_t column = begin; column < end; ++column) place(column);
-    }
+    std::array<std::uint32_t, Matrix::size> found{};
+    for (std::size_t i = 0; i < Matrix::size; ++i) found[i] = static_cast<std::uint32_t>(Matrix::places.slot(i));
     return found;
   }();
-  static constexpr auto order = [] {
+  static constexpr auto& order = slots<Bordered<T>>;
+  static constexpr auto in_order = [] {
     std::array<std::uint32_t, n + m> found{};
-    for (std::size_t i = 0; i < n + m; ++i) found[i] = static_cast<std::uint32_t>(Bordered<T>::places.slot(i));
+    for (std::size_t i = 0; i < n + m; ++i) found[i] = static_cast<std::uint32_t>(i);
     return found;
   }();
 
-  struct Factor {
-    std::uint32_t derivative, place;
-  };
-
-  /// Factors of a row, or of a group of rows: first those of a column shared by all.
-  struct Line {
-    std::uint32_t place, first, shared, end;
-    bool is_shared, adds;
-  };
-
-  /// Products of groups with accelerations, or with all but accelerations and multipliers.
-  template <bool by_accelerations, std::size_t side>
-  struct Products {
-    template <class Use>
-    static constexpr void visit(Use use) {
-      visit_groups<side>([&](std::size_t k) {
-        const std::size_t column = sources.column[k];
-        if (by_accelerations ? column >= first_acceleration && column < first_multiplier : column < first_acceleration) use(k);
-      });
-    }
-    static constexpr std::pair<std::size_t, std::size_t> sizes = [] {
-      std::size_t number = 0, rows = 0, last = n + m;
-      visit([&](std::size_t k) { ++number, rows += sources.row[k] != last, last = sources.row[k]; });
-      return std::pair{number, rows};
-    }();
-    std::array<Factor, sizes.first> factors{};
-    std::array<Line, sizes.second> lines{};
-
-    constexpr Products() {
-      std::uint32_t number = 0;
-      std::size_t rows = 0, last = n + m;
-      visit([&](std::size_t k) {
-        const std::size_t row = sources.row[k];
-        if (row != last) lines[rows++] = {order[row], number, number, number, sources.share_row(k, side), side < widest<by_accelerations>[row]};
-        last = row;
-        factors[number++] = {static_cast<std::uint32_t>(k), slots[sources.column[k]]};
-        lines[rows - 1].end = number;
-        if (sources.share_column(k, side)) lines[rows - 1].shared = number;
-      });
-    }
-  };
-
-  /// The widest group of products of each row; 8 for a row whose products are added to zero.
-  template <bool by_accelerations>
-  static constexpr auto widest = [] {
-    std::array<std::uint16_t, n + m> found{};
-    const auto take = [&]<std::size_t side>() {
-      Products<by_accelerations, side>::visit([&](std::size_t k) {
-        for (std::size_t l = 0; l < side; ++l) found[sources.row[k + l]] = sources.share_row(k, side) ? 8 : std::max<std::uint16_t>(found[sources.row[k + l]], side);
-      });
-    };
-    take.template operator()<1>(), take.template operator()<2>(), take.template operator()<4>();
-    for (std::uint16_t& most : found) most = most == 0 ? 8 : most;
-    return found;
-  }();
-
-  /// Minus the products with derivatives in the order `slots`, in the order `order`.
-  template <bool by_accelerations, class Number>
-  static void find_products(const double* derivatives, const Number* by, Number* found) {
-    for (std::size_t i = 0; i < n + m; ++i)
-      if (widest<by_accelerations>[i] == 8) found[order[i]] = Number{};
-    subtract_products<by_accelerations, 4>(derivatives, by, found);
-    subtract_products<by_accelerations, 2>(derivatives, by, found);
-    subtract_products<by_accelerations, 1>(derivatives, by, found);
-  }
-
-  template <bool by_accelerations, std::size_t side, class Number>
-  static void subtract_products(const double* derivatives, const Number* by, Number* found) {
-    if constexpr (has_side(side)) {
-      static constexpr Products<by_accelerations, side> products{};
-      for (const Line& line : products.lines) {
-        auto& place = reinterpret_cast<Sides<side, Number>&>(found[line.place]);
-        auto sum = line.adds && !line.is_shared ? place : Sides<side, Number>::of([](std::size_t) { return Number{}; });
-        const Factor* factor = products.factors.data() + line.first;
-        const auto derivative = [&]() -> const Beside<side>& { return reinterpret_cast<const Beside<side>&>(derivatives[factor->derivative]); };
-        for (; factor < products.factors.data() + line.shared; ++factor) sum.subtract(derivative(), by[factor->place]);
-        for (; factor < products.factors.data() + line.end; ++factor) sum.subtract(derivative(), reinterpret_cast<const Sides<side, Number>&>(by[factor->place]));
-        if (line.is_shared) found[line.place] += sum.sum();
-        else place = sum;
-      }
-    }
-  }
-
-  static constexpr bool has_side(std::size_t side) { return side == 1 || std::find(std::begin(T::beside), std::end(T::beside), side) != std::end(T::beside); }
-
-  /// Visit the groups of derivatives in the matrix: the first derivative, its weight and its position, for a quaternion by each of three velocities.
-  /// Those with equal weights come first.
-  template <std::size_t side, class Use>
-  static constexpr void visit_entries(bool are_apart, Use use) {
-    constexpr auto& places = Bordered<T>::places;
-    visit_groups<side>([&](std::size_t k) {
-      const std::size_t column = sources.column[k], stride = columns.stride[column], unknown = columns.unknown[column];
-      if ((column >= first_input && column < first_acceleration) || (stride > 0 && side > 1 && !sources.share_column(k, side)) != are_apart) return;
-      for (std::size_t j = 0; j < (stride > 0 ? 3 : 1); ++j) use(k, columns.share[column] + j * stride, places.of(sources.row[k], unknown + j));
-    });
-  }
-
+  /// The derivatives in the matrix, with their weights and positions: `weighted` ones first, for a quaternion by each of three velocities, then those by unknowns.
   struct Entry {
     std::uint32_t derivative, share, at;
   };
-
-  /// All of them, those after `same` with weights of their own.
-  template <std::size_t side>
-  struct Entries {
-    static constexpr std::size_t count(bool are_apart) {
-      std::size_t number = 0;
-      visit_entries<side>(are_apart, [&](std::size_t, std::size_t, std::size_t) { ++number; });
-      return number;
-    }
-    static constexpr std::size_t same = count(false), all = same + count(true);
-    std::array<Entry, all> list{};
-
-    constexpr Entries() {
-      std::size_t number = 0;
-      for (const bool are_apart : {false, true})
-        visit_entries<side>(are_apart, [&](std::size_t derivative, std::size_t share, std::size_t at) {
-          list[number++] = {static_cast<std::uint32_t>(derivative), static_cast<std::uint32_t>(share), static_cast<std::uint32_t>(at)};
-        });
-    }
-  };
+  template <class Use>
+  static constexpr void visit_entries(bool are_weighted, Use use) {
+    for (std::size_t i = 0; i < n + m; ++i)
+      for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k)
+        for (std::size_t c = T::columns[k], j = 0; (are_weighted ? c < first_input : c >= first_acceleration) && j < columns.number[c]; ++j)
+          use(Entry{T::derivatives[k], static_cast<std::uint32_t>(columns.share[c] + j), static_cast<std::uint32_t>(Bordered<T>::places.of(i, columns.unknown[c] + j))});
+  }
+  static constexpr std::size_t count_entries(bool are_weighted) {
+    std::size_t number = 0;
+    visit_entries(are_weighted, [&](const Entry&) { ++number; });
+    return number;
+  }
+  static constexpr std::size_t weighted = count_entries(true);
+  static constexpr auto entries = [] {
+    std::array<Entry, weighted + count_entries(false)> list{};
+    std::size_t next = 0;
+    for (const bool are_weighted : {true, false}) visit_entries(are_weighted, [&](const Entry& entry) { list[next++] = entry; });
+    return list;
+  }();
 
   /// A state, the Jacobian there, and a matrix as L U for the step length, or 0, `decomposed_for`.
   struct At {
@@ -504,27 +358,22 @@ class ResidualJacobian {
   /// The sparsity of the matrix.
   static constexpr auto pattern = [] {
     typename Bordered<T>::Pattern found{};
-    const auto mark = [&]<std::size_t side>() {
-      for (const bool are_apart : {false, true})
-        visit_entries<side>(are_apart, [&](std::size_t, std::size_t, std::size_t at) { found[at] = true; });
-    };
-    mark.template operator()<1>(), mark.template operator()<2>(), mark.template operator()<4>();
+    for (const Entry& entry : entries) found[entry.at] = true;
     for (std::size_t i = n; i < n + m; ++i) found[Bordered<T>::places.of(i, i)] = true;
     return found;
   }();
 
   bool decompose_plain(At& x) {
-    if (x.decomposed_for == 0.0) return true;
-    std::fill_n(weights_.begin(), first_input, 0.0);
-    std::fill(weights_.begin() + width, weights_.end(), 0.0);
-    return decompose(x, 0.0);
+    return x.decomposed_for == 0.0 || decompose(x, 0.0);
   }
 
   bool decompose(At& x, double h) {
     const auto fill = [&] {
       x.matrix.clear();
-      gather_entries<1>(x), gather_entries<2>(x), gather_entries<4>(x);
-      for (std::size_t i = 0; i < m; ++i) x.matrix.entries()[Bordered<T>::places.of(n + i, n + i)] -= compliance_[order[n + i]];
+      auto& of = x.matrix.entries();
+      for (std::size_t k = 0; h > 0.0 && k < weighted; ++k) of[entries[k].at] += x.derivative[entries[k].derivative] * weights_[entries[k].share];
+      for (std::size_t k = weighted; k < entries.size(); ++k) of[entries[k].at] += x.derivative[entries[k].derivative];
+      for (std::size_t i = 0; i < m; ++i) of[Bordered<T>::places.of(n + i, n + i)] -= compliance_[i];
       return x.matrix.decompose(pattern);
     };
     const bool is_regular = fill() || fill();  // with other pivots if those of an earlier matrix have become small
@@ -532,42 +381,17 @@ class ResidualJacobian {
     return is_regular;
   }
 
-  template <std::size_t side>
-  void gather_entries(At& x) const {
-    if constexpr (has_side(side)) {
-      static constexpr Entries<side> entries{};
-      using Sides = Beside<side>;
-      const auto derivative = [&](const Entry& entry) -> const Sides& { return reinterpret_cast<const Sides&>(x.derivative[entry.derivative]); };
-      const auto place = [&](const Entry& entry) -> Sides& { return reinterpret_cast<Sides&>(x.matrix.entries()[entry.at]); };
-      for (std::size_t k = 0; k < entries.same; ++k) place(entries.list[k]) += derivative(entries.list[k]) * weights_[entries.list[k].share];
-      for (std::size_t k = entries.same; k < entries.all; ++k)
-        place(entries.list[k]) += derivative(entries.list[k]) * reinterpret_cast<const Sides&>(weights_[entries.list[k].share]);
-    }
-  }
-
-  /// The position of each stacked unknown in the matrix.
-  template <class Matrix>
-  static constexpr auto places_of = [] {
-    std::array<std::uint32_t, Matrix::size> found{};
-    for (std::size_t i = 0; i < Matrix::size; ++i) found[i] = static_cast<std::uint32_t>(Matrix::places.slot(i));
-    return found;
-  }();
-  template <class Matrix>
-  static constexpr auto own_places = [] {
-    std::array<std::uint32_t, Matrix::size> found{};
-    for (std::size_t i = 0; i < Matrix::size; ++i) found[places_of<Matrix>[i]] = order[i % (n + m)];
-    return found;
-  }();
-
-  /// The solution in the order of positions; false if a number is not finite, or loops stay open.
-  template <class Matrix, std::size_t size>
-  bool solve_in_places(const Matrix& matrix, std::array<DualPart, size>& found) const {
+  /// `solve` from the order of positions.
+  template <class Matrix, std::size_t size, class Unknowns>
+  bool solve(const Matrix& matrix, std::array<DualPart, size>& found, Unknowns& change) const {
     matrix.solve(found.data());
     Tangents odd{};
     for (const DualPart& along : found) odd += 0.0 * along.derivative;
     double sum = 0.0;
     for (std::size_t k = 0; k < seeds_at_once; ++k) sum += odd[k];
-    return sum == 0.0 && close(matrix, found) && (!leaves_out_ || left_out_stay<Matrix>(found));
+    const bool is_found = sum == 0.0 && close(matrix, found) && (!leaves_out_ || left_out_stay<Matrix>(found));
+    for (std::size_t i = 0; i < size; ++i) change[i] = found[slots<Matrix>[i]];
+    return is_found;
   }
 
   /// Whether the variables of left-out derivatives are constant.
@@ -580,22 +404,12 @@ class ResidualJacobian {
     };
     for (std::size_t c = 0; c < width; ++c)
       if (is_left_out_[c]) {
-        if (c < first_acceleration && !stays(by_[slots[c]])) return false;
+        if (c < first_acceleration && !stays(by_[c])) return false;
         for (std::size_t j = 0; (c < first_input || c >= first_acceleration) && j < (is_quaternion(c) ? 3 : 1); ++j)
           for (std::size_t i = columns.unknown[c] + j; i < size; i += n + m)
-            if (!stays(found[places_of<Matrix>[i]])) return false;
+            if (!stays(found[slots<Matrix>[i]])) return false;
       }
     return true;
-  }
-
-  /// `subtract_jvp` in the order of positions.
-  template <class Q, class V, class Inputs, class Discrete>
-  void subtract_jvp_in_slots(const JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Discrete& discrete, Changes& found) {
-    const auto put = [this](std::size_t first, const auto& numbers) {
-      for (std::size_t j = 0; j < numbers.size(); ++j) by_[slots[first + j]].derivative = numbers[j].derivative;
-    };
-    put(0, q), put(first_speed, v), put(first_input, du), put(first_discrete, discrete), put(first_loaded, changes_);
-    find_products<false>(derivative.data(), by_.data(), found.data());
   }
 
   /// The largest derivative of accelerations, or of multipliers, along each seed.
@@ -604,7 +418,7 @@ class ResidualJacobian {
     Tangents most{};
     for (std::size_t i = 0; i < size; ++i)
       if ((i % (n + m) >= n) == of_multipliers) {
-        const Tangents& derivative = changes[places_of<Matrix>[i]].derivative;
+        const Tangents& derivative = changes[slots<Matrix>[i]].derivative;
         most = larger(larger(derivative, -derivative), most);
       }
     return most;
@@ -625,7 +439,10 @@ class ResidualJacobian {
       const std::array<DualPart, size>* last = &change;
       for (int iteration = 0; iteration < 8; ++iteration) {
         const Tangents pulled = largest<Matrix>(*last, true);
-        for (std::size_t i = 0; i < size; ++i) more[i].derivative = (*last)[i].derivative * -compliance_[own_places<Matrix>[i]];
+        for (std::size_t i = 0; i < size; ++i) {
+          const std::size_t place = slots<Matrix>[i], of = i % (n + m);
+          more[place] = of < n ? DualPart{} : (*last)[place] * -compliance_[of - n];
+        }
         matrix.solve(more.data());
         for (std::size_t i = 0; i < size; ++i) change[i] += more[i];
         if (share_of(largest<Matrix>(more, false), largest<Matrix>(change, false)) * std::min(1.0, share_of(largest<Matrix>(more, true), pulled)) <= 1e-13) return true;
@@ -640,12 +457,11 @@ class ResidualJacobian {
   C<Dual> with_changes_;
   At at_[2];
   int now_ = 0;
-  Fixed<DualPart, loaded> changes_;  ///< derivatives of loaded values
   bool are_changing_ = false, leaves_out_ = false;
   Fixed<bool, width> is_left_out_;  ///< columns of left-out derivatives
   Fixed<DualPart, first_acceleration> by_;  ///< of all but accelerations and multipliers
-  Fixed<double, n + m> compliance_;  ///< of constraints, in the matrix
-  Fixed<double, width + (has_balls ? 3 * coordinates : 0)> weights_;  ///< of columns in the matrix, for quaternions by each of three velocities
+  Fixed<double, m> compliance_;  ///< of constraints, in the matrix
+  Fixed<double, first_input + 12 * balls> weights_;  ///< of columns in the matrix, for quaternions by each of three velocities
 };
 
 }  // namespace cutjoint

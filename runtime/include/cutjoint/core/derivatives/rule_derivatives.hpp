@@ -245,7 +245,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     auto& discrete = this->ddiscrete_;
     const auto solve = [&](auto& found) {
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      const bool is_found = ends_.solve_rule(this->force_residual_, q_, v_, phi_, du_, discrete, found);
+      const bool is_found = ends_.solve(ends_.rule(), this->force_residual_, q_, v_, phi_.data(), du_, discrete, nullptr, found);
       first = found;
       return is_found;
     };
@@ -253,7 +253,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
     speeds_ = v_;
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
     mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-    if (!ends_.solve_speeds(this->force_residual_, q_, speeds_, phid_, du_, discrete, first, change)) return false;
+    if (!ends_.solve(ends_.speeds(), this->force_residual_, q_, speeds_, phid_.data(), du_, discrete, &first, change)) return false;
     for (std::size_t i = 0; i < n; ++i) v_[i].derivative += change[i].derivative;
     if (!ends_.solve_accelerations(this->force_residual_, q_, speeds_, v_, du_, discrete, first, change)) return false;
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = {end.vdot[i], first[i].derivative + change[i].derivative};

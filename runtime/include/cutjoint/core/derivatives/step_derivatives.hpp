@@ -383,28 +383,23 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
       this->means_ = restarts_average_ ? from.vdot : next_means_;
       next_means_ = newton.means(), restarts_ = newton.restarts(), was_short_ = is_short(h);
     }
-    const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, h) : propagate_all(from, end, h); };
-    const auto goes_on_to_event = [&] {
-      const Fault fault = go();
-      std::copy(end.vdot.begin(), end.vdot.end(), known_.begin());
-      if (cut_.is_made || is_short(h)) known_.fill(std::numeric_limits<double>::quiet_NaN());
-      begins_at_event_ = cut_.left > 0;
-      if (begins_at_event_ && events_.found) ++*events_.found;
-      return fault;
-    };
-    if constexpr (!carries_derivative) {
-      return goes_on_to_event();
-    } else {
-      const auto& formula = simulation_->steps().stepper().scheme().formula();
-      const auto &first = formula.first_derivative(), &last = formula.last_derivative();
+    if constexpr (carries_derivative) {
+      const auto& first = simulation_->steps().stepper().scheme().formula().first_derivative();
       is_derivative_known_ = (carried_ || recorder_.part) && std::equal(first.begin(), first.end(), last_derivative_.begin());
       std::copy(first.begin(), first.end(), first_derivative_.begin());
-      const Fault fault = goes_on_to_event();
+    }
+    const Fault fault = recorder_.part ? recorder_.part(recorder_.who, from, end, h) : propagate_all(from, end, h);
+    std::copy(end.vdot.begin(), end.vdot.end(), known_.begin());
+    if (cut_.is_made || is_short(h)) known_.fill(std::numeric_limits<double>::quiet_NaN());
+    begins_at_event_ = cut_.left > 0;
+    if (begins_at_event_ && events_.found) ++*events_.found;
+    if constexpr (carries_derivative) {
+      const auto& last = simulation_->steps().stepper().scheme().formula().last_derivative();
       is_derivative_known_ = false;
       if (cut_.is_made) last_derivative_.fill(std::numeric_limits<double>::quiet_NaN());
       else std::copy(last.begin(), last.end(), last_derivative_.begin());
-      return fault;
     }
+    return fault;
   }
 
   /// Record an event: the derivative of its time, and outputs there for the host.

@@ -1,4 +1,4 @@
-// Derivatives of the end of a substep with respect to its beginning.
+// Derivatives of the end of a substep with respect to its beginning; it may end at an event, whose time depends on the seeds.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,9 @@
 #include <type_traits>
 
 #include "cutjoint/core/stepping/coefficients.hpp"
-#include "cutjoint/core/derivatives/event_derivatives.hpp"
+#include "cutjoint/core/simulation/fault.hpp"
+#include "cutjoint/core/constraints/impacts.hpp"
+#include "cutjoint/core/derivatives/rule_derivatives.hpp"
 #include "cutjoint/core/radau/stage_derivatives.hpp"
 #include "cutjoint/core/stepping/interpolant.hpp"
 
@@ -18,16 +20,25 @@ namespace cutjoint {
 /// `Derivatives` of a `Simulation` with the formulas of its integrator over dual numbers, from the consistent state at a substep's beginning to that at its end.
 ///
 /// Iterations for multipliers and projections continue until derivatives converge too: they are those of the converged solution.
+///
+/// The event's time t solves g(x(t), t, p) = level for the interpolant x(t) of the last step.  Hence
+///
+///     dt = -(g_x dx + g_p dp) / (g_x x' + g_t)        dx at the event = dx at its time + x' dt
+///
+/// The next substep begins at that time and ends where it did: its length changes by -dt.
 template <class Simulation, Sized D, Sized S, std::size_t dofs, class ForceResidual = NoResidual>
-class SubstepDerivatives : public EventDerivatives<Simulation, D, S, dofs, ForceResidual> {
+class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceResidual> {
  public:
-  using Base = EventDerivatives<Simulation, D, S, dofs, ForceResidual>;
+  using Base = RuleDerivatives<Simulation, D, S, dofs, ForceResidual>;
   using typename Base::M;
+  using Steps = typename Simulation::Steps;
 
  protected:
-  using typename Base::Steps;
-  using Base::m, Base::n, Base::has_stages, Base::is_explicit, Base::seeks_multipliers, Base::indicators;
-  using Base::dt_begin_, Base::charts, Base::cut_, Base::dt_end_, Base::from_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
+  using Base::m, Base::n, Base::has_stages, Base::is_explicit, Base::seeks_multipliers;
+  using Base::charts, Base::from_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
+
+  using Subject = typename Simulation::Subject;
+  static constexpr std::size_t indicators = Base::is_stepped ? Subject::sizes.indicators : 0;
 
   /// Whether a step begins with the accelerations of the previous one, found before the projection at its end.
   static constexpr bool reuses_accelerations = !is_explicit && (!Base::has_system || m > 0 || has_stages);
@@ -35,12 +46,31 @@ class SubstepDerivatives : public EventDerivatives<Simulation, D, S, dofs, Force
   /// Whether it begins with the state derivative of the previous one's last stage, found before the projection.
   static constexpr bool carries_derivative = is_explicit && m > 0;
 
+  /// A substep that ends at a fraction `share` of the step taken (which may exceed 1), where `left` indicators change mode.
+  struct Cut {
+    bool is_made = false;
+    double share = 1.0;
+    std::size_t left = 0;
+    Fixed<std::size_t, indicators> which;
+
+    /// A fault at the first of these indicators.
+    Fault fault(Cause cause, double t) const {
+      return {.cause = cause, .list = FaultList::indicators, .index = left > 0 ? static_cast<int>(which[0]) : -1, .t = t};
+    }
+  };
+
   [[no_unique_address]] std::conditional_t<has_stages, radau::StageDerivatives<ForceResidual>, typename Base::None> stages_;  ///< of a step with stages at `points_`
   std::array<StateOf<M>, has_stages ? radau::Table::stages : 0> points_;
 
   Fixed<Dual, M::sizes.coordinates> coordinate_rates_;  ///< rates of coordinates in that state derivative
   bool is_derivative_known_ = false;             ///< a substep begins with it, in `coordinate_rates_` and accelerations
   bool wants_derivative_ = false;                ///< it is needed at the end
+
+  Cut cut_;
+  Tangents dt_begin_{}, dt_end_{};  ///< derivatives of the times at which a substep begins and ends
+  Fixed<double, indicators ? M::sizes.coordinates : 0> qdot_at_event_;  ///< rates of coordinates and velocities at the cut
+  Fixed<double, indicators ? n : 0> vdot_at_event_;
+  Fault refused_;  ///< why a substep has no derivative
 
   /// Prepare for a substep between two states; false if its end has no derivative.
   bool prepare_substep(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
@@ -71,7 +101,115 @@ class SubstepDerivatives : public EventDerivatives<Simulation, D, S, dofs, Force
     else return !(is_explicit || simulation.settings().fixed_point.proximal) || project_loops();
   }
 
+  /// Whether velocities jump at the event.
+  bool speeds_jump([[maybe_unused]] const StateOf<M>& end) const {
+    if constexpr (can_jump<Subject> && indicators > 0) {
+      if (cut_.left == 0) return false;
+      double most = 0.0, size = 1.0;
+      for (std::size_t i = 0; i < n; ++i) most = std::max(most, std::abs(v_[i].value - end.v[i])), size = std::max(size, std::abs(end.v[i]));
+      return most > 1e-6 * size;
+    }
+    return false;
+  }
+
  private:
+  // Events
+
+  /// Values at the cut of a step with derivatives at fixed time, and their rates; `end` has those at the end of the step.
+  template <class Table, class Stages, std::size_t count>
+  void interpolate(const Dual& length, const Fixed<Dual, count>& begin, const Stages& derivatives, Fixed<Dual, count>& end, Fixed<double, count>& rate) const {
+    constexpr std::size_t parts = 4 + Table::dense.size();
+    const Dual share(cut_.share, (cut_.share - 1.0) / length.value * dt_begin_), left = 1.0 - share;
+    [[maybe_unused]] std::array<Fixed<Dual, count>, Table::dense.size()> more{};
+    if constexpr (parts > 4)
+      for (std::size_t i = 0; i + 4 < parts; ++i) add_derivatives(length, Table::dense[i], derivatives, more[i]);
+    for (std::size_t i = 0; i < count; ++i) {
+      const Dual shift = end[i] - begin[i], quadratic = length * derivatives[0][i] - shift;
+      std::array<Dual, parts> part{begin[i], shift, quadratic, shift - length * derivatives[Table::stages - 1][i] - quadratic};
+      if constexpr (parts > 4)
+        for (std::size_t k = 4; k < parts; ++k) part[k] = more[k - 4][i];
+      Dual sum = part.back();
+      double steepness = 0.0;  // by the share
+      for (std::size_t k = parts - 2; k > 0; --k) {
+        steepness = k % 2 > 0 ? left.value * steepness - sum.value : share.value * steepness + sum.value;
+        sum = part[k] + (k % 2 > 0 ? left : share) * sum;
+      }
+      rate[i] = (sum.value + share.value * steepness) / length.value;
+      end[i] = part[0] + share * sum;
+    }
+  }
+
+  /// From derivatives of coordinates and velocities at the fixed time of the cut to those at the moving time of the event.
+  bool shift_to_event([[maybe_unused]] M& mechanism, [[maybe_unused]] const StateOf<M>& end, [[maybe_unused]] std::size_t number) {
+    if constexpr (indicators > 0) {
+      if (cut_.left == 0) return true;
+      const Tangents probe = find_probe_times(number);
+      Fixed<Dual, indicators> here, beside;
+      evaluate_indicators(end.t, Tangents{}, q_, v_, here);
+      auto q = q_;
+      auto v = v_;
+      move(probe, q, v);
+      evaluate_indicators(end.t, probe, q, v, beside);
+      bool part = false;
+      for (std::size_t k = 0; k < number; ++k)
+        for (std::size_t j = 0; j < cut_.left; ++j) {
+          const double open = here[cut_.which[j]].derivative[k], change = open == 0.0 ? 0.0 : -probe[k] * open / (beside[cut_.which[j]].derivative[k] - open);
+          if (!(change - change == 0.0)) return false;
+          if (j == 0) dt_end_[k] = change;
+          part = part || std::abs(change - dt_end_[k]) > 1e-6 * std::max(std::abs(change), std::abs(dt_end_[k]));
+        }
+      if (part && forces_jump(mechanism, end)) return refuse(Cause::simultaneous_events, end.t);
+      move(dt_end_, q_, v_);
+    }
+    return true;
+  }
+
+  bool refuse(Cause cause, double t) {
+    refused_ = cut_.fault(cause, t);
+    return false;
+  }
+
+  /// Times in which the state changes by as much as along each seed.
+  Tangents find_probe_times(std::size_t number) const {
+    Tangents probe{};
+    double rate = 0.0;
+    for (const double x : qdot_at_event_) rate = std::max(rate, std::abs(x));
+    for (const double x : vdot_at_event_) rate = std::max(rate, std::abs(x));
+    for (std::size_t k = 0; k < number; ++k) {
+      double size = 0.0;
+      for (const Dual& x : q_) size = std::max(size, std::abs(x.derivative[k]));
+      for (const Dual& x : v_) size = std::max(size, std::abs(x.derivative[k]));
+      probe[k] = size > 0.0 && rate > 0.0 ? size / rate : 1.0;
+    }
+    return probe;
+  }
+
+  template <class Q, class V>
+  void move(const Tangents& time, Q& q, V& v) const {
+    for (std::size_t i = 0; i < qdot_at_event_.size(); ++i) q[i].derivative += qdot_at_event_[i] * time;
+    for (std::size_t i = 0; i < vdot_at_event_.size(); ++i) v[i].derivative += vdot_at_event_[i] * time;
+  }
+
+  template <class Q, class V>
+  void evaluate_indicators(double t, const Tangents& time, const Q& q, const V& v, Fixed<Dual, indicators>& values) {
+    auto& subject = this->subject();
+    subject.begin_step(Dual(t, time), 1.0);
+    subject.events(q.data(), v.data(), values.data());
+  }
+
+  /// Whether accelerations jump at the event.
+  bool forces_jump(M& mechanism, const StateOf<M>& end) {
+    if (!this->enter(mechanism, end)) return true;
+    double most = 0.0, size = 1.0;
+    for (std::size_t i = 0; i < n; ++i) {
+      most = std::max(most, std::abs(this->vdot_value_[i] - vdot_at_event_[i]));
+      size = std::max(size, std::abs(vdot_at_event_[i]));
+    }
+    return most > 1e-6 * size;
+  }
+
+  // Steps
+
   /// An explicit method whose last stage is the first of the next step (FSAL).
   bool propagate_explicit(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
     if constexpr (!is_explicit) return false;
@@ -126,11 +264,11 @@ class SubstepDerivatives : public EventDerivatives<Simulation, D, S, dofs, Force
         }
         q_ = places;
         v_ = speeds;
-        this->template interpolate<Table>(length, from_, place_derivatives, q_, this->qdot_at_event_);
-        this->template interpolate<Table>(length, speeds_, speed_derivatives, v_, this->vdot_at_event_);
+        interpolate<Table>(length, from_, place_derivatives, q_, qdot_at_event_);
+        interpolate<Table>(length, speeds_, speed_derivatives, v_, vdot_at_event_);
         mechanism.begin_step(stage_.t = end.t, 1.0);
         this->take_inputs(mechanism);
-        if (!this->shift_to_event(mechanism, end, number)) return false;
+        if (!shift_to_event(mechanism, end, number)) return false;
       }
     this->take_inputs(mechanism);
     mechanism_.begin_step(Dual(stage_.t, dt_end_), 1.0);
@@ -211,10 +349,10 @@ class SubstepDerivatives : public EventDerivatives<Simulation, D, S, dofs, Force
     Dual share(cut_.share);
     share.derivative[0] = 1.0 / length.value;
     between.at(share, at);
-    for (std::size_t i = 0; i < q_.size(); ++i) this->qdot_at_event_[i] = at[i].derivative[0];
-    for (std::size_t i = 0; i < n; ++i) this->vdot_at_event_[i] = at[q_.size() + i].derivative[0];
+    for (std::size_t i = 0; i < q_.size(); ++i) qdot_at_event_[i] = at[i].derivative[0];
+    for (std::size_t i = 0; i < n; ++i) vdot_at_event_[i] = at[q_.size() + i].derivative[0];
     set_time(mechanism, end.t);
-    if (!this->shift_to_event(mechanism, end, number)) return false;
+    if (!shift_to_event(mechanism, end, number)) return false;
     set_time(mechanism, end.t);
     return true;
   }

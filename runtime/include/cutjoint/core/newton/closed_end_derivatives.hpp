@@ -27,6 +27,8 @@ class ClosedEndDerivatives {
  public:
   static constexpr std::size_t n = ForceResidual::n, m = ForceResidual::m, coordinates = ForceResidual::coordinates, all = n + m;
   using Changes = typename ForceResidual::Changes;
+  using Entries = typename ForceResidual::JacobianEntries;
+  using Matrix = Bordered<typename ForceResidual::Places>;
   using Columns = Fixed<double, ForceResidual::first_acceleration>;
   using First = Fixed<double, all>;  ///< with respect to accelerations and multipliers of the rule
 
@@ -44,7 +46,7 @@ class ClosedEndDerivatives {
       moved[row].derivative[0] += end_[k] * (end.v[column] - rule.v[column]);
     });
     if (!force_residual.solve(projections_, pushed) || !force_residual.solve(projections_, moved)) return false;
-    const auto move = [&](double scale, const Changes& by, typename ForceResidual::JacobianEntries& derivative) {
+    const auto move = [&](double scale, const Changes& by, Entries& derivative) {
       State at = rule;
       Fixed<double, n> shift;
       for (std::size_t i = 0; i < n; ++i) {
@@ -61,85 +63,60 @@ class ClosedEndDerivatives {
     return true;
   }
 
-  /// Derivatives of accelerations and multipliers of the rule; `violations` has those of the residual for constant accelerations.
-  template <class Q, class V, class Inputs, class Discrete>
-  bool solve_rule(ForceResidual& force_residual, const Q& q, const V& v, const Fixed<Dual, m>& violations, const Inputs& du, const Discrete& discrete, Changes& change) const {
-    force_residual.subtract_jvp(rule_, q, v, du, discrete, change.data());
-    for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -1 / position_weights_ * violations[i].derivative;
-    return force_residual.solve(matrix_, change);
+  /// A linear equation of the end: its matrix, the Jacobian of its equations of motion, and the weight of violations of constraints.
+  struct Part {
+    const Matrix& matrix;
+    const Entries& derivative;
+    double weight;
+  };
+
+  Part rule() const { return {matrix_, rule_, -1 / position_weights_}; }        ///< accelerations and multipliers of the rule
+  Part speeds() const { return {projections_, speeds_, -1.0}; }                 ///< the projection of velocities
+  Part accelerations() const { return {projections_, accelerations_, 1.0}; }  ///< and of accelerations
+
+  /// Its derivatives; `violations` has those of constraints for constant unknowns, `first` those of the rule, if it is none itself.
+  template <class Q, class V, class Violation, class Inputs, class Discrete>
+  bool solve(const Part& part, ForceResidual& force_residual, const Q& q, const V& v, const Violation* violations, const Inputs& du, const Discrete& discrete, const Changes* first, Changes& change) const {
+    force_residual.subtract_jvp(part.derivative, q, v, du, discrete, change.data());
+    for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = part.weight * violations[i].derivative;
+    if (first) ForceResidual::visit_unknowns(0, n, [&](std::size_t i, std::size_t k, std::size_t column) { change[i].derivative -= part.derivative[k] * (*first)[column].derivative; });
+    return force_residual.solve(part.matrix, change);
   }
 
-  /// Derivatives of the projection of velocities; `violations` has those of the residual's rate before it, `first` those of the rule.
-  template <class Q, class V, class Inputs, class Discrete>
-  bool solve_speeds(ForceResidual& force_residual, const Q& q, const V& v, const Fixed<Dual, m>& violations, const Inputs& du, const Discrete& discrete, const Changes& first, Changes& change) const {
-    subtract_jvp(force_residual, speeds_, q, v, du, discrete, first, change);
-    for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -violations[i].derivative;
-    return force_residual.solve(projections_, change);
+  /// The transpose: derivatives with respect to all that `subtract_jvp` reads, to violations, and added to `by_first` those to the rule.
+  template <class By>
+  bool vjp(const Part& part, const ForceResidual& force_residual, const By& by_solution, Columns& by, Fixed<double, m>& by_violation, First* by_first) const {
+    First x, forces;
+    std::copy(by_solution.begin(), by_solution.end(), x.begin());
+    if (!force_residual.solve_transposed(part.matrix, x)) return false;
+    std::copy_n(x.begin(), n, forces.begin());
+    force_residual.vjp(part.derivative, forces.data(), by);
+    if (by_first) ForceResidual::visit_unknowns(0, n, [&](std::size_t i, std::size_t k, std::size_t column) { (*by_first)[column] -= part.derivative[k] * x[i]; });
+    for (std::size_t i = 0; i < m; ++i) by_violation[i] = part.weight * x[n + i];
+    return true;
   }
 
   /// Derivatives of the projection of accelerations, with velocities before and after theirs.
   template <class Q, class V, class Inputs, class Discrete>
   bool solve_accelerations(ForceResidual& force_residual, const Q& q, const V& v, const V& projected, const Inputs& du, const Discrete& discrete, const Changes& first, Changes& change) const {
     Changes loops;
-    subtract_jvp(force_residual, accelerations_, q, v, du, discrete, first, change);
     force_residual.subtract_jvp(end_, q, projected, du, discrete, loops.data());
     ForceResidual::visit_unknowns(n, all, [&](std::size_t row, std::size_t k, std::size_t column) { loops[row].derivative -= end_[k] * first[column].derivative; });
-    std::copy_n(loops.begin() + n, m, change.begin() + n);
-    return force_residual.solve(projections_, change);
+    return solve(accelerations(), force_residual, q, v, loops.data() + n, du, discrete, &first, change);
   }
 
-  /// The transpose of `solve_accelerations`: derivatives with respect to all that `subtract_jvp` reads, with velocities before and after their projection, and to the rule.
+  /// The transpose: derivatives with respect to all that `subtract_jvp` reads, with velocities before and after their projection, and to the rule.
   bool accelerations_vjp(const ForceResidual& force_residual, const Fixed<double, n>& by_move, Columns& by, Columns& by_projected, First& by_first) const {
-    First x, loops;
-    if (!vjp(force_residual, projections_, accelerations_, by_move, {}, x, by, &by_first)) return false;
-    std::copy_n(x.begin() + n, m, loops.begin() + n);
+    Fixed<double, m> by_loops;
+    First loops;
+    if (!vjp(accelerations(), force_residual, by_move, by, by_loops, &by_first)) return false;
+    std::copy(by_loops.begin(), by_loops.end(), loops.begin() + n);
     force_residual.vjp(end_, loops.data(), by_projected);
     ForceResidual::visit_unknowns(n, all, [&](std::size_t row, std::size_t k, std::size_t column) { by_first[column] -= end_[k] * loops[row]; });
     return true;
   }
 
-  /// The transpose of `solve_speeds`: derivatives with respect to all that `subtract_jvp` reads, to the rule, and to violations of rates.
-  bool speeds_vjp(const ForceResidual& force_residual, const Fixed<double, n>& by_move, Columns& by, First& by_first, Fixed<double, m>& by_violation) const {
-    First x;
-    if (!vjp(force_residual, projections_, speeds_, by_move, {}, x, by, &by_first)) return false;
-    for (std::size_t i = 0; i < m; ++i) by_violation[i] = -x[n + i];
-    return true;
-  }
-
-  /// The transpose of `solve_rule`: derivatives with respect to all that `subtract_jvp` reads, and to constraint violations.
-  bool rule_vjp(const ForceResidual& force_residual, const First& by_first, Columns& by, Fixed<double, m>& by_violation) const {
-    First x;
-    Fixed<double, n> by_a;
-    Fixed<double, m> by_lambda;
-    std::copy_n(by_first.begin(), n, by_a.begin()), std::copy_n(by_first.begin() + n, m, by_lambda.begin());
-    if (!vjp(force_residual, matrix_, rule_, by_a, by_lambda, x, by, nullptr)) return false;
-    for (std::size_t i = 0; i < m; ++i) by_violation[i] = -1 / position_weights_ * x[n + i];
-    return true;
-  }
-
  private:
-  using Places = typename ForceResidual::Places;
-  using Matrix = Bordered<Places>;
-
-  /// `subtract_jvp` of the equations of motion, with derivatives `first` of accelerations and multipliers.
-  template <class Q, class V, class Inputs, class Discrete>
-  void subtract_jvp(ForceResidual& force_residual, const typename ForceResidual::JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Discrete& discrete, const Changes& first, Changes& change) const {
-    force_residual.subtract_jvp(derivative, q, v, du, discrete, change.data());
-    ForceResidual::visit_unknowns(0, n, [&](std::size_t i, std::size_t k, std::size_t column) { change[i].derivative -= derivative[k] * first[column].derivative; });
-  }
-
-  /// The solution x of transposed equations, and its derivatives with respect to all that forces read; those with respect to accelerations and multipliers are added to `by_first`.
-  bool vjp(const ForceResidual& force_residual, const Matrix& matrix, const typename ForceResidual::JacobianEntries& derivative, const Fixed<double, n>& by_move, const Fixed<double, m>& by_lambda,
-            First& x, Columns& by, First* by_first) const {
-    std::copy(by_lambda.begin(), by_lambda.end(), std::copy(by_move.begin(), by_move.end(), x.begin()));
-    if (!force_residual.solve_transposed(matrix, x)) return false;
-    First forces;
-    std::copy_n(x.begin(), n, forces.begin());
-    force_residual.vjp(derivative, forces.data(), by);
-    if (by_first) ForceResidual::visit_unknowns(0, n, [&](std::size_t i, std::size_t k, std::size_t column) { (*by_first)[column] -= derivative[k] * x[i]; });
-    return true;
-  }
-
   template <class Formula>
   bool decompose(const ForceResidual& force_residual, const Formula& formula) {
     auto &rule = matrix_.entries(), &projections = projections_.entries();
@@ -180,7 +157,7 @@ class ClosedEndDerivatives {
   static constexpr std::size_t balls = ForceResidual::balls;
 
   double position_weights_ = 0.0;  ///< of accelerations in coordinates at the end
-  typename ForceResidual::JacobianEntries rule_, end_, accelerations_, speeds_;  ///< Jacobians before the projections, after them, and of tangents times the displacements of projections
+  Entries rule_, end_, accelerations_, speeds_;  ///< Jacobians before the projections, after them, and of tangents times the displacements of projections
   Matrix matrix_, projections_;  ///< of the rule, and of projections
 };
 
