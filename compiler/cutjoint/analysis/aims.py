@@ -64,8 +64,7 @@ class AimedStart:
         self._equations = formulate_recursive(topology, acting, outputs)
 
     def find(self, parameters: Mapping[str, float], prescribed: Mapping[str, float], wanted: Sequence[float]) -> dict[str, float]:
-        """All coordinates by "joint.coordinate": ``prescribed`` ones (SI units) unchanged, the others such that places have the ``wanted``
-        values; ``parameters`` are values of tunable parameters.
+        """All coordinates by "joint.coordinate": ``prescribed`` ones (SI units), and others such that places have the ``wanted`` values.
 
         Raises:
             RunError: no pose has them, or none that closes the loops was found near the design position.
@@ -159,8 +158,7 @@ class _Search:
         return _Reached(q=found[0], left=np.where(np.abs(left) <= _REACHED * np.maximum(1.0, np.abs(self._wanted)), 0.0, left))
 
     def by_continuation(self, q: Array) -> _Reached | None:
-        """The pose near given coordinates, by a direct search or by continuation from the design position, whichever moves other
-        coordinates less.
+        """The pose near given coordinates by a direct or a continuation search, whichever moves other coordinates less.
 
         As runtime core/start/start.hpp: a direct search from far away may end in another configuration.
         """

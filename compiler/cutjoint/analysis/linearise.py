@@ -172,8 +172,7 @@ def _tangents(equations: ImplicitEquations, function: str, array: str, here: Map
 
 
 def coordinate_names(equations: ImplicitEquations) -> tuple[str, ...]:
-    """A name for the coordinate of each speed, and the states' own; of a quaternion, the names of the angular velocity denote small
-    rotations."""
+    """A name for the coordinate of each speed, and the states' own; of a ball, names of the angular velocity denote small rotations."""
     names = (f"{c.joint}.{name}" for c in equations.charts for name in (*c.coordinate_names[: c.scalars], *c.speed_names[c.scalars :]))
     return *names, *equations.speed_names[equations.state.speeds :]
 

@@ -132,8 +132,7 @@ class _Remaining(TimeRemainingColumn):
 
 
 def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str, float]:
-    """The values of NAME=VALUE by their names: numbers in SI units, and all other notations of model files, `Quantity` where there is a
-    unit.
+    """The values of NAME=VALUE by name: numbers in SI units, or other notations of model files, `Quantity` with a unit.
 
     Raises:
         RunError: an argument is not NAME=VALUE, a value is not finite, or a name has two.

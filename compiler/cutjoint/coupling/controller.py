@@ -22,7 +22,7 @@ CALL_LIMIT = 60.0
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
-    """A unit of an FMU: ``powers`` of kg, m, s, A, K, mol, cd; a value in SI units is ``factor`` times that of the FMU, plus ``offset``."""
+    """A unit of an FMU: ``powers`` of kg, m, s, A, K, mol, cd; SI value = ``factor`` times the FMU's value + ``offset``."""
 
     name: str
     powers: tuple[int, ...]

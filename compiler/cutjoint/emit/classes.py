@@ -87,8 +87,7 @@ class System:
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationCode:
-    """The code of a simulation: the mechanism, which finds its start, its program, and the system to step, None to step the mechanism
-    itself.
+    """The code of a simulation: the mechanism, which finds its start, its program, and the system to step, None for the mechanism.
 
     With the mechanism's degrees of freedom, ``dofs``, the interface has minimal coordinates and derivatives too, and event indicators if
     the mechanism itself is stepped. With ``derives_steps`` it has forward sensitivities of steps where these are differentiable, with

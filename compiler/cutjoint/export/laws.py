@@ -149,7 +149,7 @@ def find_start(
 
 
 def markers_of(model: Model, body: str) -> tuple[Marker, ...]:
-    """Four points of a body: the global origin and those a metre from it along x, y and z; no name of a file has an "@"."""
+    """Four points of a body: the global origin and those a metre from it along x, y and z; their names have an "@"."""
     span = next(b.span for b in model.bodies if b.name == body)
     points = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
     return tuple(Marker(name=f"{body}@{i}", body=body, point=point, span=span) for i, point in enumerate(points))

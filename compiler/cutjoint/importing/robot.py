@@ -44,7 +44,7 @@ class Pose:
 
 @dataclass
 class Link:
-    """A body: ``mass`` in kg, ``centre`` (3) in m and ``inertia`` (3 by 3, about the centre) in kg m2 in the link's axes; its picture."""
+    """A body: ``mass`` (kg), ``centre`` (3,), m, and ``inertia`` (3, 3) about it, kg m2, in the link's axes; its picture."""
 
     name: str
     node: Node
@@ -136,7 +136,7 @@ class Loop:
 
 @dataclass(frozen=True)
 class Spring:
-    """A spring (N/m) and a damper (N s/m) between points, each a link and a place (3) in it, at rest where they are ``rest`` m apart."""
+    """A spring (N/m) and a damper (N s/m) between points, each a link and a place (3,) in it; ``rest`` (m) is the free length."""
 
     name: str
     first: tuple[str, Array]

@@ -36,7 +36,7 @@ def parameter_name_problem(name: str) -> tuple[str, str] | None:
 
 
 def term_name_problem(name: str) -> tuple[str, str] | None:
-    """The fault in the name of a law's part, a state or a signal, and its remedy, or None; it must not hide a variable of laws either."""
+    """The fault in the name of a law's part, state or signal, and its remedy, or None; it must not hide a law's variable."""
     return _reserved(name, RESERVED_IN_EXPRESSIONS) or name_problem(name)
 
 

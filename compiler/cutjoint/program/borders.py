@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 
 def part(size: int, entries: Iterable[tuple[int, int]], together: Sequence[Collection[int]]) -> list[int]:
-    """The part of each of ``size`` unknowns, by the non-zero entries (row, column) of a matrix; unknowns of the last part are in the
-    border.
+    """The part of each of ``size`` unknowns, by the non-zero entries (row, column) of a matrix; the last part is the border.
 
     Unknowns of a group of ``together`` stay in one part. Groups are moved to the border one by one, each time the one that minimises the
     operations of a decomposition.

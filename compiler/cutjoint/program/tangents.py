@@ -48,8 +48,7 @@ def interpret_tangents(
     roots: Iterable[Block], inputs: Mapping[str, Array], seeds: Mapping[str, Array], roads: Mapping[str, RoadTable],
     touching: Collection[Block] = (),
 ) -> tuple[dict[Block, Array], dict[Block, Array]]:  # fmt: skip
-    """The values (rows, columns) of roots and of all that they depend on, and their changes (directions, rows, columns) where these are not
-    zero.
+    """The values (rows, columns) of roots and of all that they depend on, and their non-zero changes (directions, rows, columns).
 
     Inputs (n,) are columns by symbol name, ``seeds`` (directions, n) their changes. Choices between a value and zero whose conditions are
     ``touching`` always have the value, if it is finite: such contacts pull while open.

@@ -94,7 +94,7 @@ K = JointKind
 
 @dataclass(frozen=True, kw_only=True)
 class InPlane:
-    """A joint in the plane: ``kept`` has for a coordinate or speed of the whole joint its name here and the factor to what it was.
+    """A joint in the plane: ``kept`` has for a coordinate or speed of the whole joint its name here and a factor.
 
     Those that are not kept would leave the plane and are zero; ``unknown`` ones depend on which of its bodies is the inner one.
     """

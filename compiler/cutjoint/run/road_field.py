@@ -267,8 +267,7 @@ def _faded(parts: list[_Array], share: _Array, level: float, slope: float) -> li
 
 @dataclass(frozen=True, kw_only=True)
 class Surface:
-    """A surface as all wheels meet it, as in runtime core/roads/surface.hpp: a field of heights, None for none, and patches of
-    friction."""
+    """A surface of a road, as in runtime core/roads/surface.hpp: a field of heights, or None, and patches of friction."""
 
     field: Field | CurvedField | None
     patches: Sequence[Patch]

@@ -158,7 +158,7 @@ def _place_of_zig(command: Sequence[str]) -> int:
 
 
 def _for_all_processors(command: tuple[str, ...]) -> tuple[str, ...]:
-    """A command whose Zig compiles and links for all processors of a kind, as others do, and not for this one, where no word names one."""
+    """A command whose Zig compiles and links for all processors of a kind, unless its words name one."""
     behind = _place_of_zig(command) + 1
     named = any(word.lstrip("-").startswith(("target", "mcpu", "march")) for word in command[behind:])
     return command if behind == 1 or named else (*command[:behind], "-mcpu=baseline", *command[behind:])

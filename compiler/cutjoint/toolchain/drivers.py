@@ -43,8 +43,7 @@ INTERPRETER, SIMULATOR = "interpreter", f"simulator{PROGRAM}"
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """The kind of a simulator, chosen besides its source and flags: its number type, and ``additions``, solvers and integrators of other
-    packages."""
+    """The kind of a simulator: its number type, and ``additions``, solvers and integrators of other packages."""
 
     precision: str = DEFAULT_PRECISION
     additions: tuple[str, ...] = ()

@@ -108,7 +108,7 @@ def _directed(cut: Joint, around: Sequence[TreeJoint]) -> Iterator[tuple[TreeJoi
 
 
 def _sign(cut: Joint, other: Joint) -> int:
-    """1 or -1 if another joint rotates about the cut joint's axis, in the same or in the opposite sense, and about no other; else 0."""
+    """1 or -1 if another joint rotates only about the cut joint's axis, in the same or the opposite sense; else 0."""
     element = other.element
     if tuple(element.measures.values()) != (ABOUT_AXIS,) or element.has_ball:
         return 0

@@ -27,8 +27,7 @@ class Prediction:
 
 
 def predict_operations(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Prediction:
-    """The predicted operations of a choice of cut joints, without the gears of cut joints: the search rates choices that the rules forbid
-    too."""
+    """The predicted operations of a choice of cut joints, also of choices that the rules forbid; gears of cut joints are left out."""
     joints = {t.joint.name for t in tree}
     graph = BodyGraph(tree, cuts, [gear for gear in model.gears if joints.issuperset(gear.joints)])
     shares = _shares(model, graph)

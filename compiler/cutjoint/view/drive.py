@@ -101,8 +101,7 @@ ROADS: Mapping[str, LaidRoad] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Ends:
-    """The words of an option about an input or parameter: its ``name``, and its values at the full push to either side, None where it says
-    none."""
+    """An option about an input or parameter: its ``name``, and its values at the full push to either side, None if not given."""
 
     name: str
     low: float | None = None

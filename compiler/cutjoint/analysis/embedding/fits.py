@@ -217,8 +217,7 @@ def _guess(loops: BlockLoops, independent: Independent, chart: Chart, nodes: Arr
 
 
 def _coordinates(loops: BlockLoops, chart: Chart, poses: Poses, independent: int) -> tuple[Array, Array]:
-    """The coordinates that series have, scalars and then Rodrigues parameters, and their derivatives by the speed of the number
-    ``independent``, (n, k)."""
+    """The coordinates of series, scalars and then Rodrigues parameters, and their derivatives by the speed ``independent``, (n, k)."""
     derivatives, first = loops.derivatives(poses, independent), loops.speeds[chart.joint]
     places = [poses.q[:, chart.q : chart.q + chart.scalars]]
     rates = [derivatives[:, first : first + chart.scalars]]

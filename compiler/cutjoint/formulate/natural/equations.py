@@ -401,7 +401,7 @@ class _System:
 
 
 def _coordinates(layout: Layout, model: Model) -> Iterator[Entry]:
-    """The elements of q, each with the joint or body that it has its name from; the body that carries it where that is no such element."""
+    """The elements of q, each with the joint or body of its name, else the body that carries it."""
     for node in layout.coordinates:
         element = node.title.element if node.title.element in model.constraint_spans else node.body
         for axis in "xyz"[: node.size]:

@@ -1,5 +1,4 @@
-"""Coordinates of joints as forces and outputs see them: coordinates of a tree joint are its unknowns, coordinates of a cut joint are
-measured.
+"""Coordinates of joints for forces and outputs: unknowns of a tree joint, measured coordinates of a cut joint.
 
 A displacement s of a cut joint along the direction e of its base, an angle a about its axis e, with the vector d from the base's point to
 the follower's and the angular velocities w::

@@ -152,7 +152,7 @@ def _inertia(element: Element, inertia: Any) -> Matrix:
 
 
 def _axisymmetric(element: Element, inertia: values.Principal, moments: Vector) -> Matrix:
-    """The inertia of equal moments b across an axis d with the moment a about it: b 1 + (a - b) d d^T, for any directions across."""
+    """The inertia with the moment a about an axis d and b across it: b 1 + (a - b) d d^T."""
     given = {key: direction for key in "xyz" if (direction := getattr(inertia, key)) is not None}
     axes = [key for key, direction in given.items() if direction != values.ANY]
     failed = _scaled(FAILED, sympy.ones(3, 3))

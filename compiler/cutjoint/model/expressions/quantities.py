@@ -128,8 +128,7 @@ def follows_from_forces(element: Element, quantity: str) -> bool:
 
 
 def readings_of(model: Model) -> tuple[Output, ...]:
-    """The quantities of bodies, markers, joints, forces and sensors that laws, rates of states, signals and controllers read, as if they
-    were outputs."""
+    """The quantities of elements that laws, rates of states, signals and controllers read, as outputs."""
     own = {element.name for group in (model.states, model.signals, model.controllers) for element in group}
     found: dict[tuple[str, str], Output] = {}
     for element, expressions in _expressions(model):
@@ -176,8 +175,7 @@ def _expressions(model: Model) -> Iterator[tuple[Reader, tuple[Scalar, ...]]]:
 
 
 def reaction_component(reaction: Reaction, quantity: str) -> tuple[bool, Vector]:
-    """Return whether a quantity of a reaction is one of its moment, and the direction, fixed in the reaction's body, that it counts
-    along."""
+    """Return whether a quantity of a reaction is a moment, and its direction, fixed in the reaction's body."""
     if reaction.direction is not None:
         return quantity == "moment", reaction.direction
     return quantity.startswith("M"), GLOBAL_AXES["xyz".index(quantity[-1])]

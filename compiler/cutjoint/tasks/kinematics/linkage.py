@@ -33,8 +33,7 @@ _FARTHEST = 0.7
 
 @dataclass(frozen=True, kw_only=True)
 class WheelState:
-    """A wheel in a pose: centre (m) and outward axis, (3,), with their derivatives by prescribed coordinates and that of the carrier's
-    rotation, (3, prescribed)."""
+    """A wheel in a pose: centre (m) and outward axis, (3,), and their derivatives, (3, prescribed), with that of the carrier's rotation."""
 
     centre: Array
     outward: Array
