@@ -45,10 +45,8 @@ class Translation:
 
 @dataclass(frozen=True)
 class Rotation:
-    """A rotation about a direction by a share of a coordinate; ``is_screw``: with a displacement by the joint's pitch, m/rad. The shares of
-    a
-    coordinate in several rotations of a chain add up to one.
-    """
+    """A rotation about a direction by a share of a coordinate; ``is_screw``: with a displacement by the joint's pitch, m/rad.
+    The shares of a coordinate in several rotations of a chain add up to one."""
 
     coordinate: str
     direction: Direction

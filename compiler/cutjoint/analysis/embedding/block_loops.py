@@ -128,9 +128,7 @@ class BlockLoops:
 
     def close(self, q: Array, u: Array, locked: int | None, across: Array | None = None, tolerance: float = 0.0) -> Poses | None:
         """Poses near coordinates that close the loops, with the speed ``locked`` fixed or by steps ``across`` a direction of speeds.
-        Residuals
-        are at most ``tolerance`` or rounding; None if an iteration does not converge.
-        """
+        Residuals are at most ``tolerance`` or rounding; None if an iteration does not converge."""
         best = np.inf
         for left in reversed(range(25)):
             residual, jacobian = self.evaluate(q, u)
