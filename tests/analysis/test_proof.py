@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.analysis.embedding.embed import embed_loops
-from cutjoint.analysis.embedding.proof import LoopProof, prove_loops
+from cutjoint.analysis.embedding.proof import LoopProof, _search, prove_loops
 from cutjoint.cli import main
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Interval, Model
@@ -194,6 +194,19 @@ def test_a_part_of_the_range_is_named() -> None:
     assert 0.9 * asked[1] < upper < asked[1]
     assert f"a: proved on {lower:.6g} to {upper:.6g} of {asked[0]:.6g} to {asked[1]:.6g}: one branch" in str(proof)
     assert certificate.check(json.loads(json.dumps(dict(proof.entry)))) == ""
+
+
+def test_a_denominator_that_may_be_zero_proves_nothing() -> None:
+    """s = q q/q with the function s = q: all but the cells about 0."""
+    nodes = [["place", 0], ["place", 1], ["mul", 0, 0], ["div", 2, 0], ["sub", 1, 3]]
+    series = [{"growth": 1.0, "coefficients": [0.0]}]
+    entry = {"nodes": nodes, "rows": [4], "series": series, "periodic": False, "middle": 0.0, "scale": 1.0, "sizes": [1.0]}
+    cells = list(_search(entry, [-1.0, -0.3, 0.3, 1.0]))
+    assert cells[0][0] == -1.0
+    assert cells[-1][1] == 1.0
+    assert not any(lower <= 0.0 <= upper for lower, upper, *_ in cells)
+    with pytest.raises(ValueError, match="power series"):
+        certificate.examine(entry, -0.1, 0.1, 0.1)
 
 
 def test_what_cannot_be_proved_says_why(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ OPERATIONS: dict[str, Any] = {
     "add": lambda a, b: chain(a.value + b.value, (1, a), (1, b)),
     "sub": lambda a, b: chain(a.value - b.value, (1, a), (-1, b)),
     "mul": lambda a, b: chain(a.value * b.value, (b.value, a), (a.value, b)),
-    "div": lambda a, b: chain(a.value / b.value, (1 / b.value, a), (-a.value / (b.value * b.value), b)),
+    "div": lambda a, b: chain(a.value * (1 / b.value), (1 / b.value, a), (-a.value / (b.value * b.value), b)),
     "neg": lambda a: chain(-a.value, (-1, a)),
     "sqrt": lambda a: chain(a.value.sqrt(), (arb(0.5) / a.value.sqrt(), a)),
     "sin": lambda a: chain(a.value.sin(), (a.value.cos(), a)),

@@ -141,7 +141,7 @@ def _search(entry: Mapping[str, Any], ends: Sequence[float]) -> Iterator[tuple[A
         box = min(_BOX, upper - lower)
         try:
             found = examine(dict(entry), lower, upper, box)
-        except ZeroDivisionError:
+        except (ValueError, ZeroDivisionError):  # a denominator or the Jacobian may be zero in the cell
             found = None
         if found is not None and (bounds := _bounds(found, wanted=1.0 if least else _CONTRACTION)) and holds(found, bounds):
             sharp = all(rest <= c / 4 or rest < 1e-14 for rest, c in zip(found["rest"], found["c"][0], strict=True))
