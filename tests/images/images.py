@@ -15,6 +15,7 @@ import numpy as np
 import sympy
 
 from cutjoint.compile.derivation import derive
+from cutjoint.elements.forces.body_load import BodyLoad
 from cutjoint.elements.interaction import Frame, Point
 from cutjoint.elements.joint import Direction
 from cutjoint.model.elements.build import Elements
@@ -23,7 +24,7 @@ from cutjoint.model.records import AxialForce, Body, Bushing, Force, Joint, Join
 
 Array = np.ndarray
 #: Forces whose images are known, and their laws' fields.
-KNOWN = (PointSpring, AxialForce, JointForce, Bushing)
+KNOWN = (PointSpring, AxialForce, JointForce, Bushing, BodyLoad)
 GLOBAL = (Direction.X, Direction.Y, Direction.Z)
 
 
@@ -48,7 +49,7 @@ class Image:
 def original(model: Model, scene: Scene) -> Image | None:
     """The model itself with default numerics; None for one that has what no transformation knows."""
     odd = model.states or model.signals or model.controllers or model.functions or model.guards or model.embedded_loops or model.gears
-    odd = odd or scene.pose != "design" or scene.guides or scene.assemble or scene.near or scene.starts or not model.bodies
+    odd = odd or scene.guides or scene.assemble or scene.near or scene.starts or not model.bodies
     if odd or not all(isinstance(force, KNOWN) for force in model.forces):
         return None
     scene = replace(scene, numerics=Numerics(), plots=(), method="", accuracy=None)
@@ -72,6 +73,8 @@ def _moved(model: Model, point: Callable[[Any], Any], axis: Callable[[Any], Any]
         images = {}
         for place in force.places:
             value = place.of(force)
+            if value is None:
+                continue
             of_frame = tuple(map(axis, value)) if isinstance(place, Frame) else ()
             images[place.field] = of_frame or (point if isinstance(place, Point) else axis)(value)
         return replace(force, **images)
@@ -95,7 +98,9 @@ def _is_global(joint: Joint) -> bool:
 
 
 def _depends_on_axes(image: Image) -> bool:
-    """Whether a start, a guide or a force names such a coordinate."""
+    """Whether a start, a guide or a force names such a coordinate, or a load has global components."""
+    if any(isinstance(force, BodyLoad) and force.axes == "global" for force in image.model.forces):
+        return True
     named = {name.partition(".")[0] for name in (*image.scene.positions, *image.scene.rates)}
     named |= {force.joint_of for force in image.model.forces}
     return any(_is_global(joint) and (joint.guide is not None or joint.name in named) for joint in image.model.joints)
@@ -136,8 +141,10 @@ def mirrored(image: Image) -> Image | None:
     return replace(image, model=model, scene=replace(scene, **given), Q=np.diag([1.0, -1.0, 1.0]))
 
 
-def shifted(image: Image) -> Image:
-    """By a metre or so."""
+def shifted(image: Image) -> Image | None:
+    """By a metre or so; laws over places are not known."""
+    if any(isinstance(force, BodyLoad) for force in image.model.forces):
+        return None
     d = np.array([0.7, -1.3, 0.45])
 
     def point(v: Any) -> Any:
@@ -162,10 +169,11 @@ def scaled(image: Image, length: float = 1.0, mass: float | None = None, time: f
         return sympy.sympify(value).xreplace(over) * sympy.Float(factor(unit))
 
     def of_force(force: Force) -> Force:
-        if isinstance(force, Bushing):
-            along, about = force.element.forms
-            forms = (along,) * 3 + (about,) * 3
-            return replace(force, laws=tuple(law(x, f.variables, f.unit) for x, f in zip(force.laws, forms, strict=True)))
+        if isinstance(force, Bushing | BodyLoad):
+            field, (along, about) = force.element.laws[0], force.element.forms
+            forms = (along,) * 3 + (about,) * 3 if isinstance(force, Bushing) else (about if force.point is None else along,) * 3
+            laws = [law(x, f.variables, f.unit) for x, f in zip(getattr(force, field), forms, strict=True)]
+            return replace(force, **{field: tuple(laws)})
         return replace(force, law=law(force.law, force.variables.variables, force.variables.unit))
 
     def of_joint(joint: Joint) -> Joint:

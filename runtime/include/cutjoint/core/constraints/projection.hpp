@@ -14,6 +14,7 @@
 #include "cutjoint/core/numbers/largest.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/mechanism/sizes.hpp"
 #include "cutjoint/core/numbers/selection.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 
@@ -114,7 +115,7 @@ class Projection {
     if (!is_measured_) measure(state, open);
     Real left = largest(open);  // for both cases: code compiled twice may round differently
     is_measured_ = true;
-    const Real size = arm_ * (Real(1) + largest(moved)), least = rounding_ * size, most_left = Real(1e-9) * arm_;
+    const Real size = size_of(moved, cause), least = rounding_ * size, most_left = Real(1e-9) * arm_;
     const Real little = share_ * where(left < most_left, left, most_left), enough = where(little < least, least, little);
     Mask active = Instances::without(running, left <= least), lost = Instances::all_if(false), weak = lost, singular = lost;
     for (; iterations_ < most && Instances::any(active); ++iterations_) {
@@ -146,6 +147,13 @@ class Projection {
     const Mask failed = Instances::without(Instances::without(running, lost), close);
     if (Instances::any(failed)) fail(state, failed, cause, open);
     return Instances::either(lost, failed);
+  }
+
+  /// The reference size of violations.
+  Real size_of(std::span<const Real> moved, Cause cause) const {
+    const double arm = arm_of(mechanism_);
+    const std::span<const double> nominals = scaled_nominals_of(mechanism_);
+    return cause == Cause::loops_not_closed ? pose_size(moved, arm, charts_of(mechanism_), nominals) : speed_size(moved, arm, nominals);
   }
 
   /// The step of one iteration, for `weak` instances by `solve`, which updates `singular`.

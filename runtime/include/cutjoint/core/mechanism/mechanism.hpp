@@ -93,21 +93,18 @@ std::size_t number_of_states(const M& subject) {
   else return 0;
 }
 
-/// Those of the states alone.
-template <class M>
-std::span<const double> nominals_of_states(const M& subject) {
-  const std::span<const double> all = nominals_of(subject);
-  if constexpr (requires { M::arm; }) return all.last(M::sizes.states);
-  else if constexpr (requires { subject.description(); }) return all.last(all.empty() ? 0 : subject.description().states);
-  else return all;
-}
-
 /// A characteristic length (m) of the mechanism if it is far from a metre, else 1; it scales equations between directions.
 template <class M>
 double arm_of(const M& subject) {
   if constexpr (requires { M::arm; }) return M::arm;
   else if constexpr (requires { subject.description(); }) return subject.description().arm;
   else return 1.0;
+}
+
+/// `nominals_of`, if `arm_of` is not 1; else none: sizes of rates are then those in SI units.
+template <class M>
+std::span<const double> scaled_nominals_of(const M& subject) {
+  return arm_of(subject) == 1.0 ? std::span<const double>{} : nominals_of(subject);
 }
 
 /// The first equation of each cut joint.

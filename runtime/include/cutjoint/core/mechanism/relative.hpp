@@ -11,6 +11,7 @@
 #include "cutjoint/core/numbers/largest.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/mechanism/sizes.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
@@ -125,7 +126,7 @@ class Relative {
     for (int pass = 0; pass < most; ++pass) {
       add_pass();
       if (correction_.empty()) return;
-      const Real size = Real(1) + largest(state_.vdot), change = pass > 0 ? largest_change() : Real(0);
+      const Real size = acceleration_size(state_.vdot, scaled_nominals_of(mechanism_)), change = pass > 0 ? largest_change() : Real(0);
       if (pass == 1 && owed > Real(0)) {
         experience_.effect = change / owed;
         experience_.age = 0;
@@ -149,7 +150,7 @@ class Relative {
   /// By the last pass, whose accelerations before it are gone then.
   Real largest_change() {
     for (std::size_t i = 0; i < before_.size(); ++i) before_[i] -= state_.vdot[i];
-    return largest(before_);
+    return largest(before_, scaled_nominals_of(mechanism_));
   }
 
  private:

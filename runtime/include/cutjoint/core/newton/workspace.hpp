@@ -14,6 +14,7 @@
 #include "cutjoint/core/newton/static_solver.hpp"
 #include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
+#include "cutjoint/core/mechanism/sizes.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
@@ -105,24 +106,10 @@ class Workspace {
     return heaviest > Real(0) ? heaviest : Real(1);
   }
 
-  /// The reference size of violations of a pose (m), of velocities (m/s) and of accelerations (m/s2): 1 + the largest for a mechanism of about a metre.
-  /// Otherwise lengths are relative to its arm, angles are multiplied by it, and times are relative to that of falling an arm's length at 1 m/s2.
-  Real pose_size(const Coordinates<S>& q) const {
-    if (arm_ == Real(1)) return Real(1) + largest(q);
-    if (charts().empty()) return arm_ + largest(q, nominals_of(system_).first(q.size()));
-    Real size(0);
-    for (const Chart& chart : charts())
-      for (std::size_t i = 0; i < static_cast<std::size_t>(chart.scalars); ++i) {
-        using std::abs;
-        size = std::max(size, abs(q[static_cast<std::size_t>(chart.q) + i]) / Real(nominals_of(system_)[static_cast<std::size_t>(chart.v) + i]));
-      }
-    return arm_ + size;
-  }
-  Real speed_size(const Speeds<S>& v) const {
-    using std::sqrt;
-    return sqrt(arm_) + largest(v, nominals_of(system_));
-  }
-  Real acceleration_size(const Speeds<S>& vdot) const { return Real(1) + largest(vdot, nominals_of(system_)); }
+  // Reference sizes (mechanism/sizes.hpp).
+  Real pose_size(const Coordinates<S>& q) const { return cutjoint::pose_size(q, arm_of(system_), charts(), nominals_of(system_)); }
+  Real speed_size(const Speeds<S>& v) const { return cutjoint::speed_size(v, arm_of(system_), nominals_of(system_)); }
+  Real acceleration_size(const Speeds<S>& vdot) const { return cutjoint::acceleration_size(vdot, nominals_of(system_)); }
   Real size_of(const StateOf<S>& state, const Speeds<S>& values) const { return &values == &state.v ? speed_size(values) : acceleration_size(values); }
 
   std::span<const Chart> charts() const {

@@ -55,6 +55,11 @@ template <class Numbers>
   return largest(std::span<const typename Numbers::value_type>(values.data(), values.size()));
 }
 
+/// The size of value i of so many, the last of which have `sizes`; 1 for the others.
+inline double size_at(std::span<const double> sizes, std::size_t i, std::size_t length) {
+  return length - i <= sizes.size() ? sizes[sizes.size() - (length - i)] : 1.0;
+}
+
 /// The same with the last values relative to `sizes`.
 template <class Numbers>
 auto largest(const Numbers& values, std::span<const double> sizes) {

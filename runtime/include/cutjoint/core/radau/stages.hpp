@@ -146,7 +146,7 @@ class Stages : public StepStart<S, Solver> {
       idle = change < smallest / 2 ? 0 : idle + 1;
       smallest = std::min(smallest, change);
       const Real digits = (idle >= 3 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
-      const bool rounding = idle > 0 && move <= digits * (Real(1) + largest(at_.v));
+      const bool rounding = idle > 0 && move <= digits * speed_size(at_.v, arm_of(system_), scaled_nominals_of(system_));
       if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(rest))) {
         found = follow();
         return {};
@@ -348,14 +348,14 @@ class Stages : public StepStart<S, Solver> {
     return change <= 64 * std::numeric_limits<Real>::epsilon();
   }
 
-  /// The largest change of a velocity by an iteration relative to its allowed error; without tolerances, `move`.
+  /// The largest change of a velocity by an iteration relative to its allowed error; without tolerances, `move`, m/s.
   Real size_of_change(Real w, Real& move) {
     using std::abs;
     Real largest(0);
     move = Real(0);
     for (std::size_t j = 0; j < n_; ++j) {
       const Real size = w * std::max({abs(changes_[1][j]), abs(changes_[2][j]), abs(changes_[3][j])});
-      move = std::max(move, size);
+      move = std::max(move, size / Real(size_at(scaled_nominals_of(system_), j, n_)));
       this->note((size + Real(0) * changes_[1][j]) / tolerances_.of(abs(start_.v[j]), j, n_), j, largest);
     }
     return largest;

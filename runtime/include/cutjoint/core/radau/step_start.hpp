@@ -93,8 +93,8 @@ class StepStart : public Workspace<S, Solver> {
       for (int i = 0; i < chart.scalars + (chart.ball ? 3 : 0); ++i) {
         const auto q = static_cast<std::size_t>(chart.q + i), v = static_cast<std::size_t>(chart.v + i);
         const Real place = i < chart.scalars ? std::max(abs(start_.q[q]), abs(at_.q[q])) : Real(1);
-        note(abs(way_[v]) / tolerances_.of(place), v, largest);
-        note(abs(x_[v]) / tolerances_.of(std::max(abs(start_.v[v]), abs(at_.v[v]))), v, largest);
+        note(abs(way_[v]) / tolerances_.of(place, q, size()), v, largest);
+        note(abs(x_[v]) / tolerances_.of(std::max(abs(start_.v[v]), abs(at_.v[v])), v, n_), v, largest);
       }
     for (std::size_t i = first_state(charts()); i < n_; ++i) note(abs(x_[i]) / tolerances_.of(std::max(abs(start_.v[i]), abs(at_.v[i])), i, n_), i, largest);
     return largest == largest ? largest : std::numeric_limits<Real>::infinity();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <span>
 #include <utility>
 
 #include "cutjoint/core/numbers/arrays.hpp"
@@ -170,9 +171,11 @@ class ClosedLoopDynamics : public Solved<M> {
   bool leaps() {
     using std::abs;
     if (this->multipliers_ != Multipliers::solved) return false;
+    const std::span<const double> nominals = scaled_nominals_of(mechanism_);
+    const std::size_t n = speeds_.size();
     Real moved(0);
-    for (std::size_t i = 0; i < speeds_.size(); ++i) moved = std::max(moved, abs(state_.v[i] - speeds_[i]));
-    if (!(moved > Real(1e-6) * (Real(1) + largest(speeds_)))) return false;
+    for (std::size_t i = 0; i < n; ++i) moved = std::max(moved, abs(state_.v[i] - speeds_[i]) / Real(size_at(nominals, i, n)));
+    if (!(moved > Real(1e-6) * speed_size(speeds_, arm_of(mechanism_), nominals))) return false;
     mechanism_.constraint_residual(state_.q.data(), speeds_.data(), residual_.data(), rate_.data());
     return largest(rate_) < Real(1e-5) * moved;
   }

@@ -191,7 +191,7 @@ class Scheme {
     return largest;
   }
 
-  /// A first step (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4).
+  /// A first step (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4), with the mechanism's unit of time.
   Real first_length(Real left) {
     using std::abs, std::pow;
     auto largest = [this](const Vector& values) {
@@ -200,15 +200,15 @@ class Scheme {
       return result;
     };
     dynamics_.derive(t_, y_, end_);
-    const Real value = largest(y_), derivative = largest(end_);
+    const Real unit = tolerances_.time(), value = largest(y_), derivative = unit * largest(end_);
     const Real short_(1e-5), guess = value < short_ || derivative < short_ ? Real(1e-6) : Real(0.01) * value / derivative;
-    const Real probe = std::min(guess, left);
+    const Real probe = std::min(unit * guess, left);
     for (std::size_t i = 0; i < y_.size(); ++i) trial_[i] = y_[i] + probe * end_[i];
     Vector& change = errors_[0];
     dynamics_.derive(t_ + probe, trial_, change);
     for (std::size_t i = 0; i < y_.size(); ++i) change[i] -= end_[i];
-    const Real largest_derivative = std::max(derivative, largest(change) / probe);
-    const Real by_second_derivative = largest_derivative <= Real(1e-15) ? std::max(Real(1e-6), probe * Real(1e-3)) : pow(Real(0.01) / largest_derivative, Real(1) / Real(Table::order));
+    const Real largest_derivative = std::max(derivative, unit * unit * largest(change) / probe);
+    const Real by_second_derivative = largest_derivative <= Real(1e-15) ? std::max(unit * Real(1e-6), probe * Real(1e-3)) : unit * pow(Real(0.01) / largest_derivative, Real(1) / Real(Table::order));
     return std::min(Real(100) * probe, by_second_derivative);
   }
 

@@ -49,7 +49,7 @@ class Solved : public Relative<M, Solved<M>> {
  private:
   static constexpr int trusted = 32, soon = 4, most = 4;
 
-  Real enough() const { return std::max(tolerance_, Real(1e-9)) * (Real(1) + largest(state_.vdot)); }
+  Real enough() const { return std::max(tolerance_, Real(1e-9)) * acceleration_size(state_.vdot, scaled_nominals_of(mechanism_)); }
 
   /// From zero multipliers by as many passes as the last check found sufficient.  A check takes one more, and further ones as long as each changes
   /// the accelerations much less than the one before.  Completed ones are checked more often, near a singular pose always, since a step may
@@ -125,7 +125,6 @@ class Solved : public Relative<M, Solved<M>> {
 
   /// A correction of the multipliers, which leaves a fraction of their error; returns the change of the accelerations.
   Real solve_left(Real share) {
-    using std::abs;
     keep();
     left_ = correction_;
     auto& solver = projection_.solver();
@@ -137,9 +136,8 @@ class Solved : public Relative<M, Solved<M>> {
     });
     for (std::size_t i = 0; i < left_.size(); ++i) state_.lambda[i] = first_lambda_[i] + solver.found()[i];
     evaluate(state_.lambda);
-    Real moved(0);
-    for (std::size_t i = 0; i < first_vdot_.size(); ++i) moved = std::max(moved, abs(state_.vdot[i] - first_vdot_[i]));
-    return moved;
+    for (std::size_t i = 0; i < first_vdot_.size(); ++i) first_vdot_[i] -= state_.vdot[i];
+    return largest(first_vdot_, scaled_nominals_of(mechanism_));
   }
 
   void evaluate(const Equations<M>& lambda) {

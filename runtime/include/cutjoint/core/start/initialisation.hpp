@@ -85,7 +85,8 @@ class Initialisation {
 
   /// Load the mechanism before a pose is known.
   void load_unit_penalties() {
-    const Real first = finds_penalties() ? Real(1) : Real(*settings_.stabilisation.penalty);
+    const double arm = arm_of(mechanism_);
+    const Real first = finds_penalties() ? Real(arm * arm * arm) : Real(*settings_.stabilisation.penalty);
     std::fill(penalties_.begin(), penalties_.end(), first);
     load();
   }

@@ -7,6 +7,7 @@
 
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/numbers/dense.hpp"
+#include "cutjoint/core/numbers/largest.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 
@@ -29,7 +30,7 @@ class RestReactions {
   explicit RestReactions(M& mechanism)
       : mechanism_(mechanism), n_(known(sizes_of(mechanism).speeds)), joint_speeds_(sizes_of(mechanism).joint_speeds()),
         m_(known(sizes_of(mechanism).equations)), N_(n_ * n_), right_(n_ * (n_ + m_)), b_(n_ + m_), x_(n_ + m_), scratch_(n_ + m_), left_(n_ + m_),
-        beside_(n_ + m_), order_(n_ + m_), shift_(n_), sum_(n_), still_(n_), zero_(m_),
+        beside_(n_ + m_), order_(n_ + m_), shift_(n_), sum_(n_), still_(n_), speeds_(n_), zero_(m_),
         jacobian_(m_ * n_), residual_(m_), rate_(m_), at_rest_(m_) {}
 
   /// Change accelerations of a state to those with prescribed coordinates; `begin_step` has been called for its time. `same_pose`: as in the last call.
@@ -37,7 +38,7 @@ class RestReactions {
   void constrain(const StateOf<M>& state, const Flags& prescribed, Real* a, bool same_pose) {
     if (!same_pose) find_directions(state);
     find_change(prescribed, a);
-    for (std::size_t i = 0; i < n_; ++i) a[i] = prescribed[i] ? Real(0) : a[i] + shift_[i];
+    for (std::size_t i = 0; i < n_; ++i) a[i] = prescribed[i] ? Real(0) : a[i] + nominal(i) * shift_[i];
   }
 
   /// The same with multipliers: M (a' - a) = -Phi_v^T dlambda + `forces` along prescribed coordinates.
@@ -56,11 +57,14 @@ class RestReactions {
     }
     solve({right_.data(), n_, columns});
     for (std::size_t i = 0; i < m_; ++i) state.lambda[i] += x_[i];
-    for (std::size_t i = 0, column = m_; i < n_; ++i) forces[i] = prescribed[i] ? x_[column++] : Real(0);
-    for (std::size_t i = 0; i < n_; ++i) state.vdot[i] = prescribed[i] ? Real(0) : state.vdot[i] + shift_[i];
+    for (std::size_t i = 0, column = m_; i < n_; ++i) forces[i] = prescribed[i] ? x_[column++] / nominal(i) : Real(0);
+    for (std::size_t i = 0; i < n_; ++i) state.vdot[i] = prescribed[i] ? Real(0) : state.vdot[i] + nominal(i) * shift_[i];
   }
 
  private:
+  /// Speeds and accelerations in private members are relative to the nominal values of rates, so that ranks do not depend on units.
+  Real nominal(std::size_t speed) const { return Real(size_at(scaled_nominals_of(mechanism_), speed, n_)); }
+
   /// A mechanism without kinetic energy needs no memory.
   static constexpr std::size_t known(std::size_t length) { return Weighable<M> ? length : 0; }
   static constexpr std::size_t n = known(static_sizes<M>().speeds), m = known(static_sizes<M>().equations);
@@ -70,7 +74,8 @@ class RestReactions {
 
   Real energy_of(const StateOf<M>& state, const Real* v) {
     Real energy[2]{};
-    if constexpr (Weighable<M>) mechanism_.energy(state.q.data(), v, still_.data(), zero_.data(), energy);
+    for (std::size_t i = 0; i < n_; ++i) speeds_[i] = nominal(i) * v[i];
+    if constexpr (Weighable<M>) mechanism_.energy(state.q.data(), speeds_.data(), still_.data(), zero_.data(), energy);
     return energy[0];
   }
 
@@ -110,7 +115,7 @@ class RestReactions {
     mechanism_.constraint_residual(state.q.data(), still_.data(), residual_.data(), at_rest_.data());
     std::fill(sum_.begin(), sum_.end(), Real(0));
     for (std::size_t j = 0; j < n_; ++j) {
-      sum_[j] = Real(1);
+      sum_[j] = nominal(j);
       mechanism_.constraint_residual(state.q.data(), sum_.data(), residual_.data(), rate_.data());
       sum_[j] = Real(0);
       for (std::size_t i = 0; i < m_; ++i) jacobian_[j * m_ + i] = rate_[i] - at_rest_[i];
@@ -162,7 +167,7 @@ class RestReactions {
     for (std::size_t i = 0; i < n_; ++i) {
       if (!is_free(i)) continue;
       const Real size = size_of_row(i);
-      b_[row] = -a[i] / size;
+      b_[row] = -a[i] / (nominal(i) * size);
       for (std::size_t k = 0; k < dofs_; ++k) right_[k * rows + row] = N_[k * n_ + i] / size;
       ++row;
     }
@@ -190,7 +195,7 @@ class RestReactions {
   Array<M, n * (n + m)> right_;
   Array<M, n + m> b_, x_, scratch_, left_, beside_;
   Array<M, n + m, std::size_t> order_;
-  Array<M, n> shift_, sum_, still_;
+  Array<M, n> shift_, sum_, still_, speeds_;
   Array<M, m> zero_;
   Array<M, m * n> jacobian_;
   Array<M, m> residual_, rate_, at_rest_;

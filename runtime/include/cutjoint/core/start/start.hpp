@@ -33,6 +33,7 @@ void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, S
   using Instances = Selection<Real>;
   using std::abs;
   mechanism.begin_step(state.t, motion);
+  const std::span<const double> nominals = scaled_nominals_of(mechanism);
   typename Instances::Mask open = Instances::all_if(true);
   Real last(0);
   for (int iteration = 0; iteration < (correction.empty() ? 1 : 200) && Instances::any(open); ++iteration) {
@@ -40,8 +41,9 @@ void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, S
     for (std::size_t i = 0; i < correction.size(); ++i) Instances::take(open, state.lambda[i] + correction[i], state.lambda[i]);
     Real change(0), size(1);
     for (std::size_t i = 0; i < next.size(); ++i) {
-      change = larger(change, abs(next[i] - state.vdot[i]));
-      size = larger(size, abs(next[i]));
+      const Real nominal(size_at(nominals, i, next.size()));
+      change = larger(change, abs(next[i] - state.vdot[i]) / nominal);
+      size = larger(size, abs(next[i]) / nominal);
     }
     Instances::take_all(open, next, state.vdot);
     if (iteration > 1) open = Instances::without(open, change <= where(change < last, Real(1e-12), Real(1e-6)) * size);
@@ -51,6 +53,7 @@ void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, S
 
 /// Finds starts of a mechanism. A `prescribed` velocity (given by the user) does not change, nor does its coordinate. The constructor
 /// allocates all memory, except neighbouring states of mechanisms that evaluate several at once (`states_at_once`).
+/// Displacements and accelerations in private members are relative to the nominal values of rates (m, m/s2), violations and lengths to the arm.
 template <Mechanism M>
 class Starter {
  public:
@@ -67,13 +70,13 @@ class Starter {
   Fault assemble(StateOf<M>& state, const SpeedFlags<M>& prescribed, Real motion) {
     mechanism_.begin_step(state.t, motion);
     find_residual(state);
-    for (int iteration = 0; iteration < 50 && largest(phi_) > closed(); ++iteration) {
+    for (int iteration = 0; iteration < 50 && largest(phi_) > Real(1e-14) * arm(); ++iteration) {
       find_jacobian(state, prescribed);
       least_norm(m_, phi_.data());
-      move(state, step_.data(), -std::min(Real(1), Real(0.5) / std::max(largest(step_), Real(1e-30))));
+      move(state, step_.data(), -part_of_step(0.5));
       find_residual(state);
     }
-    if (!(largest(phi_) <= Real(1e-9))) return open_loop(Cause::no_assembly, state, phi_);
+    if (!(largest(phi_) <= Real(1e-9) * arm())) return open_loop(Cause::no_assembly, state, phi_);
     return {};
   }
 
@@ -102,9 +105,9 @@ class Starter {
     find_residual(state);
     const Real violation = largest(phid_);
     least_norm(m_, phid_.data());
-    for (std::size_t i = 0; i < n_; ++i) state.v[i] -= step_[i];
+    for (std::size_t i = 0; i < n_; ++i) state.v[i] -= nominal(i) * step_[i];
     find_residual(state);
-    if (!(largest(phid_) <= Real(1e-9) * (Real(1) + violation))) return open_loop(Cause::speeds_inconsistent, state, phid_);
+    if (!(largest(phid_) <= Real(1e-9) * (Real(std::sqrt(arm_of(mechanism_))) + violation))) return open_loop(Cause::speeds_inconsistent, state, phid_);
     return {};
   }
 
@@ -139,7 +142,7 @@ class Starter {
     if (!fault && !is_loaded(state, prescribed)) return {};
     const bool holds = std::any_of(prescribed.begin(), prescribed.end(), [](unsigned char given) { return given; });
     if constexpr (!Weighable<M>)
-      if (holds) return fault ? fault : not_at_rest(state.vdot.data(), n_);
+      if (holds) return fault ? fault : not_at_rest_in(state);
     if (holds) {
       has_reactions_ = true;
       state = begun;
@@ -173,6 +176,8 @@ class Starter {
   /// The Jacobian of the constraints with respect to velocities, (equations, speeds), by columns; `begin_step` has been called for the state's time.
   const Real* jacobian(const StateOf<M>& state) {
     find_jacobian(state, SpeedFlags<M>(n_));
+    for (std::size_t j = 0; j < n_; ++j)
+      for (std::size_t i = 0; i < m_; ++i) matrix_[j * m_ + i] /= nominal(j);
     return matrix_.data();
   }
 
@@ -210,9 +215,14 @@ class Starter {
 
   static constexpr std::size_t n = static_sizes<M>().speeds, m = static_sizes<M>().equations;
 
-  static constexpr Real closed() { return Real(1e-14); }
+  Real arm() const { return Real(arm_of(mechanism_)); }
+  /// That of a rate; a first-order state moves by its nominal value as a length by the arm.
+  Real nominal(std::size_t speed) const { return Real(size_at(scaled_nominals_of(mechanism_), speed, n_)) / (speed < sizes_.joint_speeds() ? Real(1) : arm()); }
 
-  /// Accelerations (m/s^2, rad/s^2) that count as zero: the effect of rounding of coordinates of size 1 with stiff contacts.
+  /// The part of step_ that moves by a length relative to the arm at most.
+  Real part_of_step(double most) const { return std::min(Real(1), Real(most) * arm() / std::max(largest(step_), Real(1e-30))); }
+
+  /// Accelerations (m/s^2) that count as zero: the effect of rounding of coordinates of size 1 with stiff contacts.
   Real rest_tolerance() const { return std::max(Real(1e-6), rounding_); }
 
   static Real size_of(const Real* x, std::size_t length) { return largest(std::span<const Real>(x, length)); }
@@ -227,13 +237,13 @@ class Starter {
 
   void find_residual(const StateOf<M>& state) { mechanism_.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data()); }
 
-  /// The Jacobian of the residual with respect to velocities, (equations, speeds), zero for prescribed columns; exact, since the rate is linear. phi_ is then the residual.
+  /// The Jacobian of the residual with respect to relative velocities, (equations, speeds), zero for prescribed columns; exact, since the rate is linear. phi_ is then the residual.
   void find_jacobian(const StateOf<M>& state, const SpeedFlags<M>& prescribed) {
     if (m_ == 0) return;
     std::fill(step_.begin(), step_.end(), Real(0));
     mechanism_.constraint_residual(state.q.data(), step_.data(), phi_.data(), still_.data());
     for (std::size_t j = 0; j < n_; ++j) {
-      step_[j] = Real(1);
+      step_[j] = nominal(j);
       mechanism_.constraint_residual(state.q.data(), step_.data(), phi_.data(), phid_.data());
       step_[j] = Real(0);
       for (std::size_t i = 0; i < m_; ++i) matrix_[j * m_ + i] = prescribed[j] ? Real(0) : phid_[i] - still_[i];
@@ -261,24 +271,25 @@ class Starter {
   }
 
   void move(StateOf<M>& state, const Real* step, Real factor) {
-    for (std::size_t i = 0; i < n_; ++i) scratch_[i] = factor * step[i];
+    for (std::size_t i = 0; i < n_; ++i) scratch_[i] = factor * (nominal(i) * step[i]);
     for (std::size_t i = sizes_.joint_speeds(); i < n_; ++i) state.v[i] += scratch_[i];
     from_ = state.q;
     retract<Real>(charts_of(mechanism_), from_.data(), scratch_.data(), state.q.data());
   }
 
-  /// Accelerations at rest that are not prescribed, then loop violations times (10 1/s)^2. `same_pose`: the state has the pose of the last call.
+  /// Accelerations at rest that are not prescribed, then loop violations times (10 1/s)^2 for an arm of 1 m. `same_pose`: the state has the pose of the last call.
   void rest_residual(const StateOf<M>& state, const SpeedFlags<M>& prescribed, Real* a, bool same_pose = false) {
     for (std::size_t i = 0; i < n_; ++i) a[i] = prescribed[i] && !has_reactions_ ? Real(0) : state.vdot[i];
     if (has_reactions_) reactions_.constrain(state, prescribed, a, same_pose);
+    for (std::size_t i = 0; i < n_; ++i) a[i] /= nominal(i);
     if (loop_rows_ > 0) find_residual(state);
-    for (std::size_t i = 0; i < loop_rows_; ++i) a[n_ + i] = Real(100) * phi_[i];
+    for (std::size_t i = 0; i < loop_rows_; ++i) a[n_ + i] = Real(100) / arm() * phi_[i];
   }
 
   /// Derivative of the accelerations at rest with respect to q, by central differences, zero for prescribed columns.
   void find_stiffness(const StateOf<M>& state, const SpeedFlags<M>& prescribed) {
     const std::size_t rows = n_ + loop_rows_;
-    const Real h = difference_;
+    const Real h = difference_ * arm();
     const auto put = [&](std::size_t j, const StateOf<M>& forward, const StateOf<M>& backward) {
       Real* column = matrix_.data() + j * rows;
       rest_residual(backward, prescribed, next_.data(), j > sizes_.joint_speeds());
@@ -312,7 +323,7 @@ class Starter {
         put(j, probe_, other_);
       }
     }
-    rounding_ = 4 * std::numeric_limits<Real>::epsilon() * size_of(matrix_.data(), rows * n_);
+    rounding_ = 4 * std::numeric_limits<Real>::epsilon() * arm() * size_of(matrix_.data(), rows * n_);
   }
 
   template <std::size_t number>
@@ -341,7 +352,7 @@ class Starter {
       std::copy(a_.begin(), a_.end(), right_.begin());
       least_norm(rows, right_.data());
       const StateOf<M>& start = other_ = state;
-      Real fraction = std::min(Real(1), Real(0.1) / std::max(largest(step_), Real(1e-30)));
+      Real fraction = part_of_step(0.1);
       for (int halving = 0; halving < 12; ++halving, fraction /= 2) {
         state = start;
         move(state, step_.data(), -fraction);
@@ -367,8 +378,8 @@ class Starter {
     std::fill_n(state.v.begin(), sizes_.joint_speeds(), Real(0));
     accelerate(state, Real(0));
     rest_residual(state, prescribed, a_.data());
-    Real size = size_of(a_.data(), rows), length = Real(0.01) / std::max(size, rest_tolerance());
-    for (int iteration = 0; iteration < 100 && size > rest_tolerance() && length < Real(1000); ++iteration) {
+    Real size = size_of(a_.data(), rows), length = Real(0.01) * arm() / std::max(size, rest_tolerance());
+    for (int iteration = 0; iteration < 100 && size > rest_tolerance() && length < Real(1000) * arm(); ++iteration) {
       find_stiffness(state, prescribed);
       for (std::size_t i = 0; i < n_; ++i)
         if (!prescribed[i]) matrix_[i * rows + i] -= 1 / length;
@@ -384,11 +395,11 @@ class Starter {
     return true;
   }
 
-  /// Move against `step_`, by 0.1 at most. If a contact then pushes back harder than the step was driven, stop where the force along it has
+  /// Move against `step_`, by a tenth of the arm at most. If a contact then pushes back harder than the step was driven, stop where the force along it has
   /// fallen to a tenth, located by secants and bisection.
   void find_descent(StateOf<M>& state, const SpeedFlags<M>& prescribed) {
     using std::abs;
-    Real fraction = std::min(Real(1), Real(0.1) / std::max(largest(step_), Real(1e-30))), low(0), high = fraction;
+    Real fraction = part_of_step(0.1), low(0), high = fraction;
     const StateOf<M> start = state;
     const Real begun = driven_by(a_.data());
     Real at_low = begun, at_high(0);
@@ -430,15 +441,21 @@ class Starter {
   bool is_loaded(const StateOf<M>& state, const SpeedFlags<M>& prescribed) const {
     using std::abs;
     for (std::size_t i = 0; i < n_; ++i)
-      if (prescribed[i] && !(abs(state.vdot[i]) <= rest_tolerance())) return true;
+      if (prescribed[i] && !(abs(state.vdot[i]) <= rest_tolerance() * nominal(i))) return true;
     return false;
+  }
+
+  Fault not_at_rest_in(const StateOf<M>& state) {
+    for (std::size_t i = 0; i < n_; ++i) a_[i] = state.vdot[i] / nominal(i);
+    return not_at_rest(a_.data(), n_);
   }
 
   Fault not_at_rest(const Real* a, std::size_t length) const {
     const std::size_t worst = index_of_largest(a, length);
     const bool open = worst >= n_;
+    const Real unit = open ? Real(1) : nominal(worst);
     return {.cause = Cause::no_equilibrium, .list = open ? FaultList::equations : FaultList::speeds,
-            .index = static_cast<int>(open ? worst - n_ : worst), .t = 0, .value = static_cast<double>(size_of(a, length))};
+            .index = static_cast<int>(open ? worst - n_ : worst), .t = 0, .value = static_cast<double>(unit * size_of(a, length))};
   }
 
   Fault open_loop(Cause cause, const StateOf<M>& state, const Equations<M>& violation) const {
@@ -462,7 +479,7 @@ class Starter {
   RestReactions<M> reactions_;
   bool has_reactions_ = false;
   Real rounding_{0};  ///< of accelerations, by their derivatives
-  Real difference_{1e-5};      ///< length of differences: shorter than the deflection of a stiff contact
+  Real difference_{1e-5};      ///< length of differences relative to the arm: shorter than the deflection of a stiff contact
   bool patient_ = false;  ///< whether the search continues while its residual does not fall
 };
 

@@ -36,7 +36,7 @@ class ExplicitSteps : public stepping::SteppedIntegrator<ExplicitSteps<M, Table>
       : stepping::SteppedIntegrator<ExplicitSteps, M>(mechanism, settings),
         dynamics_(mechanism, {indicators_of(mechanism, settings.events), roads}, runge_kutta::tolerance_of_multipliers<Table>(Real(settings.tolerance)),
                   multipliers(settings.stabilisation.closure)),
-        stepper_(dynamics_, {Real(settings.tolerance), Real(settings.absolute_tolerance), nominals_of_states(mechanism)}, Real(settings.end)) {}
+        stepper_(dynamics_, stepping::Tolerances<Real>::of_steps(mechanism, settings.tolerance, settings.absolute_tolerance), Real(settings.end)) {}
 
   /// Loops are projected, not drawn together; a penalty that the run is given comes before those of the start.
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>& penalties) {

@@ -52,7 +52,7 @@ class ImplicitScheme {
     for (std::size_t i = 0; i < present().v.size(); ++i) {
       const Real usual = tolerances_.size(i, present().v.size());
       const Real size = usual + abs(present().v[i]), allowed = tolerances_.of(abs(present().v[i]), i, present().v.size()) / size;
-      h = std::min(h, pow(allowed, Real(0.25)) * size / (usual + abs(present().vdot[i])));
+      h = std::min(h, pow(allowed, Real(0.25)) * size / (usual / tolerances_.time() + abs(present().vdot[i])));
     }
     return h;
   }

@@ -30,7 +30,7 @@ class RadauSteps : public stepping::SteppedIntegrator<RadauSteps<M, S, of_own_le
   RadauSteps(S& system, const Settings& settings, const Road<Real>* roads)
       : stepping::SteppedIntegrator<RadauSteps, S>(system, settings), solver_(solver_for<Solver>(system, settings)), other_(solver_for<Solver>(system, settings)),
         stages_(system, solver_, other_, indicators_of(system, settings.events), roads),
-        stepper_(stages_, {Real(settings.tolerance), Real(settings.absolute_tolerance), nominals_of_states(system)}, Real(settings.end), adaptive), y_(stages_.size()), row_(design_state(system)) {}
+        stepper_(stages_, stepping::Tolerances<Real>::of_steps(system, settings.tolerance, settings.absolute_tolerance), Real(settings.end), adaptive), y_(stages_.size()), row_(design_state(system)) {}
 
   /// Loops are closed by projection, without stabilisation.
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) {

@@ -6,18 +6,24 @@
 #include <cstddef>
 #include <span>
 
+#include "cutjoint/core/mechanism/mechanism.hpp"
+#include "cutjoint/core/numbers/largest.hpp"
+
 namespace cutjoint::stepping {
 
-/// The largest error of a value: `absolute` and a share `relative` of the value itself.  The last values of a row are states, which have `nominals`: usual sizes,
-/// by which `absolute` is multiplied.
+/// The largest error of a value: `absolute` times the nominal value, and a share `relative` of the value itself.  Values are places of a row (q, v) or v.
+/// Nominal values are 1 in SI units but for first-order states; if the `arm` is not 1, they are arm (m), sqrt(arm) (m/s) and 1/sqrt(arm) (rad/s).
 template <class Real>
 struct Tolerances {
   Real relative{0}, absolute{0};
-  std::span<const double> nominals{};
+  std::span<const double> nominals{};  ///< `nominals_of`
+  double arm = 1.0;
+  std::size_t states = 0;
+  std::span<const Chart> charts{};
 
-  Real of(Real value) const {
-    using std::abs;
-    return absolute + relative * abs(value);
+  template <class M>
+  static Tolerances of_steps(const M& subject, double relative, double absolute) {
+    return {Real(relative), Real(absolute), nominals_of(subject), arm_of(subject), number_of_states(subject), charts_of(subject)};
   }
 
   /// That of a value at a place of a row.
@@ -26,9 +32,23 @@ struct Tolerances {
     return absolute * size(i, length) + relative * abs(value);
   }
 
-  Real size(std::size_t i, std::size_t length) const { return length - i <= nominals.size() ? Real(nominals[nominals.size() - (length - i)]) : Real(1); }
+  Real size(std::size_t i, std::size_t length) const {
+    if (arm == 1.0 || length - i <= states) return Real(size_at(nominals, i, length));
+    if (length - i <= nominals.size()) return time() * Real(size_at(nominals, i, length));
+    const auto after = std::upper_bound(charts.begin(), charts.end(), static_cast<int>(i), [](int place, const Chart& chart) { return place < chart.q; });
+    const Chart& chart = *(after - 1);
+    const int scalar = static_cast<int>(i) - chart.q;
+    return scalar < chart.scalars ? Real(arm * nominals[static_cast<std::size_t>(chart.v + scalar)]) : Real(1);
+  }
 
-  Tolerances part(Real share) const { return {share * relative, share * absolute, nominals}; }
+  /// That of falling the arm's length at 1 m/s2.
+  Real time() const { return Real(std::sqrt(arm)); }
+
+  Tolerances part(Real share) const {
+    Tolerances part = *this;
+    part.relative *= share, part.absolute *= share;
+    return part;
+  }
 };
 
 /// A proportional-integral controller.  Source: Hairer, Wanner, Solving Ordinary Differential Equations II (1996), section IV.2.
