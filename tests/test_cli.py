@@ -177,6 +177,7 @@ def test_equilibrium_says_which_forces_hold_positions(tmp_path: Path) -> None:
     assert "locked at the start by: hinge.angle -7.81 N*m, released" in call("equilibrium", path).output
     path.write_text(text.replace("angle: 0}", "angle: 0}, near: [hinge.angle]"))
     assert "held at" not in call("equilibrium", path).output
+    assert "stable: no small disturbance of the static equilibrium grows\n" in call("equilibrium", path, "--stability").output
     path.write_text(text.replace("-9.81", "0"))
     assert "held at" not in call("equilibrium", path).output
 

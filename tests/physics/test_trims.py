@@ -11,11 +11,11 @@ from click.testing import CliRunner
 from numpy.typing import NDArray
 from scipy.optimize import fsolve
 
-from cutjoint import find_equilibrium, find_modes, find_trim, read_model_text
+from cutjoint import find_equilibrium, find_initial_state, find_modes, find_trim, read_model_text
 from cutjoint.analysis.trim_equations import TrimEquations
 from cutjoint.cli import main
 from cutjoint.model.errors import ModelError
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import formulated_start, make_trim_problem, require_same_start, trimmed
 from cutjoint.run.simulation import simulate
@@ -415,3 +415,62 @@ def test_a_frozen_start_has_no_derivatives() -> None:
 def test_scenes_without_a_trim() -> None:
     with pytest.raises(RunError, match="scene 'held' has no 'trim'; write one, or use find_equilibrium"):
         find_trim(read_model_text(MOTOR.replace(", trim: {find: [voltage, current]}", ""), "m.yaml"))
+
+
+FOUR_BAR = """
+cutjoint: 1
+name: bars
+gravity: [0, 0, -9.81]
+parameters: {wish: {value: 2, unit: m, binding: param}}
+points: {A: [0, 0, 0], B: [0, 0, 0.3], C: [0.8, 0, 0.6], D: [0.7, 0, 0]}
+bodies:
+  crank: {mass: 1, centre_of_mass: B, inertia: [0.01, 0.01, 0.01]}
+  coupler: {mass: 1, centre_of_mass: C, inertia: [0.01, 0.01, 0.01]}
+  rocker: {mass: 1, centre_of_mass: {midpoint: [C, D]}, inertia: [0.01, 0.01, 0.01]}
+joints:
+  a: {kind: revolute, bodies: [ground, crank], at: A, axis: y}
+  b: {kind: revolute, bodies: [crank, coupler], at: B, axis: y}
+  c: {kind: revolute, bodies: [coupler, rocker], at: C, axis: y, cut: true}
+  d: {kind: revolute, bodies: [rocker, ground], at: D, axis: y}
+scenes:
+  s: {end: 1, SCENE}
+"""
+
+
+def four_bar_by_hand(crank: float) -> tuple[float, float]:
+    """The rocker's angle of the joint d, and the height of C, by the intersection of two circles."""
+    B, D = 0.3 * np.array([np.sin(crank), np.cos(crank)]), np.array([0.7, 0.0])
+    coupler, rocker, along = np.hypot(0.8, 0.3), np.hypot(0.1, 0.6), D - B
+    length = np.linalg.norm(along)
+    part = (coupler**2 - rocker**2 + length**2) / (2 * length)
+    C = B + part * along / length + np.sqrt(coupler**2 - part**2) * np.array([-along[1], along[0]]) / length
+    return float(np.arctan2(0.1, 0.6) - np.arctan2(*(C - D))), float(C[1])
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        ("positions: {a.angle: 20 deg, b.angle: 40 deg}", "m.yaml:17:27: scene 's': the loop cannot close from the given coordinates"),
+        ("positions: {a.angl: 1}", "m.yaml:17:27: scene 's': positions: the revolute joint 'a' has no 'angl'; did you mean 'angle'?"),
+        ("positions: {c.angle: 1}", "m.yaml:17:27: scene 's': positions: the cut joint 'c' has no 'angle'; a cut joint has no positions"),
+        ("assemble: {coupler.z: 2 m}", f"m.yaml:17:26: scene 's': assemble: no pose that closes the loops was found with these values; the "
+         f"nearest has coupler.z = {np.hypot(0.1, 0.6):.6g} in place of 2 m"),
+        ("positions: {a.angle: 0.2}, assemble: {coupler.z: 0.5 m}", f"the nearest has coupler.z = {four_bar_by_hand(0.2)[1]:.6g} in place "
+         "of 0.5 m; 1 values are wanted, and 0 can be chosen there"),
+        ("assemble: {crank.x: wish}", "in place of 2 m; write others, or fewer"),
+        ("positions: {a.angle: 0.1}, assemble: {2*a.angle: 1}", "m.yaml:17:53: scene 's': assemble: no pose that closes the loops was "
+         "found with these values; the nearest has 2*a.angle = 0.2 in place of 1"),
+        ("trim: {hold: {a.angle: 20 deg, coupler.z: 0.7 m}}", "m.yaml:17:15: scene 's': trim: too few unknowns, or conditions that "
+         "contradict each other: no start meets all conditions; the nearest has 'coupler.z' = "),
+        ("trim: {hold: {a.angle: 20 deg, coupler.z: 0.7 m}}", "; with the others met, 'coupler.z' = "
+         f"{four_bar_by_hand(np.pi / 9)[1]:.6g} m is possible"),
+        ("trim: {hold: {a.angle: 1, d.angle: 1}}", f"; with the others met, 'd.angle' = {four_bar_by_hand(1.0)[0]:.6g} is possible"),
+        ("positions: {a.angle: 1}, trim: {hold: {d.angle: 50 deg}}", f"; with the others met, 'd.angle' = "
+         f"{np.degrees(four_bar_by_hand(1.0)[0]):.6g} deg is possible"),
+        ("trim: {find: [d.angle], bounds: {d.angle: [3, 3.1]}}", "with 'd.angle' = 3.1 at the bound; the nearest has "),
+    ],
+)  # fmt: skip
+def test_wrong_starts_of_a_loop(scene: str, said: str) -> None:
+    with pytest.raises(CutjointError) as error:
+        find_initial_state(read_model_text(FOUR_BAR.replace("SCENE", scene), "m.yaml"))
+    assert said in str(error.value)

@@ -317,6 +317,8 @@ class _Search(TrimEquations):
         at_bounds = [f"'{n}' = {at.y[i] + self._begins.get(n, 0.0):.6g}" for n, i in stopped]
         bound = f", with {join_and(at_bounds)} at the bound" if at_bounds else ""
         nearest = f"no start meets all conditions{bound}; the nearest has {join_and(list(dict.fromkeys(words))[:4])}"
+        if possible := [*self._possible(aims)]:
+            nearest += f"; with the others met, {' or '.join(possible)} is possible"
         A = self._columns(self.evaluated(self.begin))
         rows = int(np.sum(np.abs(A).max(axis=1, initial=0.0) > 0))
         if at_bounds:
@@ -325,6 +327,19 @@ class _Search(TrimEquations):
             remedy = "list unknowns that change them under 'find', rates that may differ from zero under 'unsteady', or remove conditions"
             return f"too few unknowns, or conditions that contradict each other: {nearest}", remedy
         return nearest, "write other values, or begin nearer with 'positions' and 'near'"
+
+    def _possible(self, aims: Any) -> Iterator[str]:
+        """The values of unmet targets to which the other conditions that count lead."""
+        counts, first = self._counts, len(self._forces) - len(self._targets)
+        for i in aims:
+            self._counts = counts & (np.arange(len(counts)) != i)
+            found = self._approach(self.begin)
+            self._counts = counts
+            rows = self._columns(self.evaluated(found.y))
+            ranks = [np.linalg.matrix_rank(rows[of], tol=_SINGULAR) for of in (counts, counts & (np.arange(len(counts)) != i))]
+            if found.worst <= _MET and ranks[0] == ranks[1]:
+                aim, value = self._of._scene.assemble[i - first], self._targets[i - first] + self.residuals(found.y)[i]
+                yield f"'{aim.name}' = {value / aim.size:.6g} {aim.unit}".rstrip()
 
     def _conditions(self, at: Evaluated) -> Iterator[str]:
         """The conditions as text with their residuals."""

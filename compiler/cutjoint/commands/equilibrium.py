@@ -4,16 +4,16 @@ from pathlib import Path
 
 from cutjoint.commands import options, table
 from cutjoint.report.tables import locking_force_facts, trim_facts
-from cutjoint.report.tasks import force_table, pose_table
+from cutjoint.report.tasks import describe_stability, force_table, pose_table
 from cutjoint.run.outputs import require_apart
-from cutjoint.tasks.states import find_scene_equilibrium
+from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes
 from cutjoint.topology.reading import read_model
 from cutjoint.view.states import show_equilibrium
 from cutjoint.view.views import require_view, write_shown
 
 
 @table.command("equilibrium")
-def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], view: Path | None) -> None:
+def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], stability: bool, view: Path | None) -> None:
     """Find the static equilibrium of MODEL, or solve the scene's trim, and print every body's pose and every element's force."""
     require_apart({"the model": model}, documents=[("--view", view)])
     require_view(view, "--view")
@@ -26,6 +26,9 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: t
     options.out.print(force_table(found))
     for name, value in [*locking_force_facts(found.locking_forces), *(trim_facts(found.trim) if found.trim is not None else ())]:
         options.out.print(f"{name}: {value}", markup=False)
+    if stability:
+        with options.progress_bar(f"linearising {model.name}"):
+            options.out.print(describe_stability(find_scene_modes(checked, chosen, parameters=parameters)), markup=False)
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):
             write_shown(view, show_equilibrium(checked, chosen, parameters, found))

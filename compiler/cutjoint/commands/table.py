@@ -259,6 +259,7 @@ OPTIONS: Mapping[str, Row] = {
         "event and its time; modes: eigenvalues near the start."),
     "from_equilibrium": click.option("--from-equilibrium", is_flag=True,
         help="Include the change of the equilibrium in which the scene starts."),
+    "stability": click.option("--stability", is_flag=True, help="Print whether small disturbances grow, from the modes about the state."),
     "check": click.option("--check", is_flag=True, help="Compare with finite differences: four runs for each parameter."),
     "fmi": click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of FMI. Default: 2."),
     "kind": _one_of("--kind", names=_of("cutjoint.export.fmu.description", "KINDS"),

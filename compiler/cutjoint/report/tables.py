@@ -214,7 +214,7 @@ def indeterminate_reactions(columns: Iterable[str]) -> str:
 def locking_force_facts(held: Mapping[str, tuple[float, str]]) -> list[tuple[str, str]]:
     """The forces that lock coordinates at the start and vanish in motion; none if no coordinate is locked."""
     forces = [f"{name} {f'{force / 1e3:.4g} k' if abs(force) >= 1e4 else f'{force:.4g} '}{unit}" for name, (force, unit) in held.items()]
-    return [("locked at the start by", f"{', '.join(forces)}, released at t = 0")] if forces else []
+    return [("locked at the start by", f"{force}, released at t = 0") for force in forces]
 
 
 def trim_facts(found: Trimmed) -> list[tuple[str, str]]:

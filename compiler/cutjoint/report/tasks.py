@@ -158,8 +158,7 @@ _MODE_WORDS = (
 
 def mode_tables(modes: Modes) -> Iterator[Table | str]:
     """Eigenvalues, undamped frequencies, rigid-body modes, and a legend."""
-    moving = "the steady motion" if modes.steady else f"the motion at {modes.time:.6g} s, coefficients frozen"
-    about = "the static equilibrium" if modes.at_rest else moving
+    about = _state(modes)
     if modes.modes:
         yield _table(f"modes about {about}", modes.modes)
     else:
@@ -168,13 +167,28 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
         yield _table("without dampers", modes.undamped, damped=False)
     if modes.zeros:
         yield f"rigid-body modes, with {modes.zeros} eigenvalue{'s' * (modes.zeros != 1)} of zero: {', '.join(modes.rigid_body_modes)}"
-    if modes.growth_rate and (modes.at_rest or modes.steady) and not modes.frozen_controllers:
-        yield f"unstable: small disturbances of {about} grow as exp({modes.growth_rate:.4g} t), t in s"
-    if modes.frozen_controllers:
-        names = join_and([f"'{name}'" for name in modes.frozen_controllers])
-        yield f"{names}: sampled values are held constant: these are not the modes of the sampled loop; a run shows whether it is stable"
+    if modes.frozen_controllers or (modes.growth_rate and (modes.at_rest or modes.steady)):
+        yield describe_stability(modes)
     modes_by_word = {"eigenvalue": modes.modes, "moves": modes.modes, "without dampers": modes.undamped, "rigid-body modes": modes.zeros}
     yield facts("words", [(word, meaning) for word, meaning in _MODE_WORDS if modes_by_word[word]])
+
+
+def _state(modes: Modes) -> str:
+    moving = "the steady motion" if modes.steady else f"the motion at {modes.time:.6g} s, coefficients frozen"
+    return "the static equilibrium" if modes.at_rest else moving
+
+
+def describe_stability(modes: Modes) -> str:
+    """Whether small disturbances grow, or why the modes do not say it."""
+    if modes.frozen_controllers:
+        names = join_and([f"'{name}'" for name in modes.frozen_controllers])
+        return f"{names}: sampled values are held constant: these are not the modes of the sampled loop; a run shows whether it is stable"
+    if not (modes.at_rest or modes.steady):
+        return f"stability not known: modes are about {_state(modes)}; a run shows whether disturbances grow"
+    if modes.growth_rate:
+        return f"unstable: small disturbances of {_state(modes)} grow as exp({modes.growth_rate:.4g} t), t in s"
+    free = f", and none restores {', '.join(modes.rigid_body_modes)}" if modes.rigid_body_modes else ""
+    return f"stable: no small disturbance of {_state(modes)} grows{free}"
 
 
 def _table(title: str, modes: tuple[Mode, ...], *, damped: bool = True) -> Table:
