@@ -67,6 +67,7 @@ class Method:
         tangents: a run can report the Jacobians of its accelerations.
         supports_shaky: it simulates shaky structures, whose loops fix the pose to second order only.
         functions: it supports loop embedding.
+        c99: exports can be C99.
     """
 
     name: str
@@ -83,6 +84,7 @@ class Method:
     tangents: bool = False
     supports_shaky: bool = False
     functions: bool = False
+    c99: bool = False
 
     @property
     def has_system(self) -> bool:
@@ -140,6 +142,7 @@ class Integrator:
         settings: those that it reads besides the method's.
         largest_penalty: bound of a penalty that is not given for the method itself.
         balances_energy: it integrates work and energy too.
+        c99: exports can be C99.
     """
 
     name: str
@@ -159,6 +162,7 @@ class Integrator:
     batch: bool = False
     tangents: bool = False
     balances_energy: bool = True
+    c99: bool = False
 
     def supports(self, method: Method, implementation: Implementation) -> bool:
         """Return whether the integrator supports an implementation of a method."""
@@ -239,6 +243,7 @@ METHODS: Mapping[str, Method] = _catalogue(
     Method(
         name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal", "solved"), events=True,
         alternatives=("recursive-newton",), has_generic=True, fixed_cost=True, batch=True, tangents=True, functions=True,
+        c99=True,
     ),
     Method(
         name="augmented", formulation=Formulation.NATURAL, symmetric=True, alternatives=("recursive-newton",), default_updates=20,
@@ -295,6 +300,7 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
             "recursive-newton": _NEWTON,
         },
         closures=_ALL_CLOSURES, has_generic=True, events=Events.CROSSED, uses_solver=True, fixed_cost=True, batch=True, tangents=True,
+        c99=True,
     ),
     _explicit("rk4", "ClassicalTable", order="4", stages=5, adaptive=False, about="bounded work in a step"),
     _explicit("dormand-prince", "DormandPrinceTable", order="5(4)", stages=7, about="error: the difference of orders 5 and 4"),

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options, table
+from cutjoint.compile.c99 import make_c99
 from cutjoint.compile.c_export import describe_frozen, freeze_start_parameters, make_standalone, needs_load_events
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import tunable_parameters
@@ -26,20 +27,33 @@ from cutjoint.topology.reading import read_model
 #: The target whose product is a module for browsers and other hosts of WebAssembly.
 WASM = "wasm"
 
+#: The language of exports for controllers.
+C99 = "c99"
+
 
 @table.command("compile")
 def command(
     model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, adjoint: bool, poses: bool,
     external_wrenches: tuple[str, ...], terrain: tuple[str, ...], tunable: tuple[str, ...], functions: Path | None, hosted: bool,
     target: str,
-    reproducible: bool,
+    reproducible: bool, language: str, iterations: int | None,
 ) -> None:  # fmt: skip
-    """Generate and compile the C++ of MODEL for one scene."""
+    """Generate and compile the C++ of MODEL for one scene, or write it as C99."""
+    if language == C99:
+        others = {"linearise": linearise, "adjoint": adjoint, "poses": poses, "host-functions": hosted, "target wasm": target == WASM}
+        if unfit := [name for name, given in others.items() if given]:
+            raise click.UsageError(f"--{unfit[0]} does not apply to --language {C99}, which has steps and outputs alone")
+    elif iterations is not None:
+        raise click.UsageError(f"--iterations is for --language {C99}: exports in C++ have the call NAME_set_iterations")
     if hosted and functions is not None:
         raise click.UsageError("--functions and --host-functions exclude each other: the code is compiled in or left to the host")
     with options.progress_bar(f"compiling {model.name}"):
         read = read_model(model, tunable=tunable, functions=functions)
         read = leave_to_host(read) if hosted else read
+        if language == C99:
+            stepped = with_inputs(read, external_wrenches=external_wrenches, terrain=terrain)
+            options.out.print(_write_c99(stepped, scene, method, out, integrator, iterations), markup=False)
+            return
         if target == WASM:
             stepped = with_inputs(read, external_wrenches=external_wrenches, terrain=terrain)
             said = _write_module(stepped, scene, method, out, integrator, linearise=linearise, adjoint=adjoint, poses=poses)
@@ -76,6 +90,15 @@ def _write_module(
     made = standalone.build_module()
     write_files(folder, {**files, module: made})
     return f"{module}, {len(made) / 1000:.0f} kB, with its calls in JavaScript ({standalone.name}.mjs) in {folder}"
+
+
+def _write_c99(model: Model, scene: str | None, method: str, folder: Path, integrator: str | None, iterations: int | None) -> str:
+    """Write the C99 code; what was written, in words."""
+    case, found = find_case(model, scene)
+    made = make_c99(case, with_default_closure(found, method, integrator), method=method, integrator=integrator, iterations=iterations)
+    require_apart({"the model": Path(model.span.file)}, documents=[(f"--out {folder}: file", folder / name) for name in made.files])
+    write_files(folder, made.files)
+    return f"{made.operations} operations an evaluation; {made.name}.h and {made.name}.c in {folder}; README.md says how to compile them"
 
 
 def _sizes(artifact: Artifact, folder: Path) -> str:

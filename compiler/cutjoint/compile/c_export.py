@@ -155,15 +155,15 @@ class Standalone:
     def files(self) -> Mapping[str, str]:
         """The files of the folder by name."""
         libm = mathematics() if self.reproducible else None
-        return emit_standalone(self.parts, self._defaults, self.digest, libm=libm, lays_roads=self.lays_roads)
+        return emit_standalone(self.parts, self.defaults, self.digest, libm=libm, lays_roads=self.lays_roads)
 
     @cached_property
     def library(self) -> Source:
         """The source of the shared library with the same interface."""
-        return emit_library(self.parts, self._defaults, self.digest, self.code)
+        return emit_library(self.parts, self.defaults, self.digest, self.code)
 
     @property
-    def _defaults(self) -> Defaults:
+    def defaults(self) -> Defaults:
         """The part of the run file that generated code begins with."""
         file, settings, held = self.run_file, self.run_file.settings, self.run_file.settings.stabilisation
         return Defaults(

@@ -274,12 +274,12 @@ def _class(
     viewer = Viewer(program, equations, conditions)
     names = [f.name for f in equations.functions if f.name not in unused]
     views = {viewer.load_name: viewer.load(), viewer.step_name: viewer.step(), **{name: viewer.function(name) for name in names}}
-    records, lane_types = _records(viewer), viewer.lane_types()
+    records, lane_types = records_of(viewer), viewer.lane_types()
     roads = [{"name": name, "index": i} for i, name in enumerate(road_names(equations.roads).values())]
     supplied = [text for f in equations.topology.model.functions for text in signatures_of(f).values()]
     text = page.render(
         "class.hpp.jinja", summary=f"Model {page.stem}, formulation {formulation}.", conditions=conditions, is_factorised=bool(needs),
-        functions=[{"about": _about(name, program), "declaration": view.declaration} for name, view in views.items()],
+        functions=[{"about": describe_function(name, program), "declaration": view.declaration} for name, view in views.items()],
         arrays=_arrays(equations), records=records, lane_types=lane_types, roads=roads, input_values=equations.input_values,
         supplied=supplied, fits=_fits(program, equations),
         has_members=bool(records or lane_types or roads or equations.input_values),
@@ -341,7 +341,7 @@ def _fits(program: Program, equations: Equations) -> dict[str, object] | None:
     }  # fmt: skip
 
 
-def _records(viewer: Viewer) -> list[dict[str, object]]:
+def records_of(viewer: Viewer) -> list[dict[str, object]]:
     """The records of stored values."""
     stages = ((BindingTime.PARAM, "Loaded", "loaded_", "parameters alone"), (BindingTime.STEP, "Step", "step_", "time and inputs"))
     return [
@@ -351,7 +351,7 @@ def _records(viewer: Viewer) -> list[dict[str, object]]:
     ]  # fmt: skip
 
 
-def _about(name: str, program: Program) -> str:
+def describe_function(name: str, program: Program) -> str:
     """The comment of a function."""
     if name.startswith(CLOSE):
         return f"Residual of a block of loops, and its derivatives by q and by each function.  {program.operations(name)} operations."

@@ -1,8 +1,9 @@
-"""Scalars -> C++ expressions and statements."""
+"""Scalars -> C++ or C expressions and statements."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
+from math import copysign, isfinite
+from types import MappingProxyType
 
 from cutjoint.model.expressions.functions import PREFIX
 from cutjoint.ops import CONDITIONS, OPERATIONS, fact
@@ -14,6 +15,20 @@ _SUM, _PRODUCT, _UNARY, _ATOM = 1, 2, 3, 4
 
 #: An expression longer than this gets a name of its own.
 LONGEST = 180
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dialect:
+    """How a language writes constants, members of a class (by record and name), and functions that it calls by other names."""
+
+    constant: str = "Real({})"
+    negative: str = "Real({})"
+    member: str = "{}_.{}"
+    functions: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+
+CPP = Dialect()
+C99 = Dialect(constant="{}", negative="({})", member="self->{}.{}", functions=MappingProxyType({"abs": "fabs", "where": "choose"}))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +49,8 @@ class Printer:
     ``prefixes`` begin the names of a section's shared scalars, ``used_names`` are names that they must not take;
     ``roads`` names the roads of tyres.  ``conditions`` is the type of conditions without lanes: "bool", or "Mask" where a real may be
     that of several instances.  ``elements`` are the places of those that arrays keep, besides their names if they have some.  ``stores``
-    are places of results, and the scalars that go there, which are stored where the scalar without its sign is found.
+    are places of results, and the scalars that go there, which are stored where the scalar without its sign is found.  A ``dialect``
+    other than that of C++ has no lanes.
     """
 
     graph: Graph
@@ -46,6 +62,7 @@ class Printer:
     conditions: str = "bool"
     elements: Mapping[int, str] = field(default_factory=dict)
     stores: Mapping[int, Sequence[tuple[str, int]]] = field(default_factory=dict)
+    dialect: Dialect = CPP
     _texts: dict[int, tuple[str, int]] = field(default_factory=dict)
     _counters: dict[str, int] = field(default_factory=dict)
     _calls: dict[str, str] = field(default_factory=dict)  # names of the results of functions that have several, by their calls
@@ -119,7 +136,7 @@ class Printer:
             return self.known[n], _ATOM
         node = self.graph.nodes[n]
         if node.op == "const":
-            return real(node.data), _ATOM
+            return real(node.data, self.dialect), _ATOM
         if node.op == "lane_const":
             assert isinstance(node.data, tuple)
             return f"{lanes_type(node.lanes)}{{{', '.join(map(real, node.data))}}}", _ATOM
@@ -167,7 +184,7 @@ class Printer:
             condition = self.text(a[0], _ATOM)
             return f"(!{condition})" if self.conditions == "bool" else f"({condition} == {self.conditions}())"
         assert node.op == "where" or fact(node.op, "standard")
-        return f"{node.op}({arguments})"
+        return f"{self.dialect.functions.get(node.op, node.op)}({arguments})"
 
     def _call_in_lanes(self, n: int) -> str:
         """A call whose uniform arguments are spread over the lanes."""
@@ -210,11 +227,11 @@ def _supplied(call: SuppliedCall, kind: str, arguments: str) -> str:
     return f"{verb}<{kind}{sizes}>({', '.join([PREFIX + call.name, *by, f'{{{arguments}}}'])})"
 
 
-def real(value: object) -> str:
+def real(value: object, dialect: Dialect = CPP) -> str:
     """A constant, by the fewest digits that determine it.  Folding lets no other than finite ones come here."""
     assert isinstance(value, float)
     assert isfinite(value)
-    return f"Real({value!r})"
+    return (dialect.negative if copysign(1.0, value) < 0 else dialect.constant).format(repr(value))
 
 
 def kept_type(node: Scalar, conditions: str) -> str:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from cutjoint.emit.loops import LoopText, index, read_by_loops, write_loops
 from cutjoint.emit.names import MACROS, common_name, identifier, name_scalars, road_names, unique
-from cutjoint.emit.printer import Printer, Statement, kept_type, lanes_type
+from cutjoint.emit.printer import CPP, Dialect, Printer, Statement, kept_type, lanes_type
 from cutjoint.formulate.inputs import DISCRETE_STATES, INPUTS, LAW_TIME, LAW_VALUES
 from cutjoint.formulate.records import Equations
 from cutjoint.ops import STANDARD
@@ -74,8 +74,9 @@ _MEMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
 class Viewer:
     """Makes the views of one program; ``conditions`` is the type of those without lanes."""
 
-    def __init__(self, program: Program, equations: Equations, conditions: str = "bool") -> None:
+    def __init__(self, program: Program, equations: Equations, conditions: str = "bool", dialect: Dialect = CPP) -> None:
         self._program = program
+        self._dialect = dialect
         self._conditions = conditions
         self._equations = equations
         self._names = name_scalars(program)
@@ -154,7 +155,7 @@ class Viewer:
 
     def _member(self, n: int) -> str:
         loaded = self._program.graph.nodes[n].binding is BindingTime.PARAM
-        return f"{'loaded' if loaded else 'step'}_.{self._stored[n]}"
+        return self._dialect.member.format("loaded" if loaded else "step", self._stored[n])
 
     def load(self) -> FunctionView:
         """The stage of parameters."""
@@ -253,7 +254,7 @@ class Viewer:
         prefixes = [_prefix(s) for s in sections]
         return Printer(
             graph=graph, names=names, known=known, prefixes=prefixes, used_names=frozenset(used_names), roads=self._roads,
-            conditions=self._conditions, elements=elements,
+            conditions=self._conditions, elements=elements, dialect=self._dialect,
         )  # fmt: skip
 
     def _used_names(self) -> set[str]:

@@ -1,0 +1,142 @@
+"""A mechanism as C99 for controllers: what it cannot be, and its start, which the C++ export finds."""
+
+import ctypes
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from cutjoint.compile.c_export import Standalone, choose_steps, freeze_start_parameters, make_standalone
+from cutjoint.compile.pipeline import generate
+from cutjoint.emit.c99 import ITERATIONS, MOST_ITERATIONS, Start, emit_c99
+from cutjoint.formulate.events import guides_jump
+from cutjoint.formulate.inputs import guided_by, input_parameters
+from cutjoint.methods import INTEGRATORS, METHODS, Events, join_or, names_of
+from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
+from cutjoint.run.settings import require_settings
+from cutjoint.toolchain.wasm import build_twin, mathematics
+
+#: The function by which the library of a C export shows the penalties of its cut joints.
+_PENALTIES = 'extern "C" const double* {p}_penalties({p}_sim* sim) {{ return sim->sim.penalties().data(); }}\n'
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Refusal:
+    """What C99 code has not: the kind of element, those of a model in a scene, and the remedy."""
+
+    kind: str
+    found: Callable[[Model, Scene], Iterable[Any]]
+    remedy: str
+
+
+_REFUSED = (
+    _Refusal(kind="controller", found=lambda m, s: m.controllers,
+        remedy="make its values inputs, and compute them in your program between steps"),
+    _Refusal(kind="state", found=lambda m, s: m.states, remedy="make its value an input, and integrate it in your program"),
+    _Refusal(kind="function", found=lambda m, s: m.functions, remedy="write it as an expression or a table"),
+    _Refusal(kind="tyre", found=lambda m, s: [f for f in m.forces if f.has_road], remedy="apply its force as inputs (--external-wrench)"),
+    _Refusal(kind="omitted force", found=lambda m, s: m.guards, remedy="compile the full model"),
+    _Refusal(kind="input of a guide", found=lambda m, s: [p for p in input_parameters(m) if guided_by(m, p)],
+        remedy="give the scene its motion as a function of t"),
+    _Refusal(kind="guide that may jump", found=lambda m, s: [j for j in m.joints if j.guide] if guides_jump(m, s) else [],
+        remedy="write its motion without piecewise formulas, abs and sign"),
+    _Refusal(kind="scene with located events", found=lambda m, s: [s] if s.numerics.events == Events.LOCATED else [],
+        remedy="set events: crossed"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class C99Export:
+    """The ``files`` by name, and the operations of an evaluation."""
+
+    name: str
+    files: Mapping[str, str]
+    operations: int
+
+
+def make_c99(model: Model, scene: Scene, *, method: str, integrator: str | None = None, iterations: int | None = None) -> C99Export:
+    """The C99 code of a model in a scene.
+
+    Raises:
+        RunError: the method, the integrator or an element of the model has no C99, or the start fails; others as of `compile_scene`.
+        ToolchainError: there is no C++ compiler, which the start needs.
+    """
+    require_c99(model, scene, method, integrator)
+    require_settings(iterations=iterations)
+    if iterations is not None and iterations > MOST_ITERATIONS:
+        raise RunError(f"iterations: C99 code takes at most {MOST_ITERATIONS} in a step; a smaller dt needs fewer")
+    model = freeze_start_parameters(model, scene)
+    standalone = make_standalone(
+        generate(model, scene, scene.outputs, method=method, lanes=False), integrator=integrator, equal_steps=True, lanes=False
+    )  # fmt: skip
+    if fits := standalone.parts.mechanism.fits:
+        loop = fits[0].embedded_loop
+        raise RunError(
+            f"{loop.span}: language c99: the embedded loop of '{loop.independent}' depends on parameters; make them constants, or set "
+            "loops: exact"
+        )
+    files = emit_c99(
+        standalone.parts, standalone.defaults, standalone.digest, find_start(standalone), mathematics(),
+        iterations=ITERATIONS if iterations is None else iterations,
+    )  # fmt: skip
+    return C99Export(name=standalone.name, files=files, operations=standalone.parts.program.operations(METHODS[method].iteration))
+
+
+def require_c99(model: Model, scene: Scene, method: str, integrator: str | None) -> None:
+    """Check that a model in a scene can be C99; all that it has not is said at once.
+
+    Raises:
+        RunError: it cannot.
+    """
+    able = names_of(METHODS, lambda m: m.c99)
+    if method not in able:
+        raise RunError(f"language c99: method '{method}' has no C99; use {join_or(able)}")
+    chosen = str(choose_steps(scene, method, integrator, equal_steps=True).integrator)
+    if not INTEGRATORS[chosen].c99:
+        able = names_of(INTEGRATORS, lambda i: i.c99)
+        raise RunError(f"{scene.span}: language c99: integrator '{chosen}' has no C99; use --integrator {join_or(able)}")
+    faults = [
+        f"{element.span}: language c99 has no {refusal.kind}, which '{element.name}' is; {refusal.remedy}"
+        for refusal in _REFUSED for element in refusal.found(model, scene)
+    ]  # fmt: skip
+    if faults:
+        raise RunError("\n".join(faults))
+
+
+def build_start(standalone: Standalone) -> Path:
+    """The shared library of a C export with its own mathematical library, and with a call for the penalties of its cut joints."""
+    files = replace(standalone, reproducible=True).files
+    more = _PENALTIES.format(p=standalone.name)
+    return build_twin(standalone.name, {f: text + more * f.endswith(".cpp") for f, text in files.items()}, standalone.digest)
+
+
+def find_start(standalone: Standalone) -> Start:
+    """The start that the C++ code of an export finds.
+
+    Raises:
+        RunError: it fails.
+    """
+    p, size = standalone.name, standalone.size
+    library = ctypes.CDLL(str(build_start(standalone)))
+    memory = (ctypes.c_double * (size // 8 + 1))()
+    create = library[f"{p}_create"]
+    create.restype, create.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t]
+    sim = ctypes.c_void_p(create(memory, size))
+    if library[f"{p}_start"](sim):
+        text = ctypes.create_string_buffer(1000)
+        library[f"{p}_failure_text"](sim, text, ctypes.c_size_t(1000))
+        raise RunError(f"the start fails: {text.value.decode()}")
+    state = standalone.parts.mechanism
+    equations = len(state.equation_names)
+    lengths = {
+        "coordinates": len(state.coordinate_names), "speeds": len(state.speed_names), "accelerations": len(state.speed_names),
+        "multipliers": equations, "penalties": len(state.closures),
+    }  # fmt: skip
+    found = [_numbers(library[f"{p}_{name}"], sim, length) for name, length in lengths.items()]
+    return Start(q=found[0], v=found[1], vdot=found[2], multipliers=found[3], penalties=found[4])
+
+
+def _numbers(call: Any, sim: ctypes.c_void_p, length: int) -> list[float]:
+    call.restype = ctypes.POINTER(ctypes.c_double)
+    return call(sim)[:length] if length else []

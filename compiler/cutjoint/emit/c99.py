@@ -1,0 +1,86 @@
+"""Program -> C99 for controllers: a header and one C file, by the C dialect of the printer."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from cutjoint.emit.classes import Defaults, SimulationCode, describe_function, records_of, sizes_of
+from cutjoint.emit.printer import C99
+from cutjoint.emit.standalone import Mathematics, prepare
+from cutjoint.emit.statuses import STATUSES
+from cutjoint.emit.view import FunctionView, Viewer
+from cutjoint.methods import CLOSURES
+from cutjoint.package.locations import licence
+
+#: The functions of a mechanism that steps of fixed cost call, with loops and where these are projected.
+_CALLED, _WITH_LOOPS, _PROJECTED = ("scene_inputs", "evaluate", "report"), ("constraint_residual",), ("project",)
+
+#: The statuses of such steps.
+_CAUSES = ("diverged", "loops_violated", "limit_exceeded")
+
+#: The iterations of a step unless others are given, and the most that a host can set.
+ITERATIONS, MOST_ITERATIONS = 6, 100
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """The state from which runs begin: numbers of ``q``, ``v``, ``vdot``, multipliers, and penalties of the cut joints."""
+
+    q: Sequence[float]
+    v: Sequence[float]
+    vdot: Sequence[float]
+    multipliers: Sequence[float]
+    penalties: Sequence[float]
+
+    @property
+    def texts(self) -> dict[str, list[str]]:
+        """The numbers by the fewest digits that determine them."""
+        return {name: [repr(float(x)) for x in numbers] for name, numbers in vars(self).items()}
+
+
+def emit_c99(
+    parts: SimulationCode, defaults: Defaults, digest: str, start: Start, libm: Mathematics, *, iterations: int = ITERATIONS
+) -> dict[str, str]:  # fmt: skip
+    """The files by name; arguments as of `emit_standalone`, for a program without lanes."""
+    parts, view = prepare(parts, defaults, digest)
+    page, equations = parts.page, parts.mechanism
+    viewer = Viewer(parts.program, equations, dialect=C99)
+    has_loops, projected = bool(equations.equation_names), CLOSURES[defaults.closure].penalty_of_each_cut
+    wanted = (*_CALLED, *(_WITH_LOOPS * has_loops), *(_PROJECTED * (has_loops and projected)))
+    called = [f.name for f in equations.functions if f.name in wanted]
+    views = {viewer.load_name: viewer.load(), viewer.step_name: viewer.step(), **{name: viewer.function(name) for name in called}}
+    functions = [_function(describe_function(name, parts.program), page.stem, found) for name, found in views.items()]
+    bodies = [line for f in views.values() for line in _lines(f)]
+    sizes = sizes_of(equations)["sizes"]
+    assert isinstance(sizes, Mapping)
+    view |= {
+        "banner": f"/* {page.banner[0]} */", "functions": functions, "records": records_of(viewer), "start": start.texts,
+        "input_values": equations.input_values, "iterations": iterations, "most_iterations": MOST_ITERATIONS,
+        "projected": projected, "charts": equations.charts, "libm": libm,
+        "balls": any(chart.ball for chart in equations.charts), "statuses": [STATUSES[cause] for cause in _CAUSES],
+        "chooses": any("choose(" in line for line in bodies), "stabilised": any("stabilisation." in line for line in bodies),
+        "many": {name: max(1, sizes[name]) for name in ("equations", "parameters", "columns")},  # arrays of C have an element
+    }  # fmt: skip
+    header = str(view["header"])
+    return {
+        f"{header}.h": page.render("c99/api.h.jinja", **view), f"{header}.c": page.render("c99/model.c.jinja", **view),
+        "README.md": page.render("c99/README.md.jinja", **view), "LICENSE": licence(), **libm.files,
+    }  # fmt: skip
+
+
+def _function(about: str, stem: str, view: FunctionView) -> dict[str, object]:
+    """A function of C with the simulation as its first argument; those of the stabilisation are constants of the file."""
+    name, arguments, const = re.fullmatch(r"(\w+)\((.*)\)( const)?", view.declaration).groups()  # type: ignore[union-attr]
+    own = [f"{'const ' if const else ''}{stem}_sim* self", *(a for a in arguments.split(", ") if "<Real>" not in a)]
+    text = "\n".join(_lines(view))
+    names = [a.rpartition(" ")[2] for a in own]
+    return {
+        "about": about, "head": f"{name}({', '.join(own)})", "unused": [x for x in names if not re.search(rf"\b{x}\b", text)],
+        "view": replace(view, sections=tuple(replace(section, part=0) for section in view.sections)),
+    }  # fmt: skip
+
+
+def _lines(view: FunctionView) -> list[str]:
+    """The code of a function without its comments."""
+    statements = [f"{s.name} = {s.expression}" for section in view.sections for s in section.statements]
+    return [*view.arrays, *(x for s in view.sections for x in s.opening), *statements, *(x.partition("  // ")[0] for x in view.results)]

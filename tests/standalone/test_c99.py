@@ -1,0 +1,228 @@
+"""C99 for controllers: its numbers are those of the C++ export to the last bit, and what it cannot have is refused by name."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import subprocess
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from numpy.typing import NDArray
+
+from cutjoint.cli import main
+from cutjoint.compile.c99 import build_start, make_c99
+from cutjoint.compile.c_export import Standalone, freeze_start_parameters, make_standalone
+from cutjoint.compile.pipeline import generate
+from cutjoint.emit.statuses import STATUSES
+from cutjoint.model.read import read_model_text
+from cutjoint.run.scenes import find_case, with_default_closure
+from cutjoint.toolchain.wasm import mathematics
+from tests.conftest import MODELS, needs_cpp, with_heavy
+
+from .c_exports import foreign_symbols
+
+#: No compiler may object.
+C = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
+
+#: A cart that a host pushes, with a ball joint and no loop.
+PUSHED = """
+cutjoint: 1
+name: pushed
+gravity: [0, 0, -9.81]
+parameters:
+  stiffness: {value: 900, unit: N/m, binding: param}
+  push: {value: 0, unit: N, binding: input}
+bodies:
+  cart: {mass: 2, centre_of_mass: [0, 0, 0]}
+  bob: {mass: 0.5, centre_of_mass: [0.1, 0.2, -0.4], inertia: [0.02, 0.03, 0.01]}
+joints:
+  rail: {kind: prismatic, bodies: [ground, cart], at: [0, 0, 0], axis: [1, 0, 0]}
+  hang: {kind: spherical, bodies: [cart, bob], at: [0, 0, 0]}
+forces:
+  spring: {kind: joint_force, joint: rail, law: "push - stiffness*position - 3*rate"}
+outputs: [cart.x, cart.vx, bob.z, bob.vy, spring.force]
+scenes:
+  swing: {end: 1, output_step: 10 ms, inputs: {push: "4*sin(9*t)"}}
+"""
+
+
+class Code:
+    """A simulation of exported code by its C interface, in C99 or C++."""
+
+    def __init__(self, library: Path, name: str, header: str) -> None:
+        self._library, self._name = ctypes.CDLL(str(library)), name
+        self.count = {key: int(number) for key, number in re.findall(r"#define [A-Z_\d]+?_([A-Z]+) (\d+)$", header, re.MULTILINE)}
+        self._memory = (ctypes.c_double * 100_000)()
+        create = self._library[f"{name}_create"]
+        create.restype, create.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t]
+        self.sim = ctypes.c_void_p(create(self._memory, ctypes.sizeof(self._memory)))
+
+    def call(self, function: str, *arguments: float) -> int:
+        """A call that returns a status."""
+        given = [ctypes.c_double(x) if isinstance(x, float) else ctypes.c_int(x) for x in arguments]
+        return int(self._library[f"{self._name}_{function}"](self.sim, *given))
+
+    def values(self, which: str, length: int) -> list[float]:
+        """An array that belongs to the simulation."""
+        found = self._library[f"{self._name}_{which}"]
+        found.restype = ctypes.POINTER(ctypes.c_double)
+        return list(found(self.sim)[:length]) if length else []
+
+    def row(self) -> list[float]:
+        """Outputs and state."""
+        time = self._library[f"{self._name}_time"]
+        time.restype = ctypes.c_double
+        n = self.count
+        return [
+            time(self.sim), *self.values("outputs", n["OUTPUTS"]), *self.values("coordinates", n["COORDINATES"]),
+            *self.values("speeds", n["SPEEDS"]), *self.values("accelerations", n["SPEEDS"]), *self.values("multipliers", n["EQUATIONS"]),
+        ]  # fmt: skip
+
+    def statistics(self, reals: tuple[str, ...], integers: tuple[str, ...], whole: Any = ctypes.c_int) -> Any:
+        """Those of the last step, a struct of these numbers."""
+        fields = [*((name, ctypes.c_double) for name in reals), *((name, whole) for name in integers), ("equation", ctypes.c_int)]
+        found = type("Statistics", (ctypes.Structure,), {"_fields_": fields})()
+        assert self._library[f"{self._name}_last_step"](self.sim, ctypes.byref(found)) == 0
+        return found
+
+
+#: The statistics of a step in C99: real and whole numbers.
+OWN = ("violation", "change"), ("iterations",)
+
+
+@cache
+def exported(name: str, scene: str | None = None) -> tuple[Mapping[str, str], Standalone]:
+    """The C99 files of a model, and its C++ export."""
+    text = PUSHED if name == "pushed" else (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
+    case, found = find_case(read_model_text(text, f"{name}.yaml"), scene)
+    chosen = with_default_closure(found, "recursive", None)
+    files = make_c99(case, chosen, method="recursive").files
+    case = freeze_start_parameters(case, chosen)
+    generated = generate(case, chosen, chosen.outputs, method="recursive", lanes=False)
+    return files, make_standalone(generated, equal_steps=True, lanes=False)
+
+
+def compile_c99(files: Mapping[str, str], place: Path, name: str) -> Path:
+    """The shared library of C99 code, which has to compile without a warning, with its own mathematics."""
+    own = mathematics()
+    for file, text in files.items():
+        (place / file).parent.mkdir(parents=True, exist_ok=True)
+        (place / file).write_text(text, encoding="utf-8")
+    named = ("-include", "libm/names.h")
+    subprocess.run(["gcc", *C, *own.cxx, *named, "-O1", "-fPIC", "-c", f"{name}.c"], cwd=place, check=True)
+    sources = [str(path.relative_to(place)) for path in sorted((place / "libm").glob("*.c"))]
+    subprocess.run(["gcc", *own.c, *named, "-O1", "-fPIC", "-shared", *sources, f"{name}.o", "-lm", "-o", "made.so"], cwd=place, check=True)
+    return place / "made.so"
+
+
+def codes(name: str, place: Path) -> tuple[Code, Code]:
+    """A simulation in C99 and one in C++."""
+    files, standalone = exported(name)
+    return (
+        Code(compile_c99(files, place, name), name, files[f"{name}.h"]),
+        Code(build_start(standalone), name, standalone.files[f"{name}.h"]),
+    )
+
+
+@needs_cpp
+@pytest.mark.parametrize("name", with_heavy(["pushed", "press", "four_bar", "delta"], "four_bar", "delta"))
+def test_steps_have_the_bits_of_the_cpp_export(name: str, tmp_path: Path) -> None:
+    runs: list[NDArray[np.float64]] = []
+    for code in codes(name, tmp_path):
+        assert code.call("set_iterations", 6) == code.call("start") == 0
+        rows = [code.row()]
+        for step in range(1000):
+            if step == 300 and code.count["PARAMETERS"]:
+                assert code.call("set_parameter", 0, 1.25 * code.values("parameters", 1)[0]) == 0
+                rows.append(code.row())
+            if code.count["INPUTS"] and step in (200, 400):
+                assert code.call("set_input", 0, 0.125 * step / 100, *((0.0, 0.0) if step == 200 else (1.5, -2.0))) == 0
+            if code.count["INPUTS"] and step == 600:
+                assert code.call("release_input", 0) == 0
+            assert code.call("step") == 0
+            rows.append(code.row())
+        runs.append(np.array(rows))
+    assert np.isfinite(runs[0]).all()
+    assert np.ptp(runs[0], axis=0)[1] > 1e-3
+    assert (runs[0].view(np.uint64) == runs[1].view(np.uint64)).all()
+
+
+@needs_cpp
+def test_contract_of_the_calls(tmp_path: Path) -> None:
+    code, cpp = codes("press", tmp_path)
+    assert set(foreign_symbols(tmp_path / "press.o", "press")) == {"cutjoint_cos", "cutjoint_sin"}
+    assert [code.call("step"), code.call("set_parameter", 1, 1.0), code.call("set_parameter", 0, float("nan"))] == [-3, -2, -4]
+    assert [code.call("set_iterations", n) for n in (0, 101, 1)] == [-4, -4, 0]
+    assert [code.call("set_limit", which, limit) for which, limit in ((1, 1.0), (0, -1.0))] == [-2, -4]
+    assert cpp.call("set_iterations", 1) == 0
+    assert [one.call(name) for one in (code, cpp) for name in ("start", "step")] == [0] * 4
+    left = code.statistics(*OWN)
+    same = cpp.statistics(("violation", "violation_rate", "change", "pivot"), ("iterations", "evaluations"), ctypes.c_long)
+    assert (left.violation, left.change, left.equation) == (same.violation, same.change, same.equation)
+    assert left.iterations == same.iterations == 1
+    before = code.row()
+    assert code.call("set_limit", 2, left.change / 1e3) == 0
+    assert code.call("step") == STATUSES["limit_exceeded"].number
+    assert code.row()[0] > before[0]
+    assert code.call("set_iterations", 20) == code.call("step") == 0
+    assert code.statistics(*OWN).change < left.change / 1e3
+    sim, here = code.sim, code.row()
+    code.sim = ctypes.c_void_p(None)
+    assert code.call("step") == -1
+    code.sim = sim
+    assert code.call("set_parameter", 0, 1e308) == 0
+    code.row()
+    assert code.call("step") == STATUSES["diverged"].number
+    assert code.row()[0] == here[0]
+    assert code.row()[5:] == here[5:]
+
+
+@needs_cpp
+def test_declarations_are_a_subset_of_those_of_cpp() -> None:
+    files, standalone = exported("pushed")
+
+    def declared(text: str) -> set[str]:
+        return {line.replace("const pushed_sim*", "pushed_sim*") for line in re.findall(r"^[\w* ]+ pushed_\w+\(.*\);$", text, re.MULTILINE)}
+
+    own, cpp = declared(files["pushed.h"]), declared(standalone.files["pushed.h"])
+    assert len(own) > 15
+    assert own <= cpp
+
+
+LAW = "push - stiffness*position - 3*rate"
+REFUSED: dict[str, tuple[Callable[[str], str], list[str], str]] = {
+    "controller": (
+        lambda text: text + "controllers:\n  digital: {every: 10 ms, signals: {pull: -2*cart.x}}\n", [],
+        ": language c99 has no controller, which 'digital' is; make its values inputs, and compute them in your program between steps",
+    ),
+    "guide": (
+        lambda text: text.replace("axis: [1, 0, 0]}", "axis: [1, 0, 0], guide: push}").replace(LAW, "-stiffness*position")
+        .replace("unit: N, b", "unit: m, b").replace("4*sin", "0.1*sin"), [],
+        ": language c99 has no input of a guide, which 'push' is; give the scene its motion as a function of t",
+    ),
+    "events": (
+        lambda text: text.replace("end: 1,", "end: 1, numerics: {events: located},"), [],
+        ": language c99 has no scene with located events, which 'swing' is; set events: crossed",
+    ),
+    "method": (str, ["--method", "augmented"], "language c99: method 'augmented' has no C99; use recursive"),
+    "integrator": (str, ["--integrator", "rk4"], ": language c99: integrator 'rk4' has no C99; use --integrator trapezoidal"),
+    "iterations": (str, ["--iterations", "101"], "iterations: C99 code takes at most 100 in a step; a smaller dt needs fewer"),
+    "poses": (str, ["--poses"], "--poses does not apply to --language c99, which has steps and outputs alone"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_it_has_not_is_refused(what: str, tmp_path: Path) -> None:
+    change, arguments, said = REFUSED[what]
+    path = tmp_path / "pushed.yaml"
+    path.write_text(change(PUSHED), encoding="utf-8")
+    result = CliRunner().invoke(main, ["compile", str(path), "--language", "c99", "--out", str(tmp_path / "made"), *arguments])
+    assert result.exit_code != 0
+    assert said in " ".join(result.output.split())
+    assert not (tmp_path / "made").exists()
