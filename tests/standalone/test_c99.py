@@ -218,7 +218,8 @@ REFUSED: dict[str, tuple[Callable[[str], str], list[str], str]] = {
 
 
 @pytest.mark.parametrize("what", REFUSED)
-def test_what_it_has_not_is_refused(what: str, tmp_path: Path) -> None:
+def test_what_it_has_not_is_refused_before_work(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.compile.c99.generate", None)
     change, arguments, said = REFUSED[what]
     path = tmp_path / "pushed.yaml"
     path.write_text(change(PUSHED), encoding="utf-8")

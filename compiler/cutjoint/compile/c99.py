@@ -15,6 +15,7 @@ from cutjoint.methods import INTEGRATORS, METHODS, Events, join_or, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.settings import require_settings
+from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.toolchain.wasm import build_twin, mathematics
 
 #: The function by which the library of a C export shows the penalties of its cut joints.
@@ -66,6 +67,7 @@ def make_c99(model: Model, scene: Scene, *, method: str, integrator: str | None 
     require_settings(iterations=iterations)
     if iterations is not None and iterations > MOST_ITERATIONS:
         raise RunError(f"iterations: C99 code takes at most {MOST_ITERATIONS} in a step; a smaller dt needs fewer")
+    find_compiler()  # raises an error without a compiler
     model = freeze_start_parameters(model, scene)
     standalone = make_standalone(
         generate(model, scene, scene.outputs, method=method, lanes=False), integrator=integrator, equal_steps=True, lanes=False
