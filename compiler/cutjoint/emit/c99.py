@@ -1,6 +1,7 @@
 """Program -> C99 for controllers: a header and one C file, by the C dialect of the printer."""
 
 import re
+from bisect import bisect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -58,7 +59,9 @@ def emit_c99(
         "input_values": equations.input_values, "iterations": iterations, "most_iterations": MOST_ITERATIONS,
         "projected": projected, "charts": equations.charts, "libm": libm,
         "balls": any(chart.ball for chart in equations.charts), "statuses": [STATUSES[cause] for cause in _CAUSES],
-        "chooses": any("choose(" in line for line in bodies), "stabilised": any("stabilisation." in line for line in bodies),
+        "chooses": any("choose(" in line for line in bodies),
+        "stabilised": any("stabilisation." in line for line in bodies) or (has_loops and equations.inputs),
+        "cut_of": [max(0, bisect([c.first for c in equations.closures], i) - 1) for i in range(len(equations.equation_names))],
         "many": {name: max(1, sizes[name]) for name in ("equations", "parameters", "columns")},  # arrays of C have an element
     }  # fmt: skip
     header = str(view["header"])
