@@ -16,7 +16,7 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.settings import require_settings
 from cutjoint.toolchain.compiler import find_compiler
-from cutjoint.toolchain.wasm import build_twin, mathematics
+from cutjoint.toolchain.wasm import build_matching_library, mathematics
 
 #: The function by which the library of a C export shows the penalties of its cut joints.
 _PENALTIES = 'extern "C" const double* {p}_penalties({p}_sim* sim) {{ return sim->sim.penalties().data(); }}\n'
@@ -110,7 +110,7 @@ def build_start(standalone: Standalone) -> Path:
     """The shared library of a C export with its own mathematical library, and with a call for the penalties of its cut joints."""
     files = replace(standalone, reproducible=True).files
     more = _PENALTIES.format(p=standalone.name)
-    return build_twin(standalone.name, {f: text + more * f.endswith(".cpp") for f, text in files.items()}, standalone.digest)
+    return build_matching_library(standalone.name, {f: text + more * f.endswith(".cpp") for f, text in files.items()}, standalone.digest)
 
 
 def find_start(standalone: Standalone) -> Start:
