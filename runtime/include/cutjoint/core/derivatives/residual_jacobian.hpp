@@ -269,10 +269,13 @@ class ResidualJacobian {
   /// Corrections of accelerations, in place of their errors `left`, and of multipliers, `vjp`.
   void correct(Fixed<double, n>& left, Fixed<double, m>& vjp) {
     At& x = at_[now_];
-    std::array<double, n + m> force{};
-    visit_unknowns(0, n + m, [&](std::size_t i, std::size_t k, std::size_t unknown) {
-      if (unknown < n) force[order[i]] += x.derivative[k] * left[unknown];
-    });
+    std::array<double, n + m> force;
+    for (std::size_t i = 0; i < n + m; ++i) {
+      double sum = 0.0;
+      for (std::size_t k = T::middles[i]; k < T::starts[i + 1]; ++k)
+        if (T::columns[k] < first_multiplier) sum += x.derivative[T::derivatives[k]] * left[T::columns[k] - first_acceleration];
+      force[order[i]] = sum;
+    }
     x.matrix.solve(force.data());
     for (std::size_t i = 0; i < n; ++i) left[i] = force[order[i]];
     for (std::size_t i = 0; i < m; ++i) vjp[i] = force[order[n + i]];

@@ -148,7 +148,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   template <class Formula, class Solve>
   bool propagate_implicit(Formula& formula, const StateOf<M>& end, const Tangents& length, Solve solve) {
     std::array<DualPart, Formula::stages * (n + m)> change;
-    before_ = vdot_;
+    if constexpr (averages || has_stages) before_ = vdot_;
     formula.begin_jvp(q_, v_, means(), before_, length);
     for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = end.q[i];
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
@@ -163,7 +163,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, ForceResidual
   /// The averaged accelerations of the rule, else those of the state, at the beginning of a step.
   const auto& means() const {
     if constexpr (averages) return mean_;
-    else return before_;
+    else return vdot_;
   }
 
   /// Those at the end.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <span>
 
@@ -14,6 +15,22 @@ namespace cutjoint {
 struct BallDerivatives {
   double by[4][7];
 };
+
+/// Of what `rotate` makes of e and theta.
+inline BallDerivatives turn_derivatives(const double* e, const double* theta) {
+  const double x = theta[0] / 2, y = theta[1] / 2, z = theta[2] / 2, square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3];
+  const double share = 1.0 / (1.0 + x * x + y * y + z * z), scale = std::sqrt(share / square), half = scale / 2;
+  BallDerivatives found{{{scale, -x * scale, -y * scale, -z * scale, -e[1] * half, -e[2] * half, -e[3] * half},
+                    {x * scale, scale, -z * scale, y * scale, e[0] * half, e[3] * half, -e[2] * half},
+                    {y * scale, z * scale, scale, -x * scale, -e[3] * half, e[0] * half, e[1] * half},
+                    {z * scale, -y * scale, x * scale, scale, e[2] * half, -e[1] * half, e[0] * half}}};
+  const double lengths[7] = {e[0] / square, e[1] / square, e[2] / square, e[3] / square, x / 2 * share, y / 2 * share, z / 2 * share};
+  for (auto& row : found.by) {
+    const double turned = row[0] * e[0] + row[1] * e[1] + row[2] * e[2] + row[3] * e[3];
+    for (std::size_t k = 0; k < 7; ++k) row[k] -= turned * lengths[k];
+  }
+  return found;
+}
 
 /// Of what `make` makes of numbers.
 template <class Make>
@@ -49,9 +66,7 @@ class RetractionDerivatives {
   RetractionDerivatives(std::span<const Chart> charts, const double* q_0, const double* delta) {
     std::size_t place = 0;
     for (const Chart& chart : charts)
-      if (chart.ball)
-        by_[place++] = derivatives_of_ball(q_0 + chart.q + chart.scalars, delta + chart.v + chart.scalars,
-                                           [](const Dual* e, const Dual* theta, Dual* to) { retract<Dual>(one_ball, e, theta, to); });
+      if (chart.ball) by_[place++] = turn_derivatives(q_0 + chart.q + chart.scalars, delta + chart.v + chart.scalars);
   }
 
   const BallDerivatives& operator[](std::size_t ball) const { return by_[ball]; }
