@@ -64,13 +64,14 @@ class AimedStart:
         self._equations = formulate_recursive(topology, acting, outputs)
 
     def find(self, parameters: Mapping[str, float], prescribed: Mapping[str, float], wanted: Sequence[float]) -> dict[str, float]:
-        """All coordinates by "joint.coordinate": ``prescribed`` ones (SI units), and others such that places have the ``wanted`` values.
+        """All coordinates by "joint.coordinate": ``prescribed`` ones (SI units) unchanged, the others such that places have the ``wanted``
+        values; ``parameters`` are values of tunable parameters.
 
         Raises:
             RunError: no pose has them, or none that closes the loops was found near the design position.
         """
         q, free = self._coordinates_of(prescribed)
-        search = _Search(self._with(parameters), free, np.array(wanted))
+        search = PoseSearch(self._with(parameters), free, np.array(wanted))
         start = search.by_continuation(q)
         if start is None:
             where = f"{self._scene.span}: scene '{self._scene.name}'"
@@ -82,12 +83,12 @@ class AimedStart:
 
     def follows(self, parameter: str, parameters: Mapping[str, float]) -> bool:
         """Return whether loops or aims depend on a tunable parameter: they are undefined without its value."""
-        search = _Search(self._with({**parameters, parameter: np.nan}), np.ones(self._equations.speeds, dtype=bool), np.zeros(0))
+        search = PoseSearch(self._with({**parameters, parameter: np.nan}), np.ones(self._equations.speeds, dtype=bool), np.zeros(0))
         return bool(np.isnan(search.equations_at(design_coordinates(self._equations))).any())
 
     def places_at(self, parameters: Mapping[str, float], q: Array, v: Array) -> Array:
         """The places (rows, places) at coordinates and speeds (rows, speeds)."""
-        search = _Search(self._with(parameters), np.ones(self._equations.speeds, dtype=bool), np.zeros(0))
+        search = PoseSearch(self._with(parameters), np.ones(self._equations.speeds, dtype=bool), np.zeros(0))
         return search.values(np.broadcast_to(q, (len(v), len(q))), v)
 
     def _with(self, parameters: Mapping[str, float]) -> RecursiveEquations:
@@ -126,12 +127,13 @@ class AimedStart:
         return f"{where}: {nearest}{count}; write others, or fewer"
 
 
-class _Search:
-    """Searches for coordinates that close the loops and have the ``wanted`` places; speeds that are not ``free`` keep their coordinates."""
+class PoseSearch:
+    """Searches for coordinates that close the loops and have the ``wanted`` values of ``places``; speeds that are not ``free`` keep their
+    coordinates."""
 
-    def __init__(self, equations: RecursiveEquations, free: Array, wanted: Array) -> None:
+    def __init__(self, equations: RecursiveEquations, free: Array, wanted: Array, places: slice = slice(None)) -> None:
         self._equations, self._free, self._wanted = equations, free, wanted
-        self._places = list(equations.function("report").results.values())
+        self._places = list(equations.function("report").results.values())[places]
 
     def find(self, start: _Reached) -> _Reached:
         """The wanted pose nearest to the start, else the pose with the smallest residual, from the start and from random steps near it."""
@@ -149,6 +151,17 @@ class _Search:
             best = min(best, found, key=lambda reached: reached.distance)
         return best
 
+    def close(self, q: Array) -> Array | None:
+        """The pose near q that closes the loops and has the wanted places, by steps for both at once; None if these do not converge."""
+        found = close_loops(self._equations, q, free=self._free, evaluate=self.equations_with_aims)
+        return None if found is None else found[0]
+
+    def equations_with_aims(self, q: Array) -> tuple[Array, Array]:
+        """The residuals of loops and places, and their derivatives (rows, speeds)."""
+        residual, jacobian = evaluate_closures(self._equations, q)
+        left = self.values(q[np.newaxis])[0] - self._wanted
+        return np.concatenate([residual, left]), np.concatenate([jacobian, self._derivatives(q)])
+
     def reach(self, q: Array) -> _Reached | None:
         """The pose near q that closes the loops; None if the iteration does not converge."""
         found = close_loops(self._equations, q, free=self._free)
@@ -158,7 +171,8 @@ class _Search:
         return _Reached(q=found[0], left=np.where(np.abs(left) <= _REACHED * np.maximum(1.0, np.abs(self._wanted)), 0.0, left))
 
     def by_continuation(self, q: Array) -> _Reached | None:
-        """The pose near given coordinates by a direct or a continuation search, whichever moves other coordinates less.
+        """The pose near given coordinates, by a direct search or by continuation from the design position, whichever moves other
+        coordinates less.
 
         As runtime core/start/start.hpp: a direct search from far away may end in another configuration.
         """
@@ -232,4 +246,4 @@ class _Search:
         still = np.zeros(self._equations.speeds) if v is None else v
         inputs = {**make_inputs(self._equations, q, still), "motion": np.full(1, float(v is not None))}
         found = interpret_blocks(self._places, inputs, flat_roads(self._equations))
-        return np.stack([np.broadcast_to(found[block][..., 0, 0], len(q)) for block in self._places], axis=-1)
+        return np.stack([np.zeros(len(q)), *(np.broadcast_to(found[block][..., 0, 0], len(q)) for block in self._places)], axis=-1)[:, 1:]

@@ -3,7 +3,7 @@
 Poses are the design position and others around it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
@@ -164,18 +164,19 @@ def _by_input(equations: Equations, numbers: Array) -> dict[str, Array]:
 
 
 def close_loops(
-    equations: RecursiveEquations, q: Array, across: Array | None = None, t: float = 0.0, free: Array | None = None
+    equations: RecursiveEquations, q: Array, across: Array | None = None, t: float = 0.0, free: Array | None = None,
+    evaluate: Callable[[Array], tuple[Array, Array]] | None = None,
 ) -> tuple[Array, Array] | None:  # fmt: skip
     """Coordinates near q that close the loops, and the Jacobian there, by Gauss-Newton steps; None where they do not converge.
 
     Steps are taken across the direction ``across`` (speeds), so that they do not undo a step along it: at a bifurcation of the motion,
     minimum-norm steps would lead back to the bifurcation. Guides are at their positions at ``t`` (s). If ``free`` (speeds,) is given, only
-    coordinates of these speeds change.
+    coordinates of these speeds change. ``evaluate`` gives the residual and its Jacobian, by default those of the loops.
     """
     rows = np.zeros((0, equations.speeds)) if across is None else across[np.newaxis]
     sizes, arm, best = speed_scales(equations), equations.topology.arm, np.inf
     for left in reversed(range(_ITERATIONS)):
-        residual, jacobian = evaluate_closures(equations, q, t)
+        residual, jacobian = evaluate_closures(equations, q, t) if evaluate is None else evaluate(q)
         error = float(np.abs(residual).max(initial=0.0)) / arm
         if error == 0.0 or (error < CLOSED and (best / 2 <= error or not left)):
             return q, jacobian

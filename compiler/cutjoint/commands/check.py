@@ -17,6 +17,7 @@ from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError
 from cutjoint.report import tables
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.run_file import find_assemblies
 from cutjoint.run.settings import accuracy_of
 from cutjoint.toolchain.build import write_text
 from cutjoint.topology.build import build_topology
@@ -28,7 +29,9 @@ from cutjoint.view.views import require_view, write_shown
 
 
 @table.command("check")
-def command(model: Path, scene: str | None, tunable: tuple[str, ...], view: Path | None, proof: Path | None) -> None:
+def command(
+    model: Path, scene: str | None, tunable: tuple[str, ...], assemblies: bool, view: Path | None, proof: Path | None
+) -> None:  # fmt: skip
     """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
     require_apart({"the model": model}, documents=[("--view", view), ("--proof", proof)])
     require_view(view, "--view")
@@ -69,6 +72,11 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], view: Path
         options.out.print(describe_shakiness(equations, shaky), markup=False)
     if topology.loops:
         options.out.print(tables.cut_choices(rate_choices(topology, rank_cuts(topology)), mobility.redundant), markup=False)
+    if assemblies:
+        with options.progress_bar(f"assemblies of {model.name}"):
+            lines = tables.assembly_lines(find_assemblies(checked, chosen))
+        for line in lines:
+            options.out.print(line, markup=False, soft_wrap=True)
     options.out.print(tables.legend(with_loops=bool(topology.loops)))
     options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)
     if view is not None:

@@ -259,6 +259,8 @@ OPTIONS: Mapping[str, Row] = {
         "event and its time; modes: eigenvalues near the start."),
     "from_equilibrium": click.option("--from-equilibrium", is_flag=True,
         help="Include the change of the equilibrium in which the scene starts."),
+    "assemblies": click.option("--assemblies", is_flag=True,
+        help="List the ways in which the loops assemble at the scene's positions, from random starts."),
     "stability": click.option("--stability", is_flag=True, help="Print whether small disturbances grow, from the modes about the state."),
     "check": click.option("--check", is_flag=True, help="Compare with finite differences: four runs for each parameter."),
     "fmi": click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of FMI. Default: 2."),

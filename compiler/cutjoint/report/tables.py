@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from cutjoint.toolchain.build import SHIPPED
 from cutjoint.toolchain.compiler import ADVICE
 
 if TYPE_CHECKING:
+    from cutjoint.analysis.assemblies import Assemblies
     from cutjoint.analysis.mobility import Mobility
     from cutjoint.analysis.redundancy import Redundancy, RedundantEquation
     from cutjoint.analysis.skew import RatedChoice, RatedOption
@@ -215,6 +216,16 @@ def locking_force_facts(held: Mapping[str, tuple[float, str]]) -> list[tuple[str
     """The forces that lock coordinates at the start and vanish in motion; none if no coordinate is locked."""
     forces = [f"{name} {f'{force / 1e3:.4g} k' if abs(force) >= 1e4 else f'{force:.4g} '}{unit}" for name, (force, unit) in held.items()]
     return [("locked at the start by", f"{force}, released at t = 0") for force in forces]
+
+
+def assembly_lines(found: Assemblies) -> Iterator[str]:
+    """The assemblies of closed loops, each with the lines by which a scene starts in it."""
+    many = " or more: coordinates change with closed loops; give positions of more joints" if found.is_continuum else ""
+    at = f", with {', '.join(found.kept)} kept" if found.kept else ""
+    yield f"assemblies: {len(found.assemblies)}{many}, from {found.starts} random starts{at}"
+    for i, assembly in enumerate(() if found.is_continuum else found.assemblies, 1):
+        positions = ", ".join(f"{name}: {text}" for name, text in assembly.positions.items())
+        yield f"  {i}, found {assembly.found} times: positions: {{{positions}}}, near: [{', '.join(found.follow)}]"
 
 
 def trim_facts(found: Trimmed) -> list[tuple[str, str]]:

@@ -28,6 +28,7 @@ from cutjoint.run.roads import WheelRoad, road_pieces
 from cutjoint.run.settings import Options, find_settings, with_options
 
 if TYPE_CHECKING:
+    from cutjoint.analysis.assemblies import Assemblies
     from cutjoint.analysis.trim_equations import TrimInputs
     from cutjoint.analysis.trims import Trimmed
 
@@ -241,6 +242,16 @@ def with_solved_coordinates(model: Model, scene: Scene, parameters: Mapping[str,
     wanted = [value(aim.value, f"{aim.span}: assemble: '{aim.name}'") for aim in scene.assemble]
     found: dict[str, float] = formulated_start(model, scene).find(parameters, _checked_states(model, scene, "positions", given), wanted)
     return replace(scene, positions={name: sympy.Float(place) for name, place in found.items()}, assemble=())
+
+
+def find_assemblies(model: Model, scene: Scene) -> "Assemblies":
+    """The ways in which the loops assemble where the scene's positions and its `assemble` are met, with the parameters of the file."""
+    from cutjoint.analysis.assemblies import AssembledStarts  # imported here because starts do not need it
+
+    parameters, plain = parameter_values(model, {}), replace(scene, assemble=())
+    value, given = Evaluator(model, parameters), find_dependent_parts(model, plain, parameters, ("positions",))["positions"]
+    wanted = [value(aim.value, f"{aim.span}: assemble: '{aim.name}'") for aim in scene.assemble]
+    return AssembledStarts(model, scene).find_all(parameters, given, scene.near, wanted)
 
 
 def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> None:
