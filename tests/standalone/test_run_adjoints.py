@@ -60,7 +60,7 @@ def test_chains_states_and_controllers(
 
 @pytest.mark.parametrize("integrator", ["trapezoidal", "rk4"])
 def test_loops(integrator: str) -> None:
-    outputs = "reactions: {foot: {joint: elbow, axes_of: ground}}\noutputs: [A.z, foot.Fx]"
+    outputs = "reactions: {foot: {joint: elbow, axes_of: ground}}\noutputs: [pin.angle, slider.x, foot.Fx]"
     text = re.sub(r"outputs: .*", outputs, (MODELS / "press.yaml").read_text(encoding="utf-8"))
     sim = backwards(text, "press", integrator=integrator).reset(dt=1e-3)
     sim.choose_independent(["pin.angle_rate"])
