@@ -200,13 +200,11 @@ def errors_of(sim: cutjoint.Simulation, h: float, *, settled: bool = True) -> li
     return [np.abs(x - y).max() / np.abs(x).max() for x, y in pairs]
 
 
-def test_loops_by_the_fixed_point_and_what_a_jump_of_an_input_leaves() -> None:
-    """A held input that jumps begins the next step with accelerations by the multipliers before, which one evaluation corrects."""
+def test_loops_by_the_fixed_point_with_and_without_a_jump_of_an_input() -> None:
+    """A held input that jumps begins the next step with accelerations of converged multipliers."""
     sim = loaded(PUSHER.replace("NUMERICS", SHARP), "pusher")
     assert max(errors_of(sim, 0.02)) < 1e-7  # of differences
-    traces = [errors_of(sim, h, settled=False)[1] for h in (0.02, 0.01)]
-    assert 1e-6 < traces[0] < 1e-4
-    assert traces[1] < traces[0] / 16
+    assert max(errors_of(sim, h, settled=False)[1] for h in (0.02, 0.01)) < 1e-6  # above 1e-6 by the multipliers before the jump
 
 
 def test_loops_by_newtons_iteration_come_nearer_with_shorter_steps() -> None:
