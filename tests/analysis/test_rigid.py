@@ -161,8 +161,8 @@ def test_the_command_line_warns_each_time(tmp_path: Path) -> None:
     assert "more than the accuracy of 1e-08, and locks loops" in " ".join(done.output.split())
 
 
-@pytest.mark.parametrize("off", [0.0, 1e-12, 1e-3])
-def test_what_moves_or_locks_has_no_misfit(off: float) -> None:
+@pytest.mark.parametrize("off", [0.0, 1e-12])
+def test_what_moves_has_no_misfit(off: float) -> None:
     assert mend_misfit(formulated(_off(off)), 1e-4) == ("", None)
 
 
