@@ -163,6 +163,24 @@ def test_tangent_of_loops(kind: K, closing: str) -> None:
     verify_tangent(make_system(random_models.loop_with(kind, closing, 5), random_models.scene()), 2)
 
 
+@pytest.mark.parametrize("closing", CLOSINGS)
+def test_penalty_of_loops(closing: str) -> None:
+    """constraint J^T J, by the rates of the residual at unit speeds; roots that float have poles of their own."""
+    for model in (random_models.loop_with(K.SPHERICAL, closing, 5), random_models.loop_with(K.REVOLUTE, closing, 6)):
+        system = make_system(model, random_models.scene())
+        at = state(system, 2)
+        pose, tangents = moved(system, at["q"], at["delta"]), turns(system, at["delta"])
+        arrays = {"q": pose, "v": at["v"], "vdot": at["vdot"], "lambda": at["lambda"], "weights.ball_tangents": tangents}
+        with_penalty, without = (system.tangent(weights=np.array([0.0, 0.0, w]), **arrays) for w in (3.0, 0.0))
+        rest, *rates = (system.call("constraint_residual", q=pose, v=v)["rate"] for v in (np.zeros(system.n), *np.eye(system.n)))
+        J, T, balls = np.array(rates).T - rest[:, np.newaxis], np.eye(system.n), iter(tangents.reshape(-1, 3, 3))
+        for c in system.equations.start.charts:
+            if c.ball:
+                T[c.v + c.scalars : c.v + c.scalars + 3, c.v + c.scalars : c.v + c.scalars + 3] = next(balls)
+        assert np.abs(J).max() > 0.1
+        assert with_penalty - without == pytest.approx(3 * J.T @ J @ T, abs=1e-9 * np.abs(J).max() ** 2)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_tangent_of_random_loops(seed: int) -> None:
     """Nested and coupled loops, massless links."""
