@@ -246,4 +246,5 @@ class PoseSearch:
         still = np.zeros(self._equations.speeds) if v is None else v
         inputs = {**make_inputs(self._equations, q, still), "motion": np.full(1, float(v is not None))}
         found = interpret_blocks(self._places, inputs, flat_roads(self._equations))
-        return np.stack([np.zeros(len(q)), *(np.broadcast_to(found[block][..., 0, 0], len(q)) for block in self._places)], axis=-1)[:, 1:]
+        values = [np.broadcast_to(found[block][..., 0, 0], len(q)) for block in self._places]
+        return np.reshape(values, (len(values), len(q))).T

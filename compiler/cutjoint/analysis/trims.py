@@ -372,7 +372,7 @@ class _Search(TrimEquations):
         follows = (np.abs(left[len(at.left) - len(self._targets) :, int(np.sum(values > _SINGULAR)) :]) > _SINGULAR).any(axis=1)
         q, speeds = self._of._with_reversed_attitudes(arrays["q"]), self._start.speeds
         changing = self._of._at(SPEEDS, [u.entry for u in self._of._trim.unsteady if at.y[self._of._at(RATES, [u.entry])[0]] != 0.0])
-        felt = changing and np.abs((self.residuals(at.y + 1e-3 * np.diag(self._sizes)[changing]) - at.left) / at.rows).max() > _MET
+        varies = changing and np.abs((self.residuals(at.y + 1e-3 * np.diag(self._sizes)[changing]) - at.left) / at.rows).max() > _MET
         rates = dict(zip(self._names[SPEEDS], arrays["v"].tolist(), strict=True))
         coordinates = dict(zip(self._start.coordinate_names, q.tolist(), strict=True))
         numbers = dict(zip(self._listed, at.y[[*self._listed.values()]].tolist(), strict=True))
@@ -385,7 +385,7 @@ class _Search(TrimEquations):
                 unknown.name: (float(at.y[i]), f"{unknown.unit or '1'}/s".replace("/s/s", "/s^2"))
                 for unknown in self._of._trim.unsteady for i in self._of._at(RATES, [unknown.entry])
             },
-            steady=not felt, from_random_start=self._is_random,
+            steady=not varies, from_random_start=self._is_random,
             redundant=tuple(aim.name for aim, is_so in zip(self._of._scene.assemble, follows, strict=True) if is_so),
             point=Point(
                 t=0.0, q=arrays["q"], v=arrays["v"], vdot=arrays["vdot"], parameters=arrays["parameters"], roads=self._inputs.roads,

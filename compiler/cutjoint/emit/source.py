@@ -63,8 +63,9 @@ class Source:
 @dataclass(frozen=True, kw_only=True)
 class Piece:
     """A part of generated code without the frame of a file.
-    It has its ``text``, the headers that it includes, of the standard library and others, and the lines that instantiate it for a build's
-    precision."""
+
+    ``standard``, ``headers``: headers of the standard library and others; ``instances``: lines that instantiate it for a build's precision.
+    """
 
     text: str
     standard: tuple[str, ...] = ()

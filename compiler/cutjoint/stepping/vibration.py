@@ -86,7 +86,7 @@ def random_vibration(
     if isinstance(road, str) and road not in ROUGHNESS:
         raise ValueError(f"no class of roads '{road}'; there is {', '.join(ROUGHNESS)}")
     if not speed > 0.0:
-        raise ValueError(f"a speed of {speed:g} m/s: a road is felt at speeds above zero")
+        raise ValueError(f"a speed of {speed:g} m/s: a road excites a vehicle at speeds above zero only")
     roughness, model = ROUGHNESS[road] if isinstance(road, str) else float(road), _of_heights(model, speed)
     where = np.array([{**model.places, **places}.get(name, (0.0, 0.0)) for name in model.inputs]).reshape(-1, 2)
 
@@ -105,8 +105,8 @@ def random_vibration(
     nodes, shares = _nodes(first, last, model.poles)
     found = densities(nodes)
     rms = np.sqrt(shares @ found)
-    felt = np.array([model.units.get(name) == _WEIGHTED for name in model.outputs])
-    weighted = np.where(felt, np.sqrt((shares * weighting(weight, nodes) ** 2) @ found), np.nan)
+    is_acceleration = np.array([model.units.get(name) == _WEIGHTED for name in model.outputs])
+    weighted = np.where(is_acceleration, np.sqrt((shares * weighting(weight, nodes) ** 2) @ found), np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         variation = np.where(np.abs(model.y) > 1e-9 * rms, rms / np.abs(model.y), np.nan)
     frequencies = np.geomspace(first, last, points)

@@ -12,8 +12,10 @@ from cutjoint.toolchain.compiler import Compiler, ask_version, find_compiler, fi
 @dataclass(frozen=True, kw_only=True)
 class Platform:
     """A system and a processor as CMake names them, and how to compile for them.
-    There are the prefix of the tools, Debian's package of these, the ending of modules, and the flags for processors with AVX2 and FMA, if
-    any."""
+
+    ``tools``: prefix of the tools; ``package``: Debian's package of these; ``suffix``: ending of modules; ``avx2``: flags for processors
+    with AVX2 and FMA, if any.
+    """
 
     system: str
     processor: str

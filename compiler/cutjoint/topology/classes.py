@@ -70,8 +70,10 @@ def _find(model: Model, graph: BodyGraph, parts: Sequence[Sequence[str]]) -> tup
 @dataclass(frozen=True, kw_only=True)
 class _Part:
     """A part: its bodies, its ``elements`` in the order of the signature, and the body that carries it.
-    Elements are bodies, tree joints, cut joints, gears, forces, states and signals. There is a carrier if the part touches nothing else of
-    unknown motion but its hub."""
+
+    Elements are bodies, tree joints, cut joints, gears, forces, states and signals. ``carrier`` is None if the part touches another body of
+    unknown motion than its hub.
+    """
 
     bodies: tuple[str, ...]
     elements: tuple[str, ...]

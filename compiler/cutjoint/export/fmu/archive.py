@@ -47,9 +47,10 @@ _NO_TIME = (1980, 1, 1, 0, 0, 0)
 
 @dataclass(frozen=True, kw_only=True)
 class Fmu:
-    """An FMU by FMI ``version``: the C export, its description and variables, and the files of the project that builds it.
-    There are also ``kept``, which is added to the export's C++, the layer over the C interface, the licence, a page about it, and the
-    topology for that page's picture."""
+    """An FMU by FMI ``version``: the C export, its description and variables, and the files of the ``project`` that builds it.
+
+    ``kept`` is added to the export's C++; ``layer`` is the code over the C interface; ``page`` describes it and shows the ``topology``.
+    """
 
     version: int
     standalone: Standalone

@@ -209,7 +209,7 @@ class _System:
                 continue
             for embedded_loop in k.topology.model.embedded_loops:
                 if embedded_loop.independent == joint.name:
-                    with b.section("force_residual", joint.name, "sum of slope (S^T F^c - tau)", joint.span.place):
+                    with b.section("force_residual", joint.name, "sum of derivative (S^T F^c - tau)", joint.span.place):
                         value = b.total([value, *self._followers_share(embedded_loop)])
             results[f"force_residual:{joint.name}"] = b.record(value, "force_residual", joint.name)
         closing: tuple[Closing, ...] = (*self.loops, *self.gears)
@@ -290,8 +290,8 @@ class _System:
             b.label(b.element(column, i), name) for i, name in enumerate(("damping", "stiffness", "constraint"))
         )
         gravity = b.stack([[self.k.vector(self.start.topology.model.gravity)], [b.zero(3)]])
-        felt = {body: b.sub(Zdd, gravity) for body, Zdd in self.Zdd.items()}
-        return derive_motions(self.k, felt, StepWeights(damping=damping, stiffness=stiffness, constraint=constraint))
+        proper_accelerations = {body: b.sub(Zdd, gravity) for body, Zdd in self.Zdd.items()}
+        return derive_motions(self.k, proper_accelerations, StepWeights(damping=damping, stiffness=stiffness, constraint=constraint))
 
     def _shares(self, motions: Motions) -> Iterable[tuple[Motion, Motion, Block]]:
         b, variations = self.b, motions.variations()
@@ -329,7 +329,7 @@ class _System:
                     yield own[0], own[0], armature
         for j in motions.all():
             if j.derivative_change is not None:
-                with b.section("tangent", j.body, "the bend of its functions (S^T F^c - tau)", ""):
+                with b.section("tangent", j.body, "second derivatives of its functions (S^T F^c - tau)", ""):
                     yield j, j, b.mul(j.derivative_change, b.element(self.unbalanced[j.body], j.index))
 
     def constraint_residual(self) -> dict[str, Block]:

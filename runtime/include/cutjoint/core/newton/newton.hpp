@@ -221,7 +221,7 @@ class Newton : public Workspace<S, Solver> {
     return worst;
   }
 
-  /// The turns of the balls from the step's start to the iterate.
+  /// The tangents of the balls' rotations from the step's start to the iterate.
   void update_ball_tangents() { ball_tangents<Real>(this->charts(), delta_.data(), ball_tangents_.data()); }
 
   /// Passes of a projection.
