@@ -2,6 +2,7 @@
 
 In poses q_k along a motion that the loops nearly leave free, the left null space U_k of their Jacobian has the equations that would be
 redundant without these errors. Displacements and rotations p of joints close the loops in all these poses where U_k^T (Phi + Phi_p p) = 0.
+Where two motions cross, at a change point, U_k has a column more: without its equation they part, since Phi is then of second order there.
 Of the solutions the one that moves fewest joints is taken, by least squares with weights that follow from the one before.
 """
 
@@ -27,6 +28,9 @@ _POSES, _STEP, _NEWTON, _WEIGHTINGS = 14, 0.6, 16, 12
 _PROJECTIONS = 12
 #: Singular values of the conditions below this share of the largest are rounding.
 _NOISE = 1e-8
+#: Change points: every so many poses one is sought from; differences of coordinates (arms, rad); steps and singular values of one that is
+#: found; the violation (arms) by rounding.
+_EVERY, _DIFFERENCE, _NEAR, _EXACT = 5, 1e-5, 1e-3, 1e-14
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +64,7 @@ def find_misfit(equations: RecursiveEquations, held: float, free: float) -> Misf
     trial = formulate_recursive(build_topology(_movable(model, names, cuts)), equations.scene, ())
     scale, total, weights = np.array([topology.arm] * 3 + [1.0] * 3), np.zeros((len(names), 6)), 1 + 0.1 * np.arange(len(names))
     for _ in range(_NEWTON):
-        found = _linearised(_with_last(trial, total.ravel()), held, free, total.size)
+        found = _linearised(_with_last(trial, total.ravel()), held, free, total.size, np.abs(total / scale).max())
         if found is None:
             return None
         matrix, right, done = found
@@ -88,36 +92,47 @@ def _with_last(equations: RecursiveEquations, values: Array) -> RecursiveEquatio
     return replace(equations, parameters=(*equations.parameters[:first], *last))
 
 
-def _linearised(equations: RecursiveEquations, held: float, free: float, count: int) -> tuple[Array, Array, bool] | None:
-    """The linear conditions on ``count`` changes of joints in poses of the motion, and whether it is free; None without a motion."""
+def _linearised(equations: RecursiveEquations, held: float, free: float, count: int, moved: float) -> tuple[Array, Array, bool] | None:
+    """The linear conditions on ``count`` changes of joints, which have ``moved`` (arms) so far, in poses of the motion, and whether it is
+    free; None without a motion."""
     design, sizes = design_coordinates(equations), speed_scales(equations)
     first = _space(evaluate_closures(equations, design)[1] * sizes)
-    rank = int(np.sum(first.values > held * first.values[0]))
-    close = next(f for f in equations.functions if f.name == "constraint_residual").results
-    blocks = [close[f"residual:{c.joint}"] for c in equations.closures]
-    n, rng = len(equations.parameters), np.random.default_rng(0)
-    seeds = np.eye(n)[n - count :]
-    rows, right, done = [], [], bool((first.values[rank:] <= free * first.values[0]).all())
+    rank, rng = int(np.sum(first.values > held * first.values[0])), np.random.default_rng(0)
+    poses, conditions, spaces = list[Array](), list[tuple[Array, Array]](), [first]
     for _ in range(_POSES):
         direction = first.right[rank:].T @ rng.standard_normal(equations.speeds - rank)
         direction *= rng.uniform(-_STEP, _STEP) / np.abs(direction).max()
         q = _projected(equations, retract(equations, design, sizes * direction), rank)
-        if q is None:
-            continue
-        residual, jacobian = evaluate_closures(equations, q)
-        space = _space(jacobian * sizes)
-        across = np.linalg.qr(space.left[:, rank:] / space.lengths[:, np.newaxis])[0].T / equations.topology.arm
-        changes = interpret_tangents(
-            blocks, make_inputs(equations, q, np.zeros(equations.speeds)), {"parameters": seeds}, flat_roads(equations)
-        )[1]
-        still = [np.zeros((count, block.shape[0], 1)) for block in blocks]
-        moving = [np.broadcast_to(changes.get(x, none), none.shape)[..., 0] for x, none in zip(blocks, still, strict=True)]
-        rows.append(across @ np.concatenate(moving, axis=1).T)
-        right.append(-across @ residual)
-        done = done and bool((space.values[rank:] <= free * space.values[0]).all())
-    if len(rows) < _POSES / 2:
+        if q is not None:
+            poses.append(q)
+            spaces.append(_space(evaluate_closures(equations, q)[1] * sizes))
+            conditions.append(_condition(equations, q, spaces[-1], rank, count))
+    if len(poses) < _POSES / 2:
         return None
-    return np.concatenate(rows), np.concatenate(right), done
+    done = all((space.values[rank:] <= free * space.values[0]).all() for space in spaces)
+    allowed = 10 * (moved + max(np.abs(right).max() for _, right in conditions)) + _EXACT
+    lengths = np.max([space.lengths for space in spaces], axis=0)
+    nearest = np.argsort([space.values[rank - 1] for space in spaces[1:]])
+    for change in (_change_point(equations, poses[k], rank, lengths) for k in nearest[::_EVERY]):
+        if change is None:
+            continue
+        rows, right = _condition(equations, change, _space(evaluate_closures(equations, change)[1] * sizes), rank - 1, count)
+        if _EXACT + moved**2 < np.abs(right).max() <= allowed:  # less parts two motions by less than the misfit; more is another assembly
+            conditions.append((rows, right))
+            done = False
+    return np.concatenate([rows for rows, _ in conditions]), np.concatenate([right for _, right in conditions]), done
+
+
+def _condition(equations: RecursiveEquations, q: Array, space: _Space, rank: int, count: int) -> tuple[Array, Array]:
+    """The linear conditions (equations beyond ``rank``, ``count``) on the last parameters in a pose, and their right-hand sides."""
+    close = next(f for f in equations.functions if f.name == "constraint_residual").results
+    blocks = [close[f"residual:{c.joint}"] for c in equations.closures]
+    across = np.linalg.qr(space.left[:, rank:] / space.lengths[:, np.newaxis])[0].T / equations.topology.arm
+    inputs, seeds = make_inputs(equations, q, np.zeros(equations.speeds)), np.eye(len(equations.parameters))[-count:]
+    changes = interpret_tangents(blocks, inputs, {"parameters": seeds}, flat_roads(equations))[1]
+    still = [np.zeros((count, block.shape[0], 1)) for block in blocks]
+    moving = [np.broadcast_to(changes.get(x, none), none.shape)[..., 0] for x, none in zip(blocks, still, strict=True)]
+    return across @ np.concatenate(moving, axis=1).T, -across @ evaluate_closures(equations, q)[0]
 
 
 def _space(jacobian: Array) -> _Space:
@@ -138,6 +153,28 @@ def _projected(equations: RecursiveEquations, q: Array, rank: int) -> Array | No
         q = retract(equations, q, sizes * step)
         if np.abs(step).max() < 1e-12:
             return q
+    return None
+
+
+def _change_point(equations: RecursiveEquations, q: Array, rank: int, lengths: Array) -> Array | None:
+    """The pose near given coordinates in which one of ``rank`` independent equations depends on the others; None if none is found.
+    It is a stationary point of the residuals of all that depend on the others, within these. Rows have the same ``lengths`` in all poses:
+    with balanced ones it would not be seen that a row vanishes."""
+    weights = speed_scales(equations) / lengths[:, np.newaxis]
+    before = np.inf
+    for _ in range(_PROJECTIONS):
+        residual, jacobian = evaluate_closures(equations, q)
+        left, values, right = np.linalg.svd(jacobian * weights)
+        closing = -right[: rank - 1].T @ ((left[:, : rank - 1].T @ (residual / lengths)) / values[: rank - 1])
+        dependent, free = left[:, rank - 1 :].T, right[rank - 1 :]
+        ahead = [evaluate_closures(equations, retract(equations, q, _DIFFERENCE * speed_scales(equations) * d))[1] for d in free]
+        curvature = np.stack([dependent @ ((other - jacobian) * weights) @ free.T for other in ahead], axis=-1) / _DIFFERENCE
+        slopes = dependent @ (jacobian * weights) @ free.T
+        step = closing - free.T @ np.linalg.lstsq(curvature.reshape(-1, len(free)), slopes.ravel(), rcond=1e-3)[0]
+        size = np.abs(step).max()
+        if values[rank - 1] < _NEAR * values[0] and before / 2 <= size < _NEAR:  # as near as the misfit lets equations agree on it
+            return q
+        q, before = retract(equations, q, speed_scales(equations) * step * _STEP / max(size, _STEP)), size
     return None
 
 

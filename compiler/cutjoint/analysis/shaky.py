@@ -65,8 +65,8 @@ def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEqu
 def mend_misfit(equations: RecursiveEquations, accuracy: float) -> tuple[str, Model | None]:
     """A message on loops that only rounded numbers lock, at the line of a joint, and the corrected model; ("", None) for other loops. It is
     a warning with a model if joints are off by at most ``accuracy`` (m, rad), else an error without one. Such loops are nearly locked in
-    all poses near the design position; mechanisms that guides drive completely are exempt. A larger misfit that leaves no motion is a
-    warning with the same model.
+    all poses near the design position; mechanisms that guides drive completely are exempt. A larger misfit that leaves no motion, and
+    loops that barely lock all speeds, are a warning with the same model.
     """
     if not equations.closures or not equations.speeds:
         return "", None
@@ -75,8 +75,7 @@ def mend_misfit(equations: RecursiveEquations, accuracy: float) -> tuple[str, Mo
     rank = int(np.sum(values > _FREE_BELOW))
     guides = any(t.joint.guide is not None for t in equations.topology.tree)
     if not rank or values[rank - 1] > _LOCKED_ABOVE:
-        barely = rank == equations.speeds and values[-1] < _BARELY_ABOVE and not guides
-        return _describe_locking(equations) if barely else ("", None)
+        return ("", None) if guides or rank < equations.speeds else _describe_locking(equations, values[-1])
     poses = explore(equations)
     if any(_shares(pose.jacobian * sizes)[rank - 1] > _LOCKED_ABOVE for pose in poses) or (guides and not poses[0].free.size):
         return "", None
@@ -85,7 +84,7 @@ def mend_misfit(equations: RecursiveEquations, accuracy: float) -> tuple[str, Mo
     found = find_misfit(equations, _LOCKED_ABOVE, _FREE_BELOW)
     if found is None:
         return _describe_holding(equations, jacobian, sizes, rank), None
-    if found.off <= accuracy:
+    if found.off <= 1.001 * accuracy:
         words = f"within the accuracy of {accuracy:g} they move as with exact joints"
         return f"{_off(equations, found)}, which would lock the loops; {words}", found.model
     return (
@@ -94,13 +93,15 @@ def mend_misfit(equations: RecursiveEquations, accuracy: float) -> tuple[str, Mo
     ), None
 
 
-def _describe_locking(equations: RecursiveEquations) -> tuple[str, Model | None]:
-    """The warning on a mechanism that a misfit locks, with its model; ("", None) for those that do not move with other joints either."""
+def _describe_locking(equations: RecursiveEquations, least: float) -> tuple[str, Model | None]:
+    """The warning on a mechanism that small errors lock, with its model; ("", None) for others. ``least``: smallest singular value."""
     from cutjoint.analysis.misfit import find_misfit
+    from cutjoint.analysis.skew import describe_rigidity
 
-    found = find_misfit(equations, _BARELY_ABOVE, _FREE_BELOW)
+    found = find_misfit(equations, _BARELY_ABOVE, _FREE_BELOW) if least < _BARELY_ABOVE else None
     if found is None:
-        return "", None
+        words = describe_rigidity(equations)
+        return (f"{equations.scene.span}: the mechanism cannot move; {words}", equations.topology.model) if words else ("", None)
     words = "which locks the loops: the mechanism cannot move, as it could with exact joints"
     return f"{_off(equations, found)}, {words}", equations.topology.model
 

@@ -150,12 +150,13 @@ _NEAR = 0.01
 
 def describe_geometry(equations: RecursiveEquations, mobility: Mobility) -> str:
     """The fault in a mechanism's geometry that is slightly off, and its remedy; "" without one."""
-    return describe_skew(equations, mobility) or _describe_rigidity(equations, mobility)
+    rigid = mobility.closed and not mobility.degrees_of_freedom
+    return describe_skew(equations, mobility) or (describe_rigidity(equations) if rigid else "")
 
 
-def _describe_rigidity(equations: RecursiveEquations, mobility: Mobility) -> str:
+def describe_rigidity(equations: RecursiveEquations) -> str:
     """The speed that the loops of a rigid mechanism barely lock, and joints to check; "" where they lock all speeds well."""
-    if mobility.degrees_of_freedom or not mobility.closed or any(joint.guide for joint in equations.topology.model.joints):
+    if any(joint.guide for joint in equations.topology.model.joints):
         return ""  # guides prescribe it, near dead centres too
     start = close_loops(equations, design_coordinates(equations))
     if start is None or not start[1].size:

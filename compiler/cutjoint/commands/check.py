@@ -66,7 +66,8 @@ def command(
             options.out.print(tables.indeterminate_reactions(indeterminate), markup=False)
     for motion in find_momentary_motions(equations, poses):
         options.out.print(describe_momentary(checked, motion), markup=False)
-    if misfit := mend_misfit(equations, accuracy_of(chosen))[0]:
+    misfit = mend_misfit(equations, accuracy_of(chosen))[0]
+    if misfit and not (skew and misfit.endswith(skew)):
         options.out.print(misfit, markup=False)
     if shaky := find_shakiness(equations):
         options.out.print(describe_shakiness(equations, shaky), markup=False)

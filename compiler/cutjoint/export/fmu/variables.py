@@ -189,7 +189,8 @@ def _settings(run_file: RunFile) -> Iterator[Variable]:
     if INTEGRATORS[of_run.integrator].adaptive:
         settings = [("step", "Longest step", "s", of_run.dt)]
         settings.append(("relative_tolerance", "Error of a step as a share of a coordinate or speed", "", of_run.tolerance))
-        settings.append(("absolute_tolerance", "Error of a step in SI units", "", of_run.absolute_tolerance or of_run.tolerance))
+        absolute = "Error of a step relative to nominal values (1 in SI units near a metre)"
+        settings.append(("absolute_tolerance", absolute, "", of_run.absolute_tolerance or of_run.tolerance))
     for name, description, unit, value in settings:
         yield Variable(
             name=f"integrator.{name}", causality="parameter", variability="tunable", description=description, unit=unit, start=float(value)
