@@ -291,7 +291,7 @@ def make_standalone(
     chosen = str(options.integrator)
     if adjoint:
         parts = replace(parts, transposed=_transposed(parts))
-    if linearise and derives_steps:
+    if linearise and derives_steps and equations.mechanism.speeds:
         parts = replace(parts, force_residual=_force_residual(parts, equations.scene))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
     standalone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)

@@ -45,19 +45,28 @@ def _table(path: Path, time: str) -> Columns:
 
 
 def _csv(path: Path) -> dict[str, Array]:
-    """The columns of a text table; an empty cell is a missing sample."""
+    """The columns of a text table; an empty cell is a missing sample.  Columns without names are called by their numbers, from 1."""
     with path.open(encoding="utf-8-sig", newline="") as stream:
-        rows = csv.reader(stream, skipinitialspace=True)
-        names = [name.strip() for name in next(rows, [])]
-        read = [(rows.line_num, row) for row in rows if row]
+        first = stream.readline()
+        stream.seek(0)
+        rows = csv.reader(stream, skipinitialspace=True, delimiter=next((mark for mark in ",;\t" if mark in first), " "))
+        read = [(rows.line_num, [cell.strip() for cell in row]) for row in rows if row]
+    names = read.pop(0)[1] if read and not all(map(_is_number, read[0][1])) else [str(i + 1) for i in range(len(read[0][1]) if read else 0)]
     for line, row in read:
         if len(row) != len(names):
             raise ValueError(f"line {line} has {len(row)} values for {len(names)} names")
     try:
-        numbers = np.array([[float(cell) if cell.strip() else np.nan for cell in row] for _, row in read]).reshape(-1, len(names))
+        numbers = np.array([[float(cell) if cell else np.nan for cell in row] for _, row in read]).reshape(-1, len(names))
     except ValueError as error:
         raise ValueError(f"{error}; below its first line of names it has numbers alone") from None
     return dict(zip(names, numbers.T, strict=True))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return not cell or isinstance(float(cell), float)
+    except ValueError:
+        return False
 
 
 def _mdf(path: Path) -> Columns:

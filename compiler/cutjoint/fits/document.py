@@ -1,6 +1,6 @@
 """The shape of the study file of a fit, as pydantic classes; names, numbers and units are resolved in `reading`."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StrictBool, StrictInt, StrictStr, model_validator
 
@@ -27,10 +27,14 @@ class Fitted(Part):
     size: Number | None = None
 
 
+#: The name of a column, or its number in a file without names.
+Column: TypeAlias = Annotated[StrictStr | StrictInt, Field(union_mode="left_to_right")]
+
+
 class Measured(Part):
     """A measured column: ``gain`` times the output ``delay`` earlier, plus ``bias``, with noise of a standard ``deviation``."""
 
-    column: StrictStr | None = None
+    column: Column | None = None
     unit: Unit | None = None
     deviation: Number | None = None
     gain: Number | None = None
@@ -38,10 +42,18 @@ class Measured(Part):
     delay: Number | None = None
 
 
+class Moved(Part):
+    """A joint whose coordinate follows a column, and a column of its ``rate`` in the unit per second."""
+
+    column: Column | None = None
+    rate: Column | None = None
+    unit: Unit | None = None
+
+
 class Driven(Part):
     """An input of the model that follows a column, of another file if ``data`` names one."""
 
-    column: StrictStr | None = None
+    column: Column | None = None
     unit: Unit | None = None
     data: StrictStr | None = None
     interpolation: Literal["linear", "cubic"] = "linear"
@@ -53,21 +65,24 @@ class Experiment(Part):
     data: StrictStr
     model: StrictStr | None = None
     scene: StrictStr | None = None
-    time: StrictStr = "t"
+    time: Column = "t"
     time_unit: Unit | None = None
     from_: Number | None = Field(default=None, alias="from")
     to: Number | None = None
     poses: StrictBool = False
     rest: StrictBool = False
     start: dict[StrictStr, Number] = Field(default={})
+    motion: dict[StrictStr, Moved] = Field(default={})
+    bandwidth: Number | None = None
     inputs: dict[StrictStr, Driven] = Field(default={})
     signals: Annotated[dict[StrictStr, Measured], Field(min_length=1, max_length=MAX_PIECES)]
     validation: StrictBool = False
 
     @model_validator(mode="after")
     def _of_one_kind(self) -> "Experiment":
-        if self.poses and (self.rest or self.inputs or not self.start):
-            raise shape_error("poses have coordinates in 'start', no inputs and no 'rest'", "write for example start: {pin.angle: encoder}")
+        if self.poses and (self.rest or self.inputs or self.motion or not self.start):
+            said = "poses have coordinates in 'start', no inputs, no 'motion' and no 'rest'"
+            raise shape_error(said, "write for example start: {pin.angle: encoder}")
         return self
 
 

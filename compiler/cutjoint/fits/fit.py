@@ -110,6 +110,9 @@ class Solver:
             np.array([getattr(p, key) for p in study.parameters]) for key in ("size", "start", "low", "high", "mean", "deviation")
         )  # fmt: skip
         self.known = np.isfinite(self.prior)
+        for e in study.experiments:
+            for words in e.notes:
+                note(f"{e.name}: {words}")
         self.runs = Runs(study, note)
         self.signals = [s for e in study.experiments if not e.validation for s in e.signals]
         self.deviations = np.array([_spread(s) if np.isnan(s.deviation) else s.deviation for s in self.signals])

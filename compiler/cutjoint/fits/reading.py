@@ -13,6 +13,7 @@ import sympy
 from cutjoint.fits import document as parts
 from cutjoint.fits.data import Columns, read_data
 from cutjoint.fits.inertias import Inertia, tie_inertia
+from cutjoint.fits.motion import Followed, follow, smooth
 from cutjoint.fits.records import Array, Experiment, Parameter, Signal, Study
 from cutjoint.formulate.inputs import input_parameters, tunable_parameters
 from cutjoint.methods import INTEGRATORS
@@ -30,6 +31,9 @@ from cutjoint.package.locations import AnyPath
 from cutjoint.run.scenes import find_case
 from cutjoint.sweeps.code import Reader
 from cutjoint.topology.reading import read_model
+
+#: The bandwidth of measured motions, Hz, and its dimension.
+_BAND, RATE = 10.0, measure(1.0, "Hz").dimension
 
 _LABELS = {"parameters": "parameter", "ties": "tie", "experiments": "experiment", "inertias": "inertia"}
 
@@ -186,13 +190,20 @@ class _Reading:
             model, scene = find_case(model, part.scene)
         except RunError as error:
             self._stop(keys, str(error))
-        reader, seconds = Reader(model), self._factor(part.time_unit, (*keys, "time_unit"), TIME)
-        data = self._data(part.data, "" if part.poses else part.time)
+        try:
+            followed = follow(model, scene, tuple(part.motion)) if part.motion else None
+        except RunError as error:
+            self._stop((*keys, "motion"), str(error))
+        if followed is not None:
+            model, scene = followed.model, followed.scene
+        reader = Reader(model, None if followed is None else followed.drives)
+        seconds = self._factor(part.time_unit, (*keys, "time_unit"), TIME)
+        data = self._data(part.data, "" if part.poses else str(part.time))
         begin, until = (
             (default if value is None else self.where.number(value, TIME, (*keys, key)))
             for key, value, default in (("from", part.from_, nan), ("to", part.to, inf))
         )  # fmt: skip
-        taken = {text: self._column(data, m.column or text, seconds) for text, m in part.signals.items()}
+        taken = {text: self._column(data, str(m.column or text), seconds) for text, m in part.signals.items()}
         if isnan(begin):
             begin = min(float(t[0]) if len(t) else 0.0 for t, _ in taken.values())
         signals = []
@@ -214,11 +225,12 @@ class _Reading:
             t, values = self._column(data, n, seconds)
             columns[term.value] = values if part.poses else values[np.isfinite(values) & (t >= begin - 1e-9)][:1]
         starts = {c: self._expression(v, (*keys, "start", c), None, named) for c, v in part.start.items()}
+        inputs = {n: self._input((*keys, "inputs", n), n, d, part, model, begin) for n, d in part.inputs.items()}
+        notes = self._motions(keys, part, followed, inputs, begin) if followed is not None else ()
         return Experiment(
             name=name, model=model, scene=replace(scene, outputs=tuple(reader.outputs.values())), outputs=tuple(reader.outputs.values()),
             signals=tuple(signals), starts=starts, columns=columns, is_pose=part.poses, at_rest=part.rest, validation=part.validation,
-            inputs={n: self._input((*keys, "inputs", n), n, d, part, model, begin) for n, d in part.inputs.items()},
-            dt=self._step(scene, signals), span=self.source.key_span(keys),
+            inputs=inputs, dt=self._step(scene, signals), span=self.source.key_span(keys), notes=notes,
         )  # fmt: skip
 
     def _step(self, scene: Scene, signals: Sequence[Signal]) -> float:
@@ -258,10 +270,28 @@ class _Reading:
             self._fail(keys, f"the model has no input '{name}'", nearest(name, own, "it has"), at_key=True)
             return {}
         seconds = self._factor(of.time_unit, ("experiments",), TIME)
-        t, values = self._column(self._data(part.data or of.data, of.time), part.column or name, seconds)
+        t, values = self._column(self._data(part.data or of.data, str(of.time)), str(part.column or name), seconds)
         whole = np.isfinite(values)
         factor = self._factor(part.unit, (*keys, "unit"), _dimension(own[name].unit) if own[name].unit else None)
         return {"t": t[whole] - begin, "value": values[whole] * factor, "interpolation": part.interpolation}
+
+    def _motions(self, keys: Keys, part: parts.Experiment, followed: Followed, inputs: dict[str, Any], begin: float) -> tuple[str, ...]:
+        """Add the tables of joints that follow columns to inputs; returns what was smoothed, in words."""
+        seconds, data, notes = self._factor(part.time_unit, (*keys, "time_unit"), TIME), self._data(part.data, str(part.time)), []
+        band = _BAND if part.bandwidth is None else self.where.number(part.bandwidth, RATE, (*keys, "bandwidth"))
+        if not band > 0:
+            self._stop((*keys, "bandwidth"), "a bandwidth is above zero", "write for example 10 Hz")
+        for name, moved in part.motion.items():
+            own = followed.inputs[name]
+            factor = self._factor(moved.unit, (*keys, "motion", name, "unit"), _dimension(own.unit))
+            t, values = self._column(data, str(moved.column or f"{name}.{'angle' if own.unit == 'rad' else 'position'}"), seconds)
+            rates = None if moved.rate is None else self._column(data, str(moved.rate), seconds)[1] * factor
+            spline, noise = smooth(t - begin, values * factor, rates, 0.5 / band)
+            times = np.concatenate([[0.0], spline.t[(spline.t > 0) & (spline.t <= spline.t[-4])]])
+            inputs[own.name] = {"t": times, "value": spline(times), "rate": spline(times, 1), "interpolation": "cubic"}
+            left = ", ".join(f"{x:.3g} {unit}" for x, unit in zip(noise, (own.unit, f"{own.unit}/s"), strict=False))
+            notes.append(f"motion of {name}: splines of {band:g} Hz leave {left} RMS")
+        return tuple(notes)
 
     def _data(self, file: str, time: str) -> Columns:
         if (file, time) not in self.data:
@@ -287,9 +317,10 @@ def _dimension(unit: str) -> Dimension | None:
 
 def _read_tunable(path: Path, names: Sequence[str]) -> Model:
     """The model of a file, whose numbers of these names are tunable."""
-    own = {p.name for p in read_model(path).parameters}
-    tunable, patterns = [], [name for name in names if name not in own]
-    for name in patterns:
+    model = read_model(path)
+    own = {p.name for p in (*tunable_parameters(model), *input_parameters(model))}
+    tunable = []
+    for name in (name for name in names if name not in own):
         try:
             read_model(path, tunable=[name])
             tunable.append(name)

@@ -49,7 +49,7 @@ class Signal:
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
     """One run, or ``rows`` of poses, of a model in a scene.  ``starts`` are expressions of the parameters and of the ``columns``, the
-    values (rows,) of each symbol; ``inputs`` are tables over time."""
+    values (rows,) of each symbol; ``inputs`` are tables over time.  ``notes`` say how data were treated."""
 
     name: str
     model: Model
@@ -64,6 +64,7 @@ class Experiment:
     validation: bool
     dt: float
     span: Span
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

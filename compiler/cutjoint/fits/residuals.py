@@ -116,7 +116,7 @@ class _Case:
         for name, number in zip(self.names, numbers, strict=False):
             (sim.parameters if name in sim.parameters else sim.inputs)[name] = number
         for name, table in e.inputs.items():
-            sim.inputs[name] = table["value"][0]  # type: ignore[index]
+            sim.inputs[name] = np.interp(0.0, table["t"], table["value"])  # type: ignore[call-overload]
         sim.reset(dt=e.dt, equilibrium=True if e.at_rest else None)
         lags = numbers[own:].reshape(-1, 3)[:, 2]
         t, y, dy = self._poses(theta, by_theta[:own]) if e.is_pose else self._run(theta, by_theta[:own], lags)
@@ -185,11 +185,12 @@ class _Case:
 
 def _covering(table: Any, end: float) -> dict[str, object]:
     """A table over time that lasts from 0 to an end (s): what is missing there is held."""
-    t, value = table["t"], table["value"]
+    t, value, rate = table["t"], table["value"], table.get("rate")
     for place, time in ((0, min(0.0, t[0] - 1e-9)), (len(t), max(end, t[-1] + 1e-9))):
         if (place == 0 and t[0] > 0.0) or (place and t[-1] < end):
             t, value = np.insert(t, place, time), np.insert(value, place, value[min(place, len(value) - 1)])
-    return {**table, "t": t.tolist(), "value": value.tolist()}
+            rate = None if rate is None else np.insert(rate, place, 0.0)
+    return {**table, "t": t.tolist(), "value": value.tolist()} | ({} if rate is None else {"rate": rate.tolist()})
 
 
 def _at(t: Array, values: Array, derivatives: Array, times: Array, dt: float, *, moves: bool) -> tuple[Array, Array, Array]:

@@ -185,10 +185,13 @@ def symbol_of(column: str) -> Scalar:
 
 
 class Reader:
-    """Reads expressions over a model's outputs, its parameters and time ``t``; ``outputs`` are those that were used, by column."""
+    """Reads expressions over a model's outputs, its parameters and time ``t``; ``outputs`` are those that were used, by column.
 
-    def __init__(self, model: Model) -> None:
-        self._elements = elements_of(model)
+    ``further`` are names of expressions, with their outputs.
+    """
+
+    def __init__(self, model: Model, further: Mapping[str, tuple[Term, tuple[Output, ...]]] | None = None) -> None:
+        self._elements, self._further = elements_of(model), further or {}
         self._own = frozenset(element.name for group in (model.states, model.signals) for element in group)
         fixed = {p.name: Term(p.symbol, _dimension(p.unit)) for p in model.parameters if p.binding is not Binding.INPUT}
         moving = {p.symbol for p in model.parameters if p.binding is Binding.INPUT}
@@ -207,6 +210,10 @@ class Reader:
         outputs: dict[str, Output] = {}
 
         def quantity(name: str) -> Term:
+            if name in self._further:
+                term, read = self._further[name]
+                outputs.update({o.column: o for o in read})
+                return term
             output = outputs.setdefault(name, self._output(name, span))
             return Term(quantity_symbol(output.element, output.quantity), _dimension(self._unit(output)))
 

@@ -15,6 +15,7 @@ import sympy
 
 from cutjoint.analysis.closing import evaluate_closures
 from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.elements.forces.joint_force import JointForce
 from cutjoint.elements.gear import FORCE_UNITS
 from cutjoint.formulate.inputs import TIME, guide_rates, input_parameters
 from cutjoint.formulate.layout import Chart
@@ -22,7 +23,7 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import Loops
 from cutjoint.model.expressions.evaluate import evaluate
-from cutjoint.model.records import Joint, Model, Output, Reaction, Scene
+from cutjoint.model.records import Joint, Model, Output, Reaction, Scalar, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.results import Array, Columns, Trajectory
 from cutjoint.run.scenes import ModelLike, load_model, with_loops
@@ -71,11 +72,42 @@ def inverse_dynamics(
     return InverseDynamics(*load_model(model, scene), dict(parameters or {}), tuple(drives)).find(end)
 
 
+def with_guide_forces(model: Model, names: Sequence[str]) -> Model:
+    """The model with what `guide_terms` reads of guided joints: sensors of their reactions, and forces of their armatures."""
+    joints = {joint.name: joint for joint in model.joints}
+    guided = [joints[name] for name in names]
+    armatures = (JointForce(name=f"armature_of_{j.name.replace('.', '_')}", active=True, span=j.span, joint=j.name,
+        coordinate=(c := j.element.coordinates[0]), unit=j.element.units[c], law=-j.armature * guide_rates(j.guide[0], model)[2])
+        for j in guided if j.armature != 0 and j.guide)  # fmt: skip
+    sensors = (Reaction(name=_sensor(j), joint=j.name, body=j.follower, direction=j.axes[0], span=j.span) for j in guided)
+    return replace(model, forces=(*model.forces, *armatures), reactions=(*model.reactions, *sensors))
+
+
+def _sensor(joint: Joint) -> str:
+    return f"drive_of_{joint.name.replace('.', '_')}"
+
+
+def guide_terms(model: Model, joint: Joint) -> list[tuple[Output, Scalar]]:
+    """The force of a joint's guide as outputs and their factors: the reaction along the axis less other forces on the coordinate.
+
+    Raises:
+        RunError: it has no such force.
+    """
+    if any(gear.law is not None and joint.name in gear.joints for gear in model.gears):
+        raise RunError(f"joint '{joint.name}' has a gear with a law; prescribe the motion of another joint")
+    span, turns = joint.span, joint.element.units[joint.element.coordinates[0]] == "rad"
+    terms = [(Output(element=_sensor(joint), quantity="moment" if turns else "force", span=span), sympy.S.One)]
+    terms += [(Output(element=f.name, quantity="force", span=span), -sympy.S.One) for f in model.force_elements if f.joint_of == joint.name]
+    terms += [(Output(element=gear.name, quantity="force", span=span), -sympy.sympify(factor))
+              for gear in model.gears for end, factor in gear.terms if end.joint == joint.name]  # fmt: skip
+    return terms
+
+
 class InverseDynamics:
     """One search: ``moved`` are the joints whose guides follow the time or inputs; guides that stand still are locks, and stay."""
 
     def __init__(self, model: Model, scene: Scene, parameters: Mapping[str, float], drives: tuple[str, ...]) -> None:
-        self._model, self._scene, self._parameters = model, with_loops(scene, Loops.EXACT), parameters
+        self._scene, self._parameters = with_loops(scene, Loops.EXACT), parameters
         joints = {joint.name: joint for joint in model.joints}
         self._numbers = {p.symbol: self._parameters.get(p.name, p.value) for p in model.parameters}
         moving = {TIME, *(p.symbol for p in input_parameters(model))}
@@ -88,12 +120,11 @@ class InverseDynamics:
         for joint in (*self.moved, *self.drives):
             if len(joint.element.coordinates) != 1:
                 raise RunError(f"joint '{joint.name}' has {len(joint.element.coordinates)} coordinates, where a drive has one")
-        self._sensors = {j.name: f"drive_of_{j.name.replace('.', '_')}" for j in self.moved}
+        self._model = with_guide_forces(model, [j.name for j in self.moved])
 
     def find(self, end: float | None) -> Drives:
         """The forces at the rows of the run."""
-        model = replace(self._model, reactions=(*self._model.reactions, *map(self._sensor, self.moved)))
-        artifact = compile_interpreted(model, self._scene, outputs=self._outputs())
+        artifact = compile_interpreted(self._model, self._scene, outputs=self._outputs())
         assert isinstance(artifact.equations, RecursiveEquations)
         run = simulate(artifact, parameters=self._parameters, end=end, coordinates=True, error=False)
         guided = np.array([self._guide_force(joint, run) for joint in self.moved]).T
@@ -118,39 +149,15 @@ class InverseDynamics:
 
     # the forces of the guides
 
-    def _sensor(self, joint: Joint) -> Reaction:
-        return Reaction(name=self._sensors[joint.name], joint=joint.name, body=joint.follower, direction=joint.axes[0], span=joint.span)
-
     def _outputs(self) -> list[Output]:
-        span, outputs = self._model.span, list[Output]()
-        for joint in self.moved:
-            turns = joint.element.units[joint.element.coordinates[0]] == "rad"
-            requested = [(self._sensors[joint.name], "moment" if turns else "force"), (joint.name, joint.element.coordinates[0])]
-            requested += [(force.name, "force") for force in self._model.force_elements if force.joint_of == joint.name]
-            requested += [(gear.name, "force") for gear in self._model.gears if joint.name in gear.joints]
-            outputs += [Output(element=element, quantity=quantity, span=span) for element, quantity in requested]
+        outputs = [o for joint in self.moved for o, _ in guide_terms(self._model, joint)]
+        outputs += [Output(element=j.name, quantity=j.element.coordinates[0], span=self._model.span) for j in self.moved]
         return list({o.column: o for o in outputs}.values())
 
     def _guide_force(self, joint: Joint, run: Trajectory) -> Array:
-        """The guide's own force: the reaction along the axis without other forces on the coordinate, and the armature's share."""
-        sensor = self._sensors[joint.name]
-        found: Array = run[next(c for c in run.columns if c.startswith(f"{sensor}."))].copy()
-        for force in self._model.force_elements:
-            if force.joint_of == joint.name:
-                found -= run[f"{force.name}.force"]
-        for gear in self._model.gears:
-            if gear.law is not None and joint.name in gear.joints:
-                raise RunError(f"joint '{joint.name}' has a gear with a law; prescribe the motion of another joint")
-            factor = sum(evaluate(factor, self._numbers) for end, factor in gear.terms if end.joint == joint.name)
-            if factor:
-                found -= factor * run[f"{gear.name}.force"]
-        if joint.armature != 0 and joint.guide is not None:
-            if any(joint.guide[0].has(p.symbol) for p in input_parameters(self._model)):
-                raise RunError(f"joint '{joint.name}' has an armature and follows an input; prescribe it as a law of t")
-            acceleration = guide_rates(joint.guide[0], self._model)[2]
-            rates = [evaluate(acceleration, {**self._numbers, TIME: t}) for t in run.t]
-            found += evaluate(joint.armature, self._numbers) * np.array(rates)
-        return found
+        """The guide's own force."""
+        terms = guide_terms(self._model, joint)
+        return np.asarray(sum(evaluate(factor, self._numbers) * run[o.column] for o, factor in terms))
 
     # how drives follow the prescribed coordinates
 

@@ -24,6 +24,7 @@ namespace cutjoint {
 /// No force residual: accelerations are found over dual numbers.
 struct NoResidual {
   static constexpr bool is_there = false;
+  bool leave_out_infinite() { return false; }
 };
 
 /// The force residual and the second rates of loops, r(q, v, vdot, lambda, inputs, parameters) = 0, of a mechanism M, with the Jacobian by
