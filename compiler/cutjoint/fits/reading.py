@@ -30,7 +30,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.scenes import find_case
 from cutjoint.sweeps.code import Reader
-from cutjoint.topology.reading import read_model
+from cutjoint.topology.reading import read_model, read_model_text
 
 #: The bandwidth of measured motions, Hz, and its dimension.
 _BAND, RATE = 10.0, measure(1.0, "Hz").dimension
@@ -132,7 +132,7 @@ class _Reading:
             if file not in self.models:
                 if not (self.folder / file).is_file():
                     self._stop(keys, f"model: there is no file {self.folder / file}", "write its path from the folder of the study")
-                self.models[file] = _read_tunable(self.folder / file, sorted(wanted))
+                self.models[file] = _read_tunable(self.folder / file, sorted(wanted), document.inertias)
 
     # Parameters and expressions
 
@@ -315,15 +315,27 @@ def _dimension(unit: str) -> Dimension | None:
     return measure(1.0, unit).dimension if unit else None
 
 
-def _read_tunable(path: Path, names: Sequence[str]) -> Model:
-    """The model of a file, whose numbers of these names are tunable."""
+def _read_tunable(path: Path, names: Sequence[str], whole: Sequence[str]) -> Model:
+    """The model of a file, whose numbers of these names are tunable; bodies whose ``whole`` inertia is have six moments in its text."""
     model = read_model(path)
+    file, lines = model.span.file, model.text.splitlines(keepends=True)
+    source = parse_yaml(model.text, file)
+    for body in whole:
+        moments = source.data.get("bodies", {}).get(body, {}).get("inertia")
+        if isinstance(moments, list) and len(moments) == 3:
+            span = source.value_span(("bodies", body, "inertia", 2))
+            line = lines[span.line - 1]
+            lines[span.line - 1] = line[: span.column - 1] + line[span.column - 1 :].replace("]", ", 0, 0, 0]", 1)
+
+    def read(tunable: Sequence[str]) -> Model:
+        return read_model_text("".join(lines), file, folder=path.parent, tunable=tunable)
+
     own = {p.name for p in (*tunable_parameters(model), *input_parameters(model))}
     tunable = []
     for name in (name for name in names if name not in own):
         try:
-            read_model(path, tunable=[name])
+            read([name])
             tunable.append(name)
         except ModelError:  # it may be of another model, or of expressions alone; what none has is noted
             continue
-    return read_model(path, tunable=tunable)
+    return read(tunable)

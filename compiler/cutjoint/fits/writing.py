@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cutjoint.fits.fit import Fit
-from cutjoint.model.document.source import parse_yaml, read_text
+from cutjoint.model.document.source import parse_yaml
 from cutjoint.model.expressions.units import measure, read_measure
 from cutjoint.model.records import Binding, Model, Span
 from cutjoint.package.errors import RunError
@@ -55,8 +55,7 @@ def rewrite_model(model: Model, numbers: Mapping[str, float]) -> str:
     Raises:
         RunError: a number does not stand in the file by itself.
     """
-    path = Path(model.span.file)
-    text = read_text(path)
+    path, text = Path(model.span.file), model.text
     source, lines = parse_yaml(text, str(path)), text.splitlines(keepends=True)
     edits: list[tuple[Span, str, float]] = []
     tunable = []
