@@ -35,7 +35,7 @@ def tie_inertia(body: str, known: Mapping[str, float], span: Span) -> Inertia:
     """
     centre, inertia = (tuple(f"{body}.centre_of_mass.{axis}" for axis in "xyz"), tuple(f"{body}.inertia.{i}" for i in range(6)))
     if missing := [name for name in (f"{body}.mass", *centre, *inertia) if name not in known]:
-        raise RunError(f"'{missing[0]}' is no number of the model file; write mass, centre_of_mass: [x, y, z] and three or six numbers of inertia")
+        raise RunError(f"'{missing[0]}' is no number of the model file; write mass, centre_of_mass: [x, y, z] and numbers of inertia")
     m, c = known[f"{body}.mass"], np.array([known[name] for name in centre])
     xx, yy, zz, xy, xz, yz = (known[name] for name in inertia)
     about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

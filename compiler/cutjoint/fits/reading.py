@@ -322,7 +322,7 @@ def _read_tunable(path: Path, names: Sequence[str], whole: Sequence[str]) -> Mod
     source = parse_yaml(model.text, file)
     for body in whole:
         moments = source.data.get("bodies", {}).get(body, {}).get("inertia")
-        if isinstance(moments, list) and len(moments) == 3:
+        if isinstance(moments, tuple) and len(moments) == 3:
             span = source.value_span(("bodies", body, "inertia", 2))
             line = lines[span.line - 1]
             lines[span.line - 1] = line[: span.column - 1] + line[span.column - 1 :].replace("]", ", 0, 0, 0]", 1)
