@@ -28,6 +28,19 @@ def test_signals_raise_and_are_reported(number: signal.Signals) -> None:
     assert signal.getsignal(number) == signal.SIG_DFL
 
 
+class Named:
+    """An attribute during whose naming a signal comes, as while the dataclasses of a module are made."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.001)
+
+
+def test_signals_are_reported_where_python_wraps_what_they_raise() -> None:
+    with pytest.raises(Terminated), ended_by_signals():
+        type("Owner", (), {"attribute": Named()})
+
+
 def test_what_is_ignored_stays_so() -> None:
     """As nohup has it."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)

@@ -75,7 +75,12 @@ if hasattr(signal, "SIGHUP"):  # Windows has none
 def ended_by_signals() -> Iterator[None]:
     """Context in which signals that would end the program raise `Terminated`, so that temporary files are removed."""
     with _resend_lost_signals(), _handled({s: usual for s, usual in _USUAL.items() if usual == signal.SIG_DFL}, _terminate):
-        yield
+        try:
+            yield
+        except RuntimeError as error:  # Python 3.11 wraps what a signal raises in __set_name__, as while modules are imported
+            if isinstance(error.__cause__, KeyboardInterrupt | Terminated):
+                raise error.__cause__ from None
+            raise
 
 
 @contextmanager
