@@ -447,10 +447,19 @@ def four_bar_by_hand(crank: float) -> tuple[float, float]:
     return float(np.arctan2(0.1, 0.6) - np.arctan2(*(C - D))), float(C[1])
 
 
+def nearest_rates(crank: float, rocker: float) -> tuple[float, float]:
+    """The rates that follow from each other next to wanted ones, with the ratio by differences."""
+    ratio = (four_bar_by_hand(1e-5)[0] - four_bar_by_hand(-1e-5)[0]) / 2e-5
+    rate = (crank + ratio * rocker) / (1 + ratio**2)
+    return rate, ratio * rate
+
+
 @pytest.mark.parametrize(
     ("scene", "said"),
     [
         ("positions: {a.angle: 20 deg, b.angle: 40 deg}", "m.yaml:17:27: scene 's': the loop cannot close from the given coordinates"),
+        ("rates: {a.angle_rate: 1, d.angle_rate: 2}", f"the nearest motion has a.angle_rate = {nearest_rates(1, 2)[0]:.6g} in place of 1 "
+         f"rad/s and d.angle_rate = {nearest_rates(1, 2)[1]:.6g} in place of 2 rad/s"),
         ("positions: {a.angl: 1}", "m.yaml:17:27: scene 's': positions: the revolute joint 'a' has no 'angl'; did you mean 'angle'?"),
         ("positions: {c.angle: 1}", "m.yaml:17:27: scene 's': positions: the cut joint 'c' has no 'angle'; a cut joint has no positions"),
         ("assemble: {coupler.z: 2 m}", f"m.yaml:17:26: scene 's': assemble: no pose that closes the loops was found with these values; the "

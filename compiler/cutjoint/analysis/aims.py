@@ -10,7 +10,7 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import join_and
 from cutjoint.model.expressions.parse import quantity_symbol
-from cutjoint.model.records import VALUE, Model, Output, Scene, Signal
+from cutjoint.model.records import VALUE, Aim, Model, Output, Scene, Signal
 from cutjoint.package.errors import RunError
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
@@ -70,16 +70,46 @@ class AimedStart:
         Raises:
             RunError: no pose has them, or none that closes the loops was found near the design position.
         """
-        q, free = self._coordinates_of(prescribed)
-        search = PoseSearch(self._with(parameters), free, np.array(wanted))
-        start = search.by_continuation(q)
-        if start is None:
+        search, found = self._search(parameters, prescribed, wanted)
+        if found is None:
             where = f"{self._scene.span}: scene '{self._scene.name}'"
             raise RunError(f"{where}: the loops cannot close from its positions; give others, or fewer")
-        found = search.find(start)
         if found.distance > 0:
             raise RunError(self._failure(found, wanted, search.degrees_of_freedom(found.q)))
         return dict(zip(self._equations.coordinate_names, self._with_reversed_attitudes(found.q).tolist(), strict=True))
+
+    def describe_nearest(self, parameters: Mapping[str, float], prescribed: Mapping[str, float], wanted: Sequence[float]) -> str:
+        """The places that are missed in the nearest pose that closes the loops, in words; "" for none, or without such a pose."""
+        _, found = self._search(parameters, prescribed, wanted)
+        return "" if found is None else join_and([words for _, words in self._missed(found, wanted)])
+
+    def describe_nearest_rates(
+        self, parameters: Mapping[str, float], prescribed: Mapping[str, float], wanted: Mapping[str, float]
+    ) -> str:  # fmt: skip
+        """The rates that the nearest motion with closed loops has in place of the ``wanted`` ones, in words; "" where a guide moves."""
+        q, free = self._coordinates_of(prescribed)
+        equations, names = self._with(parameters), self._equations.speed_names
+        start = PoseSearch(equations, free, np.zeros(0)).by_continuation(q)
+        if start is None or any(t.joint.guide is not None for t in self._equations.topology.tree):
+            return ""
+        moves = PoseSearch(equations, np.ones_like(free), np.zeros(0)).moves(start.q)
+        rows, given = [names.index(name) for name in wanted], np.array([*wanted.values()])
+        got = moves[rows] @ np.linalg.lstsq(moves[rows], given)[0]
+        every = zip(wanted, given.tolist(), got.tolist(), rows, strict=True)
+        unit = ("m/s", "rad/s")
+        missed = [
+            f"{name} = {there:.6g} in place of {value:.6g} {unit[self._equations.angular[row]]}"
+            for name, value, there, row in every if abs(there - value) > _SEEN * max(1.0, abs(value))
+        ]  # fmt: skip
+        return join_and(missed)
+
+    def _search(
+        self, parameters: Mapping[str, float], prescribed: Mapping[str, float], wanted: Sequence[float]
+    ) -> "tuple[PoseSearch, _Reached | None]":  # fmt: skip
+        q, free = self._coordinates_of(prescribed)
+        search = PoseSearch(self._with(parameters), free, np.array(wanted))
+        start = search.by_continuation(q)
+        return search, None if start is None else search.find(start)
 
     def follows(self, parameter: str, parameters: Mapping[str, float]) -> bool:
         """Return whether loops or aims depend on a tunable parameter: they are undefined without its value."""
@@ -118,13 +148,17 @@ class AimedStart:
         return turned
 
     def _failure(self, found: _Reached, wanted: Sequence[float], free: int) -> str:
-        every = zip(self._scene.assemble, wanted, found.left, strict=True)
-        missed = [(aim, value, value + left) for aim, value, left in every if abs(left) > _SEEN * max(1.0, abs(value))]
-        words = [f"{aim.name} = {got / aim.size:.6g} in place of {value / aim.size:.6g} {aim.unit}".rstrip() for aim, value, got in missed]
+        missed = self._missed(found, wanted)
         count = f"; {len(wanted)} values are wanted, and {free} can be chosen there" if len(wanted) > free else ""
         where = f"{missed[0][0].span}: scene '{self._scene.name}': assemble"
-        nearest = f"no pose that closes the loops was found with these values; the nearest has {join_and(words)}"
+        nearest = f"no pose that closes the loops was found with these values; the nearest has {join_and([words for _, words in missed])}"
         return f"{where}: {nearest}{count}; write others, or fewer"
+
+    def _missed(self, found: _Reached, wanted: Sequence[float]) -> list[tuple[Aim, str]]:
+        """The places that a pose misses, in words."""
+        every = zip(self._scene.assemble, wanted, found.left, strict=True)
+        missed = [(aim, value, value + left) for aim, value, left in every if abs(left) > _SEEN * max(1.0, abs(value))]
+        return [(a, f"{a.name} = {got / a.size:.6g} in place of {value / a.size:.6g} {a.unit}".rstrip()) for a, value, got in missed]
 
 
 class PoseSearch:
@@ -138,7 +172,7 @@ class PoseSearch:
     def find(self, start: _Reached) -> _Reached:
         """The wanted pose nearest to the start, else the pose with the smallest residual, from the start and from random steps near it."""
         best, alike = self._approach(start), 0
-        rng, moves = np.random.default_rng(0), self._moves(start.q)
+        rng, moves = np.random.default_rng(0), self.moves(start.q)
         for _ in range(_TRIALS if moves.size else 0):
             if best.distance == 0 or alike == _ENOUGH:
                 break
@@ -198,7 +232,7 @@ class PoseSearch:
 
     def degrees_of_freedom(self, q: Array) -> int:
         """The number of degrees of freedom that the given coordinates leave."""
-        return int(self._moves(q).shape[1])
+        return int(self.moves(q).shape[1])
 
     def _approach(self, at: _Reached) -> _Reached:
         """Minimise the residual of the places from a pose, by steps along closed loops (Levenberg, Q. Appl. Math. 2, 1944)."""
@@ -206,7 +240,7 @@ class PoseSearch:
         for _ in range(_ITERATIONS):
             if at.distance == 0:
                 break
-            moves = self._moves(at.q)
+            moves = self.moves(at.q)
             derivatives = self._derivatives(at.q) @ moves
             weight = np.sqrt(damping * max(float(np.vdot(derivatives, derivatives)), 1e-12)) * np.eye(moves.shape[1])
             step = -moves @ np.linalg.lstsq(np.vstack([derivatives, weight]), np.concatenate([at.left, np.zeros(len(weight))]))[0]
@@ -220,7 +254,7 @@ class PoseSearch:
                 break
         return at
 
-    def _moves(self, q: Array) -> Array:
+    def moves(self, q: Array) -> Array:
         """The motions (speeds, n) that keep loops closed and given coordinates fixed."""
         jacobian = evaluate_closures(self._equations, q)[1][:, self._free]
         m, n = jacobian.shape

@@ -29,6 +29,6 @@ def command(
     for made in time_tables(times):
         options.message_console(out).print(made)
     if times.failure is not None:
-        where = describe_failure(times.failure, artifact.scene.name, artifact.places, model, parameters)
+        where = describe_failure(times.failure, artifact.scene.name, artifact.places, artifact, parameters)
         options.err.print(f"{where}; the times are of the steps up to then; {describe_rest(times.table)}", markup=False)
         raise SystemExit(1)

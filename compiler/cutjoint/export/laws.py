@@ -140,7 +140,7 @@ def find_start(
     artifact = compile_interpreted(marked, still, outputs=tuple(_outputs(topology, markers)))
     run = start(make_simulator_run(artifact, PLAIN_STEPS, parameters))
     if run.failure is not None:
-        raise RunError(describe_failure(run.failure, scene.name, artifact.places, artifact.file, parameters))
+        raise RunError(describe_failure(run.failure, scene.name, artifact.places, artifact, parameters))
     values = {name: float(rows[0]) for name, rows in run.columns.items()}
     designs = {body.name: markers_of(model, body.name) for body in model.bodies}
     starts = {name: _start(name, values, len(markers)) for name, markers in designs.items()}

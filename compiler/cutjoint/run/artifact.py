@@ -214,7 +214,7 @@ def require_end(run: Trajectory, artifact: Artifact, changed: Mapping[str, float
         FailedRunError: it failed.
     """
     if run.failure is not None:
-        where = describe_failure(run.failure, artifact.scene.name, artifact.places, artifact.file, changed)
+        where = describe_failure(run.failure, artifact.scene.name, artifact.places, artifact, changed)
         raise FailedRunError(f"{where}; {describe_rest(run.table)}", run)
     return run
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cutjoint.package.errors import CutjointError
 from cutjoint.run.results import Batch, FailureReport, Trajectory
+from cutjoint.run.scenes import Compiled, load_model
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Scene
@@ -75,12 +76,12 @@ def is_impossible(failure: FailureReport) -> bool:
 
 
 def describe_failure(
-    failure: FailureReport, scene: str, places: Mapping[str, str], model: Path, changed: Mapping[str, float]
+    failure: FailureReport, scene: str, places: Mapping[str, str], model: Path | Compiled, changed: Mapping[str, float]
 ) -> str:  # fmt: skip
     """A failure in words, with ``changed`` parameters and the place in the model file of its joint or of the scene's entry that caused it.
     """
     joint = failure.element.rpartition(".")[0]
-    place = places.get(joint, str(model))
+    place = places.get(joint, str(model) if isinstance(model, Path) else model.model.span.file)
     if not is_impossible(failure):
         return f"{place}: scene '{scene}': {failure}"
     section = _IMPOSSIBLE[failure.message]
@@ -88,7 +89,19 @@ def describe_failure(
     values = f" with {', '.join(f'{name} = {value:g}' for name, value in changed.items())}" if changed else ""
     unit = "m or rad" if section == "positions" else "m/s or rad/s"
     left = f"{failure.residual:.3g} {unit} are left at '{failure.element}' ({place}), which closes it"
-    return f"{where}: scene '{scene}': {failure.message}{values}: {left}; {failure.advice}"
+    return f"{where}: scene '{scene}': {failure.message}{values}: {left}; {_nearest(model, scene, changed, section)}{failure.advice}"
+
+
+def _nearest(source: Path | Compiled, name: str, changed: Mapping[str, float], section: str) -> str:
+    """What the nearest start with closed loops has in place of a scene's positions or rates, as the start of a remedy."""
+    from cutjoint.run.run_file import describe_nearest, parameter_values  # imported here because runs that begin do not need it
+
+    try:
+        model, scene = load_model(source, name, tuple(changed)) if isinstance(source, Path) else load_model(source)
+        words = describe_nearest(model, scene, parameter_values(model, changed), section)
+    except CutjointError:
+        return ""
+    return f"the nearest {'pose' if section == 'positions' else 'motion'} has {words}; " if words else ""
 
 
 def describe_rest(table: Path | None) -> str:

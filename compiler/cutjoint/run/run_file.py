@@ -15,9 +15,10 @@ from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, Implementatio
 from cutjoint.model.elements.mass import mass_problems
 from cutjoint.model.errors import nearest
 from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.parse import quantity_symbol
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_state
-from cutjoint.model.records import Binding, Body, Controller, Model, Scalar, Scene
+from cutjoint.model.records import Aim, Binding, Body, Controller, Model, Scalar, Scene
 from cutjoint.model.scenes.starts import fault_of_quaternion, normalised
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import InputLike, input_entries, require_unit, with_constant_inputs
@@ -252,6 +253,28 @@ def find_assemblies(model: Model, scene: Scene) -> "Assemblies":
     value, given = Evaluator(model, parameters), find_dependent_parts(model, plain, parameters, ("positions",))["positions"]
     wanted = [value(aim.value, f"{aim.span}: assemble: '{aim.name}'") for aim in scene.assemble]
     return AssembledStarts(model, scene).find_all(parameters, given, scene.near, wanted)
+
+
+def describe_nearest(model: Model, scene: Scene, parameters: Mapping[str, float], section: str) -> str:
+    """What a start with closed loops has in place of the scene's "positions" or "rates", in words; "" if nothing is known."""
+    value, parts = Evaluator(model, parameters), {name: name.rpartition(".")[::2] for name in (*scene.positions, *scene.rates)}
+    if not (scene.positions if section == "positions" else scene.rates):
+        return ""
+    if section == "rates":
+        plain = replace(scene, assemble=())
+        given = find_dependent_parts(model, plain, parameters, ("positions", "rates"))
+        nearest: str = formulated_start(model, plain).describe_nearest_rates(parameters, given["positions"], given["rates"])
+        return nearest
+    places = {name: e for name, e in scene.positions.items() if parts[name][1] not in ATTITUDE}
+    units = {joint.name: JOINT_QUANTITIES[joint.kind] for joint in model.joints}
+    aims = tuple(
+        Aim(name=name, expression=quantity_symbol(of, quantity), value=places[name], unit=units[of][quantity], size=1.0, span=scene.span)
+        for name, (of, quantity) in parts.items() if name in places
+    )  # fmt: skip
+    others = {name: e for name, e in scene.positions.items() if name not in places}
+    start, wanted = replace(scene, positions=others, assemble=aims, near=()), [value(aim.value, aim.name) for aim in aims]
+    nearest = formulated_start(model, start).describe_nearest(parameters, {name: value(e, name) for name, e in others.items()}, wanted)
+    return nearest
 
 
 def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> None:

@@ -127,7 +127,7 @@ def run_in_real_time(
     times = StepTimes(period=run_file.settings.dt, durations=columns["duration"], lateness=columns["lateness"], failure=failure,
         table=table)
     if check and failure is not None:
-        where = describe_failure(failure, artifact.scene.name, artifact.places, artifact.file, parameters or {})
+        where = describe_failure(failure, artifact.scene.name, artifact.places, artifact, parameters or {})
         raise FailedRealTimeError(f"{where}; {describe_rest(table)}", times)
     return times
 

@@ -180,7 +180,7 @@ def _describe(failure: FailureReport, artifact: Artifact, parameters: Mapping[st
     rubbing = [f"'{f.name}'" for f in artifact.mechanism.topology.model.forces if f.by_load and is_active(f, artifact.scene)]
     if rubbing and not is_impossible(failure):
         failure = replace(failure, advice=f"{failure.advice}, and that friction can hold what it must: {', '.join(rubbing)}")
-    return describe_failure(failure, artifact.scene.name, artifact.places, artifact.file, parameters or {})
+    return describe_failure(failure, artifact.scene.name, artifact.places, artifact, parameters or {})
 
 
 def _everything(model: Model) -> list[Output]:
