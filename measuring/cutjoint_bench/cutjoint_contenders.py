@@ -93,8 +93,13 @@ class AdaptiveRunner(OwnRunner):
     def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
         """A run whose rows are the case's."""
         given = self.artifact.scene.numerics.of_method(self.artifact.method).step
-        with_tolerance = replace(self, tolerance=min(max(1e-6 * (dt / given) ** 5, 1e-13), 1e-2))
+        with_tolerance = replace(self, tolerance=tolerance_of(dt, given))
         return OwnRunner.__call__(with_tolerance, self.artifact.scene.output_step, measured=measured)
+
+
+def tolerance_of(dt: float, own: float) -> float:
+    """The tolerance of adaptive steps that stands for a step size, beside a scene's own (s)."""
+    return min(max(1e-6 * (dt / own) ** 5, 1e-13), 1e-2)
 
 
 def cutjoint_contenders() -> Iterator[Contender]:

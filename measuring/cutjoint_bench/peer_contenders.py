@@ -11,9 +11,11 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.reduce.trials import common_step
 from cutjoint.run.result_files import write_files
 from cutjoint.run.results import Trajectory
+from cutjoint_bench.cutjoint_contenders import tolerance_of
 from cutjoint_bench.export.peers import PEERS, Peer
 from cutjoint_bench.peers.run import available, run_peer
 from cutjoint_bench.records import Case, Contender
@@ -24,11 +26,12 @@ _PACKAGES = {"mujoco": "mujoco-core", "pinocchio": "pin"}
 
 @dataclass(frozen=True, kw_only=True)
 class PeerRunner:
-    """A case exported to a peer, into a folder that lasts as long as this."""
+    """A case exported to a peer, into a folder that lasts as long as this; ``own_step`` (s) is that of the scene."""
 
     peer: Peer
     integrator: str
     row: float
+    own_step: float
     end: float
     folder: TemporaryDirectory[str]
     differences: tuple[str, ...]
@@ -41,9 +44,13 @@ class PeerRunner:
         return {**made, "differences": " ".join(self.differences)}
 
     def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
-        """A run whose rows are some of the case's."""
-        step = common_step(dt, self.row)
-        return run_peer(self.peer, Path(self.folder.name), dt=dt, end=self.end, integrator=self.integrator, output_step=step)
+        """A run whose rows are some of the case's; adaptive integrators take ``dt`` as ours do, for how accurate they are asked to be."""
+        adaptive = self.integrator in self.peer.adaptive
+        step = self.row if adaptive else common_step(dt, self.row)
+        return run_peer(
+            self.peer, Path(self.folder.name), dt=step if adaptive else dt, end=self.end, integrator=self.integrator, output_step=step,
+            tolerance=tolerance_of(dt, self.own_step),
+        )  # fmt: skip
 
 
 def peer_contenders() -> Iterator[Contender]:
@@ -58,11 +65,12 @@ def peer_contenders() -> Iterator[Contender]:
 
 
 def _prepare(case: Case, *, peer: Peer, integrator: str) -> PeerRunner:
-    export = peer.export(case.model, case.scene, case.parameters, case.outputs)
+    export = peer.export(case.of_peers or case.model, case.scene, case.parameters, case.outputs)
     folder = TemporaryDirectory(prefix="cutjoint-peer-")
     write_files(Path(folder.name), export.files)
     return PeerRunner(
         peer=peer, integrator=integrator, row=case.scene.output_step, end=case.scene.end, folder=folder, differences=export.differences,
+        own_step=case.scene.numerics.of_method(DEFAULT_METHOD).step,
         digest=sha256(json.dumps(dict(export.files), sort_keys=True).encode()).hexdigest(),
     )
 

@@ -21,7 +21,8 @@ class Case:
     """A scene of a model with what is looked at in it: the places and velocities of its heavy bodies.
 
     The scene's ``output_step`` is the distance in s of the times at which runs are compared; ``parameters`` are changed ones, SI units.
-    ``motion`` gives the exact columns over times (s), where they are known.
+    ``motion`` gives the exact columns over times (s), where they are known; ``of_peers`` is the model with the cut joints that suit other
+    simulators best, where these are others.
     """
 
     model: Model
@@ -29,6 +30,7 @@ class Case:
     outputs: tuple[Output, ...]
     parameters: Mapping[str, float] = field(default_factory=dict)
     motion: Callable[[Array], Mapping[str, Array]] | None = None
+    of_peers: Model | None = None
 
     @property
     def name(self) -> str:

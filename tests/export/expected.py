@@ -101,6 +101,12 @@ _MUJOCO = Expected(
                    limits=everywhere(3e-3))
             for integrator in ("rk4", "euler", "implicit", "implicitfast")
         ),
+        # a loop and forces alone are a quadratic problem, which two iterations solve
+        *(
+            Trajectory(name="four_bar", case=partial(case_of, "four_bar"), steps=(1e-3,), own_dt=1e-4, end=0.5,
+                       integrator=f"{integrator}_two_iterations", limits=everywhere(limit))
+            for integrator, limit in (("rk4", 3e-8), ("euler", 3e-3), ("implicitfast", 3e-3))
+        ),
         # the links carry tons: softness leaves a tenth of a millimetre, and half the step a quarter of it
         Trajectory(name="bump", case=partial(vehicle, "iavsd_inphase_5"), steps=(1e-3, 5e-4), own_dt=2.5e-4, end=0.3, integrator="rk4",
                limits={"chassis.z": 2e-4}, with_largest=2e-4, ratio=(3, 6)),
@@ -164,6 +170,17 @@ _PINOCCHIO = Expected(
         # of first order
         Trajectory(name="pendulum", case=partial(case_of, "pendulum"), steps=(2e-3, 1e-3), own_dt=1e-4, end=1.0,
                integrator="semi_implicit_euler", limits=everywhere(0.01), ratio=(1.8, 2.2)),
+        Trajectory(name="four_bar", case=partial(case_of, "four_bar"), steps=(2e-3, 1e-3), own_dt=1e-4, end=0.5,
+               integrator="lcaba_semi_implicit_euler", limits=everywhere(0.01), ratio=(1.8, 2.2)),
+        # another algorithm for the same accelerations
+        Trajectory(name="four_bar", case=partial(case_of, "four_bar"), steps=(5e-3,), own_dt=1e-4, end=0.5, integrator="lcaba_rk4",
+               limits=everywhere(1e-7)),
+        # rows 0.1 s apart, steps by a tolerance of 1e-6
+        *(
+            Trajectory(name="four_bar", case=partial(case_of, "four_bar"), steps=(0.1,), own_dt=1e-4, end=0.5, integrator=integrator,
+                   limits=everywhere(1e-5))
+            for integrator in ("dormand_prince", "lcaba_dormand_prince")
+        ),
         Trajectory(name="rotor", case=rotor, steps=(1e-3,), own_dt=1e-4, end=1.0, integrator="rk4", limits=everywhere(1e-4)),
         # to the error of cutjoint's second order at steps of 0.5 ms
         Trajectory(name="bump", case=partial(vehicle, "iavsd_inphase_5"), steps=(1e-3,), own_dt=5e-4, end=0.3, integrator="rk4",

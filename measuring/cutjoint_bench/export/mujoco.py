@@ -16,7 +16,10 @@ from cutjoint_bench.export.printing import environment
 from cutjoint_bench.export.program_cpp import column_text, offset, part_texts, support_files
 from cutjoint_bench.export.records import Column, Mechanism
 
-INTEGRATORS = ("rk4", "euler", "implicit", "implicitfast")
+#: Equality constraints and forces alone are a quadratic problem: two iterations of Newton's method solve it.
+INTEGRATORS = (
+    "rk4", "euler", "implicit", "implicitfast", "rk4_two_iterations", "euler_two_iterations", "implicitfast_two_iterations",
+)  # fmt: skip
 
 
 def export_mujoco(model: Model, scene: Scene, parameters: Mapping[str, float], outputs: Sequence[Output]) -> Export:

@@ -18,7 +18,9 @@ from cutjoint_bench.export.printing import environment, vector
 from cutjoint_bench.export.program_cpp import column_text, offset, part_texts, support_files
 from cutjoint_bench.export.records import Mechanism
 
-INTEGRATORS = ("rk4", "semi_implicit_euler")
+#: `lcaba`: the articulated-body algorithm for loops, in place of a sparse factorisation of the constrained system.
+INTEGRATORS = ("rk4", "semi_implicit_euler", "dormand_prince", "lcaba_rk4", "lcaba_semi_implicit_euler", "lcaba_dormand_prince")
+ADAPTIVE = frozenset({"dormand_prince", "lcaba_dormand_prince"})
 
 #: The part that is the same for all models, and what it includes.
 ENGINE = ("pinocchio_peer.cc", "pinocchio_peer.hpp")

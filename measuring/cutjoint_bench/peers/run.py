@@ -49,8 +49,12 @@ def build_peer(peer: Peer, folder: Path) -> list[str]:
     return ENGINES[peer.name].build(folder)
 
 
-def run_peer(peer: Peer, folder: Path, *, dt: float, end: float, integrator: str, output_step: float) -> Trajectory:
+def run_peer(
+    peer: Peer, folder: Path, *, dt: float, end: float, integrator: str, output_step: float, tolerance: float = 1e-6
+) -> Trajectory:  # fmt: skip
     """Run an export that was written into a folder; times in s.  A run that breaks down is returned as far as it came.
+
+    ``tolerance`` is for adaptive integrators, which stop at each multiple of ``dt`` besides.
 
     Raises:
         ToolchainError: the peer is not installed, or its program does not compile.
@@ -58,7 +62,8 @@ def run_peer(peer: Peer, folder: Path, *, dt: float, end: float, integrator: str
     """
     with temporary_folder() as place:
         table = place / "table.csv"
-        times = ["--dt", repr(dt), "--end", repr(end), "--output-step", repr(output_step)]
+        choice = ["--tolerance", repr(tolerance)] if integrator in peer.adaptive else []
+        times = ["--dt", repr(dt), "--end", repr(end), "--output-step", repr(output_step), *choice]
         summary = _call([*build_peer(peer, folder), *times, "--integrator", integrator, "--out", str(table)], folder)
         if not table.exists():
             raise SimulatorError(f"{peer.name}: {summary['message']}")

@@ -16,6 +16,7 @@ from typing import Any
 
 import click
 
+from cutjoint.model.records import Model
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import with_settings
 from cutjoint_bench.cases import make_case
@@ -57,8 +58,16 @@ def reductions() -> Plan:
 def vehicle() -> Plan:
     """A vehicle that all tools can run, ours in the same variant."""
     case = make_case(MODELS / "iltis.yaml", IAVSD, row=0.005, parameters={"chassis_mass": 1248.0}, link_masses=LINKS)
+    case = replace(case, of_peers=_cut_at(case.model, "leaf_ball", instead_of="leaf_hinge"))
     contenders = choose(["generated", "integrators", "reduced", "functions", "peer"])
     return Plan(cases=[case], contenders=contenders, reference="extended", title="with link masses, and peers")
+
+
+def _cut_at(model: Model, joint: str, *, instead_of: str) -> Model:
+    """A model whose parts are cut at another joint: three equations of a ball, which are independent, for the five of a hinge."""
+    cut = {joint: True, instead_of: False}
+    joints = tuple(replace(j, cut=cut.get(j.name.rpartition(".")[2], j.cut)) for j in model.joints)
+    return replace(model, joints=joints)
 
 
 def verification() -> Plan:

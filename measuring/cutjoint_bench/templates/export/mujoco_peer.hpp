@@ -10,6 +10,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "forces.hpp"
@@ -45,7 +46,12 @@ class MujocoPeer {
       : description_(description), model_(load(description.file)), data_(mj_makeData(model_.get())), motions_(description.bodies.size()),
         wrenches_(description.bodies.size()) {
     model_->opt.timestep = options.dt;
-    model_->opt.integrator = integrator(options.integrator);
+    std::string_view rule = options.integrator;
+    if (constexpr std::string_view two = "_two_iterations"; rule.ends_with(two)) {
+      rule.remove_suffix(two.size());
+      model_->opt.iterations = 2;
+    }
+    model_->opt.integrator = integrator(rule);
     close_fast();
     for (const char* name : description.bodies) bodies_.push_back(find(mjOBJ_BODY, name));
     for (const Law& law : description.laws) laws_.push_back(find(mjOBJ_JOINT, law.joint));
@@ -104,12 +110,12 @@ class MujocoPeer {
     return model;
   }
 
-  static int integrator(const std::string& name) {
+  static int integrator(std::string_view name) {
     if (name == "euler") return mjINT_EULER;
     if (name == "rk4") return mjINT_RK4;
     if (name == "implicit") return mjINT_IMPLICIT;
     if (name == "implicitfast") return mjINT_IMPLICITFAST;
-    throw std::invalid_argument("--integrator is euler, rk4, implicit or implicitfast");
+    throw std::invalid_argument("--integrator is euler, rk4, implicit or implicitfast, each with _two_iterations after it or without");
   }
 
   /// The shortest time constant in which each integrator closes gaps stably: a step with Runge-Kutta's rule, two with the others.

@@ -6,8 +6,11 @@
 #include <pinocchio/algorithm/constrained-dynamics.hpp>
 #include <pinocchio/algorithm/joint-configuration.hpp>
 #include <pinocchio/algorithm/kinematics.hpp>
+#include <pinocchio/algorithm/loop-constrained-aba.hpp>
 #include <stdexcept>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 namespace exported {
@@ -111,11 +114,16 @@ class PinocchioPeer::Engine {
       : tree_(tree), dt_(options.dt), model_(build_model(tree)), data_(model_), contacts_(build_contacts(tree, model_)),
         motions_(tree.bodies.size()), wrenches_(tree.bodies.size()), loads_(tree.joints.size()), q_(pin::neutral(model_)),
         v_(VectorXd::Zero(model_.nv)), tau_(v_) {
-    euler_ = options.integrator == "semi_implicit_euler";
-    if (!euler_ && !options.integrator.empty() && options.integrator != "rk4")
-      throw std::invalid_argument("--integrator is rk4 or semi_implicit_euler");
+    constexpr std::string_view articulated = "lcaba_";
+    std::string_view rule = options.integrator;
+    lcaba_ = rule.starts_with(articulated);
+    if (lcaba_) rule.remove_prefix(articulated.size());
+    euler_ = rule == "semi_implicit_euler", adaptive_ = rule == "dormand_prince";
+    if (!euler_ && !adaptive_ && !rule.empty() && rule != "rk4")
+      throw std::invalid_argument("--integrator is rk4, semi_implicit_euler or dormand_prince, each with lcaba_ before it or without");
     for (const auto& contact : contacts_) contact_data_.emplace_back(contact);
-    pin::initConstraintDynamics(model_, data_, contacts_, contact_data_);
+    if (lcaba_) pin::computeJointMinimalOrdering(model_, data_, contacts_);
+    else pin::initConstraintDynamics(model_, data_, contacts_, contact_data_);
     settings_.mu = compliance * static_cast<double>(tree.masses.size()) / total_mass();
     settings_.max_iter = iterations;
     settings_.relative_accuracy = 0;
@@ -123,6 +131,7 @@ class PinocchioPeer::Engine {
       for (int k = 0; k < model_.nvs[i + 1]; ++k) v_[model_.idx_vs[i + 1] + k] = tree.joints[i].speeds[at(k)];
     follow_guides(0, q_, v_);
     for (Stage& stage : stages_) stage = {q_, v_, q_, v_};
+    tolerance_ = options.tolerance, ahead_ = dt_;
     observe();
     start_ = accelerations(0, q_, v_);
   }
@@ -131,7 +140,8 @@ class PinocchioPeer::Engine {
     if (euler_) {
       v_ += dt_ * accelerations(time(), q_, v_);
       q_ = pin::integrate(model_, q_, dt_ * v_);
-    } else runge_kutta();
+    } else if (adaptive_) dormand_prince();
+    else runge_kutta();
     ++steps_;
     pin::normalize(model_, q_);
     follow_guides(time(), q_, v_);
@@ -184,17 +194,59 @@ class PinocchioPeer::Engine {
       Stage& stage = stages_[i];
       const double h = ahead[i] * dt_, t = time() + h;
       stage.q = q_, stage.v = v_;
-      if (i > 0) {
-        stage.q += h * stages_[i - 1].q_rates, stage.v += h * stages_[i - 1].a;
-        pin::normalize(model_, stage.q);
-        follow_guides(t, stage.q, stage.v);
-      }
-      coordinate_rates(tree_, model_, stage.q, stage.v, stage.q_rates);
-      stage.a = accelerations(t, stage.q, stage.v);
+      if (i > 0) stage.q += h * stages_[i - 1].q_rates, stage.v += h * stages_[i - 1].a;
+      evaluate(t, stage);
     }
-    const auto& [k1, k2, k3, k4] = stages_;
+    const auto& [k1, k2, k3, k4, _5, _6, _7] = stages_;
     q_ += dt_ / 6 * (k1.q_rates + 2 * k2.q_rates + 2 * k3.q_rates + k4.q_rates);
     v_ += dt_ / 6 * (k1.a + 2 * k2.a + 2 * k3.a + k4.a);
+  }
+
+  /// The derivative of a stage, whose quaternions and guided joints are put right first.
+  void evaluate(double t, Stage& stage) {
+    pin::normalize(model_, stage.q);
+    follow_guides(t, stage.q, stage.v);
+    coordinate_rates(tree_, model_, stage.q, stage.v, stage.q_rates);
+    stage.a = accelerations(t, stage.q, stage.v);
+  }
+
+  /// Steps of Dormand's and Prince's rule of orders 5 and 4 up to the next row.  The root mean square of the errors of coordinates and
+  /// speeds, each by 1 and its size, stays within the tolerance.
+  void dormand_prince() {
+    static constexpr double c[] = {0, 1. / 5, 3. / 10, 4. / 5, 8. / 9, 1, 1};
+    static constexpr double a[7][6] = {{},
+                                       {1. / 5},
+                                       {3. / 40, 9. / 40},
+                                       {44. / 45, -56. / 15, 32. / 9},
+                                       {19372. / 6561, -25360. / 2187, 64448. / 6561, -212. / 729},
+                                       {9017. / 3168, -355. / 33, 46732. / 5247, 49. / 176, -5103. / 18656},
+                                       {35. / 384, 0, 500. / 1113, 125. / 192, -2187. / 6784, 11. / 84}};
+    static constexpr double e[] = {71. / 57600, 0, -71. / 16695, 71. / 1920, -17253. / 339200, 22. / 525, -1. / 40};
+    const double end = time() + dt_;
+    double t = time();
+    if (steps_ == 0) evaluate(t, stages_[0]);
+    while (end - t > 1e-12 * end) {
+      const double h = std::min(ahead_, end - t);
+      for (std::size_t i = 1; i < 7; ++i) {
+        stages_[i].q = q_, stages_[i].v = v_;
+        for (std::size_t j = 0; j < i; ++j)
+          if (a[i][j] != 0) stages_[i].q += h * a[i][j] * stages_[j].q_rates, stages_[i].v += h * a[i][j] * stages_[j].a;
+        evaluate(t + c[i] * h, stages_[i]);
+      }
+      VectorXd q_error = VectorXd::Zero(model_.nq), v_error = VectorXd::Zero(model_.nv);
+      for (std::size_t i = 0; i < 7; ++i) q_error += h * e[i] * stages_[i].q_rates, v_error += h * e[i] * stages_[i].a;
+      const double squares = (q_error.array() / (1 + q_.array().abs())).square().sum() + (v_error.array() / (1 + v_.array().abs())).square().sum();
+      const double error = std::sqrt(squares / static_cast<double>(model_.nq + model_.nv)) / tolerance_;
+      if (!(error <= 1e10)) throw std::runtime_error("the error of a step is not finite");
+      const double next = h * std::clamp(0.9 * std::pow(std::max(error, 1e-10), -0.2), 0.2, 5.0);
+      if (error > 1) {
+        if ((ahead_ = next) < 1e-12) throw std::runtime_error("no step is small enough");
+        continue;
+      }
+      t += h, q_ = stages_[6].q, v_ = stages_[6].v;
+      std::swap(stages_[0], stages_[6]);
+      if (h == ahead_ || next < ahead_) ahead_ = next;
+    }
   }
 
   const VectorXd& accelerations(double t, const VectorXd& q, const VectorXd& v) {
@@ -209,7 +261,8 @@ class PinocchioPeer::Engine {
       tau_[iv] = model_.armature[iv] * guide.law(t)[2];
     }
     const VectorXd& found = contacts_.empty() ? pin::aba(model_, data_, q, v, tau_)
-                                              : pin::constraintDynamics(model_, data_, q, v, tau_, contacts_, contact_data_, settings_);
+                            : lcaba_ ? pin::lcaba(model_, data_, q, v, tau_, contacts_, contact_data_, settings_)
+                                     : pin::constraintDynamics(model_, data_, q, v, tau_, contacts_, contact_data_, settings_);
     if (!found.allFinite()) throw std::runtime_error("the accelerations are not finite: the step is too large, or a motion moves no mass");
     settings_.absolute_accuracy = accuracy * (1 + found.lpNorm<Eigen::Infinity>());
     return found;
@@ -267,8 +320,8 @@ class PinocchioPeer::Engine {
   }
 
   Tree tree_;
-  double dt_;
-  bool euler_ = false;
+  double dt_, tolerance_ = 0, ahead_ = 0;
+  bool euler_ = false, adaptive_ = false, lcaba_ = false;
   long steps_ = 0;
   pin::Model model_;
   pin::Data data_;
@@ -278,7 +331,7 @@ class PinocchioPeer::Engine {
   std::vector<Motion> motions_;
   std::vector<Wrench> wrenches_, loads_;
   VectorXd q_, v_, tau_, start_;
-  std::array<Stage, 4> stages_;
+  std::array<Stage, 7> stages_;
 };
 
 PinocchioPeer::PinocchioPeer(const Options& options, const Tree& tree) : engine_(std::make_unique<Engine>(options, tree)) {}

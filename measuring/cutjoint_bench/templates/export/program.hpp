@@ -16,8 +16,9 @@
 
 namespace exported {
 
+/// `tolerance` is for integrators that choose their steps, which `dt` divides at least.
 struct Options {
-  double dt = 1e-3, end = 1, output_step = 0;
+  double dt = 1e-3, end = 1, output_step = 0, tolerance = 1e-6;
   std::string integrator, out = "table.csv", task = "simulate";
 };
 
@@ -65,6 +66,7 @@ inline Options read_options(int argc, char** argv) {
     if (name == "--dt") options.dt = number(name, argv[i + 1]);
     else if (name == "--end") options.end = number(name, argv[i + 1]);
     else if (name == "--output-step") options.output_step = number(name, argv[i + 1]);
+    else if (name == "--tolerance") options.tolerance = number(name, argv[i + 1]);
     else if (name == "--integrator") options.integrator = argv[i + 1];
     else if (name == "--out") options.out = argv[i + 1];
     else if (name == "--task") options.task = argv[i + 1];
