@@ -49,12 +49,12 @@ _INTEGRATORS = tuple(
 
 @dataclass(frozen=True, kw_only=True)
 class OwnRunner:
-    """A compiled case; ``located`` ends steps at events where the integrator would go over them."""
+    """A compiled case; ``events`` are treated otherwise than the integrator would."""
 
     artifact: Artifact
     solver: str | None = None
     integrator: str = DEFAULT_INTEGRATOR
-    located: bool = False
+    events: Events | None = None
     tolerance: float | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
 
@@ -76,7 +76,7 @@ class OwnRunner:
             copied = replace(binary, path=Path(shutil.copy2(binary.path, folder)))
             artifact = replace(self.artifact, scene=replace(scene, output_step=common_step(dt, scene.output_step)), binary=copied)
             steps = folder / "steps.csv" if measured else None
-            events = Events.LOCATED if self.located else INTEGRATORS[self.integrator].events
+            events = self.events or INTEGRATORS[self.integrator].events
             return simulate(
                 artifact, dt=dt, solver=self.solver, integrator=self.integrator, events=events, tolerance=self.tolerance,
                 parameters=self.parameters, steps=steps, error=False, check=False,
@@ -111,7 +111,7 @@ def cutjoint_contenders() -> Iterator[Contender]:
         for integrator in integrators:
             yield _contender(f"{method}/{integrator}", f"{method}, {integrator}", "integrators", method=method, integrator=integrator)
     for method, _ in _INTEGRATORS:
-        yield _contender(f"{method}/events", f"{method}, steps end at events", "integrators", method=method, located=True)
+        yield _contender(f"{method}/events", f"{method}, steps end at events", "integrators", method=method, events=Events.LOCATED)
     for method in METHODS:
         yield _contender(f"{method}/scalar", f"{method}, without lanes", "scalar", method=method, lanes=False)
     for method in METHODS:
@@ -126,12 +126,14 @@ def cutjoint_contenders() -> Iterator[Contender]:
                 prepare=partial(_reduced, method=method, integrator=integrator),
                 identify=partial(_identify_reduced, method=method, integrator=integrator),
             )  # fmt: skip
-    for method, integrator in (*((m, DEFAULT_INTEGRATOR) for m, _ in _INTEGRATORS), ("recursive", "dormand-prince")):
+    adaptive = (("recursive", "dormand-prince"), ("recursive-newton", "radau5"))
+    for method, integrator in (*((m, DEFAULT_INTEGRATOR) for m, _ in _INTEGRATORS), *adaptive):
         name = method if integrator == DEFAULT_INTEGRATOR else f"{method}/{integrator}"
-        yield _contender(
-            f"{name}/functions", f"{name.replace('/', ', ')}, loops as functions", "functions", method=method,
-            integrator=integrator, loops=Loops.EMBEDDED,
-        )  # fmt: skip
+        for ending, events in (("", None), *([(", steps pass over events", Events.CROSSED)] if integrator != DEFAULT_INTEGRATOR else [])):
+            yield _contender(
+                f"{name}/functions{'/crossed' if ending else ''}", f"{name.replace('/', ', ')}, loops as functions{ending}", "functions",
+                method=method, integrator=integrator, loops=Loops.EMBEDDED, events=events,
+            )  # fmt: skip
     for method in METHODS:
         for solver in (s.name for s in ALL_SOLVERS.values() if s.suits(METHODS[method]) and s.name != DEFAULT_SOLVER):
             yield _contender(f"{method}/{solver}", f"{method}, {solver}", "solvers", method=method, solver=solver)
@@ -162,7 +164,7 @@ def _contender(name: str, label: str, group: str, **how: Any) -> Contender:
 
 def _prepare(
     case: Case, *, method: str, solver: str | None = None, lanes: bool = True, precision: str = DEFAULT_PRECISION,
-    tolerance: float | None = None, integrator: str = DEFAULT_INTEGRATOR, located: bool = False,
+    tolerance: float | None = None, integrator: str = DEFAULT_INTEGRATOR, events: Events | None = None,
     loops: str | None = None,
 ) -> OwnRunner:  # fmt: skip
     """The runner of a case.
@@ -176,7 +178,7 @@ def _prepare(
     if loops == Loops.EMBEDDED and not artifact.topology.model.embedded_loops:
         raise RunError("no loops can be closed by functions")
     return _runner(integrator)(
-        artifact=artifact, solver=solver, integrator=integrator, located=located, tolerance=tolerance, parameters=case.parameters
+        artifact=artifact, solver=solver, integrator=integrator, events=events, tolerance=tolerance, parameters=case.parameters
     )
 
 

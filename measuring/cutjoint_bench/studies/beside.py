@@ -1,76 +1,218 @@
-"""Ours and the fastest peer in turns, at equal errors: `python -m cutjoint_bench.studies.beside vehicle chain`.
+"""Ours and peers, each with tuned steps, in turns at equal errors: `python -m cutjoint_bench.studies.beside vehicle chain`.
 
-The report measures one contender after the other, for an hour; what else the machine does meanwhile is in its ratios.  Here the fastest
-points of the report's summary that are as accurate as asked for, ours and a peer's, run one after the other, again and again: medians of
-their times, and of the ratios of each turn with its quartiles.  Only on a machine that does nothing else: a core that is shared makes long
-runs longer than short ones, by which ratios get too large; those of the least times do less.
+Every contender runs with steps, or tolerances, from long to short ones, and each run is compared with the reference.  At each error the
+fastest setting of a contender that is as accurate then runs in turns with those of all others.  Clocks count the processor's time, and the
+least time of a setting counts: other work of the machine does little to it.  Timed runs have few rows.  docs/bench/beside.json keeps all.
 """
 
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
-from statistics import median, quantiles
+from statistics import quantiles
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import click
 
+from cutjoint.model.errors import ModelError
+from cutjoint.package.errors import RunError, ToolchainError
+from cutjoint.reduce.trials import exact
+from cutjoint.run.result_files import write_whole
+from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
+from cutjoint.run.simulator import SimulatorError
+from cutjoint.toolchain.compiler import find_compiler
 from cutjoint_bench.contenders import choose
-from cutjoint_bench.findings import Spot
-from cutjoint_bench.records import Case, Runner
-from cutjoint_bench.report.summary import fastest_of
-from cutjoint_bench.studies.checkout import SUMMARY
+from cutjoint_bench.cutjoint_contenders import OwnRunner
+from cutjoint_bench.errors import measure_errors
+from cutjoint_bench.findings import TARGETS, Spot
+from cutjoint_bench.peer_contenders import PeerRunner
+from cutjoint_bench.records import Case
+from cutjoint_bench.reference import Reference, find_reference
+from cutjoint_bench.studies.checkout import DOCS
 from cutjoint_bench.studies.provenance import provenance
 from cutjoint_bench.studies.report import STUDIES
 
-TURNS = 15
+KEPT = DOCS / "beside.json"
+TURNS = 10
+ERRORS = TARGETS[:4]
+
+#: Steps over the distance of rows, longest first.
+SHARES = (
+    *(Fraction(n, 4) for n in (40, 32, 24, 20, 16, 12, 10, 8, 6, 5, 4)), Fraction(4, 5), Fraction(2, 3),
+    *(Fraction(2, n) for n in (4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 50, 64, 80, 100)),
+)  # fmt: skip
+#: The distance of rows in timed runs, over that of the case.
+FEWER = 20
+
+OURS = ("functions", "recursive/dormand-prince", "recursive/rk4")
+#: What a user takes who asks for an accuracy, in this order.
+ASKED = ("recursive/dormand-prince/functions", "recursive/dormand-prince")
 
 
-def in_turns(case: Case, runners: dict[str, Runner], two: tuple[Spot, Spot]) -> list[tuple[float, float]]:
-    """Seconds of both in each turn; a first one warms up."""
-    for spot in two:
-        if spot.contender not in runners:
-            (contender,) = choose([spot.contender])
-            runners[spot.contender] = contender.prepare(case)
-    turns = [(seconds(runners, two[0]), seconds(runners, two[1])) for _ in range(TURNS + 1)]
-    return turns[1:]
+@contextmanager
+def processor_clocks() -> Iterator[None]:
+    """Clocks of programs that begin within count the processor's time.
+
+    Raises:
+        click.ClickException: they do not, on this system.
+    """
+    with TemporaryDirectory() as folder:
+        library = Path(folder) / "processor_clock.so"
+        source = Path(__file__).with_name("processor_clock.c")
+        subprocess.run([*find_compiler().command, "-O2", "-shared", "-fPIC", str(source), "-o", str(library)], check=True)
+        os.environ["LD_PRELOAD"] = str(library)
+        try:
+            waiting = "import time; a = time.monotonic(); time.sleep(0.2); print(time.monotonic() - a)"
+            if float(subprocess.run([sys.executable, "-c", waiting], capture_output=True, check=True).stdout) > 0.1:
+                raise click.ClickException("clocks of programs cannot be replaced here")
+            yield
+        finally:
+            del os.environ["LD_PRELOAD"]
 
 
-def seconds(runners: dict[str, Runner], spot: Spot) -> float:
-    """Of a run to its end, which it came to when the report was made."""
-    run = runners[spot.contender](spot.dt)
-    if run.failure is not None:
-        raise click.ClickException(f"{spot.contender} at {spot.dt:g} s fails now ({run.failure}): make the report first")
-    return run.seconds
+@dataclass(frozen=True, kw_only=True)
+class AskedRunner:
+    """A user's run by default settings: ``dt`` is the accuracy that is asked for, m."""
+
+    runner: OwnRunner
+
+    def __call__(self, dt: float) -> Trajectory:
+        """The run by the tolerance with which `simulate` meets an accuracy; alone, since the search for it has other work to time."""
+        found = self._simulate(accuracy=dt)
+        runs = (self._simulate(tolerance=10.0**-power, error=False) for power in range(6, 14))
+        return next(run for run in runs if run.steps == found.steps)
+
+    def _simulate(self, **how: Any) -> Trajectory:
+        of = self.runner
+        return simulate(of.artifact, integrator=of.integrator, parameters=of.parameters, check=False, **how)
 
 
-#: The studies that have peers.
-WITH_PEERS = ("vehicle", "chain", "verification", "governor")
+AnyRunner = OwnRunner | PeerRunner | AskedRunner
+
+
+def prepare(case: Case, study: str) -> dict[str, AnyRunner]:
+    """The contenders that take a case, by name."""
+    runners: dict[str, AnyRunner] = {}
+    for contender in choose([*OURS, "peer"]):
+        try:
+            runner = contender.prepare(case)
+        except (RunError, ModelError, ToolchainError) as error:
+            click.echo(f"{study}: {contender.name}: {error}", err=True)
+            continue
+        assert isinstance(runner, OwnRunner | PeerRunner)
+        runners[contender.name] = runner
+    usual = next(runners[name] for name in ASKED if name in runners)
+    assert isinstance(usual, OwnRunner)
+    return {**runners, "asked": AskedRunner(runner=usual)}
+
+
+def with_rows(runner: AnyRunner, row: float) -> AnyRunner:
+    """A contender whose rows are so far apart, s."""
+    if isinstance(runner, PeerRunner):
+        return replace(runner, row=row)
+    if isinstance(runner, AskedRunner):
+        return replace(runner, runner=replace(runner.runner, artifact=runner.runner.artifact.with_rows(row)))
+    return replace(runner, artifact=runner.artifact.with_rows(row))
+
+
+def tune(case: Case, name: str, runner: AnyRunner, reference: Reference, most_seconds: float) -> Iterator[Spot]:
+    """Runs from long steps to short ones, until one is as accurate as wanted or takes longer than ``most_seconds``."""
+    steps = ERRORS if name == "asked" else [float(share * exact(case.scene.output_step)) for share in SHARES]
+    for dt in steps:
+        try:
+            run = runner(dt)
+        except SimulatorError:
+            continue
+        if run.failure is not None:
+            continue
+        spot = Spot(run.seconds, name, dt, measure_errors(case, run, reference).position)
+        click.echo(f"  {name} {1e3 * dt:.4g}: {1e3 * spot.seconds:.3g} ms, {spot.error:.2g} m", err=True)
+        yield spot
+        if name != "asked" and (run.seconds > most_seconds or spot.error <= ERRORS[-1]):
+            return
+
+
+def at_error(spots: list[Spot], error: float) -> Spot | None:
+    """The fastest that is as accurate; of what a user asks for, that of this error."""
+    return min((s for s in spots if s.error <= error and (s.contender != "asked" or s.dt == error)), default=None)
+
+
+def measure(case: Case, study: str, reference: Reference, most_seconds: float) -> list[dict[str, Any]]:
+    """The fastest setting of each contender at each error, with the seconds of each turn."""
+    runners = prepare(case, study)
+    tuned = {name: list(tune(case, name, runner, reference, most_seconds)) for name, runner in runners.items()}
+    found = [(error, spot) for error in ERRORS for spots in tuned.values() if (spot := at_error(spots, error)) is not None]
+    timed = {name: with_rows(runner, FEWER * case.scene.output_step) for name, runner in runners.items()}
+    settings = list(dict.fromkeys((spot.contender, spot.dt) for _, spot in found))
+    seconds: dict[tuple[str, float], list[float]] = {setting: [] for setting in settings}
+    for _ in range(TURNS):
+        for name, dt in settings:
+            seconds[name, dt].append(timed[name](dt).seconds)
+    return [
+        {"error": error, "contender": s.contender, "dt": s.dt, "reached": s.error, "seconds": seconds[s.contender, s.dt]}
+        for error, s in found
+    ]  # fmt: skip
+
+
+def rows(measured: list[dict[str, Any]]) -> Iterator[list[str]]:
+    """For each error: ours, what a user gets, each kind of peer; the fastest peer over both, with quartiles of the turns."""
+    kinds = dict.fromkeys(_kind(m["contender"]) for m in measured)
+    yield ["error, m", *kinds, "fastest peer over ours, quartiles", "over what is asked for"]
+    for error in ERRORS:
+        here = [m for m in measured if m["error"] == error]
+        best = {kind: min((m for m in here if _kind(m["contender"]) == kind), key=_least, default=None) for kind in kinds}
+        peer = min((m for kind, m in best.items() if m and kind not in ("ours", "asked")), key=_least, default=None)
+        cells = ["" if m is None else _cell(m) for m in best.values()]
+        yield [f"{error:g}", *cells, *(_ratio(peer, best.get(kind)) for kind in ("ours", "asked"))]
+
+
+def _kind(contender: str) -> str:
+    tool, _, integrator = contender.partition("/")
+    if tool == "pinocchio":
+        return "Pinocchio, `lcaba`" if integrator.startswith("lcaba") else "Pinocchio"
+    return {"mujoco": "MuJoCo", "exudyn": "Exudyn", "asked": "asked"}.get(tool, "ours")
+
+
+def _least(m: dict[str, Any]) -> float:
+    return float(min(m["seconds"]))
+
+
+def _cell(m: dict[str, Any]) -> str:
+    return f"{1e3 * _least(m):.3g} (`{m['contender']}`, {1e3 * m['dt']:.3g}; {m['reached']:.1e})"
+
+
+def _ratio(peer: dict[str, Any] | None, ours: dict[str, Any] | None) -> str:
+    if peer is None or ours is None:
+        return ""
+    low, _, high = quantiles([b / a for a, b in zip(ours["seconds"], peer["seconds"], strict=True)], n=4)
+    return f"{_least(peer) / _least(ours):.3g} ({low:.3g} .. {high:.3g})"
 
 
 @click.command()
-@click.argument("studies", type=click.Choice(WITH_PEERS), nargs=-1, required=True)
-@click.option("--summary", type=click.Path(exists=True, path_type=Path), default=SUMMARY, show_default=True,
-              help="Of a report with peers.")
-def main(studies: tuple[str, ...], summary: Path) -> None:
-    """Print a row for each case and error, as soon as it is measured."""
+@click.argument("studies", type=click.Choice(("vehicle", "chain", "verification", "governor")), nargs=-1, required=True)
+@click.option("--most-seconds", default=2.0, show_default=True, help="Steps that take longer are not shortened.")
+def main(studies: tuple[str, ...], most_seconds: float) -> None:
+    """Print a table for each case, as soon as it is measured."""
+    kept: dict[str, Any] = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
     click.echo(provenance())
-    _print("case", "error, m", "ours", "ms", "peer", "ms", "peer over ours", "quartiles", "of the least times")
-    known = json.loads(summary.read_text(encoding="utf-8"))
     for study in studies:
-        for case in STUDIES[study]().cases:
-            runners: dict[str, Runner] = {}
-            for error, ours, peer in fastest_of(known, study, case.name):
-                turns = in_turns(case, runners, (ours, peer))
-                low, middle, high = quantiles([b / a for a, b in turns], n=4)
-                mine, theirs = zip(*turns, strict=True)
-                times, least = [f"{median(t) * 1e3:.3g}" for t in (mine, theirs)], min(theirs) / min(mine)
-                names = [f"{spot.contender}, {spot.dt * 1e3:.3g} ms" for spot in (ours, peer)]
-                _print(case.name, f"{error:g}", names[0], times[0], names[1], times[1], f"{middle:.1f}", f"{low:.1f} .. {high:.1f}",
-                       f"{least:.1f}")  # fmt: skip
-
-
-def _print(*cells: str) -> None:
-    click.echo(f"| {' | '.join(cells)} |")
+        plan = STUDIES[study]()
+        for case in plan.cases:
+            reference = find_reference(case, precision=plan.reference)
+            with processor_clocks():
+                measured = measure(case, study, reference, most_seconds)
+            kept[case.name] = {"provenance": provenance(), "turns": TURNS, "measured": measured}
+            write_whole(KEPT, json.dumps(kept, indent=1) + "\n")
+            click.echo(f"\n{case.name}\n" + "\n".join(f"| {' | '.join(row)} |" for row in rows(measured)))
 
 
 if __name__ == "__main__":

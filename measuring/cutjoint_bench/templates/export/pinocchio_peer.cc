@@ -1,6 +1,7 @@
 // The peer in Pinocchio: builds the model of a Tree, evaluates its accelerations, and steps them.
 #include "pinocchio_peer.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <pinocchio/algorithm/aba.hpp>
 #include <pinocchio/algorithm/constrained-dynamics.hpp>
@@ -131,7 +132,7 @@ class PinocchioPeer::Engine {
       for (int k = 0; k < model_.nvs[i + 1]; ++k) v_[model_.idx_vs[i + 1] + k] = tree.joints[i].speeds[at(k)];
     follow_guides(0, q_, v_);
     for (Stage& stage : stages_) stage = {q_, v_, q_, v_};
-    tolerance_ = options.tolerance, ahead_ = dt_;
+    tolerance_ = options.tolerance, end_ = dt_ * std::ceil(options.end / dt_ - 1e-9), ahead_ = end_ / 1000;
     observe();
     start_ = accelerations(0, q_, v_);
   }
@@ -210,9 +211,16 @@ class PinocchioPeer::Engine {
     stage.a = accelerations(t, stage.q, stage.v);
   }
 
-  /// Steps of Dormand's and Prince's rule of orders 5 and 4 up to the next row.  The root mean square of the errors of coordinates and
-  /// speeds, each by 1 and its size, stays within the tolerance.
+  /// Steps of Dormand's and Prince's rule of orders 5 and 4 until they pass the next row, which is interpolated.
   void dormand_prince() {
+    const double row = time() + dt_;
+    while (reached_ < row - 1e-12 * row) take_step();
+    interpolate(1 - (reached_ - row) / taken_);
+  }
+
+  /// From stages_[0] to stages_[6].  The root mean square of the errors of coordinates and speeds, each by 1 and its size, stays within the
+  /// tolerance.
+  void take_step() {
     static constexpr double c[] = {0, 1. / 5, 3. / 10, 4. / 5, 8. / 9, 1, 1};
     static constexpr double a[7][6] = {{},
                                        {1. / 5},
@@ -222,31 +230,46 @@ class PinocchioPeer::Engine {
                                        {9017. / 3168, -355. / 33, 46732. / 5247, 49. / 176, -5103. / 18656},
                                        {35. / 384, 0, 500. / 1113, 125. / 192, -2187. / 6784, 11. / 84}};
     static constexpr double e[] = {71. / 57600, 0, -71. / 16695, 71. / 1920, -17253. / 339200, 22. / 525, -1. / 40};
-    const double end = time() + dt_;
-    double t = time();
-    if (steps_ == 0) evaluate(t, stages_[0]);
-    while (end - t > 1e-12 * end) {
-      const double h = std::min(ahead_, end - t);
+    if (reached_ == 0) stages_[0].q = q_, stages_[0].v = v_, evaluate(0, stages_[0]);
+    else std::swap(stages_[0], stages_[6]);
+    const VectorXd &q = stages_[0].q, &v = stages_[0].v;
+    for (double error = 2; error > 1;) {
+      taken_ = std::min(ahead_, end_ - reached_);
       for (std::size_t i = 1; i < 7; ++i) {
-        stages_[i].q = q_, stages_[i].v = v_;
+        stages_[i].q = q, stages_[i].v = v;
         for (std::size_t j = 0; j < i; ++j)
-          if (a[i][j] != 0) stages_[i].q += h * a[i][j] * stages_[j].q_rates, stages_[i].v += h * a[i][j] * stages_[j].a;
-        evaluate(t + c[i] * h, stages_[i]);
+          if (a[i][j] != 0) stages_[i].q += taken_ * a[i][j] * stages_[j].q_rates, stages_[i].v += taken_ * a[i][j] * stages_[j].a;
+        evaluate(reached_ + c[i] * taken_, stages_[i]);
       }
-      VectorXd q_error = VectorXd::Zero(model_.nq), v_error = VectorXd::Zero(model_.nv);
-      for (std::size_t i = 0; i < 7; ++i) q_error += h * e[i] * stages_[i].q_rates, v_error += h * e[i] * stages_[i].a;
-      const double squares = (q_error.array() / (1 + q_.array().abs())).square().sum() + (v_error.array() / (1 + v_.array().abs())).square().sum();
-      const double error = std::sqrt(squares / static_cast<double>(model_.nq + model_.nv)) / tolerance_;
-      if (!(error <= 1e10)) throw std::runtime_error("the error of a step is not finite");
-      const double next = h * std::clamp(0.9 * std::pow(std::max(error, 1e-10), -0.2), 0.2, 5.0);
-      if (error > 1) {
-        if ((ahead_ = next) < 1e-12) throw std::runtime_error("no step is small enough");
-        continue;
-      }
-      t += h, q_ = stages_[6].q, v_ = stages_[6].v;
-      std::swap(stages_[0], stages_[6]);
-      if (h == ahead_ || next < ahead_) ahead_ = next;
+      const auto [q_error, v_error] = combined(e);
+      const double squares =
+          (q_error.array() / (1 + q.array().abs())).square().sum() + (v_error.array() / (1 + v.array().abs())).square().sum();
+      error = std::sqrt(squares / static_cast<double>(model_.nq + model_.nv)) / tolerance_;
+      if (!(error <= 1e100) || taken_ < 1e-14) throw std::runtime_error("no step is small enough");
+      ahead_ = taken_ * std::clamp(0.9 * std::pow(std::max(error, 1e-10), -0.2), 0.2, 5.0);
     }
+    reached_ += taken_;
+  }
+
+  /// The step times a sum of the stages' derivatives.
+  std::pair<VectorXd, VectorXd> combined(const double (&weights)[7]) const {
+    VectorXd q = VectorXd::Zero(model_.nq), v = VectorXd::Zero(model_.nv);
+    for (std::size_t i = 0; i < 7; ++i) q += taken_ * weights[i] * stages_[i].q_rates, v += taken_ * weights[i] * stages_[i].a;
+    return {q, v};
+  }
+
+  /// The state at a share of the last step, to fourth order (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.6).
+  void interpolate(double share) {
+    static constexpr double d[] = {-12715105075. / 11282082432, 0, 87487479700. / 32700410799, -10690763975. / 1880347072,
+                                   701980252875. / 199316789632, -1453857185. / 822651844, 69997945. / 29380423};
+    const auto [q_rest, v_rest] = combined(d);
+    const auto between = [&](const VectorXd& from, const VectorXd& to, const VectorXd& rate, const VectorXd& end_rate, const VectorXd& rest) {
+      const VectorXd way = to - from, first = taken_ * rate - way, second = way - taken_ * end_rate - first;
+      return VectorXd(from + share * (way + (1 - share) * (first + share * (second + (1 - share) * rest))));
+    };
+    const Stage &from = stages_[0], &to = stages_[6];
+    q_ = between(from.q, to.q, from.q_rates, to.q_rates, q_rest);
+    v_ = between(from.v, to.v, from.a, to.a, v_rest);
   }
 
   const VectorXd& accelerations(double t, const VectorXd& q, const VectorXd& v) {
@@ -320,7 +343,8 @@ class PinocchioPeer::Engine {
   }
 
   Tree tree_;
-  double dt_, tolerance_ = 0, ahead_ = 0;
+  /// Of dormand_prince(): the time that steps have come to, the length of the last one and of the next.
+  double dt_, tolerance_ = 0, end_ = 0, reached_ = 0, taken_ = 0, ahead_ = 0;
   bool euler_ = false, adaptive_ = false, lcaba_ = false;
   long steps_ = 0;
   pin::Model model_;
