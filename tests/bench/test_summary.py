@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +9,8 @@ import pytest
 from click import ClickException
 from click.testing import CliRunner
 
-from cutjoint_bench.findings import Spot, leading
+from cutjoint_bench.findings import leading
 from cutjoint_bench.report.page import NO_MAPS
-from cutjoint_bench.report.summary import fastest_of, summarise
 from cutjoint_bench.report.tables import milliseconds
 from cutjoint_bench.studies import report, tables
 
@@ -39,15 +37,6 @@ STUDIES: dict[str, Any] = {
         }],
     }
 }  # fmt: skip
-
-
-def test_the_fastest_points_that_are_accurate_enough() -> None:
-    summary = json.loads(json.dumps(summarise(STUDIES)))
-    ours, peer = Spot(0.5, "recursive", 0.01, 1e-4), Spot(3.0, "mujoco/rk4", 0.01, 1e-3)
-    assert fastest_of(summary, "swings", "clock/swing") == [
-        (1e-3, ours, peer), (1e-4, ours, Spot(6.0, "mujoco/rk4", 0.005, 5e-5)),
-    ]  # fmt: skip
-    assert fastest_of(summary, "swings", "clock/strike") == fastest_of(summary, "walks", "clock/swing") == []
 
 
 def test_tables_come_from_the_summary_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

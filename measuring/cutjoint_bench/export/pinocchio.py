@@ -22,8 +22,11 @@ from cutjoint_bench.export.records import Mechanism
 INTEGRATORS = ("rk4", "semi_implicit_euler", "dormand_prince", "lcaba_rk4", "lcaba_semi_implicit_euler", "lcaba_dormand_prince")
 ADAPTIVE = frozenset({"dormand_prince", "lcaba_dormand_prince"})
 
-#: The part that is the same for all models, and what it includes.
-ENGINE = ("pinocchio_peer.cc", "pinocchio_peer.hpp")
+#: The parts that are the same for all models, each with what it includes.
+ENGINE = {
+    "pinocchio_dynamics.cc": ("pinocchio_dynamics.hpp",),
+    "pinocchio_peer.cc": ("pinocchio_peer.hpp", "pinocchio_dynamics.hpp", "mechanics.hpp", "program.hpp"),
+}
 
 #: No checks at every call; and what Pinocchio's headers want of Boost, whose lists are shorter by default.
 DEFINITIONS = (
@@ -59,7 +62,8 @@ def export_pinocchio(model: Model, scene: Scene, parameters: Mapping[str, float]
         gravity=vector(mechanism.gravity), frequency=repr(float(numerics.frequency)), ratio=repr(float(numerics.damping_ratio)),
         add_forces="nullptr" if all(f.joint_of for f in mechanism.forces) else "add_forces",
     )  # fmt: skip
-    files = {f"{model.name}.cpp": program, "forces.hpp": forces.text, **support_files(*ENGINE)}
+    engine = support_files(*ENGINE, *(header for headers in ENGINE.values() for header in headers))
+    files = {f"{model.name}.cpp": program, "forces.hpp": forces.text, **engine}
     return Export(files=files, differences=differences)
 
 

@@ -13,7 +13,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 from statistics import quantiles
@@ -42,7 +42,8 @@ from cutjoint_bench.studies.provenance import provenance
 from cutjoint_bench.studies.report import STUDIES
 
 KEPT = DOCS / "beside.json"
-TURNS = 10
+#: Turns at most, and at least of settings whose runs take longer than so many seconds together.
+TURNS, FEW_TURNS, PATIENCE = 10, 3, 4.0
 ERRORS = TARGETS[:4]
 
 #: Steps over the distance of rows, longest first.
@@ -84,12 +85,15 @@ class AskedRunner:
     """A user's run by default settings: ``dt`` is the accuracy that is asked for, m."""
 
     runner: OwnRunner
+    tolerances: dict[float, float] = field(default_factory=dict)
 
     def __call__(self, dt: float) -> Trajectory:
         """The run by the tolerance with which `simulate` meets an accuracy; alone, since the search for it has other work to time."""
-        found = self._simulate(accuracy=dt)
-        runs = (self._simulate(tolerance=10.0**-power, error=False) for power in range(6, 14))
-        return next(run for run in runs if run.steps == found.steps)
+        if dt not in self.tolerances:
+            steps = self._simulate(accuracy=dt).steps
+            tried = (10.0**-power for power in range(6, 14))
+            self.tolerances[dt] = next(t for t in tried if self._simulate(tolerance=t, error=False).steps == steps)
+        return self._simulate(tolerance=self.tolerances[dt], error=False)
 
     def _simulate(self, **how: Any) -> Trajectory:
         of = self.runner
@@ -146,17 +150,16 @@ def at_error(spots: list[Spot], error: float) -> Spot | None:
     return min((s for s in spots if s.error <= error and (s.contender != "asked" or s.dt == error)), default=None)
 
 
-def measure(case: Case, study: str, reference: Reference, most_seconds: float) -> list[dict[str, Any]]:
+def measure(case: Case, runners: dict[str, AnyRunner], reference: Reference, most_seconds: float) -> list[dict[str, Any]]:
     """The fastest setting of each contender at each error, with the seconds of each turn."""
-    runners = prepare(case, study)
     tuned = {name: list(tune(case, name, runner, reference, most_seconds)) for name, runner in runners.items()}
     found = [(error, spot) for error in ERRORS for spots in tuned.values() if (spot := at_error(spots, error)) is not None]
     timed = {name: with_rows(runner, FEWER * case.scene.output_step) for name, runner in runners.items()}
-    settings = list(dict.fromkeys((spot.contender, spot.dt) for _, spot in found))
-    seconds: dict[tuple[str, float], list[float]] = {setting: [] for setting in settings}
-    for _ in range(TURNS):
-        for name, dt in settings:
-            seconds[name, dt].append(timed[name](dt).seconds)
+    seconds: dict[tuple[str, float], list[float]] = {(spot.contender, spot.dt): [] for _, spot in found}
+    for turn in range(TURNS):
+        for (name, dt), before in seconds.items():
+            if turn < FEW_TURNS or sum(before) < PATIENCE:
+                before.append(timed[name](dt).seconds)
     return [
         {"error": error, "contender": s.contender, "dt": s.dt, "reached": s.error, "seconds": seconds[s.contender, s.dt]}
         for error, s in found
@@ -193,7 +196,7 @@ def _cell(m: dict[str, Any]) -> str:
 def _ratio(peer: dict[str, Any] | None, ours: dict[str, Any] | None) -> str:
     if peer is None or ours is None:
         return ""
-    low, _, high = quantiles([b / a for a, b in zip(ours["seconds"], peer["seconds"], strict=True)], n=4)
+    low, _, high = quantiles([b / a for a, b in zip(ours["seconds"], peer["seconds"], strict=False)], n=4)
     return f"{_least(peer) / _least(ours):.3g} ({low:.3g} .. {high:.3g})"
 
 
@@ -208,8 +211,9 @@ def main(studies: tuple[str, ...], most_seconds: float) -> None:
         plan = STUDIES[study]()
         for case in plan.cases:
             reference = find_reference(case, precision=plan.reference)
+            runners = prepare(case, study)
             with processor_clocks():
-                measured = measure(case, study, reference, most_seconds)
+                measured = measure(case, runners, reference, most_seconds)
             kept[case.name] = {"provenance": provenance(), "turns": TURNS, "measured": measured}
             write_whole(KEPT, json.dumps(kept, indent=1) + "\n")
             click.echo(f"\n{case.name}\n" + "\n".join(f"| {' | '.join(row)} |" for row in rows(measured)))

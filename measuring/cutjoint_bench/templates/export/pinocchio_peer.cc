@@ -3,16 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <pinocchio/algorithm/aba.hpp>
-#include <pinocchio/algorithm/constrained-dynamics.hpp>
 #include <pinocchio/algorithm/joint-configuration.hpp>
 #include <pinocchio/algorithm/kinematics.hpp>
-#include <pinocchio/algorithm/loop-constrained-aba.hpp>
 #include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
+
+#include "pinocchio_dynamics.hpp"
 
 namespace exported {
 
@@ -24,11 +23,6 @@ using Index = Eigen::Index;
 
 /// Guided joints have this many times the mass of all bodies as armature: what reacts on them moves them by a billionth.
 constexpr double guide_inertia = 1e9;
-/// Compliance of the contacts by the mean of 1/mass, in units of which their own flexibility is of the order of one; iterations take it out.
-constexpr double compliance = 1e-11;
-/// What is left of it, by the largest acceleration.
-constexpr double accuracy = 1e-9;
-constexpr int iterations = 20;
 
 Vector3d eigen(Vector a) { return {a.x, a.y, a.z}; }
 Vector vector(const Vector3d& a) { return {a.x(), a.y(), a.z()}; }
@@ -77,16 +71,17 @@ pin::Model build_model(const Tree& tree) {
   return model;
 }
 
-std::vector<pin::RigidConstraintModel> build_contacts(const Tree& tree, const pin::Model& model) {
-  std::vector<pin::RigidConstraintModel> contacts;
+Contacts build_contacts(const Tree& tree, const pin::Model& model) {
+  Contacts contacts;
   const auto arm = [&](int joint, Vector point) {
     return shift(eigen(joint == no_joint ? point : point - tree.joints[at(joint)].point));
   };
   for (const Contact& c : tree.contacts) {
-    auto& contact = contacts.emplace_back(c.weld ? pin::CONTACT_6D : pin::CONTACT_3D, model, number(c.first), arm(c.first, c.on_first),
+    auto& contact = contacts.models.emplace_back(c.weld ? pin::CONTACT_6D : pin::CONTACT_3D, model, number(c.first), arm(c.first, c.on_first),
                                           number(c.second), arm(c.second, c.on_second), pin::LOCAL);
     contact.baumgarte_corrector_parameters().Kp = tree.frequency * tree.frequency;
     contact.baumgarte_corrector_parameters().Kd = 2 * tree.ratio * tree.frequency;
+    contacts.data.emplace_back(contact);
   }
   return contacts;
 }
@@ -117,16 +112,16 @@ class PinocchioPeer::Engine {
         v_(VectorXd::Zero(model_.nv)), tau_(v_) {
     constexpr std::string_view articulated = "lcaba_";
     std::string_view rule = options.integrator;
-    lcaba_ = rule.starts_with(articulated);
-    if (lcaba_) rule.remove_prefix(articulated.size());
+    const bool lcaba = rule.starts_with(articulated);
+    if (lcaba) rule.remove_prefix(articulated.size());
     euler_ = rule == "semi_implicit_euler", adaptive_ = rule == "dormand_prince";
     if (!euler_ && !adaptive_ && !rule.empty() && rule != "rk4")
       throw std::invalid_argument("--integrator is rk4, semi_implicit_euler or dormand_prince, each with lcaba_ before it or without");
-    for (const auto& contact : contacts_) contact_data_.emplace_back(contact);
-    if (lcaba_) pin::computeJointMinimalOrdering(model_, data_, contacts_);
-    else pin::initConstraintDynamics(model_, data_, contacts_, contact_data_);
-    settings_.mu = compliance * static_cast<double>(tree.masses.size()) / total_mass();
-    settings_.max_iter = iterations;
+    dynamics_ = contacts_.models.empty() ? Dynamics::tree : lcaba ? Dynamics::articulated : Dynamics::factorised;
+    proximal_ = lcaba ? tree.articulated : tree.factorised;
+    prepare(dynamics_, model_, data_, contacts_);
+    settings_.mu = proximal_.compliance * static_cast<double>(tree.masses.size()) / total_mass();
+    settings_.max_iter = proximal_.iterations;
     settings_.relative_accuracy = 0;
     for (std::size_t i = 0; i < tree.joints.size(); ++i)
       for (int k = 0; k < model_.nvs[i + 1]; ++k) v_[model_.idx_vs[i + 1] + k] = tree.joints[i].speeds[at(k)];
@@ -283,11 +278,9 @@ class PinocchioPeer::Engine {
       const Index iv = model_.idx_vs[number(guide.joint)];
       tau_[iv] = model_.armature[iv] * guide.law(t)[2];
     }
-    const VectorXd& found = contacts_.empty() ? pin::aba(model_, data_, q, v, tau_)
-                            : lcaba_ ? pin::lcaba(model_, data_, q, v, tau_, contacts_, contact_data_, settings_)
-                                     : pin::constraintDynamics(model_, data_, q, v, tau_, contacts_, contact_data_, settings_);
+    const VectorXd& found = exported::accelerations(dynamics_, model_, data_, q, v, tau_, contacts_, settings_);
     if (!found.allFinite()) throw std::runtime_error("the accelerations are not finite: the step is too large, or a motion moves no mass");
-    settings_.absolute_accuracy = accuracy * (1 + found.lpNorm<Eigen::Infinity>());
+    settings_.absolute_accuracy = proximal_.accuracy * (1 + found.lpNorm<Eigen::Infinity>());
     return found;
   }
 
@@ -345,12 +338,13 @@ class PinocchioPeer::Engine {
   Tree tree_;
   /// Of dormand_prince(): the time that steps have come to, the length of the last one and of the next.
   double dt_, tolerance_ = 0, end_ = 0, reached_ = 0, taken_ = 0, ahead_ = 0;
-  bool euler_ = false, adaptive_ = false, lcaba_ = false;
+  bool euler_ = false, adaptive_ = false;
+  Dynamics dynamics_ = Dynamics::tree;
+  Proximal proximal_;
   long steps_ = 0;
   pin::Model model_;
   pin::Data data_;
-  std::vector<pin::RigidConstraintModel> contacts_;
-  std::vector<pin::RigidConstraintData> contact_data_;
+  Contacts contacts_;
   pin::ProximalSettings settings_;
   std::vector<Motion> motions_;
   std::vector<Wrench> wrenches_, loads_;

@@ -58,6 +58,13 @@ struct Guide {
   std::array<double, 3> (*law)(double t);
 };
 
+/// The solution of contacts: their compliance by the mean of 1/mass, in units of which their own flexibility is of the order of one; what
+/// iterations leave of it, by the largest acceleration; how many there are at most.
+struct Proximal {
+  double compliance, accuracy;
+  int iterations;
+};
+
 /// A model.  Contacts are held by Phidd + 2 ratio frequency Phid + frequency^2 Phi = 0.
 struct Tree {
   Vector gravity;
@@ -68,6 +75,7 @@ struct Tree {
   std::span<const Law> laws;
   std::span<const Guide> guides;
   double frequency, ratio;
+  Proximal factorised, articulated;  ///< by a sparse factorisation, and by LCABA
   void (*add_forces)(const Motion* motions, double t, Wrench* wrenches);  ///< null where there are none
 };
 
