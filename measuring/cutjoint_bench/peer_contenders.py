@@ -45,11 +45,15 @@ class PeerRunner:
 
     def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
         """A run whose rows are some of the case's; adaptive integrators take ``dt`` as ours do, for how accurate they are asked to be."""
-        adaptive = self.integrator in self.peer.adaptive
-        step = self.row if adaptive else common_step(dt, self.row)
+        if self.integrator in self.peer.adaptive:
+            return self.run(self.row, tolerance_of(dt, self.own_step))
+        return self.run(dt, 0.0)
+
+    def run(self, dt: float, tolerance: float) -> Trajectory:
+        """A run by steps, or where the integrator chooses them by a tolerance and the distance of rows."""
         return run_peer(
-            self.peer, Path(self.folder.name), dt=step if adaptive else dt, end=self.end, integrator=self.integrator, output_step=step,
-            tolerance=tolerance_of(dt, self.own_step),
+            self.peer, Path(self.folder.name), dt=dt, end=self.end, integrator=self.integrator, output_step=common_step(dt, self.row),
+            tolerance=tolerance,
         )  # fmt: skip
 
 

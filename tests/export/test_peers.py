@@ -1,6 +1,6 @@
 """The peers: each runs what is exported, and agrees with cutjoint's recursive method as far as `expected.py` says.
 
-The first test with Pinocchio compiles the common part of all its models in a minute; it is kept.
+The first test with Pinocchio compiles the common part of all its models for seven minutes; it is kept.
 """
 
 from __future__ import annotations
