@@ -204,6 +204,25 @@ def test_a_whole_inertia_stays_physical(tmp_path: Path) -> None:
         assert float(found.ties["b.mass"].subs(at)) > 0
 
 
+def test_an_inertia_of_three_numbers_has_six_in_a_fit(tmp_path: Path) -> None:
+    from cutjoint.fits.reading import _read_tunable
+    from cutjoint.fits.writing import rewrite_model
+
+    (tmp_path / "arm.yaml").write_text(_PENDULUM)
+    model = _read_tunable(tmp_path / "arm.yaml", ["arm.*", "friction", "k"], ["arm"])
+    assert "inertia: [0.04, 0.05, 0.05, 0, 0, 0]}  # as drawn" in rewrite_model(model, {})
+    assert "arm.inertia.5" in {p.name for p in model.parameters}
+    assert "inertia: [0.04, 0.05, 0.05, 0, 0, 0.01]}" in rewrite_model(model, {"arm.inertia.5": 0.01})
+
+
+def test_a_narrow_prior_leaves_nothing_else_open() -> None:
+    from cutjoint.fits.identify import identify
+
+    jacobian = np.vstack([np.random.default_rng(0).normal(size=(500, 2)), [1e9, 0.0]])
+    found = identify(jacobian, ["known", "fitted"], np.ones(2), 500)
+    assert (found.open, found.nearly_open, found.collinear) == ((), (), ())
+
+
 def test_a_linkage_is_calibrated_from_poses_alone(tmp_path: Path) -> None:
     """The slider of the press by trigonometry: crank length and the encoder's zero."""
     angle = np.linspace(-0.9, 0.9, 15)
@@ -268,7 +287,9 @@ def test_a_driven_arm_from_rest_with_ties_starts_and_bootstrap(tmp_path: Path) -
         return [x[1], (2.0 * 9.81 * 0.3 * np.cos(x[0]) - 0.3 * x[1] + np.interp(now, t, push)) / total]
 
     angle = solve_ivp(f, (0, 1), [np.pi / 2, 0.0], t_eval=np.minimum(t, 1), rtol=1e-11, atol=1e-12, max_step=0.005).y[0]
-    data = _write(tmp_path / "d.csv", t, torque=1e3 * push, pin_angle=angle + 1e-4 * np.random.default_rng(0).normal(size=len(t)))
+    data = _write(tmp_path / "d.csv", t, pin_angle=angle + 1e-4 * np.random.default_rng(0).normal(size=len(t)))
+    np.savetxt(tmp_path / "torque.txt", np.column_stack([t, 1e3 * push]), fmt="%.17g")
+    torque = {"data": str(tmp_path / "torque.txt"), "time": 1, "column": 2, "unit": "N*mm"}
     text = _PENDULUM.replace("parameters: {", "parameters: {push: {value: 0, unit: N*m, binding: input}, ").replace(
         "damping: friction}}", "damping: friction}}\n  motor: {kind: joint_force, joint: pin, law: push}"
     )
@@ -278,7 +299,7 @@ def test_a_driven_arm_from_rest_with_ties_starts_and_bootstrap(tmp_path: Path) -
         "parameters": {"friction": {"from": 0.01, "to": 1.0}, "size": {"start": 0.05, "from": 0.04, "to": 0.15}},
         "ties": {"arm.inertia.1": "size", "arm.inertia.2": "size"}, "starts": {"count": 2}, "bootstrap": {"count": 8},
         "experiments": {"drive": {
-            "data": data, "rest": True, "inputs": {"push": {"column": "torque", "unit": "N*mm"}}, "signals": {"pin.angle": {}},
+            "data": data, "rest": True, "inputs": {"push": torque}, "signals": {"pin.angle": {}},
         }},
     }  # fmt: skip
     found = cutjoint.fit(study)

@@ -51,11 +51,12 @@ class Moved(Part):
 
 
 class Driven(Part):
-    """An input of the model that follows a column, of another file if ``data`` names one."""
+    """An input of the model that follows a column, of another file, with its own column of ``time``, if ``data`` names one."""
 
     column: Column | None = None
     unit: Unit | None = None
     data: StrictStr | None = None
+    time: Column | None = None
     interpolation: Literal["linear", "cubic"] = "linear"
 
 

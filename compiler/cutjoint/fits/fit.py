@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.fits.identify import NULL, Identifiability, describe, identify
+from cutjoint.fits.identify import NULL, Identifiability, decompose, describe, identify
 from cutjoint.fits.reading import read_fit
 from cutjoint.fits.records import Array, Signal, Study
 from cutjoint.fits.residuals import Prediction, Runs
@@ -125,8 +125,9 @@ class Solver:
         """The result."""
         from scipy.stats import qmc, t
 
+        samples = sum(len(s.values) for s in self.signals)
         try:
-            before = identify(self.residuals(self.start)[1], self.names, self.sizes)
+            before = identify(self.residuals(self.start)[1], self.names, self.sizes, samples)
         except CutjointError as error:
             raise RunError(f"{self.study.file}: the runs with the start values fail: {error}") from None
         for words in _open(before):
@@ -147,8 +148,7 @@ class Solver:
             best = self.least_squares(best.x)
             self._estimate(best.x)
         jacobian = self.residuals(best.x)[1]
-        after = identify(jacobian, self.names, self.sizes)
-        samples = sum(len(s.values) for s in self.signals)
+        after = identify(jacobian, self.names, self.sizes, samples)
         deviations, correlations = self._covariance(jacobian)
         if self.study.resamples:
             deviations = self._bootstrap(best.x)
@@ -219,10 +219,9 @@ class Solver:
 
     def _covariance(self, jacobian: Array) -> tuple[Array, Array]:
         """Standard deviations, infinite where data leave a parameter open, and correlations."""
-        _, singular, directions = np.linalg.svd(jacobian * self.sizes, full_matrices=True)
-        determined = np.zeros(len(self.names), dtype=bool)
-        determined[: len(singular)] = singular > NULL * singular[0]
-        half = directions[determined].T / singular[determined[: len(singular)]]
+        singular, directions = decompose(jacobian * self.sizes)
+        determined = singular > NULL * singular[0]
+        half = directions[determined].T / singular[determined]
         covariance = half @ half.T
         deviations = np.sqrt(np.diag(covariance))
         lengths = np.where(deviations > 0, deviations, 1.0)

@@ -29,25 +29,30 @@ class Identifiability:
     collinear: tuple[tuple[str, str, float], ...]
 
 
-def identify(jacobian: Array, names: Sequence[str], sizes: Array) -> Identifiability:
-    """Judge a Jacobian (residuals, parameters) whose residuals are in units of their standard deviations."""
+def identify(jacobian: Array, names: Sequence[str], sizes: Array, samples: int) -> Identifiability:
+    """Judge a Jacobian (residuals, parameters) whose residuals are in units of their standard deviations; those behind the ``samples`` are
+    of priors, which may be as narrow as they like."""
     scaled = jacobian * sizes
-    singular, directions = np.zeros(len(names)), np.linalg.svd(scaled, full_matrices=True)[2]
-    found = np.linalg.svd(scaled, compute_uv=False)
-    singular[: len(found)] = found
-    largest = singular[0] or 1.0
+    singular, directions = decompose(scaled)
+    largest = decompose(scaled[:samples])[0][0] or 1.0
     lengths = np.linalg.norm(scaled, axis=0)
     unit = scaled / np.where(lengths > NULL * largest, lengths, np.inf)
     pairs = []
     for i in range(len(names)):
         for j in range(i):
             product = min(abs(float(unit[:, i] @ unit[:, j])), 1.0)
-            if product > 1 - 1 / COLLINEAR**2:
-                pairs.append((names[j], names[i], float(1 / np.sqrt(max(1 - product, 1e-16)))))
+            if 1 - 1 / COLLINEAR**2 < product < 1 - NULL:  # beyond, a combination of both is open
+                pairs.append((names[j], names[i], float(1 / np.sqrt(1 - product))))
     return Identifiability(
         singular_values=singular, open=_named(directions[singular <= NULL * largest], names),
         nearly_open=_named(directions[(singular > NULL * largest) & (singular <= NEAR * largest)], names), collinear=tuple(pairs),
     )  # fmt: skip
+
+
+def decompose(matrix: Array) -> tuple[Array, Array]:
+    """Singular values and right singular vectors of a matrix (rows, columns), as many as columns."""
+    _, found, directions = np.linalg.svd(np.linalg.qr(matrix, mode="r"), full_matrices=True)
+    return np.pad(found, (0, matrix.shape[1] - len(found))), directions
 
 
 def _named(directions: Array, names: Sequence[str]) -> tuple[dict[str, float], ...]:

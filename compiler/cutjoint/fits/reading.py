@@ -1,7 +1,7 @@
 """From the study file of a fit to a `Study`: all names resolved, all numbers in SI units, all problems at once."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf, isfinite, isnan, nan
 from pathlib import Path
@@ -25,7 +25,7 @@ from cutjoint.model.expressions.operations import ExpressionError, Term
 from cutjoint.model.expressions.parse import Names, symbols_of
 from cutjoint.model.expressions.scope import Directory, Element, Scope
 from cutjoint.model.expressions.units import TIME, Dimension, measure
-from cutjoint.model.records import Model, Scalar, Scene
+from cutjoint.model.records import Binding, Model, Scalar, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.scenes import find_case
@@ -270,7 +270,7 @@ class _Reading:
             self._fail(keys, f"the model has no input '{name}'", nearest(name, own, "it has"), at_key=True)
             return {}
         seconds = self._factor(of.time_unit, ("experiments",), TIME)
-        t, values = self._column(self._data(part.data or of.data, str(of.time)), str(part.column or name), seconds)
+        t, values = self._column(self._data(part.data or of.data, str(part.time or of.time)), str(part.column or name), seconds)
         whole = np.isfinite(values)
         factor = self._factor(part.unit, (*keys, "unit"), _dimension(own[name].unit) if own[name].unit else None)
         return {"t": t[whole] - begin, "value": values[whole] * factor, "interpolation": part.interpolation}
@@ -330,12 +330,17 @@ def _read_tunable(path: Path, names: Sequence[str], whole: Sequence[str]) -> Mod
     def read(tunable: Sequence[str]) -> Model:
         return read_model_text("".join(lines), file, folder=path.parent, tunable=tunable)
 
-    own = {p.name for p in (*tunable_parameters(model), *input_parameters(model))}
-    tunable = []
-    for name in (name for name in names if name not in own):
-        try:
-            read([name])
-            tunable.append(name)
-        except ModelError:  # it may be of another model, or of expressions alone; what none has is noted
-            continue
-    return read(tunable)
+    fixed = {p.name for p in model.parameters if p.binding is Binding.CONST}
+    tunable = [name for name in names if name in fixed or "." in name]  # others are of expressions alone
+    try:
+        return read(tunable)
+    except ModelError:
+        return read([name for name in tunable if _can_read(read, name)])  # others may be of another model; what none has is noted
+
+
+def _can_read(read: Callable[[Sequence[str]], Model], name: str) -> bool:
+    try:
+        read([name])
+    except ModelError:
+        return False
+    return True
