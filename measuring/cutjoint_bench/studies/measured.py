@@ -100,7 +100,7 @@ def _robot(folder: Path, fitted: str, *, is_free: bool) -> None:
 
 def _least_squares(folder: Path, fitted: list[Path], runs: list[Path], sign: Any) -> dict[str, float]:
     """The RMS of all runs' currents by base parameters, viscous and Coulomb friction and offsets that fit some runs best."""
-    import pinocchio
+    import pinocchio  # type: ignore[import-untyped]
     from scipy.signal import butter, filtfilt
 
     model = pinocchio.buildModelFromUrdf(str(folder / "ur10e.urdf"))
@@ -186,7 +186,7 @@ _OF_CAR: Mapping[str, Any] = {
 def _car(folder: Path, fitted: str) -> None:
     runs = sorted(path.stem for path in folder.glob("*.csv"))
     of_source = {"delay": {"start": 0.0, "from": -1e-9, "to": 1e-9, "size": "1 s"}}
-    tied = {"steer_gain": {}, "torque": {}, "losses": {}, "mass": {}, "yaw_inertia": {}, "cornering": {}}
+    tied: dict[str, Any] = {"steer_gain": {}, "torque": {}, "losses": {}, "mass": {}, "yaw_inertia": {}, "cornering": {}}
     with TemporaryDirectory() as place:
         (Path(place) / "car.yaml").write_text(_CAR)
         ends = {}
