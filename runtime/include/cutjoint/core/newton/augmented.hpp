@@ -114,7 +114,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
   /// predicted, since the penalty of a predicted pose is no force of the mechanism.
   void approach(const StateOf<S>& state, int iteration, bool) {
     iteration_ = iteration;
-    const bool updated = iteration > 1 && iteration - 1 <= settings_.multiplier_updates;
+    const bool updated = iteration > 1 && (this->is_damped() ? this->is_near() : iteration - 1 <= settings_.multiplier_updates);
     this->linearise(state, updated ? 2 * alpha_ : alpha_, weights());
     pose_ = state.q;
     if (updated)

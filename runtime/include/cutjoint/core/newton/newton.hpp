@@ -55,8 +55,8 @@ class Newton : public Workspace<S, Solver> {
       : Base(system, solver), settings_(settings), length_(settings.dt), dt_(length_),
         share_(Real(1 - settings.rule.alpha_f) / Real(1 - settings.rule.alpha_m)), speed_(dt_ * Real(settings.rule.gamma) * share_),
         k_(dt_ * dt_ * Real(settings.rule.beta) * share_), ball_tangents_(unit_ball_tangents(system)), lambda_before_(m_), vdot_before_(n_),
-        predicted_(n_), before_(design_state(system)), whole_(before_), mean_(n_), whole_mean_(n_), delta_(n_), full_(x_.size()), kept_now_(m_),
-        kept_before_(m_) {}
+        predicted_(n_), before_(design_state(system)), whole_(before_), mean_(n_), whole_mean_(n_), delta_(n_), full_(x_.size()), full_vdot_(n_),
+        full_lambda_(m_), kept_now_(m_), kept_before_(m_) {}
 
   /// Accelerations and multipliers of a start, whose coordinates and rates satisfy the equations.
   Fault begin(StateOf<S>& state, Real motion) {
@@ -105,7 +105,7 @@ class Newton : public Workspace<S, Solver> {
     this->number_ = number;
     const Fault fault = advance(state);
     if (!fault || (own().halves() && advance_by_parts(state))) return {};
-    if (m_ == 0 && number_of_states(this->system_) != 0 && has_lost_its_way(fault) && advance_damped(state)) return {};
+    if (number_of_states(this->system_) != 0 && has_lost_its_way(fault) && advance_damped(state)) return {};
     system_.begin_step(state.t, Real(1));
     return fault;
   }
@@ -189,6 +189,8 @@ class Newton : public Workspace<S, Solver> {
   void take_multipliers(Real) {}                                    ///< those of the solution, by their weight in the tangent
   Fault explain(const Fault& fault) { return fault; }               ///< what more there is to say of an iteration without end
   Real negligible(Real size) const { return rounding_like(1e-11) * size; }  ///< the violation beside a quantity of this size that a projection may leave
+
+  bool is_damped() const { return damped_; }  ///< whether changes are shortened, after trials with an iteration of number 0
 
   /// Whether the last iteration changed the accelerations by little already, or the coordinates, in a short step, by rounding.
   bool is_near() const { return change_ <= std::max(Real(1e-3) * size_, rounding_ / k_); }
@@ -300,7 +302,8 @@ class Newton : public Workspace<S, Solver> {
   Fault advance(StateOf<S>& state) {
     before_ = state;
     time_ = state.t + dt_;
-    const Fault fault = find_end(state);
+    Fault fault = find_end(state);
+    if (damped_ && !fault && m_ > 0 && !moves_as_it_says(state)) fault = give_up(Cause::newton_not_converged, 0);
     if (fault) {
       wary_ = false;
       state = before_;
@@ -373,10 +376,11 @@ class Newton : public Workspace<S, Solver> {
         if (const Fault fault = this->factor()) return fault;
       factored_ = true;
       if (const Fault fault = this->solve()) return fault;
-      if (damped_) whole_.vdot = state.vdot;
+      const bool near = damped_ && is_near();
+      if (damped_) full_vdot_ = state.vdot, full_lambda_ = lambda_;
       take(Real(1) / k_, own().start_weights().constraint, state);
       ++iterations_;
-      if (converged(state, iteration) && own().may_end()) break;
+      if (converged(state, iteration) && own().may_end() && (!damped_ || m_ == 0 || near)) break;
       if (damped_)
         if (const Fault fault = shorten(state)) return fault;
       if (!finite(change_)) return give_up(Cause::newton_infinite, iteration);
@@ -408,14 +412,26 @@ class Newton : public Workspace<S, Solver> {
            fault.cause == Cause::forces_not_finite || fault.cause == Cause::tangent_not_finite;
   }
 
-  /// A step whose iteration is damped, with a tangent in each iteration, from the accelerations before it.  Equations of loops have other solutions
-  /// nearby, with links turned over, to which a damped iteration may go: this is for systems without any, with first-order states, which may be stiff.
+  /// A step whose iteration is damped, with a tangent in each iteration, from the accelerations before it, and in parts where that fails too.  This
+  /// is for systems with first-order states, which may be stiff.
   [[gnu::noinline, gnu::cold]] bool advance_damped(StateOf<S>& state) {
     stay(state);
     damped_ = true;
-    const Fault fault = advance(state);
+    const bool found = !advance(state) || advance_by_parts(state);
     damped_ = false;
-    return !fault;
+    return found;
+  }
+
+  /// Whether the step's displacement is that by the speeds at its ends.  Equations of loops have other solutions, with links turned over, which a
+  /// damped iteration may find: there these speeds are not along the loops, and their projection takes most of them away.
+  bool moves_as_it_says(const StateOf<S>& state) const {
+    using std::abs;
+    Real apart(0), most(0);
+    for (std::size_t i = 0; i < n_ - number_of_states(this->system_); ++i) {
+      const Real ends = dt_ / 2 * (before_.v[i] + state.v[i]);
+      apart = std::max(apart, abs(delta_[i] - ends)), most = std::max(most, std::max(abs(delta_[i]), abs(ends)));
+    }
+    return apart <= most / 10 + Real(settings_.tolerance) * dt_ * this->speed_size(state.v);
   }
 
   /// Shorten the change of a damped iteration to a share t = 1, 1/2, 1/4 .. where the same factors would ask for a change that is smaller by t/4 of it:
@@ -429,11 +445,11 @@ class Newton : public Workspace<S, Solver> {
       const bool last = share < Real(1e-5);
       if (last) share = Real(1);
       for (std::size_t i = 0; i < full_.size(); ++i) x_[i] = share * full_[i];
-      state.vdot = whole_.vdot;
+      state.vdot = full_vdot_, lambda_ = full_lambda_;
       take(Real(1) / k_, own().start_weights().constraint, state);
       if (last) break;
       follow(state);
-      own().approach(state, 2, false);
+      own().approach(state, 0, false);
       if (const Fault fault = this->solve()) return fault;
       if (largest_move() <= (1 - share / 4) * move) break;
     }
@@ -557,7 +573,9 @@ class Newton : public Workspace<S, Solver> {
   Speeds<S> delta_;                    ///< the integrals of the speeds over a step
   Residuals residuals_;
   Real change_{0}, smallest_{0}, size_{1}, rounding_{0};  ///< the last: of coordinates
-  Rows<S> full_;                                          ///< the change of a damped iteration, before it is shortened
+  Rows<S> full_;                                          ///< the change of a damped iteration, before it is shortened, and what it changes
+  Speeds<S> full_vdot_;
+  Equations<S> full_lambda_;
   Equations<S> kept_now_, kept_before_;                   ///< multipliers at the start of a step and before it
   bool wary_ = false;                                     ///< whether each iteration has a tangent of its own after all
   bool damped_ = false;                                   ///< whether its changes are shortened too

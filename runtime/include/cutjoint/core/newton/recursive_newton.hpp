@@ -42,7 +42,7 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
     } else {
       this->dynamic_residual(state, Real(0));
     }
-    const bool updated = this->is_near() && updates_ < settings_.multiplier_updates;
+    const bool updated = iteration > 1 && this->is_near() && updates_ < settings_.multiplier_updates;
     for (std::size_t i = 0; i < m_; ++i) {
       push_[i] = (updated ? 2 : 1) * alpha_ * phi_[i];
       if (updated) lambda_[i] += alpha_ * phi_[i];

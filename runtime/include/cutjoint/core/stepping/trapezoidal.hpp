@@ -125,9 +125,9 @@ class Trapezoidal {
   void reset_count() { evaluations_ = typename Instances::Count{}; }
 
  private:
-  /// Whether failed steps are tried by damped iterations: of a mechanism alone, with first-order states and without loops.
+  /// Whether failed steps are tried by damped iterations: of a mechanism alone, with first-order states.
   static constexpr bool may_damp = Instances::number == 1 && [] {
-    if constexpr (requires { M::sizes.states; }) return M::sizes.states > 0 && M::sizes.equations == 0;
+    if constexpr (requires { M::sizes.states; }) return M::sizes.states > 0;
     else return true;
   }();
   struct None {
@@ -178,24 +178,38 @@ class Trapezoidal {
   }
 
   /// The step of a mechanism alone whose fixed point was not found, again by Newton's iteration; the state stays where it fails.  For first-order
-  /// states, whose rates may be stiff; not where there are loops, which it may turn over.
+  /// states, whose rates may be stiff.  Multipliers are corrected between solutions.
   [[gnu::noinline, gnu::cold]] bool advance_damped(StateOf<M>& state) {
     if constexpr (!may_damp) return false;
     else {
       const Cause cause = faults_[0].cause;
-      if (fixed_point_.fixed_cost || !correction_.empty() || number_of_states(mechanism_) == 0 || (cause != Cause::not_converged && cause != Cause::diverged)) return false;
-      const bool found = damped_.solve(state.vdot, nominals_of(mechanism_), Real(fixed_point_.tolerance), fixed_point_.iterations, [&](Speeds<M>& residual) {
+      if (fixed_point_.fixed_cost || number_of_states(mechanism_) == 0 || (cause != Cause::not_converged && cause != Cause::diverged)) return false;
+      const auto solve = [&] { return damped_.solve(state.vdot, nominals_of(mechanism_), Real(fixed_point_.tolerance), fixed_point_.iterations, [&](Speeds<M>& residual) {
         follow(state);
         mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), vdot_.data(), correction_.data());
         Instances::count(true, evaluations_);
         for (std::size_t i = 0; i < vdot_.size(); ++i) residual[i] = vdot_[i] - state.vdot[i];
-      });
+      }); };
+      bool found = solve();
+      for (int update = 0; found && !correction_.empty() && update < fixed_point_.multiplier_updates; ++update) {
+        for (std::size_t i = 0; i < correction_.size(); ++i) state.lambda[i] += correction_[i];
+        found = solve();
+      }
       follow(state);
       state.t = before_.t + dt_;
+      found = found && follows_loops(state);
       restore(state, !found);
       if (found) expected_.keep(state.vdot, true);
       return found;
     }
+  }
+
+  /// Whether velocities are those of closed loops but for a hundredth.  Loops have other solutions, with links turned over, which a damped iteration may find.
+  bool follows_loops(const StateOf<M>& state) {
+    if (correction_.empty()) return true;
+    Equations<M> phi = correction_, phid = correction_;
+    mechanism_.constraint_residual(state.q.data(), state.v.data(), phi.data(), phid.data());
+    return largest(phid) <= largest(std::span<const Real>(state.v.data(), state.v.size() - number_of_states(mechanism_))) / 100;
   }
 
   /// Coordinates and velocities from the state's accelerations.
