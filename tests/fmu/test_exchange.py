@@ -279,6 +279,17 @@ def test_saved_states_go_on_bit_by_bit(version: int) -> None:
     assert other.log[-1] == "restore: the state is that of model exchange"
 
 
+def test_loops_of_a_hundred_metres_follow_states_in_one_go() -> None:
+    """The slider of a press a thousand times as large, which is 380 m away where its crank points along the rail, by Pythagoras."""
+    text = text_of("press").replace("0.1]", "100]").replace("[0.3,", "[300,").replace("[0.8,", "[800,").replace("0.48}", "480}")
+    model = read_model_text(text, "press.yaml")
+    instance = Exchange(make_fmu(model, find_scene(model, None), version=3, kind="me")).begin()
+    for angle in (0.5, 1.5, 0.1):
+        slider = 100 * np.sin(angle) + np.sqrt(300**2 + 100**2 - (100 * np.cos(angle)) ** 2)
+        assert instance.put(0.0, [angle, 0.0]) == OK
+        assert instance.get("pin.angle", "slider.x") == pytest.approx([angle, slider], abs=1e-9)
+
+
 @versions
 def test_a_force_that_was_left_out_and_would_act_ends_the_simulation_as_it_ends_a_step(version: int) -> None:
     model = read_model_text(HAMMER, "hammer.yaml")

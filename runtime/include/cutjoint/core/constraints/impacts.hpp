@@ -288,7 +288,7 @@ class Impacts {
     }
     rates_ = struck_.rates(q, still_, before);
     const Equations<S>& now = struck_.rates(q, still_, after);
-    for (std::size_t i = 0; i < now.size(); ++i) largest = std::max(largest, abs(now[i] - rates_[i]) / (Real(1) + abs(now[i])));
+    for (std::size_t i = 0; i < now.size(); ++i) largest = std::max(largest, abs(now[i] - rates_[i]) / (Real(std::sqrt(arm_of(subject_))) + abs(now[i])));
     return largest;
   }
 
@@ -300,7 +300,7 @@ class Impacts {
     if (abs(one - struck_.kinetic_beside_guides(q, probe_, after)) > share() * one) return true;
     const Equations<S>& now = struck_.violations(q);
     for (std::size_t i = 0; i < now.size(); ++i)
-      if (abs(now[i] - rates_[i]) > share() * (Real(1) + abs(now[i]))) return true;
+      if (abs(now[i] - rates_[i]) > share() * (Real(arm_of(subject_)) + abs(now[i]))) return true;
     return false;
   }
 

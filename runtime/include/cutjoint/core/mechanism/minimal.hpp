@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <optional>
@@ -48,6 +49,7 @@ class MinimalCoordinates {
     std::fill_n(independent.begin(), joints, 1);
     if constexpr (m > 0) {
       find_jacobian(starter, state, reference_at(state));
+      for (std::size_t j = 0; j < joints; ++j) scale_column(j, j);
       const auto squares = decomposed();
       if (squares.rank() != joints - dofs) return singular(state);
       for (std::size_t k = 0; k < squares.rank(); ++k) independent[squares.column_at(k)] = 0;
@@ -175,6 +177,23 @@ class MinimalCoordinates {
   static std::span<const Chart> charts() { return M::charts; }
   static Real magnitude(Real x) { return x < Real(0) ? -x : x; }
 
+  /// Nominal values, as `scaled_nominals_of` and `arm_of`, and that of a velocity's coordinate.
+  static std::span<const double> nominals() {
+    if constexpr (requires { M::arm; }) return M::arm == 1.0 ? std::span<const double>{} : std::span<const double>(M::nominals);
+    else return {};
+  }
+  static Real arm() {
+    if constexpr (requires { M::arm; }) return Real(M::arm);
+    else return Real(1);
+  }
+  static Real nominal(std::size_t j) { return Real(size_at(nominals(), j, n)); }
+
+  /// The effect of a displacement of a metre, or of the angle by which the arm's end moves as far: ranks do not depend on units.
+  void scale_column(std::size_t column, std::size_t j) {
+    if (nominals().empty()) return;
+    for (std::size_t i = 0; i < m; ++i) matrix_[column * m + i] *= nominal(j);
+  }
+
   /// The origin of the delta: 0 for scalars, for balls their attitude in a state.
   static Coordinates<M> reference_at(const StateOf<M>& state) {
     Coordinates<M> reference = state.q;
@@ -189,10 +208,10 @@ class MinimalCoordinates {
     Real along(0), square(0);
     for (std::size_t i = 0; i < n; ++i) {
       if (!choice_.independent[i]) continue;
-      along += (*x++ - delta_[i]) * choice_.rate[i];
-      square += choice_.rate[i] * choice_.rate[i];
+      along += (*x++ - delta_[i]) * choice_.rate[i] / (nominal(i) * nominal(i));
+      square += choice_.rate[i] * choice_.rate[i] / (nominal(i) * nominal(i));
     }
-    if (!(square > Real(1e-12))) return;  // at rest
+    if (!(square > Real(1e-12) * arm())) return;  // at rest
     for (std::size_t i = 0; i < n; ++i)
       if (!choice_.independent[i]) delta_[i] += along / square * choice_.rate[i];
   }
@@ -224,6 +243,7 @@ class MinimalCoordinates {
     for (std::size_t j = 0; j < joints; ++j) {
       if (choice_.independent[j]) continue;
       if (width < j) std::copy_n(matrix_.begin() + j * m, m, matrix_.begin() + width * m);
+      scale_column(width, j);
       ++width;
     }
     return decomposed(width);
@@ -240,7 +260,7 @@ class MinimalCoordinates {
   void solve(const dense::LeastSquares<Real>& squares, Number* b, Number* step, Number* room) const {
     squares.solve(b, step, room);
     std::size_t left = joints - dofs;
-    for (std::size_t j = n; j-- > 0;) step[j] = j < joints && !choice_.independent[j] ? step[--left] : Number{};
+    for (std::size_t j = n; j-- > 0;) step[j] = j < joints && !choice_.independent[j] ? Number(step[--left] * nominal(j)) : Number{};
   }
 
   void solve(const dense::LeastSquares<Real>& squares, Equations<M>& b) { solve(squares, b.data(), step_.data(), scratch_.data()); }
@@ -256,7 +276,7 @@ class MinimalCoordinates {
         if (!choice_.independent[j]) continue;
         std::copy_n(all_.begin() + j * m, m, phi_.begin());
         solve(squares, phi_);
-        gain = std::max(gain, Real(largest(step_)));
+        gain = std::max(gain, nominal(j) * Real(largest(step_, nominals())));
       }
     }
     return {};
@@ -270,13 +290,13 @@ class MinimalCoordinates {
       mechanism.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data());
       const Real violation = largest(phi_);
       find_jacobian(starter, state, choice_.reference);
-      if (violation <= Real(1e-14) || (violation <= Real(1e-9) && !(violation < before / 2))) return {};
+      if (violation <= Real(1e-14) * arm() || (violation <= Real(1e-9) * arm() && !(violation < before / 2))) return {};
       if (iteration == 50 || !(violation < std::numeric_limits<Real>::infinity())) return open(Cause::no_assembly, state, phi_);
       before = violation;
       const auto squares = decomposed_by_dependent();
       if (squares.rank() != joints - dofs) return singular(state);
       solve(squares, phi_);
-      const Real share = std::min(Real(1), Real(0.5) / std::max(Real(largest(step_)), Real(1e-30)));
+      const Real share = std::min(Real(1), Real(0.5) * arm() / std::max(Real(largest(step_, nominals())), Real(1e-30)));
       for (std::size_t i = 0; i < n; ++i)
         if (!choice_.independent[i]) delta_[i] -= share * step_[i];
     }
@@ -284,6 +304,7 @@ class MinimalCoordinates {
 
   /// Velocities from the rates of independent coordinates; the matrix is that of the pose.
   Fault close_speeds(M& mechanism, StateOf<M>& state) {
+    using std::sqrt;
     if constexpr (m > 0) {
       const auto squares = decomposed_by_dependent();
       if (squares.rank() != joints - dofs) return singular(state);
@@ -297,7 +318,7 @@ class MinimalCoordinates {
         if (!choice_.independent[i]) rate_[i] -= step_[i];
       chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
       mechanism.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data());
-      if (!(largest(phid_) <= Real(1e-9) * (Real(1) + violation))) return open(Cause::speeds_not_found, state, phid_);
+      if (!(largest(phid_) <= Real(1e-9) * (sqrt(arm()) + violation))) return open(Cause::speeds_not_found, state, phid_);
     } else {
       chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
     }
