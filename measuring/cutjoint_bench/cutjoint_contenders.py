@@ -92,8 +92,8 @@ class AdaptiveRunner(OwnRunner):
 
     def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
         """A run whose rows are the case's."""
-        given = self.artifact.scene.numerics.of_method(self.artifact.method).step
-        with_tolerance = replace(self, tolerance=tolerance_of(dt, given))
+        step = self.artifact.scene.numerics.of_method(self.artifact.method).step
+        with_tolerance = replace(self, tolerance=tolerance_of(dt, step))
         return OwnRunner.__call__(with_tolerance, self.artifact.scene.output_step, measured=measured)
 
 
@@ -103,8 +103,8 @@ def tolerance_of(dt: float, own: float) -> float:
 
 
 def cutjoint_contenders() -> Iterator[Contender]:
-    """Generated code by each method in the order of METHODS; other integrators; steps that end at events; without lanes; of the reduced
-    model; other solvers; generic twins."""
+    """Generated code by each method in the order of METHODS, then its variants.
+    Other integrators, steps that end at events, without lanes, of the reduced model, other solvers, generic solvers."""
     for method in METHODS:
         yield _contender(method, method, "generated", method=method)
     for method, integrators in _INTEGRATORS:
@@ -209,8 +209,8 @@ def has_added(artifact: Artifact) -> bool:
 
 
 def identity(source: Source, *, added: bool = False) -> Mapping[str, str]:
-    """Identity of generated code besides machine and compiler: its digest and that of the runtime, with C++ that this package has
-    ``added``."""
+    """Identity of generated code besides machine and compiler: its digest and that of the runtime.
+    C++ that this package has ``added`` counts too."""
     return {"digest": source.digest, "runtime": measuring_digest() if added else runtime_digest()}
 
 

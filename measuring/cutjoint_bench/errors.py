@@ -25,7 +25,7 @@ def measure_errors(case: Case, run: Trajectory, reference: Reference) -> Errors:
     bodies = [b.name for b in case.model.bodies if f"{b.name}.x" in run.columns]
 
     def distances(names: str) -> Array:
-        """(bodies, rows)"""
+        """Shape (bodies, rows)."""
         return np.array([
             np.sqrt(sum((run[f"{body}.{name}"][mine] - reference.columns[f"{body}.{name}"][known]) ** 2 for name in names.split()))
             for body in bodies

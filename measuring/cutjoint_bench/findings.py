@@ -76,7 +76,8 @@ def _crossing(a: tuple[float, float], b: tuple[float, float], error: float) -> f
 
 
 def breakdown(line: Line) -> float | None:
-    """The largest step from which on smaller ones fail, or are less accurate than a larger one; None where a line has none or no good step.
+    """The largest step from which on smaller ones fail, or are less accurate than a larger one.
+    None where a line has none or no good step.
 
     Failures at steps above the first that ends are another matter: these are too large.
     """
@@ -103,7 +104,8 @@ def best(lines: Sequence[Line], error: float, suits: Callable[[Line], bool]) -> 
 
 
 def leading(lines: Sequence[Line]) -> list[Line]:
-    """The methods by their own rule, and of the others, group by group and peer by peer, what is the fastest at one of TARGETS at least."""
+    """The methods by their own rule.
+    Of the others, group by group and peer by peer, what is the fastest at one of TARGETS at least."""
     rivals: dict[tuple[str, str], list[Line]] = {}
     for line in lines:
         rivals.setdefault(_rivals(line), []).append(line)

@@ -60,7 +60,7 @@ def _tangents(case: Case, artifact: Artifact) -> Iterator[tuple[float, Array, Ar
 
 
 def _limit(stiffness: Array, damping: Array, known: float) -> float:
-    """The step at which the map has a spectral radius of one, if that is below a known one; to a part in a thousand, else the known one."""
+    """The step at which the map has a spectral radius of one, to a part in a thousand; at most the known one."""
 
     def is_below(dt: float) -> bool:
         return bool(np.abs(np.linalg.eigvals(dt * dt / 4 * stiffness + dt / 2 * damping)).max(initial=0.0) < 1.0)

@@ -11,8 +11,9 @@ KNOWN = (AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench)
 
 
 def require_mechanics_alone(model: Model) -> None:
-    """Raise ModelError for states, signals, laws that read other elements, friction that sticks, grounds of wheels, contacts, springs of
-    balls, gears with laws and functions of the user, which programs with mechanics alone do not have."""
+    """Raise ModelError for what programs with mechanics alone do not have.
+    States, signals, laws that read other elements, friction that sticks, grounds of wheels, contacts, springs of balls,
+    gears with laws and functions of the user."""
     bristles = {bristle_name(f.name) for f in model.forces if isinstance(f, JointFriction)}
     reading = (e for e in reading_elements(model) if not (isinstance(e, Signal) and e.reported))  # outputs may be left out
     found = (*(s for s in model.states if s.name not in bristles), *(e for e in reading if not isinstance(e, FirstOrderState)))

@@ -38,11 +38,11 @@ class Case:
         return f"{self.model.name}/{self.scene.name}"
 
     def input_digest(self, simulator: str) -> str:
-        """A digest of all that a simulator of this case, a method or a peer by its name, reads when it runs: parameters, settings of the
-        method (of the default one for a peer), start, roads."""
+        """A digest of all that a simulator of this case, a method or a peer by its name, reads when it runs.
+        Parameters, settings of the method (of the default one for a peer), start, roads."""
         method = simulator if simulator in METHODS else DEFAULT_METHOD
-        given = make_run_file(self.model, self.scene, self.parameters, task="simulate", method=method, options=PLAIN_STEPS)
-        return sha256(json.dumps(given.entries(), sort_keys=True).encode()).hexdigest()[:32]
+        run_file = make_run_file(self.model, self.scene, self.parameters, task="simulate", method=method, options=PLAIN_STEPS)
+        return sha256(json.dumps(run_file.entries(), sort_keys=True).encode()).hexdigest()[:32]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -45,9 +45,9 @@ def parameters(names: list[str]) -> str:
     return ", ".join(filter(None, [own, _COEFFICIENTS if len(names) >= 20 and any(map(str.isupper, names)) else ""]))
 
 
-def defaults(given: dict[str, object]) -> str:
+def defaults(values: dict[str, object]) -> str:
     """Parameters with their defaults, without coefficients."""
-    return ", ".join(f"[`{name}` = {value}]" for name, value in given.items() if not name.isupper())
+    return ", ".join(f"[`{name}` = {value}]" for name, value in values.items() if not name.isupper())
 
 
 def placed(points: dict[str, list[object]]) -> str:

@@ -66,8 +66,8 @@ def _members(found: type, public: Mapping[str, object]) -> Iterator[tuple[str, o
 def _record(found: type, public: Mapping[str, object]) -> Iterator[str]:
     """The section of a record: its fields, then its docstring and the first lines of its methods."""
     yield f"### {found.__name__}\n"
-    if given := [f"`{field.name}`" for field in fields(found)]:  # type: ignore[arg-type]
-        yield f"Fields: {', '.join(given)}.\n"
+    if names := [f"`{field.name}`" for field in fields(found)]:  # type: ignore[arg-type]
+        yield f"Fields: {', '.join(names)}.\n"
     yield _prose(found)
     for member, value in _members(found, public):
         if not member.startswith("_") and (inspect.isfunction(value) or _is_property(value)):

@@ -1,13 +1,12 @@
-"""Prose of the code: short first sentences in public docstrings, and no private words anywhere."""
+"""Prose of the code: short first sentences in docstrings, and no private words anywhere."""
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
 import subprocess
 from collections.abc import Iterator
-
-import pytest
 
 import cutjoint
 from tests.conftest import ROOT
@@ -36,12 +35,25 @@ def public() -> Iterator[tuple[str, object]]:
             yield from ((f"{name}.{key}", value) for key, value in own.items() if callable(value) or isinstance(value, property))
 
 
-@pytest.mark.parametrize(("name", "found"), [pytest.param(*entry, id=entry[0]) for entry in public()])
-def test_the_first_sentence_of_a_public_docstring_is_short(name: str, found: object) -> None:
+def docstrings() -> Iterator[tuple[str, str]]:
+    """The docstrings of all modules, classes and functions, by file and line."""
+    for path in sorted(path for folder in ("compiler", "measuring") for path in (ROOT / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and (text := ast.get_docstring(node)):
+                yield f"{path.relative_to(ROOT)}:{node.body[0].lineno}", text
+
+
+def test_the_first_sentences_of_docstrings_are_short() -> None:
     """At most 25 words, on one line."""
-    first = (inspect.getdoc(found) or "").split("\n")[0]
-    assert first.endswith("."), f"{name}: the first sentence does not end on its first line: {first!r}"
-    assert len(re.split(r"(?<=\.)\s", first)[0].split()) <= 25, name
+    firsts = [(place, text.split("\n")[0]) for place, text in docstrings()]
+    assert len(firsts) > 3000
+    wrong = [f"{place}: the first sentence does not end on its first line" for place, line in firsts if not re.search(r"\.(\s|$)", line)]
+    wrong += [f"{place}: more than 25 words" for place, line in firsts if len(re.split(r"(?<=\.)\s", line)[0].split()) > 25]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_what_is_public_has_docstrings() -> None:
+    assert [name for name, found in public() if not inspect.getdoc(found)] == []
 
 
 def test_no_file_has_a_private_word() -> None:

@@ -21,8 +21,8 @@ RADIUS = 0.364325
 
 
 def height(pieces: Sequence[Piece]) -> Callable[[float], float]:
-    begins = [p.begin for p in pieces]
-    return lambda x: pieces[max(bisect_right(begins, x) - 1, 0)].height(x)
+    starts = [p.start for p in pieces]
+    return lambda x: pieces[max(bisect_right(starts, x) - 1, 0)].height(x)
 
 
 def test_profile_of_simul1_goes_up_the_ramp_and_down_five_steps() -> None:
@@ -75,10 +75,10 @@ def test_slopes_are_those_of_the_heights(contact: str) -> None:
     """By central differences, away from where pieces meet."""
     segments = [segment(SegmentKind.RAMP, 2.0, 0.3), segment(SegmentKind.COSINE, 3.0, 0.2), segment(SegmentKind.STEP, 0.0, -0.1)]
     hills = profile_pieces(segments, 1.0) if contact == "point" else disc_pieces(segments, 1.0, RADIUS)
-    flat = [Piece(kind="line", begin=0.0, a=0.0, b=0.0, c=0.0)]
+    flat = [Piece(kind="line", start=0.0, a=0.0, b=0.0, c=0.0)]
     road = WheelRoad(left=hills, right=flat, disc=contact == "disc")
-    h, begins = 1e-5, np.array([p.begin for p in hills])
-    places = [x for x in np.linspace(0.5, 7.5, 211) if np.abs(begins - x).min() > 2 * h]
+    h, starts = 1e-5, np.array([p.start for p in hills])
+    places = [x for x in np.linspace(0.5, 7.5, 211) if np.abs(starts - x).min() > 2 * h]
     assert len(places) > 150
     for x in places:
         across = [road.height(x + h, 1.0), road.height(x, 1.0), road.height(x - h, 1.0)]

@@ -56,7 +56,7 @@ class Piece:
     """A stretch of road, as in runtime/include/cutjoint/core/roads/road.hpp."""
 
     kind: str
-    begin: float
+    start: float
     a: float
     b: float
     c: float = 0.0
@@ -66,15 +66,15 @@ class Piece:
             case "arc":
                 return self.a + math.sqrt(max(self.b**2 - (x - self.c) ** 2, 0.0))
             case "cosine":
-                return self.a + self.b * (1 - math.cos(self.c * (x - self.begin)))
-        return self.a + self.b * (x - self.begin)
+                return self.a + self.b * (1 - math.cos(self.c * (x - self.start)))
+        return self.a + self.b * (x - self.start)
 
     def slope(self, x: float) -> float:
         match self.kind:
             case "arc":
                 return -(x - self.c) / math.sqrt(max(self.b**2 - (x - self.c) ** 2, 1e-12))
             case "cosine":
-                return self.b * self.c * math.sin(self.c * (x - self.begin))
+                return self.b * self.c * math.sin(self.c * (x - self.start))
         return self.b
 
 
@@ -94,7 +94,7 @@ class Road:
 
     def _at(self, x: float, y: float) -> Piece:
         pieces = self.left if y > 0 else self.right
-        return next((p for p in reversed(pieces) if p.begin <= x), pieces[0])
+        return next((p for p in reversed(pieces) if p.start <= x), pieces[0])
 
     def described(self) -> dict[str, Any]:
         return {"left": [vars(p) for p in self.left], "right": [vars(p) for p in self.right], "disc": self.disc}

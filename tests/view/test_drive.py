@@ -217,7 +217,7 @@ def test_a_replay_on_another_processor_has_the_same_bits(tmp_path: Path, monkeyp
     events = [[0, 0, 0.2], [0, 2, -0.1], [137, 1, 0.31], *([at, 0, 0.2 + 1e-4 * at] for at in range(200, 900))]
     dt, count, every = 0.001, 2000, 20
     drive = {"cutjoint": "drive", "mark": alone.mark, "model": "delta", "scene": scene.name, "dt": dt, "steps": count, "every": every}
-    drive |= {"given": {}, "events": [[at, f"q{index + 1}", value] for at, index, value in events]}
+    drive |= {"initial_values": {}, "events": [[at, f"q{index + 1}", value] for at, index, value in events]}
     (tmp_path / "drive.json").write_text(json.dumps(drive), encoding="utf-8")
     here = replay_drive(model, scene, tmp_path / "drive.json").rows
     tools = "aarch64-linux-gnu"

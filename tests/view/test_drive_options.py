@@ -27,13 +27,20 @@ def compile_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(("change", "said"), [
-    ({"every": 0}, "(every: "), ({"dt": -1.0}, "(dt: "), ({"given": {"q1": "fast"}}, "(given.q1: "), ({"events": [[0, "q1"]]}, "(events.0"),
+    ({"every": 0}, "(every: "), ({"dt": -1.0}, "(dt: "), ({"initial_values": {"q1": "fast"}}, "(initial_values.q1: "),
+    ({"events": [[0, "q1"]]}, "(events.0"), ({"given": {"q1": 1.0}}, "(given: "),
     ({"steps": 1.5}, "(steps: "), ({"more": 1}, "(more: "), ({"mark": "0"}, "a drive of 'delta', circle, in another version"),
 ])  # fmt: skip
 def test_a_replay_refuses_what_no_page_has_saved(change: dict[str, object], said: str, tmp_path: Path) -> None:
-    drive = {"cutjoint": "drive", "mark": "", "model": "delta", "scene": "circle", "dt": 0.01, "given": {}, "steps": 1, "every": 1}
+    drive = {"cutjoint": "drive", "mark": "", "model": "delta", "scene": "circle", "dt": 0.01, "initial_values": {}, "steps": 1, "every": 1}
     (tmp_path / "drive.json").write_text(json.dumps({**drive, "events": [], **change}), encoding="utf-8")
     assert said in call("drive", DELTA, "--replay", tmp_path / "drive.json", "--out", tmp_path / "out.csv", status=1)
+
+
+def test_a_drive_of_an_earlier_version_names_its_initial_values_given(tmp_path: Path) -> None:
+    drive = {"cutjoint": "drive", "mark": "0", "model": "delta", "scene": "circle", "dt": 0.01, "steps": 1, "every": 1}
+    (tmp_path / "drive.json").write_text(json.dumps({**drive, "given": {"q1": 0.1}, "events": []}), encoding="utf-8")
+    assert "in another version" in call("drive", DELTA, "--replay", tmp_path / "drive.json", "--out", tmp_path / "out.csv", status=1)
 
 
 def test_ends_follow_from_options_units_and_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -64,8 +64,8 @@ class AimedStart:
         self._equations = formulate_recursive(topology, acting, outputs)
 
     def find(self, parameters: Mapping[str, float], prescribed: Mapping[str, float], wanted: Sequence[float]) -> dict[str, float]:
-        """All coordinates by "joint.coordinate": ``prescribed`` ones (SI units) unchanged, the others such that places have the ``wanted``
-        values; ``parameters`` are values of tunable parameters.
+        """All coordinates by "joint.coordinate", such that places have the ``wanted`` values.
+        ``prescribed`` coordinates (SI units) stay unchanged; ``parameters`` are values of tunable parameters.
 
         Raises:
             RunError: no pose has them, or none that closes the loops was found near the design position.
@@ -138,8 +138,8 @@ class AimedStart:
         return self._with_reversed_attitudes(q, prescribed), free
 
     def _with_reversed_attitudes(self, q: Array, of: Collection[str] | None = None) -> Array:
-        """Coordinates whose attitudes, all or those of names ``of``, are converted between follower relative to base and outer relative to
-        inner body."""
+        """Coordinates with attitudes, all or those of names ``of``, inverted.
+        They describe the follower relative to the base, or the outer relative to the inner body."""
         turned = q.copy()
         for chart in self._equations.charts:
             first = chart.q + chart.scalars
@@ -162,8 +162,8 @@ class AimedStart:
 
 
 class PoseSearch:
-    """Searches for coordinates that close the loops and have the ``wanted`` values of ``places``; speeds that are not ``free`` keep their
-    coordinates."""
+    """Searches for coordinates that close the loops and have the ``wanted`` values of ``places``.
+    Speeds that are not ``free`` keep their coordinates."""
 
     def __init__(self, equations: RecursiveEquations, free: Array, wanted: Array, places: slice = slice(None)) -> None:
         self._equations, self._free, self._wanted = equations, free, wanted
@@ -205,8 +205,8 @@ class PoseSearch:
         return _Reached(q=found[0], left=np.where(np.abs(left) <= _REACHED * np.maximum(1.0, np.abs(self._wanted)), 0.0, left))
 
     def by_continuation(self, q: Array) -> _Reached | None:
-        """The pose near given coordinates, by a direct search or by continuation from the design position, whichever moves other
-        coordinates less.
+        """The pose near given coordinates whose other coordinates move least.
+        It comes from a direct search or from continuation from the design position.
 
         As runtime core/start/start.hpp: a direct search from far away may end in another configuration.
         """

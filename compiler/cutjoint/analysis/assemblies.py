@@ -60,11 +60,12 @@ class AssembledStarts(AimedStart):
         super().__init__(model, replace(scene, assemble=(*scene.assemble, *places)))
 
     def find_all(
-        self, parameters: Mapping[str, float], given: Mapping[str, float], near: Collection[str], wanted: Sequence[float]
+        self, parameters: Mapping[str, float], prescribed: Mapping[str, float], near: Collection[str], wanted: Sequence[float]
     ) -> Assemblies:  # fmt: skip
-        """The assemblies with ``given`` coordinates, where those ``near`` are a guess; other independent ones stay as drawn."""
+        """The assemblies with ``prescribed`` coordinates, where those ``near`` are a guess; other independent ones stay as drawn."""
         equations, aims = self._with(parameters), len(wanted)
-        q, free = self._coordinates_of(given)[0], self._coordinates_of({name: x for name, x in given.items() if name not in near})[1]
+        exact = {name: x for name, x in prescribed.items() if name not in near}
+        q, free = self._coordinates_of(prescribed)[0], self._coordinates_of(exact)[1]
         kept, free = self._choose(equations, free, aims)
         search = PoseSearch(equations, free, np.array(wanted), slice(aims))
         bodies = PoseSearch(equations, free, np.zeros(0), slice(aims, None))

@@ -49,14 +49,14 @@ def find_poses(equations: PoseEquations, t: Array, q: Array, parameters: Mapping
 def _inputs(equations: PoseEquations, t: Array, q: Array, parameters: Mapping[str, float]) -> dict[str, Array]:
     values = np.array([parameters[p.name] for p in equations.parameters])
     laws = interpret_blocks(equations.laws, {LAW_TIME: t[:, np.newaxis], "parameters": values}, {})
-    given = [np.broadcast_to(laws[law][..., 0], (t.size, 1)) for law in equations.laws]
+    law_values = [np.broadcast_to(laws[law][..., 0], (t.size, 1)) for law in equations.laws]
     tunable = [a for a in equations.topology.model.embedded_loops if a.functions.open]
     fitted = (replace(a, functions=refit(equations.topology, a, parameters)) for a in tunable)
     return {
         "t": t[:, np.newaxis],
         "parameters": values,
         **fitted_inputs(fitted),
-        INPUTS: np.concatenate([np.zeros((t.size, 0)), *given], axis=1),
+        INPUTS: np.concatenate([np.zeros((t.size, 0)), *law_values], axis=1),
         **{f"q:{c.joint}": q[:, c.q : c.q + len(c.coordinate_names)] for c in equations.charts},
     }
 

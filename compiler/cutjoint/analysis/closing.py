@@ -134,8 +134,8 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
 
 
 def evaluate_scene_inputs(equations: Equations, parameters: Array, t: float) -> dict[str, Array]:
-    """The values (..., length), by symbol, of a scene's laws at ``t`` (s) with ``parameters`` (..., length), and the initial discrete
-    states.
+    """Values (..., length), by symbol, of a scene's laws at ``t`` (s), and the initial discrete states.
+    ``parameters`` are (..., length).
 
     They are what a step reads; none of a model without inputs and controllers.
     """
@@ -197,8 +197,8 @@ def _step(matrix: Array, right: Array) -> Array:
 
 
 def retract(equations: Charted, q: Array, delta: Array) -> Array:
-    """q (+) delta, (..., coordinates) and (..., speeds), as in runtime core/mechanism/retraction.hpp: scalars add, a quaternion is
-    multiplied by (1, theta/2)."""
+    """q (+) delta, (..., coordinates) and (..., speeds), as in runtime core/mechanism/retraction.hpp.
+    Scalars add; a quaternion is multiplied by (1, theta/2)."""
     result = q.copy()
     for chart in equations.charts:
         ball = chart.q + chart.scalars

@@ -16,8 +16,8 @@ from cutjoint.topology.geometry import TOLERANCE
 
 @dataclass(frozen=True, kw_only=True)
 class Linearisation:
-    """The matrices above: ``M``, ``C``, ``K``, ``W`` (speeds, speeds), ``J``, ``G`` (equations, speeds), names of coordinates, and the
-    state."""
+    """The matrices ``M``, ``C``, ``K``, ``W`` (speeds, speeds) and ``J``, ``G`` (equations, speeds).
+    ``names`` are those of the coordinates."""
 
     names: tuple[str, ...]
     M: Array
@@ -178,8 +178,8 @@ def coordinate_names(equations: ImplicitEquations) -> tuple[str, ...]:
 
 
 def _is_angular(equations: ImplicitEquations, v: Array) -> Array:
-    """W: a small rotation of a ball, in the axes of its angular velocity omega, changes by omega x rotation in addition to the change of
-    omega."""
+    """The matrix W of d(small rotation)/dt = d(omega) + W (small rotation).
+    The rotation of a ball is in the axes of its angular velocity omega."""
     W = np.zeros((len(v), len(v)))
     for c in equations.start.charts:
         if c.ball:

@@ -112,8 +112,8 @@ def _inputs(equations: SystemEquations, arrays: Mapping[str, Array], held: Mappi
     for i, parameter in enumerate(equations.inputs):
         if parameter.name in held:
             first, number = len(INPUT_ORDERS) * i, np.asarray(held[parameter.name])
-            given = np.broadcast_shapes(number.shape, inputs[INPUTS].shape[:-1])
-            inputs[INPUTS] = np.broadcast_to(inputs[INPUTS], (*given, inputs[INPUTS].shape[-1])).copy()
+            shape = np.broadcast_shapes(number.shape, inputs[INPUTS].shape[:-1])
+            inputs[INPUTS] = np.broadcast_to(inputs[INPUTS], (*shape, inputs[INPUTS].shape[-1])).copy()
             inputs[INPUTS][..., first : first + len(INPUT_ORDERS)] = np.stack([number, 0 * number, 0 * number], axis=-1)
     for i, value in enumerate(equations.topology.model.discrete_states):
         inputs[DISCRETE_STATES][..., i] = held.get(discrete_state_name(value), inputs[DISCRETE_STATES][..., i])

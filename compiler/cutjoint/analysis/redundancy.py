@@ -203,8 +203,8 @@ def _is_even(equations: RecursiveEquations, pose: Pose, t: float) -> bool:
 
 
 def _largest_load_changes(equations: RecursiveEquations, pose: Pose) -> Array:
-    """The largest change of each load, a length, by unit multipliers of the null space of either sign, as a share of that by single
-    multipliers."""
+    """The largest change of each load by unit multipliers of the null space of either sign.
+    As a share of that by single multipliers."""
     null = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T
     changes = np.abs(_changes(equations, pose, np.concatenate([null, -null])))
     sizes = np.linalg.norm(_changes(equations, pose, np.eye(len(equations.equation_names))), axis=0)

@@ -163,8 +163,8 @@ class _Search(TrimEquations):
         return {gate for gate, is_met in zip(self._gates, met.values(), strict=True) if is_met.all()}
 
     def _by_relaxation(self, begin: Array) -> Evaluated:
-        """Integrate states by their rates to rest, in a start at rest also coordinates by M q' = F, with growing implicit steps, and search
-        from there (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35, 1998)."""
+        """Pseudo-transient continuation (Kelley and Keyes, SIAM J. Numer. Anal. 35, 1998), then a search from there.
+        Implicit steps of growing size: states by their rates, in a start at rest also coordinates by M q' = F."""
         y, joints, every, span = np.clip(begin, self._lower, self._upper), self._start.speeds, self._free, _FIRST
         own = np.array([*range(joints), *range(self._first[SPEEDS] + joints, self._first[RATES])], dtype=int)
         rows = np.flatnonzero(every[own] & (self._is_still() | (np.arange(len(own)) >= joints)))

@@ -41,7 +41,7 @@ def command(
     """Generate and compile the C++ of MODEL for one scene, or write it as C99."""
     if language == C99:
         others = {"linearise": linearise, "adjoint": adjoint, "poses": poses, "host-functions": hosted, "target wasm": target == WASM}
-        if unfit := [name for name, given in others.items() if given]:
+        if unfit := [name for name, value in others.items() if value]:
             raise click.UsageError(f"--{unfit[0]} does not apply to --language {C99}, which has steps and outputs alone")
     elif iterations is not None:
         raise click.UsageError(f"--iterations is for --language {C99}: exports in C++ have the call NAME_set_iterations")

@@ -138,12 +138,12 @@ def _describe(fmu: Fmu) -> str:
     return "; ".join([*steps, *frozen, *[f"model exchange, {len(fmu.interface.states)} states"] * exchanges])
 
 
-def require_fmu(peer: str, **given: object) -> None:
+def require_fmu(peer: str, **fmu_options: object) -> None:
     """Check that options that only FMUs have are given with them alone.
 
     Raises:
         UsageError: one is given for another simulator.
     """
-    wrong = [name for name, value in given.items() if value is not None]
+    wrong = [name for name, value in fmu_options.items() if value is not None]
     if wrong:
         raise click.UsageError(f"--{wrong[0]} is for --to fmu, not for --to {peer}")

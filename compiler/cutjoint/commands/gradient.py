@@ -81,23 +81,23 @@ def command(
 
 
 def _print_trim(
-    model: Model, scene: Scene, given: Mapping[str, float], requested: Sequence[str], by: Sequence[str], check: bool
+    model: Model, scene: Scene, parameters: Mapping[str, float], requested: Sequence[str], by: Sequence[str], check: bool
 ) -> None:  # fmt: skip
     """Print what the trim of a scene finds, with its derivatives by parameters; nothing is compiled."""
     assert scene.trim is not None
-    unknowns, values = {unknown.name: unknown.unit for unknown in scene.trim.find}, parameter_values(model, given)
+    unknowns, values = {unknown.name: unknown.unit for unknown in scene.trim.find}, parameter_values(model, parameters)
     if unknown := [name for name in requested if name not in unknowns]:
         words = f"'{unknown[0]}' is not under 'find'; {nearest(unknown[0], unknowns, 'it finds')}"
         raise RunError(f"{scene.trim.span}: scene '{scene.name}': trim: {words}")
     names, columns = list(by) or [name for name in values if name not in unknowns], list(requested) or list(unknowns)
-    found = find_trim(model, scene, given, names)[2]
+    found = find_trim(model, scene, parameters, names)[2]
     derivatives = np.array([[found.gradients[name][column] for name in names] for column in columns])
     numbers, units = np.array([found.unknowns[column] for column in columns]), [unknowns[column] for column in columns]
     for part in _fit_tables(_Result("found by the trim", columns, units, numbers, derivatives), names, options.out.width):
         options.out.print(part)
 
     def of_value(name: str, value: float) -> Array:
-        other = find_trim(model, scene, {**given, name: value})[2].unknowns
+        other = find_trim(model, scene, {**parameters, name: value})[2].unknowns
         return np.array([other[column] for column in columns])
 
     if check:

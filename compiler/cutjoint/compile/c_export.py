@@ -235,8 +235,8 @@ def module_script() -> str:
 
 
 def freeze_start_parameters(model: Model, scene: Scene) -> Model:
-    """The model whose parameters that stand only where runs of the scene begin are ``frozen``: exported code has numbers there, which
-    setting such a parameter would not change."""
+    """The model with parameters ``frozen`` on which only the start of the scene depends.
+    Exported code has numbers there, which setting such a parameter would not change."""
     start = sources_of_parts(model, scene)
     requested = _symbols((start["positions"], start["rates"], scene.assemble, scene.trim)) & {p.symbol for p in tunable_parameters(model)}
     if requested:

@@ -307,8 +307,8 @@ class JointElement:
 
     @cached_property
     def measurable(self) -> tuple[str, ...]:
-        """The coordinates that the motions of both bodies show, so that a cut joint has them too: displacements and rotations about an
-        axis."""
+        """The coordinates that follow from the motions of both bodies, so that a cut joint has them too.
+        They are displacements and rotations about an axis."""
         if self.from_inner:
             return ()
         return tuple(name for name in self.coordinates if self.units[name] == "m" or self.measures.get(name) == ABOUT_AXIS)

@@ -180,8 +180,8 @@ class Defaults:
 
 @dataclass(frozen=True, kw_only=True)
 class CppClass:
-    """A generated class: its ``name``, its ``header``, its ``functions`` by file, its ``layout`` (sizes, charts, cut joints, indicators,
-    pattern), and the header of a ``factorisation`` that it needs."""
+    """A generated class; ``functions`` are by file.
+    ``layout``: sizes, charts, cut joints, indicators, pattern. ``factorisation``: the header of the one that it needs."""
 
     name: str
     header: Piece

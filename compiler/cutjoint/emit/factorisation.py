@@ -31,8 +31,8 @@ _ARGUMENTS = {
 
 
 def emit_factorisation(plan: Plan, names: Sequence[str], page: Page, *, straight_line: int = STRAIGHT_LINE) -> dict[str, Piece]:
-    """`factor`, `solve` and the constant `factors` of namespace cutjoint::generated, by the names of files, with ``factorisation.hpp`` as
-    header; parts of one file in this order.
+    """`factor`, `solve` and the constant `factors` of namespace cutjoint::generated, by the names of files.
+    The header is ``factorisation.hpp``; parts of one file stand in this order.
 
     Args:
         plan: what to emit.

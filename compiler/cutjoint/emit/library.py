@@ -87,8 +87,8 @@ class _Placed:
 
 
 def emit_library(parts: SimulationCode, defaults: Defaults, digest: str, code: str = "") -> Source:
-    """The files of a library and of the project that builds it; ``defaults`` and ``digest`` as of `emit_standalone`, ``code`` is what it
-    has behind its interface."""
+    """The files of a library and of the project that builds it; ``code`` is what it has behind its interface.
+    ``defaults`` and ``digest`` as of `emit_standalone`."""
     parts, view = prepare(parts, defaults, digest)
     page, classes = parts.page, list(_classes(parts, STEPS[parts.method][defaults.integrator]))
     files = {f"{view['header']}.h": render_header(page, view), "interface.cpp": _interface(parts, classes, defaults, view) + code}

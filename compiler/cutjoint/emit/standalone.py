@@ -247,10 +247,10 @@ def _free_input(equations: RecursiveEquations | SystemEquations) -> int | None:
     return next((i for i in range(len(equations.inputs)) if i not in guiding), None)
 
 
-def _violation_limits(equations: RecursiveEquations | SystemEquations, given: Mapping[str, float]) -> list[str]:
+def _violation_limits(equations: RecursiveEquations | SystemEquations, parameters: Mapping[str, float]) -> list[str]:
     """The largest violation of each equation of a loop: a share of a radian, or of the mechanism's extent in its design position."""
     model = equations.topology.model
-    known = {p.symbol: float(given.get(p.name, p.value)) for p in model.parameters}
+    known = {p.symbol: float(parameters.get(p.name, p.value)) for p in model.parameters}
     points = [body.centre_of_mass for body in model.bodies]
     points += [point for joint in model.joints for point in (joint.at, joint.to) if point is not None]
     angles = {name for element in JOINTS.values() for c in element.conditions if not c.joins_points for name in c.names}
@@ -339,7 +339,7 @@ def _roads(equations: RecursiveEquations | SystemEquations, defaults: Defaults) 
         for side in ("left", "right"):
             key = tuple(chain.from_iterable(piece.values() for piece in road[side]))
             names[side] = name = known.setdefault(key, f"track_{len(known)}")
-            breaks = [repr(float(x["begin"])) for x in road[side][1:]]
+            breaks = [repr(float(x["start"])) for x in road[side][1:]]
             tracks[name] = {"name": name, "pieces": [_piece(x) for x in road[side]], "breaks": breaks}
         named = {f"{side}_breaks": f"{name}_breaks" if tracks[name]["breaks"] else "{}" for side, name in names.items()}
         roads.append({"tyre": tyre, **names, **named, "disc": _bool(road["disc"])})
@@ -369,7 +369,7 @@ def _surface(defaults: Defaults) -> dict[str, Any] | None:
 
 
 def _piece(piece: Mapping[str, Any]) -> dict[str, str]:
-    return {"kind": piece["kind"], **{name: repr(float(piece[name])) for name in ("begin", "a", "b", "c")}}
+    return {"kind": piece["kind"], **{name: repr(float(piece[name])) for name in ("start", "a", "b", "c")}}
 
 
 def _numbered(equations: RecursiveEquations | SystemEquations, poses: Sequence[str]) -> list[tuple[str, list[str]]]:

@@ -114,8 +114,8 @@ ROUNDING = 1e-14
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """A body at the start: rotation (3, 3) and shift (3,), m, of its points; velocity (3,), m/s, of its centre of mass; spin (3,), rad/s.
-    """
+    """A body at the start: rotation (3, 3), shift (3,) m of its points, velocity (3,) m/s, spin (3,) rad/s.
+    The velocity is that of the centre of mass."""
 
     rotation: Array
     shift: Array

@@ -39,8 +39,8 @@ def write_urdf(model: Model, parameters: Mapping[str, float] | None = None) -> t
 
 @dataclass(frozen=True)
 class Resistance:
-    """Resistance of a coordinate: ``stiffness`` (N m or N/m) from ``rest`` (rad or m), ``damping`` (N m s or N s/m), dry ``friction`` (N m
-    or N)."""
+    """Resistance of a coordinate.
+    ``stiffness`` (N m/rad or N/m) from ``rest`` (rad or m), ``damping`` (N m s or N s/m), dry ``friction`` (N m or N)."""
 
     stiffness: float = 0.0
     rest: float = 0.0

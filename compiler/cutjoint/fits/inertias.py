@@ -27,8 +27,8 @@ class Inertia:
 
 
 def tie_inertia(body: str, known: Mapping[str, float], span: Span) -> Inertia:
-    """Mass, centre of mass and inertia of a body as functions of ten parameters ``BODY.a`` to ``BODY.t3``, dimensionless changes of the
-    model's.
+    """Mass, centre of mass and inertia of a body as functions of ten parameters ``BODY.a`` to ``BODY.t3``.
+    These are dimensionless changes of the model's.
 
     Raises:
         RunError: its numbers do not stand in the file, or no density has them.

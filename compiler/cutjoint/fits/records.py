@@ -30,9 +30,8 @@ class Parameter:
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """A measured output: an expression of the model, and ``values`` at ``times`` (s) from the start; a ``deviation`` of NaN is to be
-    estimated.
-    """
+    """A measured output: an expression of the model, and ``values`` at ``times`` (s) from the start.
+    A ``deviation`` of NaN is to be estimated."""
 
     text: str
     unit: str

@@ -82,8 +82,8 @@ class _Case:
         return call
 
     def _signal(self, signal: Signal) -> Callable[[Array, Array, Array, Array], tuple[Array, Array]]:
-        """An expression and its derivatives (samples, parameters), of times, outputs (samples, outputs), their derivatives and those of
-        the model's numbers."""
+        """An expression and its derivatives (samples, parameters).
+        It is a function of times, outputs (samples, outputs), their derivatives and those of the model's numbers."""
         of = self.experiment
         outputs = [symbol_of(o.column) for o in of.outputs]
         if signal.value in outputs:
@@ -194,8 +194,8 @@ def _covering(table: Any, end: float) -> dict[str, object]:
 
 
 def _at(t: Array, values: Array, derivatives: Array, times: Array, dt: float, *, moves: bool) -> tuple[Array, Array, Array]:
-    """Values, derivatives and, where times move, rates at other times: at ends of steps those there, between by cubic splines, before the
-    first its own."""
+    """Values, derivatives and, where times move, rates at other times.
+    At ends of steps those there, between by cubic splines, before the first its own."""
     place = np.clip(times / dt, 0.0, len(t) - 1.0)
     near = np.rint(place).astype(int)
     on_step = (np.abs(place - near) < _ROUNDING)[:, np.newaxis]

@@ -62,9 +62,9 @@ def make_translator(builder: Builder, model: Model) -> Translator:
     values: dict[Scalar, Block] = {TIME: builder.symbol("t", 1, BindingTime.STEP), **parameter_blocks(builder, model)}
     inputs = input_parameters(model)
     if inputs:
-        given = builder.symbol(INPUTS, len(INPUT_ORDERS) * len(inputs), BindingTime.STEP)
+        numbers = builder.symbol(INPUTS, len(INPUT_ORDERS) * len(inputs), BindingTime.STEP)
         symbols = [symbol for p in inputs for symbol in input_symbols(p)]
-        values |= {symbol: builder.label(builder.element(given, i), _name_of(symbol)) for i, symbol in enumerate(symbols)}
+        values |= {symbol: builder.label(builder.element(numbers, i), _name_of(symbol)) for i, symbol in enumerate(symbols)}
     if model.discrete_states:
         states = builder.symbol(DISCRETE_STATES, len(model.discrete_states), BindingTime.STEP)
         values |= {value.symbol: builder.element(states, i) for i, value in enumerate(model.discrete_states)}

@@ -32,8 +32,8 @@ def reading(b: Builder, translator: Translator, model: Model, quantity: Callable
 
 
 def measured_forces(model: Model, scene: Scene, outputs: tuple[Output, ...]) -> Iterator[tuple[Force, frozenset[str]]]:
-    """The forces with those of their quantities that follow from the motion alone and that something reads; of forces that are switched
-    off those that ``outputs`` have too."""
+    """Forces with those of their quantities that follow from the motion alone and are read.
+    Of forces that are switched off, those of ``outputs`` too."""
     read = readings_of(model)
     for force in model.forces:
         asked, known = (read, force.measured) if is_active(force, scene) else ((*read, *outputs), force.measured_when_off)

@@ -137,8 +137,8 @@ _ZERO = 1e-12
 
 @dataclass(frozen=True)
 class Relation:
-    """The coordinate of ``dependent`` is the sum of ``ratios``, by joints, times theirs, and of one leader a polynomial with coefficients
-    ``higher_terms`` from the square up."""
+    """The coordinate of ``dependent`` is the sum of ``ratios``, by joints, times their coordinates.
+    A single other joint may add a polynomial with coefficients ``higher_terms``, from the square up."""
 
     name: str
     dependent: str

@@ -385,7 +385,8 @@ def _direction(axis: Array) -> str | list[float | int]:
 
 
 def _frame(rotation: Array) -> tuple[str | list[float | int], str | list[float | int]]:
-    """The first two axes of a rotation (3 by 3); the second one shall be written the same again after it was put across the first."""
+    """The first two axes of a rotation (3 by 3).
+    Orthogonalising the second one against the first leaves its written numbers unchanged."""
     first, y = _direction(rotation[:, 0]), rotation[:, 1]
     x = rotation[:, 0] if isinstance(first, str) else np.array(first) / np.linalg.norm(first)
     second = _direction(y)

@@ -352,7 +352,8 @@ class Robot:
 
 
 def _meeting(hinges: list[Joint]) -> Array | None:
-    """The point (3, in the first parent's frame) where the axes of three hinges meet, None where they do not or are nearly in a plane."""
+    """The point (3, in the first parent's frame) where the axes of three hinges meet; None if there is none.
+    None also if they are nearly in a plane."""
     frame, places, axes = Pose(), [], []
     for hinge in hinges:
         inner = frame @ hinge.origin

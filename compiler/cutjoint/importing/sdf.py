@@ -47,7 +47,8 @@ def read_sdf(path: Path, model: str = "") -> tuple[Robot, Node]:
 
 @dataclass(frozen=True)
 class _Scope:
-    """A model, or the world (None) around all: the ``prefix`` of what is in it, the scope that it is in, and whether it stands still."""
+    """A model, or the world (None) around all models.
+    ``prefix`` is that of what is in it, ``outer`` the scope that it is in, ``still`` whether it stands still."""
 
     node: Node | None
     name: str

@@ -110,8 +110,8 @@ _PITCH = sympy.Symbol("pitch", real=True)
 def _given(joint: Joint, is_reversed: bool) -> dict[Scalar, Scalar]:
     """The numbers of one joint for the symbols of its kind, as seen from its inner body."""
     used = dict.fromkeys(m.direction for m in joint.element.chain if not isinstance(m, Ball) and m.direction not in DESIGN_FRAME)
-    given = {x: value for d in used for x, value in zip(_SYMBOLS[d], _seen_direction(joint, is_reversed, d), strict=True)}
-    return {**given, _PITCH: joint.pitch} if joint.pitch is not None else given
+    directions = {x: value for d in used for x, value in zip(_SYMBOLS[d], _seen_direction(joint, is_reversed, d), strict=True)}
+    return {**directions, _PITCH: joint.pitch} if joint.pitch is not None else directions
 
 
 def _seen_direction(joint: Joint, is_reversed: bool, direction: Direction) -> Matrix:

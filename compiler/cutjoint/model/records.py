@@ -175,7 +175,8 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True)
 class Visual:
-    """The picture of a body: a ``mesh``, the file as the model file at ``span`` names it, "" for none, and a ``colour``, "" for any.
+    """The picture of a body: a ``mesh``, "" for none, and a ``colour``, "" for any.
+    The model file at ``span`` names the file of the mesh.
 
     A point p of the mesh is at ``at`` + ``scale`` (p1 axes[0] + p2 axes[1] + p3 axes[2]) in the design position; m.
     """
@@ -623,8 +624,9 @@ class Aim:
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """A number that a trim finds: ``entry`` is its place among the numbers of its ``kind``, "position", "rate", "state", "input" or
-    "parameter".  ``bounds`` are the least and the largest value, SI units, of one that has some."""
+    """A number that a trim finds.
+    ``entry`` is its place among the numbers of its ``kind``, "position", "rate", "state", "input" or "parameter".
+    ``bounds`` are the least and the largest value, SI units, of one that has some."""
 
     name: str
     kind: str

@@ -375,7 +375,8 @@ class _Elimination:
         return found
 
     def _derivative(self, target: int, edge: _Edge, lane: int | None) -> int | None:
-        """The derivative that an edge from a target to a result stands for, or to a lane of it; None if it does not lead there."""
+        """The derivative for an edge from a target to a result, or to a lane of it.
+        None if the edge does not lead there."""
         graph, lanes = self._graph, self._lanes(target)
         parts, apart = list[int](), dict[int, int]()
         for (start, end), c in edge.items():

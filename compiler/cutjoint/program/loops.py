@@ -91,7 +91,8 @@ class Store:
 
 @dataclass(frozen=True)
 class Copy:
-    """A node that the array of a loop's statement has at a place before its first iteration (-1 is next to it) or after its last."""
+    """A node at a place of a statement's array outside the loop: before the first iteration or after the last.
+    -1 is next to the first."""
 
     loop: int
     statement: int

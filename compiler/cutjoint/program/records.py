@@ -57,8 +57,8 @@ class Program:
         return next(f for f in self.functions if f.name == name)
 
     def operations(self, name: str) -> int:
-        """Operations of one call: every addition, multiplication, division, comparison, choice, root or transcendental counts one in
-        each lane."""
+        """Operations of one call, counted in each lane.
+        Every addition, multiplication, division, comparison, choice, root or transcendental counts one."""
         return sum(self._weight(n) for n in self.function(name).statements)
 
     def instructions(self, name: str) -> int:

@@ -36,8 +36,8 @@ def chebyshev_series(values: Array) -> Array:
 
 
 def chebyshev_integral(derivatives: Array, half: float) -> Array:
-    """Coefficients (n + 1, m), without constants, of the integrals of derivatives (n, m) at the nodes of an interval of half length
-    ``half``."""
+    """Coefficients (n + 1, m) of the integrals of derivatives (n, m) at Chebyshev nodes, without constants.
+    The interval has half length ``half``."""
     whole = np.zeros((len(derivatives) + 1, derivatives.shape[1]))
     whole[1:] = chebyshev.chebint(chebyshev_series(derivatives), scl=half)[1:]
     return whole

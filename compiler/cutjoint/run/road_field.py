@@ -115,8 +115,8 @@ class CurvedField:
 
     @cached_property
     def line(self) -> _Array:
-        """For each cross section (n, 9): position, heading (cosine, sine), distance to the next, forward skew per metre to the left and its
-        change up to the next, height and banking."""
+        """For each cross section (n, 9): position, heading (cosine, sine), distance to the next, skew, height, banking.
+        The skew is forward per metre to the left, and its change up to the next."""
         x, y, z, banking = np.array(self.grid.sections).T
         return np.column_stack([x, y, cross_sections(x, y), z, banking])
 
@@ -183,8 +183,8 @@ class CurvedField:
         return boxes
 
     def _located(self, x: _Array, y: _Array) -> tuple[_Array, ...]:
-        """For each point, the segment of the line by its starting station, the local coordinates, the axes' cosine and sine, and the
-        segment's length, skew and its change."""
+        """For each point, the segment of the line by its starting station, and the local coordinates.
+        Also the axes' cosine and sine, and the segment's length, skew and its change."""
         line, last = self.line, len(self.line) - 1
         nearest = np.empty(len(x), dtype=int)
         for i in range(0, len(x), 512):

@@ -23,11 +23,11 @@ BUMP_PARTS = 400
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """A piece from x = begin on: "line" a + b (x - begin); "arc" a + sqrt(b^2 - (x - c)^2); "cosine" a + b (1 - cos(c (x - begin))), in
-    m."""
+    """A piece of a road from x = start on; heights in m.
+    "line" a + b (x - start); "arc" a + sqrt(b^2 - (x - c)^2); "cosine" a + b (1 - cos(c (x - start)))."""
 
     kind: str
-    begin: float
+    start: float
     a: float
     b: float
     c: float
@@ -37,15 +37,15 @@ class Piece:
         if self.kind == "arc":
             return self.a + math.sqrt(max(self.b**2 - (x - self.c) ** 2, 0.0))
         if self.kind == "cosine":
-            return self.a + self.b * (1 - math.cos(self.c * (x - self.begin)))
-        return self.a + self.b * (x - self.begin)
+            return self.a + self.b * (1 - math.cos(self.c * (x - self.start)))
+        return self.a + self.b * (x - self.start)
 
     def slope(self, x: float) -> float:
         """dz/dx."""
         if self.kind == "arc":
             return -(x - self.c) / math.sqrt(max(self.b**2 - (x - self.c) ** 2, 1e-12))
         if self.kind == "cosine":
-            return self.b * self.c * math.sin(self.c * (x - self.begin))
+            return self.b * self.c * math.sin(self.c * (x - self.start))
         return self.b
 
     def curvature(self, x: float) -> float:
@@ -53,7 +53,7 @@ class Piece:
         if self.kind == "arc":
             return -(self.b**2) / math.sqrt(max(self.b**2 - (x - self.c) ** 2, 1e-12)) ** 3
         if self.kind == "cosine":
-            return self.b * self.c**2 * math.cos(self.c * (x - self.begin))
+            return self.b * self.c**2 * math.cos(self.c * (x - self.start))
         return 0.0
 
 
@@ -76,7 +76,7 @@ class WheelRoad:
 
     def _piece(self, x: float, y: float) -> Piece:
         track = self.left if y > 0 else self.right
-        return track[max(bisect_right(track, x, key=lambda piece: piece.begin) - 1, 0)]
+        return track[max(bisect_right(track, x, key=lambda piece: piece.start) - 1, 0)]
 
     def height(self, x: float, y: float) -> float:
         """Height, m."""
@@ -106,23 +106,23 @@ class WheelRoad:
 def profile_pieces(segments: Sequence[RoadSegment], start: float) -> list[Piece]:
     """The profile as a point follower sees it: flat before ``start`` and after the last segment."""
     x, z = start, 0.0
-    pieces = [Piece(kind="line", begin=start, a=0.0, b=0.0, c=0.0)]
+    pieces = [Piece(kind="line", start=start, a=0.0, b=0.0, c=0.0)]
     for segment in segments:
         match segment.kind:
             case SegmentKind.STEP:
                 z += segment.rise
                 continue
             case SegmentKind.COSINE:
-                pieces.append(Piece(kind="cosine", begin=x, a=z, b=segment.rise, c=2 * math.pi / segment.length))
+                pieces.append(Piece(kind="cosine", start=x, a=z, b=segment.rise, c=2 * math.pi / segment.length))
             case SegmentKind.RAMP:
-                pieces.append(Piece(kind="line", begin=x, a=z, b=segment.rise / segment.length, c=0.0))
+                pieces.append(Piece(kind="line", start=x, a=z, b=segment.rise / segment.length, c=0.0))
                 z += segment.rise
             case SegmentKind.FLAT:
-                pieces.append(Piece(kind="line", begin=x, a=z, b=0.0, c=0.0))
+                pieces.append(Piece(kind="line", start=x, a=z, b=0.0, c=0.0))
         x += segment.length
-    pieces.append(Piece(kind="line", begin=x, a=z, b=0.0, c=0.0))
-    first_flat = Piece(kind="line", begin=start - 1.0, a=0.0, b=0.0, c=0.0)
-    return [first_flat, *(p for p, after in pairwise([*pieces, pieces[-1]]) if p is pieces[-1] or after.begin > p.begin)]
+    pieces.append(Piece(kind="line", start=x, a=z, b=0.0, c=0.0))
+    first_flat = Piece(kind="line", start=start - 1.0, a=0.0, b=0.0, c=0.0)
+    return [first_flat, *(p for p, after in pairwise([*pieces, pieces[-1]]) if p is pieces[-1] or after.start > p.start)]
 
 
 def disc_pieces(segments: Sequence[RoadSegment], start: float, radius: float) -> list[Piece]:
@@ -170,13 +170,13 @@ def _offset_lines(corners: Sequence[tuple[float, float]], radius: float) -> Iter
         slope = (zb - za) / (xb - xa)
         lean = radius * slope / math.hypot(1, slope)  # distance of the contact ahead of the centre
         lift = radius * (math.hypot(1, slope) - 1)
-        piece = Piece(kind="line", begin=xa, a=za + lift, b=slope, c=0.0)
+        piece = Piece(kind="line", start=xa, a=za + lift, b=slope, c=0.0)
         yield _Candidate(piece, xa - lean, xb - lean)
 
 
 def _arcs(corners: Sequence[tuple[float, float]], radius: float) -> Iterable[_Candidate]:
     for x, z in corners:
-        yield _Candidate(Piece(kind="arc", begin=x - radius, a=z - radius, b=radius, c=x), x - radius, x + radius)
+        yield _Candidate(Piece(kind="arc", start=x - radius, a=z - radius, b=radius, c=x), x - radius, x + radius)
 
 
 def _envelope(candidates: Sequence[_Candidate]) -> list[_Candidate]:
@@ -211,7 +211,7 @@ def _meet(one: Piece, other: Piece) -> list[float]:
     if one.kind == other.kind == "line":
         if one.b == other.b:
             return []
-        return [(other.a - other.b * other.begin - one.a + one.b * one.begin) / (one.b - other.b)]
+        return [(other.a - other.b * other.start - one.a + one.b * one.start) / (one.b - other.b)]
     if one.kind == other.kind == "arc":
         dx, dz = other.c - one.c, other.a - one.a
         distance = math.hypot(dx, dz)
@@ -221,7 +221,7 @@ def _meet(one: Piece, other: Piece) -> list[float]:
         return [(one.c + other.c) / 2 - sign * height * dz / distance for sign in (1, -1)]
     line, arc = (one, other) if one.kind == "line" else (other, one)
     # (m x + k)^2 + (x - c)^2 = R^2 with k the line's height over the arc's centre at x = 0
-    m, k = line.b, line.a - line.b * line.begin - arc.a
+    m, k = line.b, line.a - line.b * line.start - arc.a
     a, b, c = 1 + m * m, 2 * (m * k - arc.c), k * k + arc.c**2 - arc.b**2
     root = b * b - 4 * a * c
     return [] if root < 0 else [(-b + sign * math.sqrt(root)) / (2 * a) for sign in (1, -1)]
@@ -232,13 +232,13 @@ def _continues(before: Piece, piece: Piece) -> bool:
         return False
     if before.kind == "arc":
         return (before.a, before.c) == (piece.a, piece.c)
-    return before.b == piece.b and abs(before.height(piece.begin) - piece.a) < 1e-12
+    return before.b == piece.b and abs(before.height(piece.start) - piece.a) < 1e-12
 
 
-def _from(piece: Piece, begin: float) -> Piece:
+def _from(piece: Piece, start: float) -> Piece:
     """Copy a piece of a curve with another beginning."""
-    a = piece.height(begin) if piece.kind == "line" else piece.a
-    return Piece(kind=piece.kind, begin=begin, a=a, b=piece.b, c=piece.c)
+    a = piece.height(start) if piece.kind == "line" else piece.a
+    return Piece(kind=piece.kind, start=start, a=a, b=piece.b, c=piece.c)
 
 
 def road_pieces(road: Road, radius: float) -> dict[str, list[Piece]]:

@@ -135,12 +135,12 @@ def find_trim(
     if requested := [unknown.name for unknown in scene.trim.find if unknown.name in changes]:
         words = f"trim: '{requested[0]}' is to be found; leave out its value, or take it out of 'find'"
         raise RunError(f"{scene.trim.span}: scene '{scene.name}': {words}")
-    given = make_trim_problem(model, scene, changes)
+    problem = make_trim_problem(model, scene, changes)
     begun, _ = with_constant_inputs(model, scene, changes)
     changed = {name: _changed(model, scene, changes, name) for name in by}
-    found: Trimmed = formulated_start(model, begun).trim(given, changed)
+    found: Trimmed = formulated_start(model, begun).trim(problem, changed)
     inputs = {u.name: found.unknowns[u.name] for u in scene.trim.find if u.kind == "input"}
-    parameters = tuple(replace(p, value=found.unknowns.get(p.name, given.parameters.get(p.name, p.value))) for p in model.parameters)
+    parameters = tuple(replace(p, value=found.unknowns.get(p.name, problem.parameters.get(p.name, p.value))) for p in model.parameters)
     start = replace(
         begun, trim=None, assemble=(), near=(), positions=_numbers(found.coordinates), rates=_numbers(found.rates),
         starts=_numbers(found.states), inputs={**begun.inputs, **_numbers(inputs)},
@@ -239,9 +239,9 @@ def with_solved_coordinates(model: Model, scene: Scene, parameters: Mapping[str,
     if not scene.assemble or scene.pose == "equilibrium":
         return scene
     value = Evaluator(model, parameters)
-    given = {name: value(e, _place(model, scene, "positions", name)) for name, e in scene.positions.items()}
+    positions = {name: value(e, _place(model, scene, "positions", name)) for name, e in scene.positions.items()}
     wanted = [value(aim.value, f"{aim.span}: assemble: '{aim.name}'") for aim in scene.assemble]
-    found: dict[str, float] = formulated_start(model, scene).find(parameters, _checked_states(model, scene, "positions", given), wanted)
+    found: dict[str, float] = formulated_start(model, scene).find(parameters, _checked_states(model, scene, "positions", positions), wanted)
     return replace(scene, positions={name: sympy.Float(place) for name, place in found.items()}, assemble=())
 
 
@@ -250,9 +250,9 @@ def find_assemblies(model: Model, scene: Scene) -> "Assemblies":
     from cutjoint.analysis.assemblies import AssembledStarts  # imported here because starts do not need it
 
     parameters, plain = parameter_values(model, {}), replace(scene, assemble=())
-    value, given = Evaluator(model, parameters), find_dependent_parts(model, plain, parameters, ("positions",))["positions"]
+    value, positions = Evaluator(model, parameters), find_dependent_parts(model, plain, parameters, ("positions",))["positions"]
     wanted = [value(aim.value, f"{aim.span}: assemble: '{aim.name}'") for aim in scene.assemble]
-    return AssembledStarts(model, scene).find_all(parameters, given, scene.near, wanted)
+    return AssembledStarts(model, scene).find_all(parameters, positions, scene.near, wanted)
 
 
 def describe_nearest(model: Model, scene: Scene, parameters: Mapping[str, float], section: str) -> str:
@@ -288,10 +288,10 @@ def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> No
     if scene.trim is not None:
         read += [*parts["rates"].values(), *(aim.value for aim in scene.trim.hold), *(x for u in scene.trim.find for x in u.bounds)]
     requested = sympy.Tuple(*read).free_symbols
-    given = {p.name for p in model.parameters if p.symbol in requested}
+    used = {p.name for p in model.parameters if p.symbol in requested}
     for name in changed if scene.trim or (scene.assemble and scene.pose != "equilibrium") else ():
         numbers = make_trim_problem(model, scene, {}) if scene.trim else values
-        if name in given or (name in values and formulated_start(model, scene).follows(name, numbers)):
+        if name in used or (name in values and formulated_start(model, scene).follows(name, numbers)):
             words = ("trimmed", "trims") if scene.trim else ("assembled", "assembles")
             reason = f"scene '{scene.name}': its start is {words[0]} once, and follows from the parameter '{name}'"
             raise RunError(f"{scene.span}: {reason}; use cutjoint batch, which {words[1]} each run's")

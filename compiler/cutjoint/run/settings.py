@@ -179,8 +179,8 @@ def _require_accuracy(options: Options) -> None:
     """
     others = {"dt": options.dt, "solver_tolerance": options.tolerance, "iterations": options.iterations}
     require_settings(accuracy=options.accuracy)
-    if given := [name for name, value in others.items() if value is not None]:
-        raise RunError(f"accuracy: it determines the steps; remove {join_and(given)} or the accuracy")
+    if superfluous := [name for name, value in others.items() if value is not None]:
+        raise RunError(f"accuracy: it determines the steps; remove {join_and(superfluous)} or the accuracy")
 
 
 def accuracy_of(scene: Scene) -> float:

@@ -86,10 +86,10 @@ class SimulatorRun:
     def with_parameters(self, changes: Mapping[str, float]) -> "SimulatorRun":
         """The run with other values (SI units) of tunable parameters that nothing else in the run file follows from, and of inputs."""
         file = self.run_file
-        given = {name: value for name, value in changes.items() if name in file.parameters}
-        held = {name: value for name, value in changes.items() if name not in given}
-        inputs = {**(file.inputs or {}), **held} if held else file.inputs
-        return replace(self, run_file=replace(file, parameters={**file.parameters, **given}, inputs=inputs))
+        parameters = {name: value for name, value in changes.items() if name in file.parameters}
+        inputs = {name: value for name, value in changes.items() if name not in parameters}
+        of_all = {**(file.inputs or {}), **inputs} if inputs else file.inputs
+        return replace(self, run_file=replace(file, parameters={**file.parameters, **parameters}, inputs=of_all))
 
 
 @dataclass(frozen=True, kw_only=True)

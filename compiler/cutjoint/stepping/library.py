@@ -78,7 +78,7 @@ class HostFunction:
 
 
 #: From tunable parameters to coordinates and speeds by name, SI units.
-Begin: TypeAlias = Callable[[Mapping[str, float]], tuple[Mapping[str, float], Mapping[str, float]]]
+FindStart: TypeAlias = Callable[[Mapping[str, float]], tuple[Mapping[str, float], Mapping[str, float]]]
 
 
 class Library:
@@ -97,17 +97,17 @@ class Library:
     def __init__(
         self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, dofs: int | None, states: int,
         seed_rows: int, record: int, has_poses: bool, steps: Steps, settings: StepSettings, lanes: "Lanes | None",
-        functions: Mapping[str, HostFunction] | None = None, begin: Begin | None = None, is_trimmed: bool = False,
+        functions: Mapping[str, HostFunction] | None = None, find_start: FindStart | None = None, is_trimmed: bool = False,
     ) -> None:  # fmt: skip
         self._path = Path(path)
         self._made_with = {
             "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "dofs": dofs, "states": states,
             "seed_rows": seed_rows, "record": record, "has_poses": has_poses, "steps": steps, "settings": settings,
-            "functions": functions, "begin": begin, "is_trimmed": is_trimmed,
+            "functions": functions, "find_start": find_start, "is_trimmed": is_trimmed,
         }  # fmt: skip
         self.model, self.size, self.equations, self.dofs, self.states = model, size, equations, dofs, states
         self.seed_rows, self.record = seed_rows, record
-        self.steps, self.settings, self.lanes, self.has_poses, self.begin = steps, settings, lanes, has_poses, begin
+        self.steps, self.settings, self.lanes, self.has_poses, self.find_start = steps, settings, lanes, has_poses, find_start
         self.is_trimmed = is_trimmed
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)

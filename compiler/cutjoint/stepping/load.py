@@ -72,8 +72,9 @@ def load_scene(
     hosted = _functions_of(model, functions or {})
     fits = standalone.fits_lanes and not hosted  # a host function belongs to one simulation
     lanes = Lanes(standalone.name, generated.program.operations("evaluate"), build) if fits else None
-    begin = partial(_begin, model, scene) if scene.trim is None and {"positions", "rates"} & set(changing_parts(model, scene)) else None
-    more = {"lanes": lanes, "functions": hosted, "begin": begin, "is_trimmed": scene.trim is not None}
+    changes = scene.trim is None and {"positions", "rates"} & set(changing_parts(model, scene))
+    find_start = partial(_find_start, model, scene) if changes else None
+    more = {"lanes": lanes, "functions": hosted, "find_start": find_start, "is_trimmed": scene.trim is not None}
     return open_standalone(standalone, standalone.build_library(flags), **more)
 
 
@@ -88,7 +89,7 @@ def open_standalone(standalone: Standalone, library: Path, **more: Any) -> Simul
     ))  # fmt: skip
 
 
-def _begin(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Mapping[str, float], Mapping[str, float]]:
+def _find_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Mapping[str, float], Mapping[str, float]]:
     """Coordinates and speeds of a scene's start with ``parameters``; empty if these are the compiled ones."""
     usual = parameter_values(model, {})
     changed = {**usual, **{name: value for name, value in parameters.items() if name in usual}}
@@ -96,18 +97,18 @@ def _begin(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple
     return found.get("positions", {}), found.get("rates", {})
 
 
-def _functions_of(model: Model, given: Mapping[str, Callable[..., object]]) -> dict[str, HostFunction]:
+def _functions_of(model: Model, callables: Mapping[str, Callable[..., object]]) -> dict[str, HostFunction]:
     """The functions of a model whose code Python supplies."""
     names = functions_of_host(model)
     if not names:
         return {}
-    if set(names) != set(given):
-        raise RunError(f"functions: the model has {', '.join(names)}, not {', '.join(given) or 'none'}; give a callable for each name")
+    if set(names) != set(callables):
+        raise RunError(f"functions: the model has {', '.join(names)}, not {', '.join(callables) or 'none'}; give a callable for each name")
     found = {}
     for function in model.functions:
         numbers, memory = len(function.arguments), function.memory
-        found[function.name] = HostFunction(arguments=numbers, memory=memory, results=len(function.results), call=given[function.name])
-        if update := given.get(f"{function.name}_update"):
+        found[function.name] = HostFunction(arguments=numbers, memory=memory, results=len(function.results), call=callables[function.name])
+        if update := callables.get(f"{function.name}_update"):
             found[f"{function.name}_update"] = HostFunction(arguments=numbers, memory=memory, results=0, call=update)
     return found
 

@@ -55,13 +55,13 @@ class Motion(Handle):
         if equilibrium is not None:
             call(library.set_equilibrium, int(equilibrium))
         call(library.reset_start)
-        if library.begin is not None:
-            begun = library.begin(dict(self.parameters))
-            coordinates, speeds = ({**found, **(given or {})} for found, given in zip(begun, (coordinates, speeds), strict=True))
-        for kind, given, give in (("coordinate", coordinates, library.set_start_coordinate), ("speed", speeds, library.set_start_speed)):
+        if library.find_start is not None:
+            begun = library.find_start(dict(self.parameters))
+            coordinates, speeds = ({**found, **(chosen or {})} for found, chosen in zip(begun, (coordinates, speeds), strict=True))
+        for kind, values, put in (("coordinate", coordinates, library.set_start_coordinate), ("speed", speeds, library.set_start_speed)):
             places = {name: i for i, name in enumerate(library.names[f"start_{kind}"])}
-            for name, value in (given or {}).items():
-                call(give, find_place(places, name), value)
+            for name, value in (values or {}).items():
+                call(put, find_place(places, name), value)
         call(library.start)
         self._is_started = True
         if self._independent is not None:

@@ -91,12 +91,12 @@ def _following(
     if scene.trim:
         return calls
     for part, function, table in (("positions", "set_start_coordinate", "coordinate"), ("rates", "set_start_speed", "speed")):
-        given = sources_of_parts(model, scene)[part]
-        for name, value in given.items():
+        expressions = sources_of_parts(model, scene)[part]
+        for name, value in expressions.items():
             joint, _, component = name.rpartition(".")
             if component in ATTITUDE[1:]:
                 continue  # its first component sets the attitude
-            values = [given[f"{joint}.{e}"] for e in ATTITUDE] if component in ATTITUDE else [value]
+            values = [expressions[f"{joint}.{e}"] for e in ATTITUDE] if component in ATTITUDE else [value]
             if any(each.free_symbols & moving for each in values):
                 call, printed = f"{p}_{function}", ", ".join(_print(each, symbols) for each in values)
                 if component in ATTITUDE:

@@ -41,9 +41,9 @@ class Masses:
     def faults(self, values: Array) -> dict[int, str]:
         """The reasons that runs with values (runs, variables) cannot be, by their places."""
         runs, suspects = len(values), set[int]()
-        given = {p.symbol: values[:, self._places[p.name]] if p.name in self._places else p.value for p in self._parameters}
+        numbers = {p.symbol: values[:, self._places[p.name]] if p.name in self._places else p.value for p in self._parameters}
         for body in self._bodies:
-            mass, *inertia = (evaluate_runs(entry, given, runs) for entry in (body.mass, *body.inertia))
+            mass, *inertia = (evaluate_runs(entry, numbers, runs) for entry in (body.mass, *body.inertia))
             suspects.update(map(int, np.flatnonzero(~can_exist(mass, np.column_stack(inertia)))))
         found = {run: self._fault(values[run]) for run in sorted(suspects)}
         return {run: fault for run, fault in found.items() if fault}

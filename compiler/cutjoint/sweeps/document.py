@@ -29,8 +29,8 @@ DISTRIBUTIONS = ("normal", "uniform", "triangular")
 
 
 class Spread(Part):
-    """A distribution about a mean, by default the model's value: a standard deviation of a normal one, which ``from`` and ``to`` may cut
-    off, or half the width of a uniform or triangular one."""
+    """A distribution about a mean, by default the model's value.
+    A standard deviation of a normal one, which ``from`` and ``to`` may cut off, or half the width of a uniform or triangular one."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [name]} for name in DISTRIBUTIONS]})
 
@@ -226,15 +226,15 @@ class Objective(Part):
 
     @model_validator(mode="after")
     def _one_reduction(self) -> "Objective":
-        given = [name for name in (*REDUCTIONS, *OF_TASKS) if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise shape_error(f"has {' and '.join(given) or 'no reduction'}", f"write one of {', '.join(REDUCTIONS)}")
-        if given[0] in OF_TASKS and self.of is None:
-            raise shape_error(f"'{given[0]}' belongs to the result of a task", f"name it: of: {' or '.join(TASKS)}")
+        reductions = [name for name in (*REDUCTIONS, *OF_TASKS) if getattr(self, name) is not None]
+        if len(reductions) != 1:
+            raise shape_error(f"has {' and '.join(reductions) or 'no reduction'}", f"write one of {', '.join(REDUCTIONS)}")
+        if reductions[0] in OF_TASKS and self.of is None:
+            raise shape_error(f"'{reductions[0]}' belongs to the result of a task", f"name it: of: {' or '.join(TASKS)}")
         if isinstance(self.of, TaskOptions) and len(self.of.model_fields_set) != 1:
             raise shape_error("'of' needs one task", "write for example of: {kinematics: {axle: front}}")
-        if (self.at is not None) != (given[0] in ("percentile", "crossing")):
-            words = "percentile and crossing need 'at'" if self.at is None and given[0] in ("percentile", "crossing") else ""
+        if (self.at is not None) != (reductions[0] in ("percentile", "crossing")):
+            words = "percentile and crossing need 'at'" if self.at is None and reductions[0] in ("percentile", "crossing") else ""
             if words or self.at is not None:
                 raise shape_error(words or "'at' belongs to percentile and crossing", "write for example {percentile: x, at: 95}")
         if self.direction is not None and self.crossing is None:

@@ -193,9 +193,9 @@ def replay(study: Study, run: int, view: Path, ghost: GhostRun | None = None) ->
         raise RunError(f"--replay {run}: the study has no such run; its runs are 0 to {study.runs - 1}")
     scene, values = study.scene_of(run), study.settings_of(run)
     kinds = {v.name: v.kind for v in study.variables}
-    given = {kind: {name: sympy.Float(value, 17) for name, value in values.items() if kinds[name] is kind} for kind in Kind}
+    fixed = {kind: {name: sympy.Float(value, 17) for name, value in values.items() if kinds[name] is kind} for kind in Kind}
     scene = replace(
-        scene, outputs=study.outputs, positions={**scene.positions, **given[Kind.POSITION]}, rates={**scene.rates, **given[Kind.RATE]}
+        scene, outputs=study.outputs, positions={**scene.positions, **fixed[Kind.POSITION]}, rates={**scene.rates, **fixed[Kind.RATE]}
     )
     parameters = {name: value for name, value in values.items() if kinds[name] in (Kind.PARAMETER, Kind.INPUT)}
     steps = choose_steps(scene, study.method, study.integrator)

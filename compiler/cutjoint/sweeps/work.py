@@ -28,8 +28,8 @@ def in_lanes(runs: int, lanes: int) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Chunk:
-    """Runs from the number ``first`` on, with their ``values`` (runs, variables); ``faults`` say of some, by their places, why they cannot
-    begin."""
+    """Runs from the number ``first`` on, with their ``values`` (runs, variables).
+    ``faults`` are reasons, by places, why runs cannot begin."""
 
     first: int
     values: Array

@@ -40,8 +40,8 @@ class Loop:
 
 @dataclass(frozen=True, kw_only=True)
 class Branch:
-    """Subtrees below ``carrier`` that cut joints and gears connect with each other: ``bodies``, parents first, the names of the ``cuts``
-    and of the ``gears``.  Cut joints may connect them with one body more, their ``hub``, whose own branch is named by it."""
+    """Subtrees below ``carrier`` that cut joints and gears connect with each other; ``bodies``, parents first.
+    ``cuts`` and ``gears`` are names.  Cut joints may connect them with one body more, their ``hub``, whose own branch is named by it."""
 
     carrier: str
     bodies: tuple[str, ...]
@@ -102,8 +102,8 @@ class Topology:
 
     @property
     def ends_on_massless(self) -> bool:
-        """Whether all loop closures join massless bodies, so that penalties are scaled by the kinetic energy instead of masses
-        (runtime/include/cutjoint/core/mechanism/effective_mass.hpp)."""
+        """Whether all loop closures join massless bodies, so that penalties are scaled by the kinetic energy.
+        See runtime/include/cutjoint/core/mechanism/effective_mass.hpp."""
         massless, joints = {b.name for b in self.model.bodies if b.is_massless}, {j.name: j for j in self.model.joints}
         ends = [[e] if isinstance(e, Joint) else [joints[name] for name in e.joints] for e in self.closing]
         return bool(ends) and all(any({j.base, j.follower} & massless for j in around) for around in ends)

@@ -126,8 +126,8 @@ class _Search:
         return best
 
     def _best(self, used: Spanning, cut: Joint, *, everywhere: bool) -> Spanning:
-        """The best choice: the present one, or one with another joint of a cut joint's loop cut, in all loops alike or in this loop alone.
-        """
+        """The best of the present choice and those with another joint of a cut joint's loop cut.
+        In this loop alone, or ``everywhere`` in all loops alike."""
         options = [(cut, used)]
         for joint in self.exchanges.around(used, cut):
             options += [(joint, used.exchanged(cut, joint))]

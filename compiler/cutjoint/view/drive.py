@@ -9,7 +9,7 @@ from shlex import quote
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, PositiveInt, ValidationError
+from pydantic import AliasChoices, BaseModel, Field, FiniteFloat, NonNegativeInt, PositiveInt, ValidationError
 
 from cutjoint.compile.c_export import Standalone, freeze_start_parameters, make_standalone
 from cutjoint.compile.pipeline import generate
@@ -62,8 +62,8 @@ _OF_WHEELS = ("Fx", "Fy", "Fz", "road_friction")
 
 @dataclass(frozen=True, kw_only=True)
 class LaidRoad:
-    """A road that a page lays without compiling: ``lines`` in the order of x, each by its begin, height and slope, and waves of a
-    ``roughness`` (m^3), as `road_field.rough_field` has them."""
+    """A road that a page lays without compiling: ``lines`` in the order of x, each by its start, height and slope.
+    Its waves are of a ``roughness`` (m^3), as `road_field.rough_field` has them."""
 
     lines: Sequence[tuple[float, float, float]] = ((-1.0, 0.0, 0.0),)
     roughness: float = 0.0
@@ -155,7 +155,7 @@ def make_drive(
     step, elements, equations = standalone.settings.step if dt is None else dt, bodies_of(model), standalone.parts.stepped
     facts = {
         "dt": step, "every": max(1, round(max(1 / _ROWS, scene.output_step) / step)), "car": is_car, "axes": axes,
-        "body": max(masses, key=lambda name: masses[name], default=""), "given": {name: float(value) for name, value in parameters.items()},
+        "body": max(masses, key=lambda name: masses[name], default=""), "initialValues": {k: float(x) for k, x in parameters.items()},
         "replay": " ".join(["cutjoint drive", quote(Path(model.span.file).name), "--scene", quote(scene.name), *map(quote, more)]),
         "of": {o.column: list(elements.get(o.element, ())) for o in equations.outputs},
         "ground": _ground(scene) if equations.roads else None, "wheels": [_wheel(*wheel, numbers, equations.outputs) for wheel in wheels],
@@ -225,7 +225,7 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
         of = escaped(f"'{drive.model}', {drive.scene}")
         raise RunError(f"--replay {path}: a drive of {of}, in another version; drive the page of this one")
     moves = {p.name: p for p in (*input_parameters(model), *tunable_parameters(model))}
-    for name in (*drive.given, *(name for _, name, _ in drive.events)):
+    for name in (*drive.initial_values, *(name for _, name, _ in drive.events)):
         if name not in moves:
             raise RunError(f"--replay {path}: {_unknown(model, escaped(name), moves)}")
     if drive.road and (drive.road not in ROADS or not standalone.lays_roads):
@@ -234,7 +234,7 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
     if drive.road:
         lines, (grid, heights) = np.array(ROADS[drive.road].lines), ROADS[drive.road].heights(drive.seed)
         sim.library.set_road(lines.ctypes.data, len(lines), grid.ctypes.data, heights.ctypes.data, *heights.shape)
-    for name, value in drive.given.items():
+    for name, value in drive.initial_values.items():
         _set_value(sim, name, value)
     sim.reset(dt=drive.dt)
     events, rows = iter([*drive.events, (inf, "", 0.0)]), [[sim.time, *sim.outputs.array]]
@@ -258,15 +258,15 @@ def _set_value(sim: Simulation, name: str, value: float) -> None:
 
 
 class _Saved(BaseModel, extra="forbid", strict=True):
-    """A drive as a page saves it: before the step of an event an input or a parameter has another value; ``every`` so many steps
-    are a row.  The ``road`` is one of `ROADS`, "" for the scene's."""
+    """A drive as a page saves it: before the step of an event an input or a parameter has another value.
+    ``every`` so many steps are a row.  The ``road`` is one of `ROADS`, "" for the scene's."""
 
     cutjoint: Literal["drive"]
     mark: str
     model: str
     scene: str
     dt: Annotated[FiniteFloat, Field(gt=0)]
-    given: dict[str, FiniteFloat]
+    initial_values: dict[str, FiniteFloat] = Field(validation_alias=AliasChoices("initial_values", "given"))
     road: str = ""
     seed: Annotated[NonNegativeInt, Field(lt=2**53)] = 1
     steps: NonNegativeInt
@@ -288,10 +288,10 @@ def _read_drive(path: Path) -> _Saved:
 def _find_roles(model: Model) -> dict[str, Ends]:
     """The roles of a car's inputs, by their names: the first that fits has each."""
     found: dict[str, Ends] = {}
-    for given in input_parameters(model):
-        role = next((role for role, pattern in _ROLES.items() if pattern.search(given.name.lower())), None)
+    for parameter in input_parameters(model):
+        role = next((role for role, pattern in _ROLES.items() if pattern.search(parameter.name.lower())), None)
         if role is not None and role not in found:
-            found[role] = Ends(name=given.name)
+            found[role] = Ends(name=parameter.name)
     return found
 
 

@@ -126,7 +126,8 @@ class ForceNodes(Placed):
 
 
 def _relief(surface: Surface, x: Array, z: Array, right: float, left: float) -> Mesh:
-    """A track of heights z (n,) over x (n,), from y = right to left, with its surface, on a grid of a quarter of a metre or wider."""
+    """A track of heights z (n,) over x (n,), from y = right to left, with its surface.
+    The grid is a quarter of a metre wide or more."""
     step = max(0.25, float(np.sqrt((x[-1] - x[0]) * (left - right) / _MOST_CELLS)))
     along, across = (np.linspace(a, b, 1 + int(np.ceil((b - a) / step))) for a, b in ((x[0], x[-1]), (right, left)))
     heights = np.zeros((len(along), len(across))) if surface.field is None else surface.field.heights_on_grid(along, across)
@@ -135,11 +136,11 @@ def _relief(surface: Surface, x: Array, z: Array, right: float, left: float) -> 
 
 def _profile(pieces: list[Piece], first: float, last: float) -> tuple[Array, Array]:
     """Positions along a road and its heights there, on both sides of a step."""
-    begins = [piece.begin for piece in pieces]
+    starts = [piece.start for piece in pieces]
     x, z = [], []
     for index, piece in enumerate(pieces):
-        start = first if index == 0 else begins[index]
-        end = begins[index + 1] if index + 1 < len(begins) else last
+        start = first if index == 0 else starts[index]
+        end = starts[index + 1] if index + 1 < len(starts) else last
         start, end = max(start, first), min(end, last)
         if end <= start:
             continue

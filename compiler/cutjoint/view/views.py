@@ -128,8 +128,8 @@ def show_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> V
         RunError: the scene has no start, or a parameter cannot be set.
         SimulatorError, ToolchainError: as for a run.
     """
-    given = scene.positions or scene.assemble or scene.trim
-    if scene.pose == "design" and not given and all(joint.guide is None for joint in model.joints):
+    is_posed = scene.positions or scene.assemble or scene.trim
+    if scene.pose == "design" and not is_posed and all(joint.guide is None for joint in model.joints):
         poses, q = {body.name: BodyPose(rotation=np.eye(3)[np.newaxis], shift=np.zeros((1, 3))) for body in model.bodies}, None
     else:
         starts, values = find_start(build_topology(model), scene, parameters)

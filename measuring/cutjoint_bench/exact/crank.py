@@ -69,7 +69,7 @@ def _slowness(angle: Array) -> Array:
 
 
 def _time(angle: Array) -> Array:
-    """The time at which the crank has an angle, s: whole half turns, cells of a half turn, and the way from the last of them."""
+    """The time at which the crank has an angle, s: whole half turns, cells of a half turn, and the rest."""
     cell = np.pi / _NODES
     edges: Array = np.linspace(START, START + np.pi, _NODES + 1)
     within = np.append(0.0, np.cumsum(_between(edges[:-1], edges[1:])))

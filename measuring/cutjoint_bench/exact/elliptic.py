@@ -19,7 +19,7 @@ def argument(angle: float, m: float) -> float:
 
 
 def amplitude(u: Array, m: float) -> Array:
-    """The amplitude am(u, m), which goes on from turn to turn: a multiple of 2 pi from the angle of cn and sn, near pi u/(2 K)."""
+    """The continuous amplitude am(u, m): a multiple of 2 pi from the angle of cn and sn, near pi u/(2 K)."""
     sn, cn = (np.array([float(mpmath.ellipfun(name, x, m=m)) for x in u]) for name in ("sn", "cn"))
     angle = np.arctan2(sn, cn)
     mean = np.pi * u / (2 * quarter_period(m))

@@ -21,7 +21,8 @@ scenes:
 
 
 def pendulum_motion(t: Array) -> dict[str, Array]:
-    """Place (m) and velocity (m/s) of the bob over the times (s), by ``body.quantity``: sin th/2 = k sn(K - w t), th from the bottom."""
+    """Position (m) and velocity (m/s) of the bob over the times (s), by ``body.quantity``.
+    sin th/2 = k sn(K - w t), th from the bottom."""
     m, w = 0.5, np.sqrt(9.81)
     phase = amplitude(quarter_period(m) - w * t, m)
     angle, rate = 2 * np.arcsin(np.sqrt(m) * np.sin(phase)), -2 * w * np.sqrt(m) * np.cos(phase)

@@ -165,5 +165,5 @@ def _road(scene: Scene, radius: float) -> str:
 
 def _tracks(scene: Scene, radius: float) -> Iterator[str]:
     for side, pieces in road_pieces(scene.road, radius).items():
-        listed = (f"Piece({p.kind!r}, {float(p.begin)!r}, {float(p.a)!r}, {float(p.b)!r}, {float(p.c)!r})" for p in pieces)
+        listed = (f"Piece({p.kind!r}, {float(p.start)!r}, {float(p.a)!r}, {float(p.b)!r}, {float(p.c)!r})" for p in pieces)
         yield f"{side}=[{', '.join(listed)}]"

@@ -53,7 +53,8 @@ _WORDS = ("across 1", "across 2", "along", "turn 1", "turn 2", "turn 3")
 
 @dataclass(frozen=True, kw_only=True)
 class Constraint:
-    """A joint with the frame that base and follower carry, as it is at the start, a row for each axis, and what of the base's is locked."""
+    """A joint with the frame that base and follower carry at the start, a row for each axis.
+    Also what of the base's axes is locked."""
 
     joint: PeerJoint
     axes: Frame

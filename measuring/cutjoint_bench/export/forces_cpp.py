@@ -161,7 +161,7 @@ def _road(name: str, scene: Scene, radius: float) -> View:
 
 
 def _piece(piece: Piece) -> str:
-    return f"{{Piece::{piece.kind}, {', '.join(repr(float(x)) for x in (piece.begin, piece.a, piece.b, piece.c))}}}"
+    return f"{{Piece::{piece.kind}, {', '.join(repr(float(x)) for x in (piece.start, piece.a, piece.b, piece.c))}}}"
 
 
 def _joint_forces(mechanism: Mechanism, numbers: Numbers) -> list[View]:

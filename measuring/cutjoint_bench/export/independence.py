@@ -21,9 +21,8 @@ from cutjoint_bench.export.records import Mechanism, Place
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One equation of a cut joint: the follower's ``point`` does not leave the base along ``direction``, or, without a point, the follower
-    does not turn about it.  The base carries the direction; both are given at the start.
-    """
+    """One equation of a cut joint: the follower's ``point`` does not leave the base along ``direction``.
+    Without a point, the follower does not turn about it.  The base carries the direction; both are given at the start."""
 
     base: str
     follower: str
@@ -43,9 +42,8 @@ def independent_rows(model: Model, scene: Scene, mechanism: Mechanism, rows: Seq
 
 @dataclass(frozen=True, kw_only=True)
 class _Motion:
-    """A body in a pose: ``rotation`` (3, 3) since the design position, the place (3,) of its design origin, and of that point's velocity
-    and of the angular velocity the Jacobians (3, speeds).
-    """
+    """A body in a pose: ``rotation`` (3, 3) since the design position, the place (3,) of its design origin.
+    Of that point's velocity and of the angular velocity the Jacobians (3, speeds)."""
 
     rotation: Array
     place: Array

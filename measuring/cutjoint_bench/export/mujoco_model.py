@@ -30,9 +30,8 @@ _ROUNDING = 1e-14
 
 @dataclass(frozen=True, kw_only=True)
 class Mjcf:
-    """The file's text; the names of MuJoCo's scalar joints by joint and number of the model's coordinate; bodies whose inertia is raised;
-    the armature of guided joints, kg or kg m2.
-    """
+    """The file's text; the names of MuJoCo's scalar joints by joint and number of the model's coordinate.
+    Bodies whose inertia is raised; the armature of guided joints, kg or kg m2."""
 
     text: str
     joints: Mapping[tuple[str, int], str]

@@ -68,7 +68,8 @@ class Tree:
 
 
 def build_tree(model: Model, scene: Scene, mechanism: Mechanism) -> Tree:
-    """The tree with its contacts; a hinge is held in a second point of its axis if what turns it is not held by the rest of its loop."""
+    """The tree with its contacts.
+    A hinge has a second contact on its axis if the rest of its loop does not fix the body that turns it."""
     builder = _Builder(mechanism)
     for joint in mechanism.tree:
         builder.outermost[joint.child] = builder.add(joint)

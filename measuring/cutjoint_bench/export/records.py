@@ -137,7 +137,7 @@ class Mechanism:
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """One column of a peer's table: x y z (m), vx vy vz (m/s) or wx wy wz (rad/s), its ``quantity``, of a ``point`` of a rigid body.
+    """One column of a peer's table: x y z (m), vx vy vz (m/s) or wx wy wz (rad/s) of a rigid body.
 
     ``point`` is given at the start, in m.
     """

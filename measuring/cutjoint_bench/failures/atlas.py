@@ -85,8 +85,8 @@ def _shares_rows(case: Case, dt: float) -> bool:
 
 def _values(case: Case, parameter: str) -> tuple[float, ...]:
     parameter_values(case.model, {parameter: 0.0})  # which refuses a name that cannot be set
-    given = _own_value(case, parameter)
-    return tuple(float(f"{share * given:.12g}") for share in SHARES if given is not None)
+    own = _own_value(case, parameter)
+    return tuple(float(f"{share * own:.12g}") for share in SHARES if own is not None)
 
 
 def _own_value(case: Case, parameter: str) -> float | None:

@@ -50,7 +50,8 @@ class Trial:
 
 @dataclass(frozen=True, kw_only=True)
 class Situation:
-    """A mechanism that is hard to compute: its model file with one scene, the end in s, the exact motion over times, and what is tried."""
+    """A mechanism that is hard to compute, and what is tried: a model file with one scene.
+    ``end`` in s, ``motion`` is the exact one over times."""
 
     name: str
     words: str

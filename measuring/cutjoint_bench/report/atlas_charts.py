@@ -91,10 +91,11 @@ def _label(value: float | None) -> str:
 
 
 def _mark_own(panel: Axes, atlas: Atlas, by: str, rows: Sequence[float | None], method: str) -> None:
-    """A cross at the scene's own step in the row of its own penalty or parameter, or in the middle where there is no such row."""
-    given = atlas["own"][method]
-    x = _between(atlas["axes"]["dt"], given["dt"])
-    known = [i + 0.5 for i, level in enumerate(rows) if level == (given["value"] if by == "value" else None)]
+    """A cross at the scene's own step in the row of its own penalty or parameter.
+    In the middle where there is no such row."""
+    own = atlas["own"][method]
+    x = _between(atlas["axes"]["dt"], own["dt"])
+    known = [i + 0.5 for i, level in enumerate(rows) if level == (own["value"] if by == "value" else None)]
     if x is not None:
         panel.plot([x], known or [len(rows) / 2], "x", color="black", markersize=5, markeredgewidth=1.1)
 

@@ -67,8 +67,8 @@ def draw_work_precision(case: Mapping[str, Any]) -> str:
 
 
 def _colours(lines: Sequence[Line]) -> list[str]:
-    """A colour a formulation and a further one a peer, precision or integrator; twins and solvers of a formulation share its colour, and
-    reduced models that of the full one."""
+    """A colour for each formulation, and one for each peer, precision or integrator.
+    Generic solvers and variants of a formulation share its colour, and reduced models that of the full one."""
     splits = ("peer", "precision", "integrators", "reduced", "functions")
     names = [(line["contender"].removesuffix("/reduced").removesuffix("/functions"), line["group"]) for line in lines]
     families = [name if group in splits else name.partition("/")[0] for name, group in names]

@@ -21,8 +21,8 @@ KINDS = {
 
 
 def explore(cases: Sequence[Data]) -> dict[str, Any]:
-    """The cases with a reference: of each line what it is filtered by, and its points (step, median of seconds, errors of position and
-    velocity; s, m, m/s)."""
+    """The cases with a reference: of each line what it is filtered by, and its points.
+    A point is (step, median of seconds, errors of position and velocity; s, m, m/s)."""
     names = [": ".join(filter(None, (case["name"], case["title"]))) for case in cases]
     found = [{"name": name, "end": case["end"], "lines": list(_lines(case))} for name, case in zip(names, cases, strict=True)]
     return {"targets": list(TARGETS), "cases": [case for case in found if case["lines"]]}

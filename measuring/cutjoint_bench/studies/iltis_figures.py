@@ -190,7 +190,7 @@ def _run_with_derivatives(name: str) -> tuple[Trajectory, dict[str, np.ndarray]]
     pieces = profile_pieces(scene.road.left, scene.road.start)
 
     def height(x: float) -> float:
-        return next((p for p in reversed(pieces) if p.begin <= x), pieces[0]).height(x)
+        return next((p for p in reversed(pieces) if p.start <= x), pieces[0]).height(x)
 
     def slope(x: float) -> float:
         return (height(x + 1e-6) - height(x - 1e-6)) / 2e-6

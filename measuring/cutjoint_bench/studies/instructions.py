@@ -84,7 +84,8 @@ def rolling_text(text: str, *, on_wheels: bool) -> str:
 
 
 def text_of(name: str) -> str:
-    """The text of a model of the repository; of one with a motor that sees its pin, or signals and states of a product and a sum each."""
+    """The text of a model of the repository, some with additions.
+    With a motor that sees its pin, or signals and states of a product and a sum each."""
     text = (MODELS / f"{name.split(' ')[0]}.yaml").read_text(encoding="utf-8")
     if name.startswith("iltis"):
         return rolling_text(text, on_wheels="wheels" in name)

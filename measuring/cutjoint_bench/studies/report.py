@@ -109,10 +109,10 @@ def precisions() -> Plan:
 def ill_conditioned() -> Plan:
     """The paper's suspicion: small steps with its penalty of 1e9 at the beginning of the bump, in all number types."""
     case = make_case(MODELS / "iltis.yaml", IAVSD, end=0.02, row=0.002)
-    given = replace(case, scene=with_settings(case.scene, "augmented", {"penalty": 1e9}))
+    with_penalty = replace(case, scene=with_settings(case.scene, "augmented", {"penalty": 1e9}))
     names = [f"{method}/{kind}" for kind in ("double", "extended", "mixed", "quad") for method in ("augmented", "classical")]
     return Plan(
-        cases=[given], contenders=choose(["recursive", *names]), reference="extended", limits=False, repetitions=1, most_seconds=120,
+        cases=[with_penalty], contenders=choose(["recursive", *names]), reference="extended", limits=False, repetitions=1, most_seconds=120,
         steps=[2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5], title="small steps with a penalty of 1e9, by number type",
     )  # fmt: skip
 

@@ -156,7 +156,8 @@ def measure_overhead(console: Console, folder: Path, share: float) -> None:
 
 
 def measure_lanes(console: Console) -> None:
-    """Processor time of a run one by one, in lanes, and of `batch`, in turns in one thread; how far rows in lanes are from the others."""
+    """Processor time of a run one by one, in lanes, and of `batch`, in turns in one thread.
+    Also how far rows in lanes are from the others."""
     table = Table("study", "way", "processor ms a run", "times one by one", "farthest, share of the largest", title="Lanes")
     for name, text, runs in (("press", PRESS, 512), ("Iltis, simul1", ILTIS, 64)):
         study = read(text, runs)

@@ -18,8 +18,8 @@ REPETITIONS = 7
 
 @dataclass(frozen=True, kw_only=True)
 class Measurement:
-    """One problem: ``run`` and ``errors`` of the scene as it stands, ``orders`` over the smooth stretch, ``ratios`` of run time to real
-    time, one a repetition."""
+    """One problem: ``run`` and ``errors`` of the scene as it stands, ``orders`` over the smooth stretch.
+    ``ratios`` of run time to real time, one a repetition."""
 
     problem: Problem
     artifact: Artifact

@@ -81,8 +81,8 @@ print(json.dumps(times))
 
 @dataclass(frozen=True, kw_only=True)
 class Wait:
-    """A command that is waited for: ``words`` of `cutjoint` with {model}, {cases} and {out}, or a ``script`` of Python with {model}; an
-    ``edit`` of EDITS comes after a first run of the unchanged model."""
+    """A command that is waited for: ``words`` of `cutjoint` with {model}, {cases} and {out}, or a ``script``.
+    The script is Python with {model}; an ``edit`` of EDITS comes after a first run of the unchanged model."""
 
     name: str
     model: str

@@ -26,8 +26,8 @@ std::vector<Piece<Real>> read_pieces(const Json& list) {
   constexpr std::array kinds{Kind{"line", PieceKind::line}, Kind{"arc", PieceKind::arc}, Kind{"cosine", PieceKind::cosine}};
   std::vector<Piece<Real>> pieces;
   for (const Json& p : list) {
-    require_keys(p, std::to_array<std::string_view>({"kind", "begin", "a", "b", "c"}));
-    pieces.push_back({read_word(p, "kind", kinds), read_number<Real>(p, "begin"), read_number<Real>(p, "a"), read_number<Real>(p, "b"),
+    require_keys(p, std::to_array<std::string_view>({"kind", "start", "a", "b", "c"}));
+    pieces.push_back({read_word(p, "kind", kinds), read_number<Real>(p, "start"), read_number<Real>(p, "a"), read_number<Real>(p, "b"),
                       read_number<Real>(p, "c")});
   }
   return pieces;
@@ -156,7 +156,7 @@ class Roads {
   Track<Real> keep(const Json& list) {
     const std::vector<Piece<Real>>& pieces = pieces_.emplace_back(read_pieces<Real>(list));
     std::vector<Real>& breaks = breaks_.emplace_back();
-    for (std::size_t i = 1; i < pieces.size(); ++i) breaks.push_back(pieces[i].begin);
+    for (std::size_t i = 1; i < pieces.size(); ++i) breaks.push_back(pieces[i].start);
     return {.pieces = pieces, .breaks = breaks};
   }
 

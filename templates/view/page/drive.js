@@ -23,7 +23,7 @@ class Growing {
 }
 
 const run = {
-  sim: undefined, core: undefined, module: undefined, road: undefined, given: {}, script: undefined, busy: false, axes: [], step: 0, rest: 0, keys: new Set(), events: [], snapshots: [], rows: [], times: new Growing(),
+  sim: undefined, core: undefined, module: undefined, road: undefined, initialValues: {}, script: undefined, busy: false, axes: [], step: 0, rest: 0, keys: new Set(), events: [], snapshots: [], rows: [], times: new Growing(),
   late: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, speed: 0, camera: drive?.car ? 'chase' : 'orbit', heading: undefined, pad: undefined, drawn: 0, reportedAt: 0, frames: 0,
 };
 
@@ -160,25 +160,25 @@ function rewind(time) {
   showDriven(true);
 }
 
-/** A simulation at the start of the scene, with given values. */
-function startSimulation(core, given) {
+/** A simulation at the start of the scene, with initial values of inputs and parameters. */
+function startSimulation(core, initialValues) {
   const sim = core.create();
   sim.setStep(drive.dt);
-  for (const [name, value] of Object.entries(given)) give(core, sim, name, value);
+  for (const [name, value] of Object.entries(initialValues)) give(core, sim, name, value);
   sim.start();
   return sim;
 }
 
 /** The start of the scene on the present road; cached, since an equilibrium takes long to find. */
-function restart(given = drive.given) {
+function restart(initialValues = drive.initialValues) {
   const shownBy = run.axes.map(({ input, output, bar }) => ({ input, output, bar }));
-  if (run.sim && given === run.given) run.sim.restore(run.snapshots[0].bytes);
+  if (run.sim && initialValues === run.initialValues) run.sim.restore(run.snapshots[0].bytes);
   else {
     run.sim?.free();
-    run.sim = startSimulation(run.core, given);
+    run.sim = startSimulation(run.core, initialValues);
   }
   run.axes = drive.axes.map((each, i) => Object.assign(new Axis(each), shownBy[i]));
-  Object.assign(run, { given, script: undefined, step: 0, rest: 0, events: [], snapshots: [], times: new Growing(), late: 0, frames: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, speed: speedOf(run.sim.poses), heading: undefined });
+  Object.assign(run, { initialValues, script: undefined, step: 0, rest: 0, events: [], snapshots: [], times: new Growing(), late: 0, frames: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, speed: speedOf(run.sim.poses), heading: undefined });
   run.rows = [...run.core.outputs, ...run.axes].map(() => new Growing());
   by('failure').hidden = true;
   for (const axis of run.axes) if (!axis.touched && axis.kind === 'input') axis.rest = run.sim.input(axis.name);
@@ -187,12 +187,12 @@ function restart(given = drive.given) {
 }
 
 /** Sets a road with its own memory and restarts the drive. */
-async function takeRoad(name, seed, given) {
+async function takeRoad(name, seed, initialValues) {
   const before = [run.core, run.sim, run.road], core = await instantiate(run.module), road = drive.ground ? makeRoad(name, seed) : undefined;
   if (road) layRoad(core, road);
   Object.assign(run, { core, sim: undefined, road });
   try {
-    restart(given);
+    restart(initialValues);
   } catch (error) {
     [run.core, run.sim, run.road] = before;
     if (!run.sim) throw error;
@@ -286,7 +286,7 @@ function showDials(speed) {
 
 /** A drawing of each wheel at its position, forward is up. */
 function layWheels() {
-  const part = (name, parent, given = {}) => { const made = document.createElementNS('http://www.w3.org/2000/svg', name); for (const [key, value] of Object.entries(given)) made.setAttribute(key, value); return parent.appendChild(made); };
+  const part = (name, parent, attributes = {}) => { const made = document.createElementNS('http://www.w3.org/2000/svg', name); for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value); return parent.appendChild(made); };
   const extent = [0, 1].map((axis) => Math.max(...drive.wheels.map(({ at }) => Math.abs(at[axis] - middle(axis))), 1e-9));
   function middle(axis) { const all = drive.wheels.map(({ at }) => at[axis]); return (Math.min(...all) + Math.max(...all)) / 2; }
   run.wheels = drive.wheels.map(({ at, name }) => {
@@ -343,8 +343,8 @@ function driveTable() {
   return [heads.join(','), ...lines].join('\n') + '\n';
 }
 
-/** The data of a replay: steps, and the inputs given before them. */
-const driveLog = () => JSON.stringify({ cutjoint: 'drive', mark: run.core.facts.mark, model: about.title, scene: about.scene, dt: drive.dt, given: run.given, ...(run.road?.lines ? { road: run.road.name, seed: run.road.seed } : {}), steps: run.step, every: drive.every, events: run.events });
+/** The data of a replay: steps, and the changes of inputs before them. */
+const driveLog = () => JSON.stringify({ cutjoint: 'drive', mark: run.core.facts.mark, model: about.title, scene: about.scene, dt: drive.dt, initial_values: run.initialValues, ...(run.road?.lines ? { road: run.road.name, seed: run.road.seed } : {}), steps: run.step, every: drive.every, events: run.events });
 
 const saveDrive = () => save(`${stem()}.csv`, new Blob([driveTable()], { type: 'text/csv' }));
 

@@ -85,8 +85,8 @@ function layRoad(core, { lines, field }) {
 }
 
 function profile(road, x, y) {
-  const side = road.sides[y > 0 ? 0 : 1], [kind, begin, a, b, c] = side[Math.max(0, side.findLastIndex((piece) => piece[1] <= x))];
-  return kind === 'cosine' ? a + b * (1 - Math.cos(c * (x - begin))) : a + b * (x - begin);
+  const side = road.sides[y > 0 ? 0 : 1], [kind, start, a, b, c] = side[Math.max(0, side.findLastIndex((piece) => piece[1] <= x))];
+  return kind === 'cosine' ? a + b * (1 - Math.cos(c * (x - start))) : a + b * (x - start);
 }
 
 /** The height of a surface: cubics with central differences as slopes, level beyond edges. */

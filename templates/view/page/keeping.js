@@ -73,12 +73,15 @@ async function inSlices(count, call, what) {
   run.busy = false;
 }
 
+/** Initial values of inputs and parameters of a saved drive; earlier versions named them `given`. */
+const initialValues = (log) => log.initial_values ?? log.given;
+
 /** Resumes a saved drive from its end, bit by bit. */
 async function continueDrive(log) {
   playDrive(false);
   by('kept').hidden = true;
   if (run.busy || !fits(log)) return;
-  await takeRoad(log.road ?? '', log.seed ?? 1, log.given);
+  await takeRoad(log.road ?? '', log.seed ?? 1, initialValues(log));
   run.script = new Script(log);
   await inSlices(log.steps, () => takeSteps(1), 'taking up the drive');
   run.script = undefined;
@@ -97,7 +100,7 @@ async function raceGhost(log) {
   if (log) {
     const core = await instantiate(run.module), road = drive.ground && makeRoad(log.road ?? '', log.seed ?? 1), script = new Script(log);
     if (road) layRoad(core, road);
-    const sim = startSimulation(core, log.given), rows = [], times = [];
+    const sim = startSimulation(core, initialValues(log)), rows = [], times = [];
     const note = () => { times.push(sim.time); rows.push({ poses: about.bodies.map((_, i) => Array.from(sim.poses.subarray(16 * i, 16 * i + 7))), outputs: Float32Array.from(sim.outputs) }); };
     note();
     let step = 0;

@@ -81,7 +81,7 @@ def _taylor(polynomial: Any, at: Any, terms: int) -> Any:
 
 
 def examine(loop: dict[str, Any], lower: float, upper: float, box: float) -> dict[str, Any]:
-    """R as ``box`` times the sizes of coordinates, M, E and E2 of a cell, c, c' and c'' as "c", and |F| and |F_s| of all rows."""
+    """Bounds of a cell by name; R is ``box`` times the sizes of coordinates, "c" are c, c' and c'', "F" is of all rows."""
     ctx.prec = BITS
     middle, cell = arb((lower + upper) / 2), arb(lower).union(arb(upper))
     width, size, R = (cell - middle).abs_upper(), len(loop["series"]), [(arb(box) * arb(s)).upper() for s in loop["sizes"]]

@@ -87,8 +87,8 @@ def _operations(model: Model, scene: Scene) -> int:
 
 @dataclass(frozen=True)
 class _Seen:
-    """Results for blocks of the model, which equal blocks reuse: their motions, and the ranges of functions; and whether to ``measure``
-    accuracy."""
+    """Motions and ranges of functions of blocks, which equal blocks reuse.
+    ``measure``: whether to measure accuracy."""
 
     measure: bool
     curves: Traced = field(default_factory=list)
@@ -181,9 +181,9 @@ def _require_closed(loops: BlockLoops, motion: "_DriveMotion | None") -> None:
         raise NoEmbeddingError(f"its loops are violated by {violation:.1g} at the start, in the design position")
 
 
-def _first_independent(fastest: Sequence[Joint], given: Sequence[str]) -> Joint:
+def _first_independent(fastest: Sequence[Joint], preferred: Sequence[str]) -> Joint:
     """The joint that the scene gives, or else the fastest rotation or displacement at the block's start."""
-    return next((joint for joint in fastest if not given or joint.name in given), fastest[0])
+    return next((joint for joint in fastest if not preferred or joint.name in preferred), fastest[0])
 
 
 def _require_simple(model: Model, block: Block) -> None:
@@ -205,7 +205,7 @@ def _require_simple(model: Model, block: Block) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class _DriveMotion:
-    """The motion of a guide in a scene: its ``range``, a tenth wider on both sides, or one value at rest; value and rate at the start."""
+    """Motion of a guide in a scene: ``range``, a tenth wider on both sides (one value at rest), value and rate at the start."""
 
     range: Interval
     start: float

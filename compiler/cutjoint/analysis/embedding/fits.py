@@ -374,8 +374,8 @@ _RANDOM, _NEIGHBOUR = 1000, 1e-4
 
 
 def accuracy(loops: BlockLoops, independent: Independent, functions: LoopFunctions, u: Interval) -> tuple[float, float]:
-    """The largest differences of first and second derivatives by q from those of closed loops, at random coordinates: of speeds and
-    accelerations at q' = 1 (1/s)."""
+    """Largest differences of first and second derivatives by q from those of closed loops, at random coordinates.
+    Of speeds and accelerations at q' = 1 (1/s)."""
     random, key = np.random.default_rng(0), _NEIGHBOUR * functions.range.half
     q = functions.range.middle + (functions.range.half - key) * random.uniform(-1, 1, _RANDOM)
     values = u.middle + u.half * random.uniform(-1, 1, _RANDOM)

@@ -28,8 +28,8 @@ _WORSE, _WORST = 10.0, 1e3
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """Closed poses of a block in the order in which it moves: ``q`` (n, coordinates), tangents ``speeds`` (n, speeds), the largest 1 in
-    units of its scale. ``start`` is the place of the scene's pose. A curve that ``closes`` ends at the pose with which it begins."""
+    """Closed poses of a block in the order of its motion; ``start`` is the index of the scene's pose.
+    ``q`` (n, coordinates); tangents ``speeds`` (n, speeds), the largest 1 in units of its scale; a curve that ``closes`` is periodic."""
 
     q: Array
     speeds: Array
@@ -169,8 +169,8 @@ def _apart(loops: BlockLoops, one: Array, other: Array) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Independent:
-    """A coordinate that can be independent in a block: its range, with ``value`` where the scene has it, and whether it makes full turns
-    there.  ``travel`` is over the range, ``curve`` its poses there in the order of the coordinate; it ``closes`` after a turn."""
+    """A coordinate that can be independent in a block, with its range and its ``value`` in the scene.
+    ``travel`` is over the range, ``curve`` has its poses there in the order of the coordinate; it ``closes`` after a full turn."""
 
     joint: Joint
     place: int
@@ -236,8 +236,8 @@ def _lead(loops: BlockLoops, joint: Joint, chart: Chart, curve: Curve) -> Indepe
 
 
 def spanning_cuts(block: Block, independent: Joint, used: Sequence[str]) -> frozenset[str]:
-    """The joints of a block that are not in the tree whose bodies need the fewest functions; ``used`` are joints on whose coordinates
-    forces act."""
+    """The joints of a block that are not in the tree whose bodies need the fewest functions.
+    ``used``: joints on whose coordinates forces act."""
     weight = {j.name: 0.0 if j is independent else float(degrees(j)) * (0.25 if j.name in used else 1.0) for j in block.joints}
     ends = {body for joint in block.joints for body in (joint.base, joint.follower)}
     distance = {body: 0.0 for body in ends if body not in block.bodies}

@@ -82,9 +82,9 @@ class Contact:
 
 @dataclass(frozen=True, kw_only=True)
 class Ground:
-    """The road under a wheel: its normal n with the vertical component ``n_z``, in its plane the rolling direction ``e_x`` and the lateral
-    one ``e_y``, in the wheel's plane ``e_z`` up from it, the wheel's ``axis``, the centre's vertical ``clearance`` (m), the factor of
-    ``friction``, and ``upright``, n . e_z."""
+    """The road under a wheel: normal n with vertical component ``n_z``, rolling direction ``e_x``, lateral direction ``e_y``.
+    ``e_z`` points up in the wheel's plane, ``axis`` is the wheel's, ``upright`` is n . e_z;
+    ``clearance`` (m) is the vertical one of the centre, ``friction`` a factor."""
 
     n: Block
     n_z: Block

@@ -35,8 +35,8 @@ class _Surface:
 
 @dataclass(frozen=True, kw_only=True)
 class Touch(Interaction):
-    """A ``centre`` on a surface through or around ``start``: a plane with the direction ``normal``, or without one a cylinder about
-    ``along``."""
+    """A ``centre`` on a plane through ``start`` with direction ``normal``.
+    Without ``normal``: on a cylinder about ``along``."""
 
     start: Point
     centre: Point

@@ -178,7 +178,8 @@ def _turning(k: Kinematics, body: Body) -> Block:
 
 
 def force_cross(b: Builder, motion: Block, force: Block) -> Block:
-    """The spatial cross product v x* f of a twist and a force: [w x f; v x f + w x n] (Featherstone 2008, eq. 2.32)."""
+    """The spatial cross product v x* f of a velocity and a force: [w x f; v x f + w x n].
+    Featherstone 2008, eq. 2.32."""
     (v, w), (f, n) = halves(b, motion), halves(b, force)
     return b.stack([[b.cross(w, f)], [b.add(b.cross(v, f), b.cross(w, n))]])
 

@@ -114,7 +114,7 @@ class _Row:
         """Subtract a function of time."""
         b = self.b
         self.residual, self.rate, self.drift = (
-            b.sub(term, given) for term, given in zip((self.residual, self.rate, self.drift), (position, rate, acceleration), strict=True)
+            b.sub(term, guided) for term, guided in zip((self.residual, self.rate, self.drift), (position, rate, acceleration), strict=True)
         )
 
     def angle(self, node: Node, factor: Scalar) -> None:
@@ -254,8 +254,8 @@ class ConstraintMaker:
         return found
 
     def _factors(self, joint: Joint, term: Term) -> tuple[Uses, Uses, bool]:
-        """The two factors of a term, and whether the first is the displacement between the joint's points; a square has one factor
-        twice."""
+        """The two factors of a term, and whether the first is the displacement between the joint's points.
+        A square has one factor twice."""
         if term.left is term.right is JointDisplacement.VECTOR:
             displacement = self._displacement(joint)
             return displacement, displacement, True

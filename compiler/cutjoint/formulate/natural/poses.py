@@ -87,8 +87,8 @@ def _place(k: Kinematics, node: Node) -> tuple[Block, Block]:
 
 
 def _angle(k: Kinematics, topology: Topology, name: str, coordinate: str) -> tuple[Block, Block]:
-    """The joint's own coordinate; an angle of a screw, from the displacement; of a cut joint whose turns cannot be counted, within half a
-    turn."""
+    """The joint's own coordinate; of a screw an angle from the displacement.
+    Of a cut joint whose turns cannot be counted, within half a turn."""
     joint = next(j for j in topology.model.joints if j.name == name)
     if joint.element.is_screw:
         return _advanced_angle(k, joint)

@@ -46,8 +46,8 @@ def measure(k: Kinematics, joint: str, coordinate: str) -> Measured:
 def travel(
     k: Kinematics, ends: tuple[str, str], points: tuple[Vector, Vector], axis: Vector
 ) -> tuple[Block, Block, Measured]:  # fmt: skip
-    """Axis, follower's point, and the displacement of the follower's point along the base's axis; ``ends`` and ``points`` are base's,
-    follower's."""
+    """Axis, follower's point, and the displacement of the follower's point along the base's axis.
+    ``ends`` and ``points`` are base's, follower's."""
     b, (base, follower), (origin, outer) = k.builder, ends, points
     direction, point = k.direction(base, axis), k.point(follower, outer)
     displacement = k.between(follower, point, base, k.point(base, origin))

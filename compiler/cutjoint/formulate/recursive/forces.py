@@ -123,9 +123,8 @@ def of_body(k: Kinematics, body: Body, gravity: Block, *, turns: bool) -> tuple[
 
 
 def _rotor(k: Kinematics, body: Body) -> Block | None:
-    """The inertia J = J_r 1 + (J_a - J_r) a a^T of a wheel that rotates about its axis of symmetry a, which is independent of the angle.
-    None of any other body.
-    """
+    """J = J_r 1 + (J_a - J_r) a a^T, the inertia of a wheel that rotates about its axis of symmetry a.
+    It is independent of the angle; None of any other body."""
     b, t = k.builder, k.motions[body.name].tree_joint
     symmetry = _symmetry(body, t.joint)
     if symmetry is None:

@@ -198,11 +198,11 @@ class FrictionMotion:
 
     def _reactions(self, k: Kinematics, solution: Solution, system: BodySystem) -> Reactions:
         """The reactions of a solution, with corrected multipliers."""
-        b, given = k.builder, {x.element.name for x in self.closing.all() if k is self.k}
+        b, own = k.builder, {x.element.name for x in self.closing.all() if k is self.k}
         loops: list[LoopClosure] = []
         for loop in self.closing.loops:
             augmented = b.scale(self.numbers.penalties[loop.joint.name], solution.errors[loop.joint.name])
-            loops.append(replace(loop, multipliers=b.add(loop.multipliers, augmented) if loop.joint.name in given else augmented))
+            loops.append(replace(loop, multipliers=b.add(loop.multipliers, augmented) if loop.joint.name in own else augmented))
         Zdd = accelerations_of(k, solution.vdot.__getitem__)
         return Reactions(kinematics=k, loops=tuple(loops), M=self.masses, Q=system.Q, Zdd=Zdd, acting=system.cut_joint_wrenches)
 
@@ -311,8 +311,8 @@ def _size(b: Builder, vector: Block) -> Block:
 
 
 def _largest_eigenvalue(b: Builder, C: Sequence[Sequence[Block]]) -> Block:
-    """The largest eigenvalue of a matrix that is not negative, from above: it is below (x + C x)_j/x_j - 1 of some j for all positive x
-    (Collatz, Mathematische Zeitschrift 48 (1942) 221-226).  Only domains have it, which are evaluated where a step has failed."""
+    """An upper bound of the largest eigenvalue of a nonnegative matrix: (x + C x)_j/x_j - 1 of some j, for any positive x.
+    Collatz, Mathematische Zeitschrift 48 (1942) 221-226. Only domains have it, which are evaluated where a step has failed."""
     if len(C) == 1:
         return C[0][0]
     x = [b.number(1.0) for _ in C]

@@ -41,7 +41,7 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True)
 class JointMotion:
-    """The motion of a joint: ``b`` (6, k) motion subspace, ``d`` (6, 1) so that Zdd_i = Zdd_p + b zdd + d, ``chart`` of its k unknowns.
+    """The motion of a joint, Zdd_i = Zdd_p + b zdd + d: ``b`` (6, k), ``d`` (6, 1), ``chart`` of its k unknowns.
 
     ``centre`` is the pole-to-centre vector of a spherical joint, which is eliminated in global axes about that point.
     ``columns`` (6, n) are those of the elementary motions in the chain's order, where several share a speed; else they are b's.

@@ -171,7 +171,7 @@ def constraint_wrenches(k: Kinematics, loop: LoopClosure, augmented: Block) -> d
 def by_joint(
     b: Builder, loop: LoopClosure, step: Block, ends: tuple[Sequence[str], Sequence[str]], body: str, S: Block
 ) -> Block:  # fmt: skip
-    """The rates of a cut joint's equations by the speeds of the joint that carries a body, (m, k), with the motion subspace S (6, k).
+    """The rates of a cut joint's equations by the speeds of the joint that carries a body, (m, k).
 
     ``ends`` are the bodies that carry the base and the follower, these included, ``step`` the transport from the base's pole to the
     follower's.

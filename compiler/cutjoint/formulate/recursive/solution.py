@@ -46,8 +46,8 @@ class ClosingElements:
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """The solution by names: the accelerations ``vdot`` of every tree joint with unknowns, the ``errors`` A Zdd + s of every cut joint and
-    gear."""
+    """The accelerations ``vdot`` of every tree joint with unknowns, by names.
+    ``errors`` are A Zdd + s of every cut joint and gear."""
 
     vdot: Mapping[str, Block]
     errors: Mapping[str, Block]
@@ -112,8 +112,8 @@ def respond(
     topology: Topology, masses: Mapping[str, Block], k: Kinematics, closing: ClosingElements, numbers: Numbers,
     violations: Mapping[str, Block], *, mark: str, origin: str, apply: Callable[[BodySystem], None] = lambda system: None,
 ) -> Solution:  # fmt: skip
-    """The response of bodies at rest to violations of cut joints, and to forces that ``apply``: (M + A^T a A) z = Q - A^T a violation.
-    It also has the errors A z + violation.
+    """The response of bodies at rest to violations and forces: (M + A^T a A) z = Q - A^T a violation.
+    Violations are those of cut joints; the forces are those that ``apply``. It also has the errors A z + violation.
 
     ``masses`` are those of the bodies without cut joints; names of the blocks get a ``mark``, headings an ``origin``.
     """

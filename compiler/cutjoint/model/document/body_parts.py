@@ -94,8 +94,8 @@ MESHES = (".glb", ".stl", ".obj")
 
 
 class Visual(Part):
-    """The picture of a body: a mesh in a file beside the model, ``scale`` times as large, its origin ``at`` a point, its axes along two of
-    ``x``, ``y``, ``z``; a ``colour``."""
+    """The picture of a body: a mesh in a file beside the model, or a ``colour`` alone.
+    ``scale`` times as large, its origin ``at`` a point, its axes along two of ``x``, ``y``, ``z``."""
 
     mesh: StrictStr | None = None
     colour: StrictStr | None = None

@@ -408,8 +408,8 @@ class Plot(Part):
 
 
 class Trim(Part):
-    """A steady start: ``find`` are unknowns in addition to the free coordinates and states, ``hold`` values of expressions, ``unsteady``
-    speeds and states that may change, ``bounds`` those of unknowns."""
+    """A steady start: ``find`` are unknowns in addition to the free coordinates and states.
+    ``hold``: values of expressions; ``unsteady``: speeds and states that may change; ``bounds``: those of unknowns."""
 
     find: tuple[StrictStr, ...] = ()
     hold: dict[StrictStr, Number] = Field(default={})

@@ -34,8 +34,8 @@ from cutjoint.model.records import DerivedParameter, Parameter, Vector
 
 @dataclass(frozen=True)
 class Expansion:
-    """The parameters with numbers and those that follow from them, the model's own scope, the flat elements, and the scopes of the model
-    and its instances by their prefixes, in which outputs are read."""
+    """Parameters, flat elements and scopes of a model with its instances.
+    Outputs are read in the scopes, which are by prefix; the model's own is apart. Derived parameters follow from others."""
 
     parameters: tuple[Parameter, ...]
     derived: tuple[DerivedParameter, ...]
@@ -243,14 +243,14 @@ def _points(where: Element, use: Use) -> dict[str, Vector]:
 
 
 def _match_keys(
-    where: Element, field: str, given: Collection[str], wanted: tuple[str, ...], what: str, submodel: str, *,
+    where: Element, field: str, present: Collection[str], wanted: tuple[str, ...], what: str, submodel: str, *,
     needed: tuple[str, ...] | None = None, others: Collection[str] = (),
 ) -> None:  # fmt: skip
     """Report names that are given and not ``wanted``, and ``needed`` ones (by default all) that are neither given nor among ``others``."""
-    for name in (name for name in given if name not in wanted):
+    for name in (name for name in present if name not in wanted):
         hint = nearest(name, wanted, f"{what}s") or f"it has no {what}s"
         where.fail(f"the submodel '{submodel}' has no {what} '{name}'", hint, (field, name), at_key=True)
-    missing = [name for name in (wanted if needed is None else needed) if name not in given and name not in others]
+    missing = [name for name in (wanted if needed is None else needed) if name not in present and name not in others]
     if missing:
         lacking = f"{field} and properties lack" if others else f"{field} lacks"
         hint = f"the submodel '{submodel}' needs all its {what}s"

@@ -56,7 +56,8 @@ def mass_problems(mass: float, inertia: Sequence[float]) -> Iterator[str]:
 
 
 def moments_problem(inertia: Sequence[float], *, has_mass: bool = True) -> str:
-    """The reason that no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; "" if one can or if it is not finite.
+    """The reason that no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; "" if there is none.
+    "" also of an inertia that is not finite.
 
     Without mass it stands for parts whose mass is counted elsewhere, and one moment may be larger than the sum of the others.
     """
@@ -72,8 +73,8 @@ def moments_problem(inertia: Sequence[float], *, has_mass: bool = True) -> str:
 
 
 def can_exist(masses: Array, inertias: Array) -> NDArray[np.bool_]:
-    """Return whether bodies can have masses (n,), kg, and inertias (n, 6), kg m2, by the conditions of :func:`mass_problems`: an array
-    (n,). Numbers that are not finite have no body."""
+    """Whether bodies can have masses (n,), kg, and inertias (n, 6), kg m2: an array (n,).
+    By the conditions of :func:`mass_problems`. Numbers that are not finite have no body."""
     numbers = np.column_stack([masses, inertias])
     able: NDArray[np.bool_] = (masses >= 0) & (np.abs(numbers) <= LARGEST).all(axis=1)
     moments = _principal_moments(inertias[able])
@@ -153,16 +154,16 @@ def _inertia(element: Element, inertia: Any) -> Matrix:
 
 def _axisymmetric(element: Element, inertia: values.Principal, moments: Vector) -> Matrix:
     """The inertia with the moment a about an axis d and b across it: b 1 + (a - b) d d^T."""
-    given = {key: direction for key in "xyz" if (direction := getattr(inertia, key)) is not None}
-    axes = [key for key, direction in given.items() if direction != values.ANY]
+    directions = {key: direction for key in "xyz" if (direction := getattr(inertia, key)) is not None}
+    axes = [key for key, direction in directions.items() if direction != values.ANY]
     failed = _scaled(FAILED, sympy.ones(3, 3))
-    if len(axes) != 1 or len(given) != 2:
+    if len(axes) != 1 or len(directions) != 2:
         element.fail("inertia: any belongs to one direction beside it", "write for example x: direction, y: any", ("inertia",))
         return failed
     axis = axes[0]
     first, second = (key for key in "xyz" if key != axis)
     about, (a, b) = moments["xyz".index(axis)], (moments["xyz".index(key)] for key in (first, second))
-    d = sympy.Matrix(read_direction(element, given[axis], ("inertia", axis)))
+    d = sympy.Matrix(read_direction(element, directions[axis], ("inertia", axis)))
     if not _equal(element, a, b):
         found = f"{element.value(a):g} and {element.value(b):g}"
         message = f"inertia: any needs moments about {first} and {second} that are always equal, not {found}"

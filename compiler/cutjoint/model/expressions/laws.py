@@ -301,13 +301,13 @@ def soft_stops(
     if element.value(c) < 0:
         element.fail("the damping of a stop must not be negative", "", (*keys, "damping"))
     branches: list[tuple[Scalar, Scalar]] = []
-    for given, key, beyond, inward in (
+    for end, key, beyond, inward in (
         (lower, "lower", sympy.StrictLessThan, sympy.StrictGreaterThan),
         (upper, "upper", sympy.StrictGreaterThan, sympy.StrictLessThan),
     ):
-        if given is not None:
+        if end is not None:
             place = (*keys, key) if keys[-1] == "limits" else (*keys, "at")
-            limit = element.scalar(given, kind.variables[name], place)
+            limit = element.scalar(end, kind.variables[name], place)
             force = k * (limit - variable(name)) - c * variable("rate")
             if force.has(FAILED):
                 return FAILED

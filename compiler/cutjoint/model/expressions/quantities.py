@@ -92,8 +92,8 @@ class QuantityError(ValueError):
 def find_quantity(
     known: Mapping[str, Element], name: str, full: Callable[[str], str], prefix: str, broken: Iterable[str] = ()
 ) -> tuple[str, str]:  # fmt: skip
-    """The full name of an element and its quantity, which ``name`` means, "element.quantity", where names have a ``prefix``; elements that
-    are ``broken`` may be meant too.
+    """The full name of the element and the quantity that ``name`` means, "element.quantity".
+    Names have a ``prefix``; elements that are ``broken`` may be meant too.
 
     Raises:
         QuantityError: there is none.

@@ -106,7 +106,7 @@ def with_terrain(model: Model, patterns: Sequence[str]) -> Model:
         if isinstance(force, OnRoad) and any(fnmatchcase(force.name, pattern) for pattern in patterns):
             terrain = {end: _input(f"{force.name}.{end}", unit, force.span, float(end == "friction")) for end, unit in TERRAIN.items()}
             parameters += terrain.values()
-            force = force.with_added_terrain({end: given.symbol for end, given in terrain.items()})
+            force = force.with_added_terrain({end: height.symbol for end, height in terrain.items()})
         forces.append(force)
     return replace(model, parameters=tuple(parameters), forces=tuple(forces))
 
@@ -116,8 +116,8 @@ def _input(name: str, unit: str, span: Span, value: float = 0.0) -> Parameter:
 
 
 def with_external_wrenches(model: Model, names: Sequence[str]) -> Model:
-    """The model with a force (N) and a torque (N m), in global axes, on each named body at its centre of mass, or at a named marker.
-    They are the inputs ``NAME.wrench.fx`` to ``NAME.wrench.tz``, 0 by default.
+    """The model with a force (N) and a torque (N m), in global axes, on each named body or marker.
+    On a body they act at its centre of mass. They are the inputs ``NAME.wrench.fx`` to ``NAME.wrench.tz``, 0 by default.
 
     Raises:
         ModelError: the model has no such body or marker, or a name is given twice.

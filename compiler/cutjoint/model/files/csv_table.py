@@ -34,8 +34,8 @@ class Cell:
 
 @dataclass(frozen=True)
 class Column:
-    """A column's name, the place of that, the dimension of its unit, None without one, its cells, and their values in SI if it has
-    numbers."""
+    """A column; ``values`` are in SI units if it has numbers.
+    ``dimension`` is that of its unit, None without one; ``span`` is the place of its name."""
 
     name: str
     span: Span

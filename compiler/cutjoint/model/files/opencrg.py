@@ -296,9 +296,9 @@ class OpenCrg:
         grades = np.full(len(u) - 1, start["s"]) if line["slope"] is None else line["slope"][1:]
         rises = {"x": np.cos(headings), "y": np.sin(headings), "z": grades}
         places = {name: start[name] + np.concatenate([[0.0], np.cumsum(step * rise)]) for name, rise in rises.items()}
-        given = {"x": line["phi"] is not None and None not in (ends["x"], ends["y"]), "z": line["slope"] is not None}
+        is_closed = {"x": line["phi"] is not None and None not in (ends["x"], ends["y"]), "z": line["slope"] is not None}
         for name, end in ends.items():  # the mismatch of a channel at the end is distributed over all cross sections
-            if end is not None and given["z" if name == "z" else "x"]:
+            if end is not None and is_closed["z" if name == "z" else "x"]:
                 places[name] = places[name] + np.linspace(0, 1, len(u)) * (end[0] - places[name][-1])
         banks = np.full(len(u), start["b"]) if line["banking"] is None else line["banking"]
         return _Strip(step=step, v=v, banking=banks, grid=self._filled(z * self._modifier("scale_z_grid", 1.0)), **places)

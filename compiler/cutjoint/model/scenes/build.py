@@ -136,13 +136,13 @@ def _at_most(where: Element, value: float, most: float, keys: Path) -> None:
 def _require_steps(where: Element, scene: model_file.Scene, end: float, output_step: float, numerics: Numerics) -> None:
     """Report step sizes that no run of the scene can have, although each number is valid by itself."""
     of_methods = {name: settings["dt"] for name, settings in numerics.methods.items() if "dt" in settings}
-    given = {"scene": numerics.dt or min(output_step, end), **of_methods}
-    if not all(value > 0 for value in (end, output_step, *given.values())):
+    steps = {"scene": numerics.dt or min(output_step, end), **of_methods}
+    if not all(value > 0 for value in (end, output_step, *steps.values())):
         return
     if scene.output_step is not None and not output_step <= end * (1 + 1e-9):
         message = f"output_step: {output_step:g} s is longer than the run, which ends at {end:g} s"
         where.fail(message, "write a smaller output_step or a later end", ("output_step",))
-    for name, dt in given.items():
+    for name, dt in steps.items():
         try:
             count_steps(dt, end, output_step)
         except StepsError as error:

@@ -33,13 +33,13 @@ def read_drives(where: Element, scene: model_file.Scene, joints: Mapping[str, Jo
         if name:
             kind = GUIDES[joints[name].element.units[coordinate]]
             laws.setdefault(name, {})[coordinate] = read_law(where, law, kind, ("drive", key), where.scope.timed())
-    for name, given in laws.items():
+    for name, parts in laws.items():
         names = joints[name].element.coordinates
-        if missing := [other for other in names if other not in given]:
-            key = next(key for key in scene.drive if key in (name, *(f"{name}.{other}" for other in given)))
+        if missing := [other for other in names if other not in parts]:
+            key = next(key for key in scene.drive if key in (name, *(f"{name}.{other}" for other in parts)))
             hint = f"add {', '.join(f'{name}.{other}' for other in missing)}"
             where.fail(f"drive: '{name}' needs a law for each coordinate", hint, ("drive", key))
-        found[name] = tuple(given.get(other, sympy.nan) for other in names)
+        found[name] = tuple(parts.get(other, sympy.nan) for other in names)
     return found
 
 

@@ -79,16 +79,16 @@ class Formulas:
         self._taken = Counter[str]()
         self._symbols = {quantity.symbol for quantity in b.quantities}
         self.names: dict[Block, str] = {}
-        given: dict[Block, str] = {}
+        labels: dict[Block, str] = {}
         for quantity, block in b.quantities.items():
-            given.setdefault(block, self._indexed(quantity.symbol, *quantity.parts, *map(str, quantity.which)))
+            labels.setdefault(block, self._indexed(quantity.symbol, *quantity.parts, *map(str, quantity.which)))
         for block, letter in b.letters.items():
-            given.setdefault(block, self._indexed(letter, b.sections[block.section].element))
+            labels.setdefault(block, self._indexed(letter, b.sections[block.section].element))
         for block, label in b.labels.items():
-            given.setdefault(block, words(label.text))
+            labels.setdefault(block, words(label.text))
         for block in reached:
-            if (name := self._input(block) or ("" if block.op == "const" else given.get(block, ""))):
-                self.names[block] = name if block.op in ("symbol", "take") and not given.get(block) else self._unique(name)
+            if (name := self._input(block) or ("" if block.op == "const" else labels.get(block, ""))):
+                self.names[block] = name if block.op in ("symbol", "take") and not labels.get(block) else self._unique(name)
         self.defined = [block for block in reached if block in self.names and not self._input(block)]
         uses = Counter(argument for block in reached for argument in block.args) + Counter(roots)
         parted = {block.args[0] for block in reached if block.op == "take"}

@@ -190,10 +190,11 @@ def torque(axes: Frame | None, law: Callable[..., Vector]) -> Element:
 
 
 class Piece(NamedTuple):
-    """From x = begin on: "line" a + b (x - begin); "arc" a + sqrt(b^2 - (x - c)^2); "cosine" a + b (1 - cos(c (x - begin)))."""
+    """A piece of a road from x = start on.
+    "line" a + b (x - start); "arc" a + sqrt(b^2 - (x - c)^2); "cosine" a + b (1 - cos(c (x - start)))."""
 
     kind: str
-    begin: float
+    start: float
     a: float
     b: float
     c: float
@@ -203,10 +204,10 @@ class Piece(NamedTuple):
         if self.kind == "arc":
             square = self.b * self.b - (x - self.c) ** 2
             return self.a + sqrt(max(square, 0.0)), (self.c - x) / sqrt(max(square, 1e-12))
-        way = x - self.begin
+        distance = x - self.start
         if self.kind == "cosine":
-            return self.a + self.b * (1 - cos(self.c * way)), self.b * self.c * sin(self.c * way)
-        return self.a + self.b * way, self.b
+            return self.a + self.b * (1 - cos(self.c * distance)), self.b * self.c * sin(self.c * distance)
+        return self.a + self.b * distance, self.b
 
 
 class Road(NamedTuple):
@@ -219,7 +220,7 @@ class Road(NamedTuple):
     def at(self, x: float, y: float) -> tuple[float, float]:
         """Height and the slope that the force sees."""
         pieces = self.left if y > 0 else self.right
-        height, slope = pieces[max(bisect_right(pieces, x, key=attrgetter("begin")) - 1, 0)].at(x)
+        height, slope = pieces[max(bisect_right(pieces, x, key=attrgetter("start")) - 1, 0)].at(x)
         return height, 0.0 if self.disc else slope
 
 

@@ -139,19 +139,19 @@ void body_torque(Side body, const Rotation& axes_start, Law law) {
   body.wrench.torque += axes * law(axes.components(body.motion.w));
 }
 
-/// One stretch of road from x = begin to the next one's begin.
+/// One stretch of road from x = start to the next one's start.
 struct Piece {
   enum Kind { line, arc, cosine } kind;
-  double begin, a, b, c;
+  double start, a, b, c;
 
   double height(double x) const {
     if (kind == arc) return a + std::sqrt(std::max(b * b - (x - c) * (x - c), 0.0));
-    if (kind == cosine) return a + b * (1 - std::cos(c * (x - begin)));
-    return a + b * (x - begin);
+    if (kind == cosine) return a + b * (1 - std::cos(c * (x - start)));
+    return a + b * (x - start);
   }
   double slope(double x) const {
     if (kind == arc) return (c - x) / std::sqrt(std::max(b * b - (x - c) * (x - c), 1e-12));
-    return kind == cosine ? b * c * std::sin(c * (x - begin)) : b;
+    return kind == cosine ? b * c * std::sin(c * (x - start)) : b;
   }
 };
 
@@ -166,7 +166,7 @@ struct Road {
  private:
   const Piece& at(double x, double y) const {
     const std::span<const Piece> side = y > 0 ? left : right;
-    const auto after = std::upper_bound(side.begin(), side.end(), x, [](double value, const Piece& p) { return value < p.begin; });
+    const auto after = std::upper_bound(side.begin(), side.end(), x, [](double value, const Piece& p) { return value < p.start; });
     return after == side.begin() ? side.front() : *(after - 1);
   }
 };

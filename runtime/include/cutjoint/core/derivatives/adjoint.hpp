@@ -34,7 +34,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   using Base::inputs, Base::parameters, Base::states;
 
  private:
-  using Base::m, Base::n, Base::averages, Base::indicators, Base::is_explicit, Base::has_stages, Base::carries_derivative, Base::is_derivative_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
+  using Base::m, Base::n, Base::averages, Base::indicators, Base::is_explicit, Base::has_stages, Base::carries_derivative, Base::is_derivative_known_, Base::seeks_multipliers, Base::exogenous, Base::charts, Base::simulation_, Base::blocks_;
   static constexpr std::size_t orders = InputTrajectories<inputs>::orders, coordinates = M::sizes.coordinates, discrete = M::sizes.discrete, length = coordinates + (averages ? 3 : 2) * n + m;
 
  public:
@@ -192,7 +192,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     if constexpr (discrete > 0) {
       M& mechanism = simulation_->mechanism();
       mechanism.begin_step(t, 1.0);
-      std::copy_n(mechanism.last_inputs() + (given - discrete), discrete, x);
+      std::copy_n(mechanism.last_inputs() + (exogenous - discrete), discrete, x);
       mechanism.begin_step(simulation_->state().t, 1.0);
     }
     return {};
@@ -217,7 +217,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
   void load_transposed() {
     Simulation& simulation = *simulation_;
-    if constexpr (given > 0) transposed_.drive_by({&fill, this});
+    if constexpr (exogenous > 0) transposed_.drive_by({&fill, this});
     load_mechanism(transposed_, simulation.parameters().data(), simulation.roads(), simulation.stabilisation(), simulation.penalties());
   }
 
@@ -231,7 +231,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     M& mechanism = simulation_->mechanism();
     if constexpr (discrete > 0) simulation_->set_discrete_values(values);
     mechanism.begin_step(t, 1.0);
-    if constexpr (given > 0) std::copy_n(mechanism.last_inputs(), given, this->u_.begin());
+    if constexpr (exogenous > 0) std::copy_n(mechanism.last_inputs(), exogenous, this->u_.begin());
     transposed_.begin_step(t, 1.0);
   }
 
@@ -333,9 +333,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   void add_inputs() {
-    for (std::size_t i = 0; i < given - discrete; ++i) by_input_[i] += more_input_[i];
+    for (std::size_t i = 0; i < exogenous - discrete; ++i) by_input_[i] += more_input_[i];
     if (this->trajectories_) this->trajectories_->vjp(objective_, more_input_.data());
-    for (std::size_t i = 0; i < discrete; ++i) by_discrete_[i] += more_input_[given - discrete + i];
+    for (std::size_t i = 0; i < discrete; ++i) by_discrete_[i] += more_input_[exogenous - discrete + i];
   }
 
   bool reverse_substep() {
@@ -534,7 +534,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
       for (std::size_t i = 0; i < number; ++i) derivatives[i] += *x++;
     };
     more_input_.fill(0.0);
-    add_next(by_q, coordinates), add_next(by_v, n), add_next(more_input_, given), add_next(by_residual_values_, by_residual_values_.size());
+    add_next(by_q, coordinates), add_next(by_v, n), add_next(more_input_, exogenous), add_next(by_residual_values_, by_residual_values_.size());
     add_inputs();
   }
 
@@ -838,7 +838,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   Fixed<double, loaded> by_loaded_, more_loaded_;
   Fixed<double, parameters> by_parameter_;  ///< through events
   Fixed<double, ForceResidual::loaded> by_residual_values_;  ///< with respect to parameter values in the force residual
-  Fixed<double, given> by_input_, more_input_;
+  Fixed<double, exogenous> by_input_, more_input_;
   Fixed<double, discrete> by_discrete_;
   Fixed<double, Base::columns> by_outputs_;
   Fixed<double, m> by_violation_, nothing_;

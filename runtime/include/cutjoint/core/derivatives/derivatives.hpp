@@ -71,7 +71,7 @@ class Derivatives {
  protected:
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, joints = M::sizes.joint_speeds();
   static constexpr bool has_system = !std::is_same_v<D, S>;
-  static constexpr std::size_t given = numbers_per_input * inputs + M::sizes.discrete;  ///< numbers of inputs, and values that controllers hold, which change only along runs
+  static constexpr std::size_t exogenous = numbers_per_input * inputs + M::sizes.discrete;  ///< numbers of inputs, and values that controllers hold, which change only along runs
 
   struct None {};
 
@@ -137,7 +137,7 @@ class Derivatives {
     for (std::size_t i = 0; i < M::sizes.roads; ++i) roads_[i] = Road<Dual>(simulation.roads()[i]);
     if constexpr (ForceResidual::is_there) force_residual_.load(simulation);
     load_parameters(simulation);
-    if constexpr (given > 0) {
+    if constexpr (exogenous > 0) {
       mechanism_.drive_by({&fill, this});
       if constexpr (has_system) system_.drive_by({&fill, this});
       if constexpr (ForceResidual::is_there) force_residual_.drive_by({&fill_plain, this});
@@ -161,7 +161,7 @@ class Derivatives {
 
   /// Inputs at the mechanism's time, and their derivatives.
   void take_inputs([[maybe_unused]] M& mechanism) {
-    if constexpr (given > 0) std::copy_n(mechanism.last_inputs(), u_.size(), u_.begin());
+    if constexpr (exogenous > 0) std::copy_n(mechanism.last_inputs(), u_.size(), u_.begin());
     if constexpr (inputs > 0)
       if (trajectories_ && along_.number > 0) {
         du_ = shift_;
@@ -389,7 +389,7 @@ class Derivatives {
   Fixed<Dual, M::sizes.cuts> penalties_;
   Fixed<Road<Dual>, M::sizes.roads> roads_;
   Fixed<Dual, states> dx_, dxdot_;
-  Fixed<double, given> u_;
+  Fixed<double, exogenous> u_;
   Fixed<Dual, numbers_per_input * inputs> du_, shift_;
   InputTrajectories<inputs>* trajectories_ = nullptr;
   struct {

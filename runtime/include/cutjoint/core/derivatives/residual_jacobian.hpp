@@ -38,19 +38,19 @@ class ResidualJacobian {
  public:
   static constexpr bool is_there = true;
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
-                               given = inputs + M::sizes.discrete, loaded = T::loaded;
+                               exogenous = inputs + M::sizes.discrete, loaded = T::loaded;
   using Places = T;
   using Changes = std::array<DualPart, n + m>;
   using Numbers = Fixed<double, n + m>;
   static constexpr std::size_t first_speed = coordinates, first_input = first_speed + n, first_discrete = first_input + inputs,
-                               first_loaded = first_input + given, first_acceleration = first_loaded + loaded,
+                               first_loaded = first_input + exogenous, first_acceleration = first_loaded + loaded,
                                first_multiplier = first_acceleration + n, width = first_multiplier + m;
   static std::span<const Chart> charts() { return M::charts; }
   static constexpr bool has_balls = coordinates > M::sizes.joint_speeds();
   using JacobianEntries = Fixed<double, T::starts[n + m]>;  ///< in the order of the output
 
   void drive_by([[maybe_unused]] const InputSource<double>& source) {
-    if constexpr (given > 0) plain_.drive_by(source);
+    if constexpr (exogenous > 0) plain_.drive_by(source);
   }
 
   /// The parameters of a simulation, with zero derivatives.
@@ -354,7 +354,7 @@ class ResidualJacobian {
     Fixed<double, coordinates> q;
     Fixed<double, n> v, vdot;
     Fixed<double, m> lambda;
-    Fixed<double, given> u;
+    Fixed<double, exogenous> u;
     JacobianEntries derivative;
     Bordered<T> matrix;
   };

@@ -11,32 +11,32 @@
 namespace cutjoint {
 
 enum class PieceKind {
-  line,    ///< z = a + b (x - begin)
+  line,    ///< z = a + b (x - start)
   arc,     ///< z = a + sqrt(b^2 - (x - c)^2): the path of the centre of a disc of radius b over an edge at x = c
-  cosine,  ///< z = a + b (1 - cos(c (x - begin)))
+  cosine,  ///< z = a + b (1 - cos(c (x - start)))
 };
 
-/// One piece of road from x = begin to the next piece's begin; lengths in m.
+/// One piece of road from x = start to the next piece's start; lengths in m.
 template <class Real>
 struct Piece {
   PieceKind kind;
-  Real begin, a, b, c;
+  Real start, a, b, c;
 
   Real height(Real x) const {
     using std::cos, std::sqrt, std::max;
     switch (kind) {
       case PieceKind::arc: return a + sqrt(max(b * b - (x - c) * (x - c), Real(0)));
-      case PieceKind::cosine: return a + b * (Real(1) - cos(c * (x - begin)));
+      case PieceKind::cosine: return a + b * (Real(1) - cos(c * (x - start)));
       case PieceKind::line: break;
     }
-    return a + b * (x - begin);
+    return a + b * (x - start);
   }
 
   Real slope(Real x) const {
     using std::sin, std::sqrt, std::max;
     switch (kind) {
       case PieceKind::arc: return -(x - c) / sqrt(max(b * b - (x - c) * (x - c), Real(1e-12)));
-      case PieceKind::cosine: return b * c * sin(c * (x - begin));
+      case PieceKind::cosine: return b * c * sin(c * (x - start));
       case PieceKind::line: break;
     }
     return b;
@@ -49,7 +49,7 @@ struct Piece {
         const Real root = sqrt(max(b * b - (x - c) * (x - c), Real(1e-12)));
         return -b * b / (root * root * root);
       }
-      case PieceKind::cosine: return b * c * c * cos(c * (x - begin));
+      case PieceKind::cosine: return b * c * c * cos(c * (x - start));
       case PieceKind::line: break;
     }
     return Real(0);
