@@ -1,4 +1,4 @@
-"""What no method, twin, peer or tool of this machine can do is refused before anything is derived or compiled."""
+"""What no method, generic solver, peer or tool of this machine can do is refused before anything is derived or compiled."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Force, PointSpring
 from cutjoint.topology.reading import read_model
 from cutjoint_bench.export.mechanism import build_mechanism
+from cutjoint_bench.generic import artifact
+from cutjoint_bench.generic.artifact import compile_generic
+from cutjoint_bench.generic.mechanism import _KINDS
 from cutjoint_bench.mechanics_alone import KNOWN
-from cutjoint_bench.twin import artifact
-from cutjoint_bench.twin.artifact import compile_generic
-from cutjoint_bench.twin.mechanism import _KINDS
 from tests.conftest import MODELS
 from tests.model.test_docs import EVERY_FORCE
 
@@ -40,7 +40,7 @@ class _OddForce(PointSpring):
     element: ClassVar[ForceElement] = replace(PointSpring.element, kind="odd", interaction=_Odd(**vars(PointSpring.element.interaction)))
 
 
-def test_one_table_has_the_interactions_of_the_twin_and_of_peers() -> None:
+def test_one_table_has_the_interactions_of_the_generic_solver_and_of_peers() -> None:
     assert set(_KINDS) == set(KNOWN)
 
 

@@ -17,7 +17,7 @@ from cutjoint.run.results import FailureReport
 from cutjoint.tasks.states import NoEquilibriumError
 from tests.conftest import MODELS
 
-#: The built-in class of each error that is told to users, besides Exception.
+#: The built-in class of each error that is reported to users, besides Exception.
 BUILT_IN: dict[str, type[Exception] | None] = {
     "ConstantError": ArithmeticError, "CutjointError": None, "EquationsError": None, "FailedBatchError": RuntimeError,
     "FailedRealTimeError": RuntimeError, "FailedRunError": RuntimeError, "GuideError": ValueError, "IncompleteError": RuntimeError,
@@ -32,7 +32,7 @@ STAGES = {
     "SimulationError", "SimulatorError", "ToolchainError",
 }  # fmt: skip
 
-#: Errors that become another error, with its place in the user's file, before anybody is told.
+#: Errors that become another error, with its place in the user's file, before anybody is reported.
 CONVERTED = {
     "AsymmetryError", "ExpressionError", "GlbError", "NoEmbeddingError", "NoMassError", "NoPivotError", "NotReachedError",
     "OverflowedConstantError", "QuantityError", "SingularError", "StepsError", "UnitError",
@@ -60,10 +60,10 @@ def test_every_error_has_the_one_class_or_becomes_one_that_has() -> None:
 
 
 def test_every_error_is_caught_by_an_exported_class_of_its_stage() -> None:
-    told = [c for c in error_classes().values() if issubclass(c, cutjoint.CutjointError) and c is not cutjoint.CutjointError]
+    reported = [c for c in error_classes().values() if issubclass(c, cutjoint.CutjointError) and c is not cutjoint.CutjointError]
     stages = {name: c for name, c in exported().items() if c.__bases__[0] is cutjoint.CutjointError}
     assert stages.keys() == STAGES
-    assert [c for c in told if not issubclass(c, tuple(stages.values()))] == []
+    assert [c for c in reported if not issubclass(c, tuple(stages.values()))] == []
 
 
 def test_errors_keep_their_built_in_classes() -> None:

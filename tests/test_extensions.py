@@ -24,7 +24,7 @@ from cutjoint.package.extensions import COMMANDS, EXPORTERS, ExtensionPoint, Mis
 from cutjoint.run.additions import Export, Exporter
 from cutjoint.toolchain.drivers import Kind
 from cutjoint_bench import driver
-from cutjoint_bench.twin import backend
+from cutjoint_bench.generic import backend
 from tests.conftest import MODELS, needs_cpp
 
 FOUR_BAR = MODELS / "four_bar.yaml"
@@ -105,7 +105,8 @@ def test_implementations_of_other_packages_have_their_place_in_the_catalogue() -
 
 def test_a_backend_is_imported_without_what_compiles() -> None:
     """A cached run needs its code's digest."""
-    heavy = outputs_of("import sys; import cutjoint_bench.twin.backend; print('sympy' in sys.modules, 'cutjoint.compile' in sys.modules)")
+    code = "import sys; import cutjoint_bench.generic.backend; print('sympy' in sys.modules, 'cutjoint.compile' in sys.modules)"
+    heavy = outputs_of(code)
     assert heavy == "False False\n"
 
 

@@ -106,7 +106,7 @@ def asked() -> Iterator[Options]:
         yield Options(integrator=integrator, events=events, iterations=iterations)
 
 
-def told(scene: Scene, method: str, implementation: Implementation, options: Options) -> dict[str, Any] | str:
+def reported(scene: Scene, method: str, implementation: Implementation, options: Options) -> dict[str, Any] | str:
     """The entries of the run file, or what is wrong with the options."""
     try:
         return make_run_file(MODEL, scene, {}, task="simulate", method=method, implementation=implementation, options=options).entries()
@@ -123,7 +123,7 @@ def test_every_choice_has_a_run_file_or_a_way_out(method: str, closure: str, imp
     scene = replace(rest, numerics=replace(rest.numerics, closure=closure))
     alternatives = {*METHODS, *CLOSURES, *INTEGRATORS, *Events}
     for options in asked():
-        found = told(scene, method, implementation, options)
+        found = reported(scene, method, implementation, options)
         if isinstance(found, str):
             wrong = {options.integrator or DEFAULT_INTEGRATOR, options.events}
             assert words(found) & (alternatives - wrong), found
@@ -144,18 +144,18 @@ def test_a_scenes_integrator_is_meant_for_the_methods_that_it_takes(integrator: 
     rest = MODEL.scenes["rest"]
     scene = replace(rest, numerics=replace(rest.numerics, integrator=integrator))
     for method, implementation in product(METHODS, Implementation):
-        found = told(scene, method, implementation, Options())
+        found = reported(scene, method, implementation, Options())
         assert isinstance(found, dict)
         known = INTEGRATORS[integrator]
         takes = method in known.methods and (implementation is not Implementation.GENERIC or known.has_generic)
         assert (found["integrator"] == integrator) or not takes
-        assert takes or found["integrator"] == told(rest, method, implementation, Options())["integrator"]
+        assert takes or found["integrator"] == reported(rest, method, implementation, Options())["integrator"]
 
 
 def test_all_settings_of_an_integrator_are_in_its_run_file() -> None:
     settings = {name for i in INTEGRATORS.values() for name in i.settings}
     for integrator in INTEGRATORS.values():
-        found = told(MODEL.scenes["rest"], integrator.methods[0], Implementation.GENERATED, Options(integrator=integrator.name))
+        found = reported(MODEL.scenes["rest"], integrator.methods[0], Implementation.GENERATED, Options(integrator=integrator.name))
         assert isinstance(found, dict)
         assert {name for name in settings if found["numerics"][name] is not None} == set(integrator.settings)
 

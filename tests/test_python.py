@@ -26,7 +26,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import ModelLike, find_scene
 from cutjoint.tasks import compiled
 from cutjoint.tasks.batch import BatchArtifact
-from cutjoint_bench.twin.artifact import compile_generic_model
+from cutjoint_bench.generic.artifact import compile_generic_model
 from tests.conftest import MODELS, ROOT, needs_cpp
 from tests.fuzz.press import environment
 

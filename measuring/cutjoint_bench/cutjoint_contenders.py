@@ -1,4 +1,4 @@
-"""The methods of cutjoint as contenders: every formulation, twin and linear solver that there is."""
+"""The methods of cutjoint as contenders: every formulation, generic solver and linear solver that there is."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.cache import runtime_digest
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.driver import ADDED_SOLVERS, ALL_SOLVERS
+from cutjoint_bench.generic.artifact import compile_generic
+from cutjoint_bench.generic.build import measuring_digest
 from cutjoint_bench.records import Case, Contender
-from cutjoint_bench.twin.artifact import compile_generic
-from cutjoint_bench.twin.build import measuring_digest
 
 #: Number types with the relative change of the accelerations at which a step ends: so small that rounding alone is left to see.
 TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 1e-13, "quad": 1e-18}
@@ -139,7 +139,7 @@ def cutjoint_contenders() -> Iterator[Contender]:
             yield _contender(f"{method}/{solver}", f"{method}, {solver}", "solvers", method=method, solver=solver)
     for method in names_of(METHODS, lambda m: m.has_generic):
         yield Contender(
-            name=f"{method}/generic", label=f"{method}, generic twin", group="generic", prepare=partial(_prepare_twin, method=method),
+            name=f"{method}/generic", label=f"{method}, generic solver", group="generic", prepare=partial(_prepare_generic, method=method),
             identify=partial(identify_code, method=method, implementation=Implementation.GENERIC),
         )  # fmt: skip
 
@@ -182,7 +182,7 @@ def _prepare(
     )
 
 
-def _prepare_twin(case: Case, *, method: str) -> OwnRunner:
+def _prepare_generic(case: Case, *, method: str) -> OwnRunner:
     return OwnRunner(artifact=compile_generic(case.model, case.scene, method=method, outputs=case.outputs), parameters=case.parameters)
 
 
@@ -204,7 +204,7 @@ def identify_code(
 
 
 def has_added(artifact: Artifact) -> bool:
-    """Return whether a simulator has C++ of this package: it is the twin, or its driver has additions."""
+    """Return whether a simulator has C++ of this package: it is the generic solver, or its driver has additions."""
     return artifact.implementation.is_generic or artifact.precision != DEFAULT_PRECISION or bool(artifact.additions)
 
 

@@ -1,4 +1,4 @@
-"""Models with mechanics alone, which the generic twin and peers have equations for."""
+"""Models with mechanics alone, which the generic solver and peers have equations for."""
 
 from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.model.elements.friction import bristle_name
@@ -6,7 +6,7 @@ from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.expressions.quantities import reading_elements
 from cutjoint.model.records import BallSpring, Contact, FirstOrderState, Force, JointFriction, Model, Signal, Wheel
 
-#: The interactions whose equations others have too: those that stand in the twin and in programs of peers by hand.
+#: The interactions whose equations others have too: those that stand in the generic solver and in programs of peers by hand.
 KNOWN = (AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench)
 
 

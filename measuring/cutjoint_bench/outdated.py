@@ -12,10 +12,10 @@ from cutjoint.toolchain.cache import runtime_digest
 from cutjoint_bench.contenders import CONTENDERS
 from cutjoint_bench.cutjoint_contenders import identify_code
 from cutjoint_bench.failures.trials import case_of
+from cutjoint_bench.generic.build import measuring_digest
 from cutjoint_bench.records import Case, Contender
 from cutjoint_bench.reductions import NoReductionError
 from cutjoint_bench.study import Plan, grid_of
-from cutjoint_bench.twin.build import measuring_digest
 
 Data = Mapping[str, Any]
 

@@ -405,9 +405,9 @@ def test_check_says_what_becomes_of_loops(tmp_path: Path) -> None:
     file = tmp_path / "swing.yaml"
     file.write_text(HELD, encoding="utf-8")
     said = CliRunner().invoke(main, ["check", str(file)]).output.replace("\n", " ")
-    told = re.search(r"'a' embeds 3 other joints as functions of its coordinate, violation \S+; (.*)", said)
-    assert told is not None, said
-    off = re.match(r"at 1000 random coordinates speeds are (\S+) off at q' = 1, accelerations (\S+) ", told[1])
+    reported = re.search(r"'a' embeds 3 other joints as functions of its coordinate, violation \S+; (.*)", said)
+    assert reported is not None, said
+    off = re.match(r"at 1000 random coordinates speeds are (\S+) off at q' = 1, accelerations (\S+) ", reported[1])
     assert off is not None, said
     assert float(off[1]) < 1e-10
     assert float(off[2]) < 1e-8

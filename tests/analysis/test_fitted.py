@@ -53,7 +53,7 @@ def test_random_mechanisms_with_other_points_move_as_by_their_loops_equations(ma
     assert [one.functions.open for one in outcome.model.embedded_loops] == [True], [note.text for note in outcome.left]
     exact, fitted = run(model, scene, changed), run(outcome.model, scene, changed)
     assert exact.failure is None
-    if fitted.failure is not None:  # told, never wrong: some ranges are too long for other points
+    if fitted.failure is not None:  # reported, never wrong: some ranges are too long for other points
         assert "its loops do not close over the range of their functions with these parameters" in fitted.failure.message
         assert seed > 1
         return

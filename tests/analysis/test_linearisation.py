@@ -52,7 +52,7 @@ def change(start: RecursiveEquations, q: Array, beside: Array) -> Array:
     return x
 
 
-def slopes(dense: DenseMechanism, start: RecursiveEquations, q: Array, v: Array, pose: Array, speeds: Array, N: Array, M: Array) -> Array:
+def tangent(dense: DenseMechanism, start: RecursiveEquations, q: Array, v: Array, pose: Array, speeds: Array, N: Array, M: Array) -> Array:
     """The rates of (z, w): that of z by following both motions for a moment, that of w from the accelerations."""
     tau = 1e-4
     ahead, behind = (change(start, retract(start, q, s * tau * v), retract(start, pose, s * tau * speeds)) for s in (1, -1))
@@ -73,7 +73,7 @@ def verify(equations: ImplicitEquations, seed: int) -> ReducedSystem:
     for e in np.eye(2 * n):
         size = H / np.abs(N @ e[:n]).max() if e[:n].any() else H / np.abs(N @ e[n:]).max()
         beside = [displaced(start, q, v, k * size * e[:n], k * size * e[n:], of, N) for k in WEIGHTS]
-        rates = [slopes(dense, start, q, v, *at, N, of.M) for at in beside]
+        rates = [tangent(dense, start, q, v, *at, N, of.M) for at in beside]
         columns.append(sum(w * r for w, r in zip(WEIGHTS.values(), rates, strict=True)) / size)
     expected = np.array(columns).T
     assert system.first_order[:n] == pytest.approx(expected[:n], abs=1e-7 * np.abs(expected[:n]).max())

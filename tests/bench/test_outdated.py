@@ -30,9 +30,9 @@ def test_what_is_of_other_code_or_missing_is_named(tmp_path: Path) -> None:
     assert find_outdated(plan, data) == []
     changed = deepcopy(data)
     changed["cases"][0]["lines"][1]["configuration"]["runtime"] = "another"
-    assert find_outdated(plan, changed) == ["pendulum/swing, augmented, generic twin"]
+    assert find_outdated(plan, changed) == ["pendulum/swing, augmented, generic solver"]
     changed["cases"][0]["lines"][0]["configuration"]["digest"] = "another"
-    assert find_outdated(plan, changed) == ["pendulum/swing, recursive", "pendulum/swing, augmented, generic twin"]
+    assert find_outdated(plan, changed) == ["pendulum/swing, recursive", "pendulum/swing, augmented, generic solver"]
     more = swing("recursive", "augmented/generic", "classical", "recursive/half")  # of which a pendulum has no half
     assert find_outdated(more, data) == ["pendulum/swing, classical (not measured)"]
 

@@ -114,12 +114,12 @@ def test_a_line_that_was_broken_off_is_passed_over_and_nothing_is_lost(tmp_path:
 
 
 def test_shares_of_parts_are_those_of_the_whole() -> None:
-    told: list[tuple[str, float | None]] = []
+    reported: list[tuple[str, float | None]] = []
 
     def say(text: str, /, *, share: float | None = None) -> None:
-        told.append((text, share))
+        reported.append((text, share))
 
     part = part_of(part_of(say, 1, 2), 3, 4)
     part("half of the last quarter of the second half", share=0.5)
     part("no share")
-    assert told == [("half of the last quarter of the second half", 0.9375), ("no share", None)]
+    assert reported == [("half of the last quarter of the second half", 0.9375), ("no share", None)]

@@ -74,8 +74,8 @@ def test_restored_moments_of_python_go_on_the_same(method: str, tmp_path: Path) 
 def test_generated_code_of_a_loop_has_the_loads_of_the_interpreter(method: str) -> None:
     model = read_model_text(FOUR_BAR.format(cut="true", more=""), "four_bar.yaml")
     scene = model.scenes["swing"]
-    made, told = compile_scene(model, scene, CompileOptions(method=method)), compile_interpreted(model, scene, method=method)
-    runs = [simulate(artifact, dt=1e-3, integrator="trapezoidal", error=False, check=True) for artifact in (made, told)]
+    made, reported = compile_scene(model, scene, CompileOptions(method=method)), compile_interpreted(model, scene, method=method)
+    runs = [simulate(artifact, dt=1e-3, integrator="trapezoidal", error=False, check=True) for artifact in (made, reported)]
     for name in ("A.angle", "at_A.load", "at_C.load"):
         assert runs[0][name] == pytest.approx(runs[1][name], rel=1e-8), name
 

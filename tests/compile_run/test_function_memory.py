@@ -156,11 +156,11 @@ def test_a_simulation_that_a_host_holds_goes_on_bit_by_bit() -> None:
     simulation = load(worn(), flags=FLAGS)
     simulation.reset()
     simulation.advance(0.123)
-    kept, twin, text = simulation.snapshot(), copy.deepcopy(simulation), pickle.dumps(simulation)
+    kept, copied, text = simulation.snapshot(), copy.deepcopy(simulation), pickle.dumps(simulation)
     simulation.advance(0.4)
     known = simulation.outputs.array.copy()
     assert known[-1] < 0.63
-    for other in (twin, pickle.loads(text)):
+    for other in (copied, pickle.loads(text)):
         other.advance(0.4)
         np.testing.assert_array_equal(other.outputs.array, known)
     simulation.restore(kept)
@@ -267,14 +267,14 @@ def test_python_has_the_code(method: str) -> None:
     found = load(declared(), method=method, flags=FLAGS, functions={"wear": soften, "wear_update": keep_most}).reset()
     for each in (known, found):
         each.advance(0.2)
-    twin, kept = found.copy(), found.snapshot()
-    for each in (known, found, twin):
+    copied, kept = found.copy(), found.snapshot()
+    for each in (known, found, copied):
         each.advance(0.4)
     np.testing.assert_allclose(found.outputs.array, known.outputs.array, rtol=1e-12, atol=1e-12)
-    np.testing.assert_array_equal(twin.outputs.array, found.outputs.array)
+    np.testing.assert_array_equal(copied.outputs.array, found.outputs.array)
     found.restore(kept)
     found.advance(0.4)
-    np.testing.assert_array_equal(twin.outputs.array, found.outputs.array)
+    np.testing.assert_array_equal(copied.outputs.array, found.outputs.array)
 
 
 @pytest.mark.heavy

@@ -123,10 +123,10 @@ REFUSED = [
 @pytest.mark.parametrize(("text", "message"), REFUSED)
 def test_what_no_system_may_have_is_reported(text: str, message: str, tmp_path: Path) -> None:
     file = system(tmp_path / "s.ssp", text, hanging=b"x")
-    with pytest.raises(RunError) as told, open_system([file], {}, "pushed"):
+    with pytest.raises(RunError) as reported, open_system([file], {}, "pushed"):
         pass
-    assert str(told.value).startswith(f"{file}: ")
-    assert message in str(told.value)
+    assert str(reported.value).startswith(f"{file}: ")
+    assert message in str(reported.value)
     assert sorted(each.name for each in tmp_path.iterdir()) == ["s.ssp"]
 
 

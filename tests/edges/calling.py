@@ -18,7 +18,7 @@ from tests.fuzz.limits import HangError, at_most, at_most_bytes
 from tests.fuzz.press import press
 
 from .commands import good_calls
-from .values import DATA, FIT, FOLDER, LINK, MODEL, ROBOT, STUDY, TABLE, TWIN
+from .values import DATA, FIT, FOLDER, HARD_LINK, LINK, MODEL, ROBOT, STUDY, TABLE
 
 #: Seconds that a call may take on an idle machine.
 LIMIT = 10.0
@@ -67,10 +67,10 @@ def set_up(folder: Path) -> dict[str, bytes]:
     Path(DATA).write_text("t,slider.x\n0.1,0.36\n0.15,0.35\n0.2,0.3\n", encoding="utf-8")
     Path(ROBOT).write_text('<robot name="robot"><link name="base"/></robot>', encoding="utf-8")
     Path(LINK).symlink_to(MODEL)
-    Path(TWIN).hardlink_to(MODEL)
+    Path(HARD_LINK).hardlink_to(MODEL)
     Path("loop").symlink_to("loop")
     Path(FOLDER).mkdir()
-    return {name: Path(name).read_bytes() for name in (MODEL, TABLE, STUDY, FIT, DATA, ROBOT, LINK, TWIN)}
+    return {name: Path(name).read_bytes() for name in (MODEL, TABLE, STUDY, FIT, DATA, ROBOT, LINK, HARD_LINK)}
 
 
 @cache

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import click
 
-MODEL, LINK, TWIN, TABLE, FOLDER, STUDY = "press.yaml", "link.yaml", "twin.yaml", "cases.csv", "folder", "study.yaml"
+MODEL, LINK, HARD_LINK, TABLE, FOLDER, STUDY = "press.yaml", "link.yaml", "hard_link.yaml", "cases.csv", "folder", "study.yaml"
 FIT, DATA = "fit.yaml", "measured.csv"
 ROBOT = "robot.urdf"
 
@@ -24,7 +24,7 @@ CHANGES = tuple(f"stiffness={value}" for value in ("", "nan", "inf", "1e999", "1
 FILES_IN = ("", "missing", FOLDER, "/dev/null", "/dev/full", "/bin/ls", _ESCAPE, _NOT_UTF8, _LONG, f"{MODEL}/below")
 FILES_OUT = ("", FOLDER, "/dev/full", "/proc/nothing.csv", _LONG, f"{MODEL}/below", "loop")
 #: The model, by other names too.
-MODELS = (MODEL, f"./{FOLDER}/../{MODEL}", LINK, TWIN)
+MODELS = (MODEL, f"./{FOLDER}/../{MODEL}", LINK, HARD_LINK)
 FOLDERS_OUT = ("", MODEL, LINK, "/dev/full", "/dev/null", "/proc/nothing", _LONG, f"{MODEL}/below", "loop")
 #: Odd, but no fault of the option's: a command does what is asked for, or refuses it.
 ODD_FILES_OUT = ("/dev/null", _ESCAPE, _NOT_UTF8, "new/folder/file.csv", "no_suffix", "-")

@@ -29,9 +29,9 @@ from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology
 from cutjoint_bench.export.columns import known_outputs
 from cutjoint_bench.export.peers import PEERS, Peer
+from cutjoint_bench.generic.build import build_generic
+from cutjoint_bench.generic.mechanism import describe_generic
 from cutjoint_bench.peers.run import available, build_peer, run_peer
-from cutjoint_bench.twin.build import build_generic
-from cutjoint_bench.twin.mechanism import describe_generic
 from tests.conftest import MODELS
 from tests.mechanisms.random_models import TIME, scene
 

@@ -162,10 +162,10 @@ def test_the_command_writes_the_model_with_its_comments(tmp_path: Path) -> None:
     model, page, out = (tmp_path / name for name in ("new.yaml", "page.html", "fit.json"))
     done = CliRunner().invoke(main, ["fit", str(tmp_path / "study.yaml"), "--out", str(out), "--model", str(model), "--view", str(page)])
     assert done.exit_code == 0, done.output
-    told = json.loads(out.read_text())
-    assert told["verdict"] == "identified"
-    assert told["signals"][1]["validation"]
-    assert told["signals"][1]["rms"] < 1e-8
+    reported = json.loads(out.read_text())
+    assert reported["verdict"] == "identified"
+    assert reported["signals"][1]["validation"]
+    assert reported["signals"][1]["rms"] < 1e-8
     written = model.read_text()
     assert "# of the bearing" in written
     assert "# as drawn" in written
@@ -273,8 +273,8 @@ def test_an_interrupted_fit_says_what_it_has(tmp_path: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt) as stopped:
         cutjoint.fit(study, note=stop)
-    (told,) = stopped.value.__notes__
-    assert float(told.split("friction: {start: ")[1].split("}")[0]) == pytest.approx(0.3, rel=0.05)
+    (reported,) = stopped.value.__notes__
+    assert float(reported.split("friction: {start: ")[1].split("}")[0]) == pytest.approx(0.3, rel=0.05)
 
 
 def test_a_driven_arm_from_rest_with_ties_starts_and_bootstrap(tmp_path: Path) -> None:

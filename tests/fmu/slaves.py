@@ -77,7 +77,7 @@ def names_in(packed: bytes) -> list[str]:
 class Slave:
     """An instance; ``log`` has the messages of its logger.  Methods return statuses.
 
-    In FMI 3 it is told whether the host handles ``events`` and lets steps end ``early``; ``update`` is called within steps with the time,
+    In FMI 3 it learns whether the host handles ``events`` and lets steps end ``early``; ``update`` is called within steps with the time,
     and returns at which it wants the step to end, or None.  ``event``, ``early`` and ``last`` are what the last step said, with the time
     that it came to.
     """
@@ -87,7 +87,7 @@ class Slave:
         update: Callable[[float], float | None] | None = None, intermediate: Sequence[str] = (),
     ) -> None:  # fmt: skip
         self.fmu, self.log, self._exchanges = fmu, list[str](), exchanges
-        self._told, self._update, self._intermediate = (ctypes.c_bool(events), ctypes.c_bool(early)), update, intermediate
+        self._host, self._update, self._intermediate = (ctypes.c_bool(events), ctypes.c_bool(early)), update, intermediate
         self.event, self.early, self.last = False, False, 0.0
         self.references = {v.name: i for i, v in enumerate(fmu.interface.variables)}
         self._library = ctypes.CDLL(str(fmu.build(target="baseline")))
@@ -113,13 +113,13 @@ class Slave:
         function.restype = ctypes.c_void_p
         places = (ctypes.c_uint * len(self._intermediate))(*[self.references[name] for name in self._intermediate])
         self._called: Any = _UPDATE(self._on_update) if self._update else None
-        return function(b"slave", guid, b"", no, no, *self._told, places, ctypes.c_size_t(len(places)), None, self._logger, self._called)
+        return function(b"slave", guid, b"", no, no, *self._host, places, ctypes.c_size_t(len(places)), None, self._logger, self._called)
 
     def _on_update(self, _: Any, time: float, *rest: Any) -> None:
         """Of the flags before the answer the first is about inputs, the last about early return."""
         assert self._update is not None
         assert rest[:3] == (False, True, True)
-        assert rest[3] == self._told[1].value
+        assert rest[3] == self._host[1].value
         wanted = self._update(time)
         if wanted is not None:
             rest[4][0], rest[5][0] = True, wanted

@@ -200,14 +200,14 @@ def test_derivatives_by_parameters_are_those_of_motions_that_are_linear_in_them(
         assert instance.call("EnterEventMode") == instance.set(stiffness=stiffness) == instance.call("EnterContinuousTimeMode") == OK
         return np.array([*instance.derive(0.02, x), instance.get()[3]])
 
-    slopes = (values(3000.0) - values(2000.0)) / 1000.0
-    assert abs(slopes[1]) > 1e-4
-    assert instance.directional(unknowns, ["stiffness"], [1.0]) == pytest.approx(slopes, rel=1e-10, abs=1e-12)
+    derivatives = (values(3000.0) - values(2000.0)) / 1000.0
+    assert abs(derivatives[1]) > 1e-4
+    assert instance.directional(unknowns, ["stiffness"], [1.0]) == pytest.approx(derivatives, rel=1e-10, abs=1e-12)
     both = instance.directional(unknowns, ["stiffness", "state[1]"], [2.0, 3.0])
-    assert both == pytest.approx(2.0 * slopes + 3.0 * instance.directional(unknowns, ["state[1]"], [1.0]), rel=1e-10)
+    assert both == pytest.approx(2.0 * derivatives + 3.0 * instance.directional(unknowns, ["state[1]"], [1.0]), rel=1e-10)
     if version == 3:
         weights = [0.3, 2.0, -1.0]
-        assert instance.directional(unknowns, ["stiffness"], weights, adjoint=True) == pytest.approx([weights @ slopes], rel=1e-10)
+        assert instance.directional(unknowns, ["stiffness"], weights, adjoint=True) == pytest.approx([weights @ derivatives], rel=1e-10)
 
 
 @pytest.mark.parametrize("name", ["press", "spinning", "driven"])

@@ -106,7 +106,7 @@ def make_pair(
     return Pair(recursive, natural.with_tangent(places(pattern)), pattern, roads)
 
 
-def told(model: Model) -> tuple[Output, ...]:
+def reported(model: Model) -> tuple[Output, ...]:
     """Every quantity that natural coordinates tell, but reactions."""
     rods = {j.name for j in model.joints if not j.element.is_measured}
     tree = [t.joint for t in build_topology(model).tree if t.joint.name not in rods]
@@ -174,7 +174,7 @@ def natural_report(pair: Pair, at: Instant) -> dict[str, float]:
 
 def compare(model: Model, seed: int, chosen: Scene = SCENE, tolerance: float = 1e-6) -> None:
     model = without_rod_forces(model)
-    pair = make_pair(model, chosen, told(model))
+    pair = make_pair(model, chosen, reported(model))
     compared = 0
     for at in states(pair, seed):
         expected, found = recursive_report(pair, at), natural_report(pair, at)
@@ -331,8 +331,8 @@ def differences(pair: Pair, q: Array, v: Array, vdot: Array) -> tuple[Array, Arr
             moved = {"q": q, "v": v, "vdot": vdot}
             moved[name] = moved[name] + sign * step
             values.append(pair.call("dynamic_residual", **moved))
-        slopes = [(values[0][name] - values[1][name]) / (2 * h) for name in ("force_residual", "residual")]
-        return slopes[0], slopes[1]
+        derivatives = [(values[0][name] - values[1][name]) / (2 * h) for name in ("force_residual", "residual")]
+        return derivatives[0], derivatives[1]
 
     def matrix(name: str) -> tuple[Array, Array]:
         columns = [column(name, i) for i in range(pair.n)]
@@ -418,7 +418,7 @@ def test_points_that_coincide_by_a_default_alone_stay_apart(reach: float, tmp_pa
     path = tmp_path / "coincident.yaml"
     path.write_text(COINCIDENT, encoding="utf-8")
     model = read_model(path)
-    pair = make_pair(model, model.scenes["swing"], told(model), parameters={"reach": reach})
+    pair = make_pair(model, model.scenes["swing"], reported(model), parameters={"reach": reach})
     (at,) = states(pair, 1)
     expected, found = recursive_report(pair, at), natural_report(pair, at)
     for name, value in found.items():

@@ -130,11 +130,11 @@ def check(text: str, limit: str = _PATIENT) -> tuple[str, ...]:
         assert len(done.stderr) < 2000, "a long message"
         if (folder / "run.csv").exists():
             assert (folder / "run.csv").read_text(encoding="utf-8").splitlines() == good, "another table"
-            told = re.findall(r"bad\.fmu: (it cannot be terminated: .*; the table is whole)$", done.stderr, re.MULTILINE)
-            assert (done.returncode, len(told)) in ((0, 0), (1, 1)), done.stderr[-600:]
-            assert told or case["call"] not in ("Terminate", "FreeInstance") or case["deed"] not in _ENDING, "no word about its end"
-            assert not told or case["deed"] not in _HARMLESS, "a word about an end without a fault"
-            return tuple(told)
+            reported = re.findall(r"bad\.fmu: (it cannot be terminated: .*; the table is whole)$", done.stderr, re.MULTILINE)
+            assert (done.returncode, len(reported)) in ((0, 0), (1, 1)), done.stderr[-600:]
+            assert reported or case["call"] not in ("Terminate", "FreeInstance") or case["deed"] not in _ENDING, "no word about its end"
+            assert not reported or case["deed"] not in _HARMLESS, "a word about an end without a fault"
+            return tuple(reported)
         assert case["deed"] not in _HARMLESS, done.stderr[-600:]
         assert "bad.fmu: " in done.stderr, done.stderr[-600:]
         assert re.search("cannot (be|begin)|the step from|its output|it ends the simulation", done.stderr), done.stderr[-600:]

@@ -1,6 +1,6 @@
 """Random calls of a host on a mechanism with a guided input: none leaves a trace beyond what it should.
 
-Another simulation, which is told the same from a snapshot or a fresh start, has the same bits.  Guides go along the parabolas that the
+Another simulation, which gets the same calls from a snapshot or a fresh start, has the same bits.  Guides go along the parabolas that the
 documentation promises, which are drawn here anew, and loops stay closed all the while.
 """
 

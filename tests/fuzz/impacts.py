@@ -111,11 +111,11 @@ def _compare(case: Node, limit: dict[str, Any], rows: Any) -> Iterator[str]:
                 yield f"{words}: {run.failure.message}"
                 continue
             apart = max(float(np.abs(run[name] - limit[name])[rows].max()) for name in limit)
-            told = max(run.error.max_error.values())
-            assert apart <= max(ALLOWED, 3 * told), f"{words} is {apart:.1e} m off and says {told:.1e}"
+            reported = max(run.error.max_error.values())
+            assert apart <= max(ALLOWED, 3 * reported), f"{words} is {apart:.1e} m off and says {reported:.1e}"
             assert run.energy is not None
             energy = max(energy, run.energy.kinetic)
-            is_fine = told <= ALLOWED  # steps that say they are too long for the motion are too long for its balance
+            is_fine = reported <= ALLOWED  # steps that say they are too long for the motion are too long for its balance
             if run.energy.share > 0.02 and is_fine:
                 # a guide that leaves no freedom has a motion without error, and power whose peaks equal steps go over
                 defect = f"{words}: work and energy differ by {run.energy.defect:.1e} J"

@@ -96,16 +96,16 @@ def check(text: str) -> tuple[str, ...]:
     except NoInertiaError as error:
         return tuple(str(error).splitlines())
     redundant = bool(find_mobility(exact.mechanism).redundant)
-    told, runs = {}, {}
+    said, runs = {}, {}
     for method in METHODS:
-        told[method], runs[method] = _try(model, method, redundant=redundant)
+        said[method], runs[method] = _try(model, method, redundant=redundant)
     # both stop in poses that do not determine the motion
-    if not told["classical"] and not told["recursive"] and (limit := _limit(text)) is not None:
-        stopped = {method: reason for method, reason in told.items() if reason}
+    if not said["classical"] and not said["recursive"] and (limit := _limit(text)) is not None:
+        stopped = {method: reason for method, reason in said.items() if reason}
         assert not stopped, f"classical and recursive move the mechanism, others do not: {stopped}"
         for method, run in runs.items():
             _compare(method, run, limit)
-    return tuple(reason for reason in told.values() if reason)
+    return tuple(reason for reason in said.values() if reason)
 
 
 def _try(model: Model, method: str, *, redundant: bool) -> tuple[str, Trajectory | None]:
@@ -113,14 +113,14 @@ def _try(model: Model, method: str, *, redundant: bool) -> tuple[str, Trajectory
     try:
         run = simulate(compile_interpreted(model, model.scenes["run"], method=method), check=False)
     except RunError as error:
-        told = str(error)
-        if not redundant and "mass" not in told:
-            raise AssertionError(f"{method} refuses loops whose equations are independent: {told}") from error
-        return told, None
+        said = str(error)
+        if not redundant and "mass" not in said:
+            raise AssertionError(f"{method} refuses loops whose equations are independent: {said}") from error
+        return said, None
     if run.failure is not None:
-        told = f"{method}: {run.failure.message}: {run.failure.advice}"
-        assert "mass" in told or "depend" in told, f"neither a motion without mass is named nor equations that depend on each other: {told}"
-        return told, None
+        said = f"{method}: {run.failure.message}: {run.failure.advice}"
+        assert "mass" in said or "depend" in said, f"neither a motion without mass is named nor equations that depend on each other: {said}"
+        return said, None
     return "", run
 
 

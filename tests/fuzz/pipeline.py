@@ -59,9 +59,9 @@ def code_of(model: Model) -> str:
             result = "result" if "" in function.results else "results"
             held = f" - static_cast<const unsigned char*>(memory)[{function.memory - 1}]" if function.words else ""
             value = f"for (int i = 0; i < {len(function.results)}; ++i) {result}[i] = 0.1 * arguments[0]{held};"
-            slopes = f"if (partials) for (int i = 0; i < {len(function.results) * len(function.arguments)}; ++i) partials[i] = 0;"
+            derivatives = f"if (partials) for (int i = 0; i < {len(function.results) * len(function.arguments)}; ++i) partials[i] = 0;"
             update = f"static_cast<unsigned char*>(next)[{function.memory - 1}] += 1;"
-            made.append(f"{signature} {{ {update if 'void* next' in signature else f'{value} {slopes}'} }}\n")
+            made.append(f"{signature} {{ {update if 'void* next' in signature else f'{value} {derivatives}'} }}\n")
     return "".join(made)
 
 

@@ -81,9 +81,9 @@ def check(text: str) -> tuple[str, ...]:
         with np.errstate(all="raise", under="ignore"):
             surface = OpenCrg(case["text"], "road.crg", "scene 's'").surface(case["bilinear"])
     except ModelError as error:
-        told = str(error).splitlines()
-        assert all(re.match(r"road\.crg:\d+:1: scene 's': ", line) and line.isprintable() for line in told), told
-        return tuple(told)
+        reported = str(error).splitlines()
+        assert all(re.match(r"road\.crg:\d+:1: scene 's': ", line) and line.isprintable() for line in reported), reported
+        return tuple(reported)
     for values in surface.get("table", surface.get("sections")).values():
         assert np.isfinite(np.array(values)).all()
     return ()

@@ -71,12 +71,12 @@ def make(rng: random.Random) -> str:
 
 def check(text: str) -> tuple[str, ...]:
     """The reason why a file was refused; fails where a number is not finite, or where a message has no place."""
-    told = _told(text)
-    assert all(line.startswith(("tyre.tir:", "m.yaml:", "<library>/")) for line in told), told
-    return told[:1]
+    reported = _reported(text)
+    assert all(line.startswith(("tyre.tir:", "m.yaml:", "<library>/")) for line in reported), reported
+    return reported[:1]
 
 
-def _told(text: str) -> tuple[str, ...]:
+def _reported(text: str) -> tuple[str, ...]:
     try:
         values = read_properties(text, "tyre.tir", "instance 'w'").values
         assert all(isinstance(value, str) or math.isfinite(value) for value in dict(values).values())

@@ -108,8 +108,8 @@ def test_what_a_start_cannot_be_sought_near() -> None:
     scene, given = "ball.attitude: ATTITUDE}", "ball.attitude: {rotation_vector: [0, 0, 0]}}"
     check(scene, f"{given}, near: [ball.attitude, §ball.angle]",
           "@: scene 'spin': near: 'ball.angle' is not among the positions; did you mean 'ball.attitude'?", TOP)  # fmt: skip
-    told = "near: where 'assemble' is, all that has no position may move; remove 'near' and its positions"
-    check(scene, f"{given}, assemble: {{body.x: 1}}, near: §[ball.attitude]", f"@: scene 'spin': {told}", TOP)
+    reported = "near: where 'assemble' is, all that has no position may move; remove 'near' and its positions"
+    check(scene, f"{given}, assemble: {{body.x: 1}}, near: §[ball.attitude]", f"@: scene 'spin': {reported}", TOP)
 
 
 def test_what_has_no_attitude() -> None:

@@ -40,7 +40,7 @@ def written(folder: Path, files: Mapping[str, str], model: str = PENDULUM) -> Pa
     return folder / "m.yaml"
 
 
-def told(folder: Path, files: Mapping[str, str], model: str) -> list[str]:
+def reported(folder: Path, files: Mapping[str, str], model: str) -> list[str]:
     """Problems of a model in a folder, without that folder."""
     with pytest.raises(ModelError) as caught:
         read_model(written(folder, files, model))
@@ -160,11 +160,11 @@ CONTENTS = [
 
 @pytest.mark.parametrize(("content", "expected"), CONTENTS)
 def test_what_is_wrong_with_a_table(content: str, expected: str, tmp_path: Path) -> None:
-    assert told(tmp_path, {"t.csv": content}, with_law("{table: {file: t.csv}}")) == [expected]
+    assert reported(tmp_path, {"t.csv": content}, with_law("{table: {file: t.csv}}")) == [expected]
 
 
 def test_all_problems_of_a_table_come_at_once(tmp_path: Path) -> None:
-    lines = told(tmp_path, {"t.csv": "rate,value\nx,1\n1,y\n"}, with_law("{table: {file: t.csv}}"))
+    lines = reported(tmp_path, {"t.csv": "rate,value\nx,1\n1,y\n"}, with_law("{table: {file: t.csv}}"))
     assert [line.split(" ")[0] for line in lines] == ["t.csv:2:1:", "t.csv:3:3:"]
 
 
@@ -199,7 +199,7 @@ def test_what_is_wrong_with_a_name(name: str, expected: str, tmp_path: Path) -> 
     files = {"t.csv": TABLES["damper.csv"][0], "t.txt": "", "data/t.csv": ""}
     line = "m.yaml:15:63:" if "@" not in expected else f"m.yaml:15:{63 + len('t.csv, rate: ')}:"
     text = expected.removeprefix("@:30 ").replace("FOLDER", folder.name)
-    assert told(folder, files, with_law(f"{{table: {{file: {name}}}}}")) == [f"{line} force 'drag': {text}"]
+    assert reported(folder, files, with_law(f"{{table: {{file: {name}}}}}")) == [f"{line} force 'drag': {text}"]
 
 
 def test_a_link_within_the_folder_is_followed(tmp_path: Path) -> None:
@@ -246,7 +246,7 @@ POINTS = [
 @pytest.mark.parametrize(("content", "expected"), POINTS)
 def test_what_is_wrong_with_points(content: str, expected: str, tmp_path: Path) -> None:
     text = varied("points:\n  tip: [arm_length, 0, 0]", "points: {file: p.csv, half: [arm_length, 0, 0]}")
-    assert told(tmp_path, {"p.csv": content}, text) == [expected]
+    assert reported(tmp_path, {"p.csv": content}, text) == [expected]
 
 
 # Submodels
@@ -379,7 +379,7 @@ def test_what_is_wrong_with_includes(files: dict[str, str], changes: dict[str, s
     row = ROW
     for old, new in changes.items():
         row = varied(old, new, row)
-    found = told(tmp_path, {**FILES, "parts/row.yaml": row, **{f"parts/{name}": text for name, text in files.items()}}, WHOLE)
+    found = reported(tmp_path, {**FILES, "parts/row.yaml": row, **{f"parts/{name}": text for name, text in files.items()}}, WHOLE)
     assert found[0] == expected
 
 
@@ -414,7 +414,7 @@ def test_files_of_endless_number_are_refused(tmp_path: Path) -> None:
     laws = ", ".join(f"{{table: {{file: t{i}.csv}}}}" for i in range(count))
     # a sum takes at most a hundred laws
     text = with_law("{sum: [{sum: [" + "]}, {sum: [".join(", ".join(laws.split(", ")[i : i + 90]) for i in range(0, count, 90)) + "]}]}")
-    found = told(tmp_path, {f"t{i}.csv": DRAG for i in range(count)}, text)
+    found = reported(tmp_path, {f"t{i}.csv": DRAG for i in range(count)}, text)
     assert len(found) == 1
     assert f"the model names more than {MAX_FILES} files; use fewer" in found[0]
 

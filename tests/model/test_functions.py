@@ -107,7 +107,7 @@ def test_what_is_wrong_with_memories_and_results_is_named(old: str, new: str, me
 
 
 def test_a_memory_is_words_that_a_controller_holds() -> None:
-    """Each has four bytes; slopes pass it by, and readers see one."""
+    """Each has four bytes; derivatives pass it by, and readers see one."""
     model = read(WORN)
     (controller,) = model.controllers
     assert len(controller.discrete_states) == 16
@@ -175,8 +175,8 @@ def test_blocks_have_the_chain_rule() -> None:
     b = Builder()
     x = b.symbol("x", 1, BindingTime.ITERATION)
     value = b.call("supplied.pull", b.call("sin", x), x)
-    slopes = Differentiator(b, [x]).jacobian(value)
-    calls = {block.data[0] for block in _all(slopes[x]) if block.op == "call" and isinstance(block.data, tuple)}
+    derivatives = Differentiator(b, [x]).jacobian(value)
+    calls = {block.data[0] for block in _all(derivatives[x]) if block.op == "call" and isinstance(block.data, tuple)}
     assert {"supplied.pull.0", "supplied.pull.1", "cos"} <= calls
 
 

@@ -1,4 +1,4 @@
-"""Property files of tyres: units, keys, kinds, sides, and what is told of files that are wrong."""
+"""Property files of tyres: units, keys, kinds, sides, and what is reported of files that are wrong."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def values(text: str) -> dict[str, float]:
     return dict(read_properties(text, "t.tir", "instance 'w'").values)
 
 
-def told(folder: Path, text: str, model: str = MODEL) -> list[str]:
+def notes(folder: Path, text: str, model: str = MODEL) -> list[str]:
     """Problems, else notes, of a model with a tyre's file."""
     (folder / "tyre.tir").write_text(text, encoding="utf-8")
     try:
@@ -56,30 +56,30 @@ def test_sections_of_tables_and_texts_of_other_encodings_are_passed_over(tmp_pat
 def test_each_key_that_is_wrong_is_reported_with_its_line(tmp_path: Path) -> None:
     number = next(i for i, line in enumerate(TYRE.splitlines(), start=1) if line.startswith("PCX1"))
     without = "".join(line for line in TYRE.splitlines(keepends=True) if not line.startswith("PCX1"))
-    assert told(tmp_path, without) == [
+    assert notes(tmp_path, without) == [
         "m.yaml:8:13: instance 'w': with and properties lack PCX1; the submodel 'wheel' needs all its parameters"
     ]  # fmt: skip
     wrong = re.sub(r"(?m)^PCX1\s*=.*$", "PCX1 = many", TYRE)
-    assert told(tmp_path, wrong) == [
+    assert notes(tmp_path, wrong) == [
         f"tyre.tir:{number}:1: instance 'w': PCX1: 'many' is no number; write a decimal number, a text in quotes"
     ]  # fmt: skip
     lines = len(TYRE.splitlines())
-    assert told(tmp_path, f"{TYRE}\nPCX1 = 2\nhello\n") == [
+    assert notes(tmp_path, f"{TYRE}\nPCX1 = 2\nhello\n") == [
         f"tyre.tir:{lines + 2}:1: instance 'w': 'PCX1' is given twice, first in line {number}; keep one of them",
         f"tyre.tir:{lines + 3}:1: instance 'w': this is no KEY = value; comments begin with $ or !",
     ]
-    assert told(tmp_path, TYRE.replace("'kg'", "'stone'"))[0].endswith("instance 'w': unknown unit 'stone' of MASS; did you mean 'tonne'?")
-    assert told(tmp_path, f"{TYRE}\nQXYZ9 = 0.4\n")[0].endswith(f"Q_RB2 (line 77), QXYZ9 (line {lines + 2})")
+    assert notes(tmp_path, TYRE.replace("'kg'", "'stone'"))[0].endswith("instance 'w': unknown unit 'stone' of MASS; did you mean 'tonne'?")
+    assert notes(tmp_path, f"{TYRE}\nQXYZ9 = 0.4\n")[0].endswith(f"Q_RB2 (line 77), QXYZ9 (line {lines + 2})")
 
 
 def test_files_of_other_kinds_are_refused(tmp_path: Path) -> None:
     other = re.sub(r"(?m)^FITTYP\s*=.*$", "FITTYP = 52", TYRE)
     line = next(i for i, text in enumerate(TYRE.splitlines(), start=1) if text.startswith("FITTYP"))
-    assert told(tmp_path, other)[0] == (
+    assert notes(tmp_path, other)[0] == (
         f"tyre.tir:{line}:1: instance 'w': FITTYP is 52, and the submodel 'wheel' is made for 60, 61 or 62; use another submodel,"
         " or another file"
     )
-    assert told(tmp_path, TYRE, MODEL.replace("properties: tyre.tir", "properties: tyre.txt")) == [
+    assert notes(tmp_path, TYRE, MODEL.replace("properties: tyre.tir", "properties: tyre.txt")) == [
         "m.yaml:8:95: instance 'w': the file 'tyre.txt' has no properties of a tyre; name a .tir file, or write {KEY: number}"
     ]
 
@@ -98,7 +98,7 @@ def test_each_kind_of_file_has_its_submodel(wheel: str, data: str, kind: str, tm
     number = kind.rpartition(" ")[2] or "6"
     assert read.choices["w"].startswith(f"FITTYP {number}, TYRESIDE 1, tan_alpha 0, ")
     other = {"wheel_mf52": "wheel_mf62", "wheel_mf62": "wheel_mf52"}[wheel]
-    assert any(f"FITTYP is {number}, and the submodel" in line for line in told(tmp_path, text, model.replace("wheel_mf62", other)))
+    assert any(f"FITTYP is {number}, and the submodel" in line for line in notes(tmp_path, text, model.replace("wheel_mf62", other)))
 
 
 def test_values_beside_a_file_go_before_it(tmp_path: Path) -> None:
@@ -129,9 +129,9 @@ def test_the_tyre_of_the_library_is_what_its_comment_says(tmp_path: Path) -> Non
     assert math.radians(across) == pytest.approx(1126, abs=1)
     assert (load * found["PKX1"], found["PDY1"], found["PDX1"]) == (88000, 1.0, 1.1)
     assert found["UNLOADED_RADIUS"] * found["QDZ1"] == pytest.approx(0.035, abs=5e-4)
-    (note,) = told(tmp_path, "", MODEL.replace("tyre.tir", "library/road_tyre.tir"))
+    (note,) = notes(tmp_path, "", MODEL.replace("tyre.tir", "library/road_tyre.tir"))
     assert "the torque of the file makes 3.5 %" in note
-    assert told(tmp_path, "", MODEL.replace("tyre.tir", "library/rode_tyre.tir")) == [
+    assert notes(tmp_path, "", MODEL.replace("tyre.tir", "library/rode_tyre.tir")) == [
         "m.yaml:8:95: instance 'w': the library has no tyre 'rode_tyre.tir'; did you mean 'road_tyre.tir'?"
     ]
 
@@ -181,11 +181,11 @@ MASSES = ON_OLD.replace("z: 0.3}", "z: 0.3, MASS: 20, IXX: 0.6, IYY: 1}")
 
 
 def test_masses_that_a_file_leaves_out_are_the_instances(tmp_path: Path) -> None:
-    assert told(tmp_path, OLD, ON_OLD) == [
+    assert notes(tmp_path, OLD, ON_OLD) == [
         "m.yaml:8:13: instance 'w': with and properties lack MASS, IXX, IYY; "
         "the file leaves them to you: write MASS: ..., IXX: ..., IYY: ... into with"
     ]
-    lacking = told(tmp_path, re.sub(r"(?m)^IYY\s*=.*$", "", TYRE))[0]
+    lacking = notes(tmp_path, re.sub(r"(?m)^IYY\s*=.*$", "", TYRE))[0]
     assert lacking.endswith("lack IYY; the file leaves them to you: write IYY: ... into with")
 
 
@@ -197,7 +197,7 @@ def test_coefficients_that_a_file_lacks_or_leaves_blank_are_those_of_the_format(
     lacking, whole = (re.sub(rf"(?m)^({'|'.join(keys)})(\s*=).*$", by, OLD) for by in (absent, r"\1\2 DEFAULT"))
     for key, value in defaults.items():
         whole = re.sub(rf"(?m)^({key}\s*=).*$", rf"\1 {value}", whole)
-    said = next(note for note in told(tmp_path, lacking, MASSES) if "lacks" in note)
+    said = next(note for note in notes(tmp_path, lacking, MASSES) if "lacks" in note)
     assert said == (
         "tyre.tir: lacks coefficients, which have the format's defaults in 'wheel': "
         "0 for PEX4, PHY3, RHX1, QSY1, QEZ5, SSZ4, DREFF, and 16.7 for LONGVL"
@@ -212,5 +212,5 @@ def test_coefficients_that_a_file_lacks_or_leaves_blank_are_those_of_the_format(
 def test_a_file_of_another_kind_has_no_other_faults(tmp_path: Path) -> None:
     """FITTYP 5: what its numbers would make of formulas that are not its own is no matter."""
     old = re.sub(r"(?m)^(PKY2|PTX1|PCX1)(\s*=).*$", r"\1\2 0", re.sub(r"(?m)^FITTYP\s*=.*$", "FITTYP = 5", OLD))
-    (line,) = told(tmp_path, re.sub(r"(?m)^PDX1\s*=.*$", "", old), ON_OLD)
+    (line,) = notes(tmp_path, re.sub(r"(?m)^PDX1\s*=.*$", "", old), ON_OLD)
     assert line.endswith("FITTYP is 5, and the submodel 'wheel' is made for 6, 21 or 52; use another submodel, or another file")

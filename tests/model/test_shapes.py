@@ -272,7 +272,7 @@ instances:
 
 
 def test_a_value_of_the_wrong_form_hides_no_other_problem_and_makes_none() -> None:
-    """Each value in turn, but for whole sections: what is told is about its element, besides the one body that there is not."""
+    """Each value in turn, but for whole sections: what is reported is about its element, besides the one body that there is not."""
     planted, whole = "marker 'far': unknown body 'leg'", yaml.safe_load(FAULTY)
     assert [planted in line for line in problems(FAULTY)] == [True]
     hidden = {("markers", "far"), ("markers", "far", "body"), ("markers", "far", "at"), *(("markers", "far", "at", i) for i in range(3))}
@@ -311,5 +311,5 @@ def test_what_stands_in_a_section_of_a_wrong_name_is_not_missed() -> None:
         assert len(found) == 1, found
         assert f"unknown field '{wrong[:-1]}'; did you mean '{wrong[:-1]}s'?" in found[0]
     found = problems(FAULTY.replace("mass: arm_mass, c", "mas: arm_mass, c"))
-    told = [line.split(": ", 1)[1].partition(";")[0] for line in found]
-    assert told == ["body 'arm': unknown field 'mas'", "marker 'far': unknown body 'leg'"]
+    reported = [line.split(": ", 1)[1].partition(";")[0] for line in found]
+    assert reported == ["body 'arm': unknown field 'mas'", "marker 'far': unknown body 'leg'"]

@@ -1,4 +1,4 @@
-"""A dense twin of the mechanics: body poses from coordinates, everything else by numerical differentiation.
+"""A dense reference of the mechanics: body poses from coordinates, everything else by numerical differentiation.
 
 Shared with the compiler are the records and the meaning of coordinates and residuals, nothing else.  A twist is the derivative
 of a pose, found by a complex step (exact to rounding); an acceleration is the derivative of a velocity along the path of constant

@@ -1,4 +1,4 @@
-"""The forces of the dense twin, by the virtual power of the lengths and places that they work on."""
+"""The forces of the dense reference, by the virtual power of the lengths and places that they work on."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def test_the_installed_wheel_compiles_and_runs_a_model(tmp_path: Path) -> None:
 
 
 def test_the_installed_wheel_of_measuring_adds_its_command(tmp_path: Path) -> None:
-    """And has its page's template, what its exports are printed by and the C++ of its twin."""
+    """And has its page's template, what its exports are printed by and the C++ of its generic solver."""
     site = install(ROOT / "measuring", tmp_path)
     for folder in ("templates", "runtime"):
         there = {p.relative_to(ROOT / "measuring") for p in (ROOT / "measuring" / "cutjoint_bench" / folder).rglob("*") if p.is_file()}

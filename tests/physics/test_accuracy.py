@@ -172,7 +172,7 @@ def rubbed(method: str, late: float, steps: int | None) -> tuple[Trajectory, flo
     ],
 )  # fmt: skip
 def test_a_row_beside_a_jump_may_have_its_other_side(method: str, steps: int | None, late: float) -> None:
-    """All runs turn back a little late and agree on the side that the row has not: the friction was told to have no error."""
+    """All runs turn back a little late and agree on the side that the row has not: the friction was reported to have no error."""
     run, error = rubbed(method, late, steps)
     assert error == pytest.approx(0.4)
     assert run.error.converged

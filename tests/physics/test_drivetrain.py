@@ -311,8 +311,8 @@ def test_an_anti_lock_brake_finds_the_slip_of_any_tyre() -> None:
 
 def test_gears_change_by_the_speed_of_the_engine() -> None:
     scene = "inputs: {a: 'where(t < 2, 300, where(t < 2.05, 450, where(t < 4, 300, where(t < 4.05, 100, 300))))'}"
-    told = "part.box.chosen, part.clutch.value, part.throttle.value"
-    run = bench("gear_changes", "with: {engine_speed: a, gas: 0.7}", outputs=told, end=6, scene=scene)
+    reported = "part.box.chosen, part.clutch.value, part.throttle.value"
+    run = bench("gear_changes", "with: {engine_speed: a, gas: 0.7}", outputs=reported, end=6, scene=scene)
     chosen, t = run["part.box.chosen"], run.t
     assert [chosen[np.searchsorted(t, at)] for at in (1.9, 2.5, 3.9, 4.5)] == [1, 2, 2, 1]
     pressed = (t > 2.05) & (t < 2.2)

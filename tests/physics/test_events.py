@@ -63,8 +63,8 @@ def bouncing_error(folder: Path, damping: float, method: str) -> Callable[..., f
     def error(**how: Any) -> float:
         run = completed(simulate(artifact, **how))
         heights, switched = exact_bounces(run.t, damping, 0.5)
-        told = {} if how.get("events") == "crossed" else {"floor": switched}
-        assert (run.statistics.events, run.statistics.events_by_element) == (sum(told.values()), told)
+        reported = {} if how.get("events") == "crossed" else {"floor": switched}
+        assert (run.statistics.events, run.statistics.events_by_element) == (sum(reported.values()), reported)
         return float(np.abs(run["mass.z"] - heights).max())
 
     return error

@@ -154,7 +154,7 @@ def test_an_acceleration_that_jumps_is_no_impact() -> None:
         assert run.statistics.impacts == ()
 
 
-# Beside the dense twin
+# Beside the dense reference
 
 BEGIN, STEP = 0.1, 0.02
 

@@ -15,8 +15,8 @@ from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint_bench.generic.artifact import compile_generic
 from cutjoint_bench.studies.problems import PROBLEMS, Problem, measure_errors, observed_orders
-from cutjoint_bench.twin.artifact import compile_generic
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
 from tests.mechanisms.overconstrained import parallel_cranks_text
@@ -140,5 +140,5 @@ def test_the_vehicle_moves_as_with_a_penalty(tmp_path: Path) -> None:
 def test_what_does_not_know_the_closure_says_so() -> None:
     model = read_model(MODELS / "slider_crank.yaml")
     scene = with_closure(find_scene(model, None), "proximal")
-    with pytest.raises(RunError, match="the generic twin knows closure: penalty only, not proximal; use --implementation generated"):
+    with pytest.raises(RunError, match="the generic solver knows closure: penalty only, not proximal; use --implementation generated"):
         compile_generic(model, scene)

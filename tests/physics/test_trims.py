@@ -208,15 +208,15 @@ def five_bar_by_hand() -> NDArray[np.float64]:
     def length(s: NDArray[np.float64]) -> float:
         return float(np.linalg.norm(points(s)[1] - [0.3, 0]))
 
-    def slopes(f: object, s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def derivatives(f: object, s: NDArray[np.float64]) -> NDArray[np.float64]:
         h = 1e-6
         return np.array([(f(s + h * e) - f(s - h * e)) / (2 * h) for e in np.eye(4)])  # type: ignore[operator]
 
     def left(z: NDArray[np.float64]) -> list[float]:
         s, force, moment, pulls = z[:4], z[4], z[5], z[6:]
         loop = points(s)[1] - points(s)[3]
-        closing = [slopes(lambda x, i=i: points(x)[1][i] - points(x)[3][i], s) for i in (0, 1)]
-        work = slopes(height_energy, s) + force * slopes(length, s) - moment * np.eye(4)[0] + pulls @ np.array(closing)
+        closing = [derivatives(lambda x, i=i: points(x)[1][i] - points(x)[3][i], s) for i in (0, 1)]
+        work = derivatives(height_energy, s) + force * derivatives(length, s) - moment * np.eye(4)[0] + pulls @ np.array(closing)
         return [*work, *loop, s[0] - np.radians(5), length(s) - 0.69]
 
     z = fsolve(left, np.array([0.09, 0, 0, 0, -40, -3, 0, 0]), xtol=1e-10)

@@ -97,9 +97,9 @@ CRAWL = """end: 12, output_step: 0.5, numerics: {{dt: 0.001}}, states: {{w.rolli
 @pytest.mark.parametrize("speed", [0.3, 2.0])
 def test_steady_slip_at_low_speed_has_the_force_of_the_printed_equations(speed: float) -> None:
     """A driven wheel at 2 m/s, and at 0.3 m/s, below VXLOW."""
-    told = "w.rolling.contact.loaded_radius, w.formula.Re.value, w.rolling.kappa.value, "
+    reported = "w.rolling.contact.loaded_radius, w.formula.Re.value, w.rolling.kappa.value, "
     scene = CRAWL.format(speed=speed)
-    text = CORNER.replace("outputs: [", f"outputs: [{told}").replace("mf%s.tir", "mf%ss.tir")
+    text = CORNER.replace("outputs: [", f"outputs: [{reported}").replace("mf%s.tir", "mf%ss.tir")
     model, chosen = find_case(
         read_model_text(text % (*LEVEL, "62", f", drive: 700, INFLPRES: {coefficients()['NOMPRES']}", "62", scene), "m.yaml", folder=DATA),
         "run",

@@ -28,7 +28,7 @@ _PLACES = {name: [0.3, 0.4][:arity] for name, arity in FUNCTIONS.items() if arit
 
 
 class Ground:
-    """A road with slopes, for which nothing else is known."""
+    """A road with derivatives, for which nothing else is known."""
 
     def height(self, x: float, y: float) -> float:
         return 0.1 * np.sin(x)
@@ -69,8 +69,8 @@ def test_lanes_are_gathered_summed_and_taken() -> None:
     lanes = graph.gather((a, b))
     f = graph.add(graph.lane_sum(graph.mul(lanes, u)), graph.mul(graph.const(3.0), graph.lane(graph.mul(lanes, lanes), 1)))
     found = adjoint(graph, {f: graph.const(1.0)}, {a, b, u})
-    slopes = interpret_scalars(graph, list(found.values()), {"x": np.array([2.0, 5.0, 7.0])}, {})
-    assert [slopes[found[n]] for n in (a, b, u)] == [7.0, 7.0 + 30.0, 7.0]
+    gradients = interpret_scalars(graph, list(found.values()), {"x": np.array([2.0, 5.0, 7.0])}, {})
+    assert [gradients[found[n]] for n in (a, b, u)] == [7.0, 7.0 + 30.0, 7.0]
 
 
 @pytest.mark.parametrize(("model", "scene", "tunable", "share"), [
@@ -229,5 +229,5 @@ def test_the_balance_of_forces(model: str, scene: str | None, loops: Loops) -> N
 
 
 def _fourth_order(ends: list[dict[Any, float]]) -> dict[Any, float]:
-    """The slopes of numbers at -2, -1, 1 and 2."""
+    """The derivatives of numbers at -2, -1, 1 and 2."""
     return {place: (ends[0][place] - 8 * ends[1][place] + 8 * ends[2][place] - ends[3][place]) / 12 for place in ends[0]}

@@ -15,7 +15,7 @@ from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
-from cutjoint_bench.twin.artifact import compile_generic
+from cutjoint_bench.generic.artifact import compile_generic
 from tests.conftest import needs_cpp, with_heavy
 
 #: A pinion drives a rack with a plate on it and a rocker, whose end a massless rod holds to the rack; the pinion drives a flywheel, which

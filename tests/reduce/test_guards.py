@@ -20,7 +20,7 @@ from cutjoint.reduce.guards import guard_forces, guardable, speculate
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.simulation import simulate
-from cutjoint_bench.twin.artifact import compile_generic
+from cutjoint_bench.generic.artifact import compile_generic
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.physics.simulation import compile_scene, completed
 
@@ -195,8 +195,8 @@ def test_a_run_that_fails_otherwise_is_repeated_in_full() -> None:
     assert (counts, result.failure, outcome.done) == ([3, 0], None, ())
 
 
-def test_the_generic_twin_refuses_guards() -> None:
-    with pytest.raises(RunError, match="the generic twin knows neither guards nor columns of reduced models"):
+def test_the_generic_solver_refuses_guards() -> None:
+    with pytest.raises(RunError, match="the generic solver knows neither guards nor columns of reduced models"):
         compile_generic(without("floor", "wall"), hammer().scenes["swing"])
 
 

@@ -112,7 +112,7 @@ def test_links_become_distances() -> None:
 
 @needs_cpp
 def test_distances_move_as_links_do() -> None:
-    """Index-3 methods hold all equations in every step; reactions are told as exactly as a step's multipliers settle."""
+    """Index-3 methods hold all equations in every step; reactions are reported as exactly as a step's multipliers settle."""
     model, scene = read(SPATIAL)
     outcome = shorten_links(model, scene)
     found = apart(run(model, scene, "augmented"), run(outcome.model, outcome.scene, "augmented"))

@@ -84,7 +84,7 @@ def at_start(model: Model, scene: Scene) -> dict[str, float]:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_any_tree_in_a_plane(seed: int) -> None:
-    """All that is reported at an instant of random trees, by the dense twin's coordinates; what leaves the plane is zero in both."""
+    """All that is reported at an instant of random trees, by the dense reference's coordinates; what leaves the plane is zero in both."""
     model = read_model_text(random_tree(np.random.default_rng(seed)), "tree.yaml")
     outcome = flatten(model, model.scenes["go"])
     assert outcome.done

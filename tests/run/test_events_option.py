@@ -19,7 +19,7 @@ from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.settings import Options
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.realtime import run_in_real_time
-from cutjoint_bench.twin.artifact import compile_generic_model
+from cutjoint_bench.generic.artifact import compile_generic_model
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.mechanisms.bouncing import bouncing_text
 from tests.physics.simulation import with_numerics
@@ -35,7 +35,7 @@ OTHERS: Mapping[str, Callable[[Path], Artifact]] = {
 }  # fmt: skip
 
 
-def told(artifact: Artifact, **how: Any) -> bool | None:
+def reported(artifact: Artifact, **how: Any) -> bool | None:
     """The setting of events in the run file; None for nothing."""
     found: bool | None = make_simulator_run(artifact, Options(**how)).run_file.settings.events
     return found
@@ -46,17 +46,17 @@ def test_steps_end_at_events_as_is_usual_or_as_asked(method: str) -> None:
     """The option comes before the scene's word, and that before the default of the integrator."""
     usual = compile_model(PENDULUM, method=method)
     for integrator in (i.name for i in INTEGRATORS.values() if method in i.methods and i.events is not None):
-        assert told(usual, integrator=integrator) is (INTEGRATORS[integrator].events is Events.LOCATED)
+        assert reported(usual, integrator=integrator) is (INTEGRATORS[integrator].events is Events.LOCATED)
         for said, other in (("located", "crossed"), ("crossed", "located")):
             scene = with_numerics(usual, events=said)
-            assert told(scene, integrator=integrator) is told(usual, integrator=integrator, events=said) is (said == "located")
-            assert told(scene, integrator=integrator, events=other) is (other == "located")
+            assert reported(scene, integrator=integrator) is reported(usual, integrator=integrator, events=said) is (said == "located")
+            assert reported(scene, integrator=integrator, events=other) is (other == "located")
 
 
 @pytest.mark.parametrize("name", with_heavy(OTHERS, "generic"))
-def test_a_scenes_events_are_not_meant_for_other_methods_and_twins(name: str) -> None:
+def test_a_scenes_events_are_not_meant_for_other_methods_and_generic_solvers(name: str) -> None:
     artifact = OTHERS[name](PENDULUM)
-    assert told(artifact) is told(artifact, events="crossed") is told(with_numerics(artifact, events="located")) is None
+    assert reported(artifact) is reported(artifact, events="crossed") is reported(with_numerics(artifact, events="located")) is None
     with pytest.raises(RunError, match="events are located by generated code of the methods recursive and recursive-newton"):
         simulate(artifact, events="located")
 
@@ -68,12 +68,12 @@ def test_what_else_is_refused() -> None:
     with pytest.raises(RunError, match="the integrator reference steps across events"):
         simulate(artifact, integrator="reference", events="located")
     with_reference = replace(with_numerics(artifact, events="located"), additions=("reference",))
-    assert told(with_reference, integrator="reference") is None
+    assert reported(with_reference, integrator="reference") is None
 
 
 def test_steps_of_fixed_cost_go_over_events() -> None:
     artifact = compile_model(PENDULUM)
-    assert told(artifact, iterations=3) is told(with_numerics(artifact, events="located"), iterations=3, events="crossed") is False
+    assert reported(artifact, iterations=3) is reported(with_numerics(artifact, events="located"), iterations=3, events="crossed") is False
     with pytest.raises(RunError, match="a fixed number of iterations needs events: crossed"):
         simulate(artifact, iterations=3, events="located")
     with pytest.raises(RunError, match="a fixed number of iterations needs events: crossed"):

@@ -112,14 +112,14 @@ COMMANDS = ("simulate --no-error --dt 1ms --out run.csv", "modes", "modes --at 0
 def test_a_loop_that_cannot_close_is_reported_in_the_same_words_everywhere(text: str, place: str, tmp_path: Path) -> None:
     """The circle that the strut's head reaches leaves the arm's, of radius |AB|: the gap is what is left between the two at least."""
     (tmp_path / "strut.yaml").write_text(text, encoding="utf-8")
-    told = set()
+    reported = set()
     with chdir(tmp_path):
         for command in COMMANDS:
             done = CliRunner(env={"COLUMNS": "300"}).invoke(main, [*command.split(), "strut.yaml", "--set", "reach=3"])
             assert done.exit_code == 1
             (line,) = (line for line in done.output.splitlines() if "cannot close" in line)
-            told.add(line.removesuffix("; no results were written"))
-    (line,) = told
+            reported.add(line.removesuffix("; no results were written"))
+    (line,) = reported
     begin = f"{place}: scene 'out': the loop cannot close from the given coordinates with reach = 3: "
     assert line.startswith(begin)
     gap, _, rest = line.removeprefix(begin).partition(" ")

@@ -389,14 +389,14 @@ def test_a_signal_says_when_it_came_and_where_the_rows_are(number: int, status: 
         process.send_signal(number)
         _, messages = process.communicate(timeout=PATIENCE)
     assert process.returncode == status
-    told, where = messages.splitlines()[-2:]
-    assert told.startswith("interrupted at t = ")
+    reported, where = messages.splitlines()[-2:]
+    assert reported.startswith("interrupted at t = ")
     assert where == "the rows up to then are in run.partial.csv"
-    assert Path("run.partial.txt").read_text(encoding="utf-8") == f"{told}\n"
+    assert Path("run.partial.txt").read_text(encoding="utf-8") == f"{reported}\n"
     t, steps = read_table(Path("run.partial.csv"))[0], read_table(Path("steps.partial.csv"))[0]
     assert t[0] == 0
     assert t[-1] == steps[-1] == pytest.approx(steps.size * 1e-9)
-    assert f"{t[-1]:.6g}" in told
+    assert f"{t[-1]:.6g}" in reported
     assert Path("run.partial.units.json").exists()
     assert Path("run.csv").read_text(encoding="utf-8") == "before"
 

@@ -26,7 +26,7 @@ from cutjoint.run.settings import Options
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError, call_simulator
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
-from cutjoint_bench.twin.artifact import compile_generic
+from cutjoint_bench.generic.artifact import compile_generic
 from tests.conftest import needs_cpp, with_heavy
 from tests.mechanisms.driven import DRIVEN, LIFT, PUSH, guided, orders, table
 from tests.physics.simulation import completed
@@ -41,7 +41,7 @@ MAKERS: dict[Implementation, Callable[[Model, Scene, str], Artifact]] = {
     Implementation.GENERIC: lambda model, scene, method: compile_generic(model, scene, method=method),
 }
 
-#: Each method with generated code, by the interpreter and by the twin where it has one.
+#: Each method with generated code, by the interpreter and by the generic solver where it has one.
 WAYS = [
     *((method, how) for how in (Implementation.GENERATED, Implementation.INTERPRETED) for method in METHODS),
     *((method, Implementation.GENERIC) for method in METHODS if METHODS[method].has_generic),

@@ -24,7 +24,7 @@ from cutjoint.run.settings import require_settings
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.realtime import run_in_real_time
 from cutjoint.tasks.states import find_scene_modes
-from cutjoint_bench.twin.artifact import compile_generic
+from cutjoint_bench.generic.artifact import compile_generic
 from tests.conftest import needs_cpp
 from tests.run.test_failing_starts import PENDULUM
 

@@ -1,1 +1,1 @@
-"""The C++ runtime: driver, integrators, generic twin."""
+"""The C++ runtime: driver, integrators, generic solver."""

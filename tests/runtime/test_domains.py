@@ -88,7 +88,7 @@ def test_the_law_is_named_at_the_start(method: str) -> None:
     ],
 )  # fmt: skip
 def test_every_function_with_a_domain(law: str, what: str) -> None:
-    """Their margins, by the description of what is generated; how they are told is the same for all."""
+    """Their margins, by the description of what is generated; how they are reported is the same for all."""
     model = falling(law)
     equations, program, _ = generate(model, model.scenes["fall"], model.scenes["fall"].outputs)
     named = {d.function: d for d in equations.domains if d.element == "push"}

@@ -17,7 +17,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulation import simulate
-from cutjoint_bench.twin.artifact import compile_generic_model
+from cutjoint_bench.generic.artifact import compile_generic_model
 from tests.conftest import MODELS, with_heavy
 from tests.mechanisms.bouncing import bouncing_text
 from tests.physics.simulation import compile_model, compile_text, completed
@@ -81,7 +81,7 @@ def test_the_scene_may_name_the_integrator(tmp_path: Path) -> None:
 
 
 @pytest.mark.heavy
-def test_the_generic_twin_keeps_the_trapezoidal_rule(tmp_path: Path) -> None:
+def test_the_generic_solver_keeps_the_trapezoidal_rule(tmp_path: Path) -> None:
     path = tmp_path / "bounce.yaml"
     numerics = "numerics: {dt: 0.01, integrator: dormand-prince, solver_tolerance: 1e-7, absolute_tolerance: 1e-9}"
     path.write_text(bouncing_text(0, 0.5).replace("numerics: {dt: 0.01}", numerics), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The generic twin in natural coordinates, which interprets a system at run time, against the interpreter of the block IR."""
+"""The generic solver in natural coordinates, which interprets a system at run time, against the interpreter of the block IR."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from cutjoint.run.settings import Options
 from cutjoint.run.simulator import SimulatorError, call_simulator, failure_of
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.topology.build import build_topology
-from cutjoint_bench.twin import RUNTIME
-from cutjoint_bench.twin.build import build_generic
-from cutjoint_bench.twin.mechanism import describe_generic
-from cutjoint_bench.twin.system import describe_generic_natural
+from cutjoint_bench.generic import RUNTIME
+from cutjoint_bench.generic.build import build_generic
+from cutjoint_bench.generic.mechanism import describe_generic
+from cutjoint_bench.generic.system import describe_generic_natural
 from tests.conftest import MODELS
 from tests.formulate.test_reports import with_reactions
 from tests.mechanisms import random_models
@@ -43,11 +43,11 @@ from tests.mechanisms.random_models import CUT_KINDS, MEASURED, NOWHERE, TREE_KI
 from tests.oracles.dense import DenseMechanism, Instant
 from tests.oracles.reports import reported
 
-from .test_generic_twin import FLAT, STEPPED, WAVY, Road
+from .test_generic_mechanism import FLAT, STEPPED, WAVY, Road
 
 pytestmark = [
     pytest.mark.skipif(shutil.which("g++") is None and shutil.which("clang++") is None, reason="needs a C++ compiler"),
-    pytest.mark.heavy,  # compiling the twin takes minutes
+    pytest.mark.heavy,  # compiling the generic solver takes minutes
 ]
 
 METHODS = ("augmented", "classical")
@@ -78,7 +78,7 @@ class Ground:
 
 @pytest.fixture(scope="session")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A program around the twin."""
+    """A program around the generic solver."""
     target = tmp_path_factory.mktemp("generic_natural") / "evaluate"
     source = Path(__file__).with_name("generic_natural.cpp")
     subprocess.run(
@@ -114,10 +114,10 @@ def make_case(
     try:
         return Case(formulate_lagrangian(start, method, outputs), road, factor)
     except ModelError as error:  # reactions of joints where others meet their bodies
-        told = tuple(o for o in outputs if f"reaction '{o.element}'" not in {p.element for p in error.problems})
-        if len(told) == len(outputs):
+        known = tuple(o for o in outputs if f"reaction '{o.element}'" not in {p.element for p in error.problems})
+        if len(known) == len(outputs):
             raise
-        return make_case(model, scene, method, road, wanted=told, factor=factor)
+        return make_case(model, scene, method, road, wanted=known, factor=factor)
 
 
 def without_rods(model: Model, scene: Scene) -> Scene:
@@ -188,8 +188,8 @@ def interpret(case: Case, function: str, state: Mapping[str, np.ndarray]) -> dic
     return found
 
 
-def run_twin(program: Path, case: Case, states: Sequence[Mapping[str, np.ndarray]], folder: Path) -> dict[str, Any]:
-    """The twin's results."""
+def run_generic(program: Path, case: Case, states: Sequence[Mapping[str, np.ndarray]], folder: Path) -> dict[str, Any]:
+    """The generic solver's results."""
     scalars = ("t", "motion", "penalty")
     task = {
         "model": describe_generic_natural(case.equations), "parameters": case.parameters,
@@ -204,7 +204,7 @@ def run_twin(program: Path, case: Case, states: Sequence[Mapping[str, np.ndarray
 
 
 def dense_tangent(results: Mapping[str, Any], values: Sequence[float]) -> np.ndarray:
-    """The tangent of the twin's pattern, where no entry stands twice."""
+    """The tangent of the generic solver's pattern, where no entry stands twice."""
     first, rows = results["first"], results["row"]
     size = len(first) - 1
     assert first[-1] == len(rows) == len(values)
@@ -219,7 +219,7 @@ def dense_tangent(results: Mapping[str, Any], values: Sequence[float]) -> np.nda
 
 def check_agreement(program: Path, case: Case, folder: Path, count: int = 2) -> None:
     states = [random_state(case, seed) for seed in range(count)]
-    results = run_twin(program, case, states, folder)
+    results = run_generic(program, case, states, folder)
     assert results["coordinates"] == list(case.equations.coordinate_names)
     assert results["equations"] == list(case.equations.equation_names)
     assert results["symmetric"] is (case.equations.method == "augmented")
@@ -379,7 +379,7 @@ def test_reactions(kind: JointKind, closing: str, program: Path, tmp_path: Path)
     case = make_case(model, random_models.scene(), "classical", wanted=wanted, factor=1.0)
     assert case.equations.outputs
     state, expected = moving_state(case)
-    (found,) = run_twin(program, case, [state], tmp_path)["states"]
+    (found,) = run_generic(program, case, [state], tmp_path)["states"]
     for output, value in zip(case.equations.outputs, found["column"], strict=True):
         wanted_value = expected[output.element, output.quantity]
         assert value == pytest.approx(wanted_value, rel=1e-6, abs=1e-6 * np.abs(state["lambda"]).max()), output.column

@@ -19,7 +19,7 @@ from cutjoint.run.results import read_table
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.realtime import StepTimes, run_in_real_time
-from cutjoint_bench.twin.artifact import compile_generic_model
+from cutjoint_bench.generic.artifact import compile_generic_model
 from tests.conftest import MODELS
 from tests.mechanisms.driven import pushed_text
 from tests.physics.simulation import completed
@@ -123,6 +123,6 @@ def test_steps_up_to_a_failure_are_reported(tmp_path: Path) -> None:
 
 
 @pytest.mark.heavy
-def test_the_twin_does_not_run_against_the_clock() -> None:
+def test_the_generic_solver_does_not_run_against_the_clock() -> None:
     with pytest.raises(RunError, match="real-time runs need generated code"):
         run_in_real_time(compile_generic_model(MODELS / "pendulum.yaml"))

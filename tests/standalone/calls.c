@@ -57,7 +57,7 @@ static void wrong_calls(void) {
   EXPECT(strlen(press_status_text(PRESS_NOT_STARTED)) > 0 && strlen(press_status_text(12345)) > 0);
 }
 
-/* A step beyond a limit is made, and told. */
+/* A step beyond a limit is made, and reported. */
 static void limits(void) {
   press_step_statistics statistics;
   char text[200];

@@ -246,17 +246,17 @@ def test_what_has_no_derivative_is_reported_by_name() -> None:
     sim = loaded(PAIR, "pair", integrator="rk4").reset(dt=0.01)
     together = sim.copy().forward_sensitivities(40, ["left.z", "right.z"], ["drop"]).end[1][:, 0]
     assert together[0] == pytest.approx(together[1], rel=1e-12)
-    with pytest.raises(cutjoint.SimulationError, match=r"other parameter values.*: 'first' \(pair.yaml:11\).*one-sided") as told:
+    with pytest.raises(cutjoint.SimulationError, match=r"other parameter values.*: 'first' \(pair.yaml:11\).*one-sided") as reported:
         sim.forward_sensitivities(40, ["left.z"], ["one"])
-    assert told.value.status == 34
+    assert reported.value.status == 34
     sim = loaded(JERKED, "jerked", integrator="rk4").reset(dt=0.01)
-    with pytest.raises(cutjoint.SimulationError, match=r"velocities jump where a guide.*: 'rail' \(jerked.yaml:10\)") as told:
+    with pytest.raises(cutjoint.SimulationError, match=r"velocities jump where a guide.*: 'rail' \(jerked.yaml:10\)") as reported:
         sim.forward_sensitivities(40, ["pin.angle"], ["begin"])
-    assert told.value.status == 35
+    assert reported.value.status == 35
     sim = loaded(PUSHED, "pushed", integrator="rk4").reset(dt=0.3137)
-    with pytest.raises(cutjoint.SimulationError, match=r"exactly where a step ends.*: 'thrust'") as told:
+    with pytest.raises(cutjoint.SimulationError, match=r"exactly where a step ends.*: 'thrust'") as reported:
         sim.forward_sensitivities(2, ["mass.z"], ["until"])
-    assert told.value.status == 36
+    assert reported.value.status == 36
     assert loaded(PUSHED, "pushed", integrator="rk4").reset(dt=0.3137).forward_sensitivities(2, ["mass.z"], ["push"]).end[1][0,
         0] > 0.0
     with pytest.raises(cutjoint.SimulationError, match=r"no derivative: it ended at an event.*'thrust'.*or differentiate a run"):

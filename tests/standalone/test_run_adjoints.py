@@ -116,9 +116,9 @@ def test_what_cannot_be() -> None:
         sim.adjoint_sensitivities(10, ["pin.angle"], ["gg"], "end")
     with pytest.raises(ValueError, match="no objective 'max'; there is end, integral, mean, rms, maximum, minimum"):
         sim.adjoint_sensitivities(10, ["pin.angle"], ["g"], "max")
-    for steps, every, error, told in ((10, 0, ValueError, "every: 0 is below 1"), (-1, 1, ValueError, "steps: -1 is below 0"),
+    for steps, every, error, reported in ((10, 0, ValueError, "every: 0 is below 1"), (-1, 1, ValueError, "steps: -1 is below 0"),
                                       (10, 2.5, TypeError, "every: 2.5 is no whole number")):  # fmt: skip
-        with pytest.raises(error, match=told):
+        with pytest.raises(error, match=reported):
             sim.adjoint_sensitivities(steps, ["pin.angle"], ["g"], "end", every=every)  # type: ignore[arg-type]
     still = backwards(PENDULUM, "pendulum", integrator="rk4").reset(dt=1e-2, coordinates={"pin.angle": np.pi / 2})
     still.parameters["g"] = 0.0

@@ -41,8 +41,8 @@ def test_a_simulation_takes_no_more_than_its_bound(seed: int, tmp_path: Path) ->
     method, integrator, choices = KINDS[seed % len(KINDS)]
     alone = folder_of_model(model_of(seed, method), None, integrator, method, **choices)
     for name, text in alone.files.items():
-        told = re.sub(r"static_assert\((sizeof.* \+ alignof.*) <= \w+\);", r"std::integral_constant<std::size_t, \1> told = 0;", text)
-        (tmp_path / name).write_text(told)
+        changed = re.sub(r"static_assert\((sizeof.* \+ alignof.*) <= \w+\);", r"std::integral_constant<std::size_t, \1> actual = 0;", text)
+        (tmp_path / name).write_text(changed)
     command = [*find_compiler().command, "-std=c++20", "-fsyntax-only", f"{alone.name}.cpp"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     (size,) = re.findall(r"integral_constant<[a-z ]+, (\d+)", done.stderr)[:1]

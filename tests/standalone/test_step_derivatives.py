@@ -124,9 +124,9 @@ def test_a_step_that_ends_at_an_event_has_none(integrator: str) -> None:
         ends = sorted((position, other.coordinates["slide.displacement"]))
         crossed.append(any(ends[0] <= knot <= ends[1] for knot in (-0.4, 0.1, 0.3)))
         if crossed[-1]:
-            with pytest.raises(cutjoint.SimulationError, match=r"no derivative: it ended at an event.*take this step without") as told:
+            with pytest.raises(cutjoint.SimulationError, match=r"no derivative: it ended at an event.*take this step without") as reported:
                 sim.step_derivatives()
-            assert told.value.status == 33
+            assert reported.value.status == 33
             sim.step()
         else:
             sim.step_derivatives()

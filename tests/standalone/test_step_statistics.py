@@ -78,15 +78,15 @@ def test_a_step_beyond_a_limit_is_made_and_told(press: cutjoint.Simulation) -> N
     free.run(20)
     most = free.last_step.iterations
     press.set_limits(iterations=most - 1)
-    told = set()
+    reported = set()
     for _ in range(20):
         try:
             press.step()
         except cutjoint.SimulationError as error:
-            told.add((error.status, str(error).partition(" s: ")[2]))
+            reported.add((error.status, str(error).partition(" s: ")[2]))
     head, advice = rf"a step exceeds a limit: 'iterations' is [2-9], the limit {most - 1}", "try: a smaller dt, or another limit"
-    assert {status for status, _ in told} == {32}
-    assert all(re.fullmatch(f"{head}; the step is made, and the motion may go on; {advice}", text) for _, text in told)
+    assert {status for status, _ in reported} == {32}
+    assert all(re.fullmatch(f"{head}; the step is made, and the motion may go on; {advice}", text) for _, text in reported)
     assert press.time == free.time
     assert np.array_equal(press.coordinates.array, free.coordinates.array)
     copy = press.copy()
@@ -111,7 +111,7 @@ def test_a_step_in_parts_is_made_too(tmp_path: Path) -> None:
     path.write_text(DRIVEN)
     free, limited = (cutjoint.load(path, scene="free", integrator="trapezoidal").reset(dt=1e-3) for _ in range(2))
     limited.set_limits(iterations=0)
-    told = set()
+    reported = set()
     for i in range(10):
         for sim in (free, limited):
             sim.inputs["lift"] = 0.01 * (i > 3)
@@ -119,8 +119,8 @@ def test_a_step_in_parts_is_made_too(tmp_path: Path) -> None:
             try:
                 call()
             except cutjoint.SimulationError as error:
-                told.add(error.status)
-    assert told == {32}
+                reported.add(error.status)
+    assert reported == {32}
     assert limited.time == free.time
     assert np.array_equal(limited.coordinates.array, free.coordinates.array)
     assert np.array_equal(limited.speeds.array, free.speeds.array)

@@ -52,19 +52,19 @@ def test_a_force_of_straight_lines_has_its_closed_form() -> None:
     assert run.end[1] == pytest.approx(wanted, abs=1e-10)  # of the trapezoids
     sim.restore(start)
     back = sim.adjoint_sensitivities(80, OUTPUTS, by, "end", every=80)
-    assert back.slopes == pytest.approx(run.end[1], abs=1e-14)
+    assert back.derivatives == pytest.approx(run.end[1], abs=1e-14)
 
 
 def test_a_monotone_curve_beside_differences() -> None:
-    """Its slopes at points follow from the values; those of the flat part are 0."""
+    """Its derivatives at points follow from the values; those of the flat part are 0."""
     sim = simulation("held", "hold.law.table.value.*").reset(dt=5e-4)
     by = [f"hold.law.table.value.{i}" for i in (0, 3)]
     start = sim.snapshot()
     run = sim.forward_sensitivities(1200, OUTPUTS, by, every=1200)
     sim.restore(start)
     back = sim.adjoint_sensitivities(1200, OUTPUTS, by, "end", every=1200)
-    assert np.isfinite(back.slopes).all()
-    assert back.slopes == pytest.approx(run.end[1], rel=1e-11, abs=1e-14)
+    assert np.isfinite(back.derivatives).all()
+    assert back.derivatives == pytest.approx(run.end[1], rel=1e-11, abs=1e-14)
     for i, name in enumerate(by):
         wanted = fourth_order(from_start(sim, name, None, 1200, OUTPUTS), 0.05)[-1]
         assert np.abs(run.end[1][:, i] - wanted).max() < 1e-7 * np.abs(wanted).max(), name  # steps end at the knots, which move

@@ -99,8 +99,8 @@ def test_a_reproducible_folder_has_the_bits_of_the_module(
 def test_only_reproducible_folders_have_mathematics() -> None:
     plain = standalone_of("press")
     more = replace(plain, reproducible=True).files
-    told = ("CMakeLists.txt", "README.md")
-    same = {name: text for name, text in plain.files.items() if name not in told}
+    reported = ("CMakeLists.txt", "README.md")
+    same = {name: text for name, text in plain.files.items() if name not in reported}
     assert {name: text for name, text in more.items() if name in same} == same
     assert {"libm/sin.c", "libm/names.h", "libm/COPYRIGHT"} <= set(more) - set(plain.files)
     assert "libm" not in plain.files["CMakeLists.txt"].replace("libmvec", "").replace("LIBMVEC", "")

@@ -1,4 +1,4 @@
-"""Parts of a sweep that are damaged, renamed, lost, foreign: told, set aside and made again, or the call fails."""
+"""Parts of a sweep that are damaged, renamed, lost, foreign: reported, set aside and made again, or the call fails."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .damaged import ASIDE, CUTS, DAMAGES, OUT, PARTS, RUNS, Harm, begin, call, 
 
 pytestmark = needs_cpp
 
-#: Damages without a message, as no rows and no file of a user's are concerned, or the rows that go are told where they are made again.
+#: Damages without a message, as no rows and no file of a user's are concerned, or the rows that go are reported where they are made again.
 _SILENT = {"lose", "lose all", "unfinished", "lose manifest"}
 
 

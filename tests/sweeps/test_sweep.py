@@ -229,9 +229,9 @@ def test_the_command_says_what_there_is(tmp_path: Path) -> None:
 def test_failures_are_reported_by_their_reasons(tmp_path: Path) -> None:
     rows = [{"slider.mass": m, "pin.angle_rate": w} for m, w in ((2, 5), (-1, 5), (2, 1e9), (-3, 5), (2, 2e9), (-2, 6))]
     path = study(tmp_path, open=["slider.mass"], parameters=None, rates=None, design={"list": rows}, output_step=0.01, dt=0.01)
-    told = CliRunner().invoke(main, ["sweep", str(path), "--out", str(tmp_path / "out.parquet")]).output
-    assert "5 of them failed:\n  3 like run 1: " in told
-    assert "press.yaml:9:3: body 'slider': with these parameters the mass is negative: -1 kg; set other values\n  2 like run 2: " in told
+    said = CliRunner().invoke(main, ["sweep", str(path), "--out", str(tmp_path / "out.parquet")]).output
+    assert "5 of them failed:\n  3 like run 1: " in said
+    assert "press.yaml:9:3: body 'slider': with these parameters the mass is negative: -1 kg; set other values\n  2 like run 2: " in said
 
 
 def test_every_function_of_expressions(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ __all__ = ["pytestmark", "site"]
 
 @pytest.fixture
 def launcher(tmp_path: Path) -> Path:
-    """A program as ccache is: it runs what it is told to, and writes that down."""
+    """A program as ccache is: it runs what it is asked to, and writes that down."""
     path = tmp_path / "launcher"
     path.write_text(f'#!/bin/sh\necho "$*" >> "{tmp_path}/calls"\nexec "$@"\n', encoding="utf-8")
     path.chmod(0o755)

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from cutjoint.toolchain import compiler
+from cutjoint_bench.generic import build as generic_build
 from cutjoint_bench.peers import compile_cpp
-from cutjoint_bench.twin import build as twin_build
 from tests.toolchain.test_locks import Site, pytestmark, site
 
 __all__ = ["pytestmark", "site"]
@@ -67,14 +67,14 @@ def test_flags_that_name_no_processor_are_the_same_everywhere(site: Site, monkey
     assert not site.build("one", ("-O1", "-mavx2")).fresh
 
 
-def test_each_processor_has_its_twin_and_its_peers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_processor_has_its_generic_solver_and_its_peers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(twin_build, "_build_in", lambda folder, compiler, flags: touched(folder / "generic"))
+    monkeypatch.setattr(generic_build, "_build_in", lambda folder, compiler, flags: touched(folder / "generic"))
     monkeypatch.setattr(compile_cpp, "FLAGS", NATIVE)
     (tmp_path / "peer").mkdir()
     (tmp_path / "peer" / "main.cpp").write_text("int main() {}\n", encoding="utf-8")
     found = set()
     for name in ("avx2", "avx512f", "avx2"):
         monkeypatch.setattr(compiler, "processor", lambda name=name: (name,))
-        found |= {twin_build.build_generic(flags=NATIVE).path, compile_cpp.compile_program(tmp_path / "peer", [])}
+        found |= {generic_build.build_generic(flags=NATIVE).path, compile_cpp.compile_program(tmp_path / "peer", [])}
     assert len(found) == 4

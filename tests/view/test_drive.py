@@ -1,4 +1,4 @@
-"""Pages in which a simulation runs: keys move it, its motion is that of the native core with the same inputs, and faults are told."""
+"""Pages in which a simulation runs: keys move it, its motion is that of the native core with the same inputs, and faults are reported."""
 
 from __future__ import annotations
 

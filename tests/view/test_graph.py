@@ -75,11 +75,11 @@ def test_a_click_tells_the_line(dark: bool, name: str, browser: Page, tmp_path: 
       return [box.left + 5, box.top + box.height / 2];
     })()""")
     browser.click(x, y)
-    told = {e: browser.run(f"document.getElementById('{e}').textContent") for e in ("element", "kind", "line", "notes")}
-    assert told["element"] == "elbow"
-    assert told["kind"] == "cut, revolute, crank to rod"
-    assert told["line"] == "press.yaml:12\nelbow: {kind: revolute, bodies: [crank, rod], at: A, axis: [0, 1, 0]}"
-    assert told["notes"].startswith("redundant in every pose: ")
+    reported = {e: browser.run(f"document.getElementById('{e}').textContent") for e in ("element", "kind", "line", "notes")}
+    assert reported["element"] == "elbow"
+    assert reported["kind"] == "cut, revolute, crank to rod"
+    assert reported["line"] == "press.yaml:12\nelbow: {kind: revolute, bodies: [crank, rod], at: A, axis: [0, 1, 0]}"
+    assert reported["notes"].startswith("redundant in every pose: ")
     assert browser.run("[...document.querySelectorAll('#graph .lit')].length") == 8
     assert browser.run("[...document.querySelectorAll('#said tr')].at(-1).textContent") == "degrees of freedom1"
     browser.picture(PICTURES / f"graph-{name}.png")

@@ -1,4 +1,4 @@
-"""Pages that follow a running host: its poses are seen, other datagrams are told, and nobody else may ask."""
+"""Pages that follow a running host: its poses are seen, other datagrams are reported, and nobody else may ask."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ MODEL = read_model_text(PRESS.read_text(encoding="utf-8"), "press.yaml")
 
 
 @contextmanager
-def following(page: str = "<p>press</p>", told: list[str] | None = None) -> Iterator[LiveView]:
-    view = LiveView(MODEL, page, 0, report=(told if told is not None else []).append)
+def following(page: str = "<p>press</p>", reported: list[str] | None = None) -> Iterator[LiveView]:
+    view = LiveView(MODEL, page, 0, report=(reported if reported is not None else []).append)
     thread = Thread(target=view.serve)
     thread.start()
     try:
@@ -74,17 +74,17 @@ def test_a_page_shows_where_the_bodies_of_a_host_are(browser: Page) -> None:
 @needs_cpp
 def test_what_is_none_of_its_poses_is_reported_once_and_ignored() -> None:
     whole = cutjoint.load(PRESS, poses=True).reset().pose_datagram()
-    told: list[str] = []
-    poses = Poses(MODEL, told.append)
+    reported: list[str] = []
+    poses = Poses(MODEL, reported.append)
     nan = np.float64(np.nan).tobytes()
     for wrong in (b"", b"x" * 400, whole[:-8], whole + b"\0", whole[:8] + nan + whole[16:], whole[:-8] + nan):
         for _ in range(3):
             assert not poses.receive(wrong)
-    assert len(told) == 4
-    assert told[0].startswith("a datagram is none of 'press': its digest is another")
-    assert [each for each in told if "392 bytes, not 400" in each]
-    assert [each for each in told if "401 bytes, not 400" in each]
-    assert "not finite" in told[-1]
+    assert len(reported) == 4
+    assert reported[0].startswith("a datagram is none of 'press': its digest is another")
+    assert [each for each in reported if "392 bytes, not 400" in each]
+    assert [each for each in reported if "401 bytes, not 400" in each]
+    assert "not finite" in reported[-1]
     assert poses.receive(whole)
     number, text = poses.wait(0)
     assert number == 1

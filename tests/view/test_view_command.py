@@ -82,9 +82,9 @@ def test_a_run_is_drawn_as_far_as_a_picture_goes(browser: Page, tmp_path: Path) 
     assert table["ball.x"][-1] > 1e40
     browser.open(tmp_path / "run.html")
     subtitle = browser.run("document.getElementById('subtitle').textContent")
-    told = re.search("drawn up to ([0-9.]+) s, where a body is 1e[+]18 m away", subtitle)
-    assert told
-    assert float(told[1]) == table["t"][np.argmax(table["ball.x"] > 1e18)]
+    reported = re.search("drawn up to ([0-9.]+) s, where a body is 1e[+]18 m away", subtitle)
+    assert reported
+    assert float(reported[1]) == table["t"][np.argmax(table["ball.x"] > 1e18)]
     assert browser.complaints == []
 
 

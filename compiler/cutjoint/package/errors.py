@@ -1,4 +1,4 @@
-"""The errors that are told to users: one class of all, and beneath it a class for each stage.
+"""The errors that are reported to users: one class of all, and beneath it a class for each stage.
 
 Errors that several folders raise stand here, every other class in the folder that raises it.
 """

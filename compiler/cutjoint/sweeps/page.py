@@ -166,7 +166,7 @@ def replay_runs(
     study: Study, runs: Mapping[int, int | None], folder: Path, done: Callable[[int], None]
 ) -> dict[int, Replay]:  # fmt: skip
     """Write the pages of runs into a folder, each over that of the run that it names; returns them by their runs.  Runs that cannot be
-    shown have none.  ``done`` is told how many runs there were.
+    shown have none.  ``done`` receives how many runs there were.
 
     Raises:
         ModelError, ToolchainError, OutputError: as of `replay`.

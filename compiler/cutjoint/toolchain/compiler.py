@@ -86,7 +86,7 @@ def must_interpret() -> bool:
     """Return whether tools are missing and the package has simulators that need none.
 
     Raises:
-        ToolchainError: such a package is told of a compiler by $CXX, and that is none.
+        ToolchainError: $CXX names a compiler for such a package, and that is none.
     """
     if not binaries_folder().is_dir():
         return False

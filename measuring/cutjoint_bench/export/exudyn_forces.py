@@ -89,10 +89,10 @@ class ForceWriter:
         """A linear law is Exudyn's own, if it does not push the wrong way; another one is a function."""
         law = self.numbers.law(force.expressions[0])
         ends = f"{self.end(how.start, force)}, {self.end(how.end, force)}"
-        slopes = [sympy.diff(law, x) for x in (LENGTH, RATE)]
-        stiffness, damping = (max(0.0, evaluate(slope, self.stretch(force, how))) for slope in slopes)
+        derivatives = [sympy.diff(law, x) for x in (LENGTH, RATE)]
+        stiffness, damping = (max(0.0, evaluate(derivative, self.stretch(force, how))) for derivative in derivatives)
         arguments = f"stiffness={stiffness!r}, damping={damping!r}"
-        if all(slope.is_Number and slope >= 0 for slope in slopes) and not law.has(TIME):
+        if all(derivative.is_Number and derivative >= 0 for derivative in derivatives) and not law.has(TIME):
             return f"mechanism.spring({ends}, {arguments}, force={evaluate(law, {LENGTH: 0.0, RATE: 0.0})!r})"
         return f"mechanism.spring_law({ends}, {arguments}, law={function(('length', 'rate'), law)})"
 

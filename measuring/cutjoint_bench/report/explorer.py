@@ -16,7 +16,7 @@ Data = Mapping[str, Any]
 KINDS = {
     "generated": "full model", "integrators": "full model", "reduced": "reduced model", "reductions": "reduced model", "peer": "peer",
     "functions": "loops as functions",
-    "generic": "generic twin", "precision": "number types", "solvers": "linear solvers", "scalar": "without lanes",
+    "generic": "generic solver", "precision": "number types", "solvers": "linear solvers", "scalar": "without lanes",
 }  # fmt: skip
 
 

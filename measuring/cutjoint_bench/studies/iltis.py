@@ -85,7 +85,7 @@ def tables(figures: Figures) -> Iterable[tuple[str, Table]]:
     title = "largest differences from the IAVSD trajectories, dt 1 ms, angles and loads in the reference's terms"
     yield title, references_table(figures.references)
     yield "10 s at 5 m/s at the paper's steps; accelerations of the chassis, gravity not counted", scenes_table(figures.races)
-    yield "one core: generated code, the same without lanes, the generic twin, in turns; median (min .. max)", race_table(figures.races)
+    yield "one core: generated code, the same without lanes, the generic solver, in turns; median (min .. max)", race_table(figures.races)
     yield "simul1: peak vertical acceleration over the step, speed 5 m/s", peaks_table("dt, ms", [(p.dt * 1e3, p) for p in figures.steps])
     title = "simul1: the same over the speed, dt 1 ms (an independent pitch-plane model: 5.05 g at 5 m/s; the paper: up to 5 g)"
     yield title, peaks_table("speed, m/s", [(p.speed, p) for p in figures.speeds])

@@ -21,9 +21,9 @@ from cutjoint.run.roads import profile_pieces
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.states import find_equilibrium
 from cutjoint.toolchain.platforms import machine
+from cutjoint_bench.generic.artifact import compile_generic_model
+from cutjoint_bench.generic.build import measuring_digest
 from cutjoint_bench.studies.checkout import DATA, MODELS
-from cutjoint_bench.twin.artifact import compile_generic_model
-from cutjoint_bench.twin.build import measuring_digest
 
 MODEL = MODELS / "iltis.yaml"
 GRAVITY = 9.81
@@ -32,8 +32,8 @@ CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
 #: The scenes of Cuadrado et al. (2000) and their steps in the recursive method, s.
 SCENES: Mapping[str, float] = {"simul1": 0.0075, "simul1s": 0.0025, "simul2": 0.0075, "simul3": 0.0075}
 
-#: The contenders: generated code as it is by default, the same without lanes, the generic twin.
-GENERATED, SCALAR, GENERIC = IMPLEMENTATIONS = ("generated", "without lanes", "generic twin")
+#: The contenders: generated code as it is by default, the same without lanes, the generic solver.
+GENERATED, SCALAR, GENERIC = IMPLEMENTATIONS = ("generated", "without lanes", "generic solver")
 
 #: Step for peak values that have settled, s.
 FINE = 0.0005

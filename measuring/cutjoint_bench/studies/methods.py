@@ -1,6 +1,6 @@
 """The parts of a Newton iteration of the Lagrangian methods with every linear solver, on the tangents of the Iltis: `make methods`.
 
-Whole runs, of every method, solver and twin, are studies of `make report`.
+Whole runs, of every method, solver and generic solver, are studies of `make report`.
 """
 
 from __future__ import annotations

@@ -93,11 +93,11 @@ def chain() -> Plan:
     return Plan(cases=[_chain(Chain(windows=40))], contenders=choose(["generated", "integrators", "peer"]), title="and peers")
 
 
-def twins() -> Plan:
-    """Other solvers of the same matrices, and the generic twins."""
+def solvers() -> Plan:
+    """Other solvers of the same matrices, and the generic solvers."""
     case = make_case(MODELS / "iltis.yaml", "simul1", row=0.0075)
     return Plan(cases=[case], contenders=choose(["generated", "solvers", "generic"]), reference="extended", limits=False, repetitions=3,
-                shortest=0.2, title="solvers and generic twins")  # fmt: skip
+                shortest=0.2, title="solvers and generic solvers")  # fmt: skip
 
 
 def precisions() -> Plan:
@@ -143,7 +143,7 @@ def _chain(chain: Chain) -> Case:
 STUDIES: dict[str, Callable[[], Plan]] = {
     study.__name__: study
     for study in (
-        vehicle, chain, verification, governor, smooth, reductions, paper, twins, precisions, ill_conditioned, failures, bumpers,
+        vehicle, chain, verification, governor, smooth, reductions, paper, solvers, precisions, ill_conditioned, failures, bumpers,
         situations,
     )
 }

@@ -1,9 +1,1 @@
-"""The generic twin: the runtime's other mechanism, which interprets a description of the model in place of code made for it."""
-
-from __future__ import annotations
-
-from pathlib import Path
-
-#: The modules of the twin, and its C++, which includes the product's and the solvers of `ADDITIONS`.
-FOLDER = Path(__file__).resolve().parent
-RUNTIME, ADDITIONS = FOLDER.parent / "runtime", FOLDER.parent / "driver"
+"""The former place of `generic.backend`, for installations that have not been set up again."""

@@ -39,8 +39,8 @@ class Choice(sympy.Piecewise):  # type: ignore[misc]
         return sympy.Basic.__new__(cls, *kept)
 
     def _eval_derivative(self, x: Any) -> Any:
-        slopes = [(sympy.diff(value, x), condition) for value, condition in self.args]
-        return Choice(*slopes) if any(slope != 0 for slope, _ in slopes) else sympy.Integer(0)
+        derivatives = [(sympy.diff(value, x), condition) for value, condition in self.args]
+        return Choice(*derivatives) if any(derivative != 0 for derivative, _ in derivatives) else sympy.Integer(0)
 
     def _eval_power(self, exponent: Any) -> Any:
         """Leave a power as it is: a root taken case by case has complex values in the cases that do not hold."""

@@ -1,4 +1,4 @@
-// The generic twin of generated code: the same mechanics, with the model read and interpreted at run time.
+// The generic solver of generated code: the same mechanics, with the model read and interpreted at run time.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,7 @@
 
 namespace cutjoint::generic {
 
-/// Interprets a model that the compiler has described (twin/mechanism.py).  Satisfies the concept Mechanism; nothing allocates after `load`.
+/// Interprets a model that the compiler has described (generic/mechanism.py).  Satisfies the concept Mechanism; nothing allocates after `load`.
 template <class Real>
 class GenericMechanism {
  public:
@@ -45,7 +45,7 @@ class GenericMechanism {
 
   void drive_by(const InputSource<Real>& source) { model_.expressions.drive_by(source); }
 
-  void sample(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda; twins have no controllers
+  void sample(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda; generic solvers have no controllers
 
   /// Set all that depends on time and on inputs.
   void begin_step(Real t, Real motion) {
@@ -104,7 +104,7 @@ class GenericMechanism {
       energy[0] += kinematics_.frame(i).Z.dot(system_.M(i) * kinematics_.frame(i).Z) / Real(2);
   }
 
-  /// The compiler does not describe models with guards to this twin.
+  /// The compiler does not describe models with guards to this generic solver.
   void guard(const Real*, const Real*, Real*) const {}
 
  private:

@@ -1,4 +1,4 @@
-// From the compiler's description of a model (JSON, see twin/mechanism.py) to its records.
+// From the compiler's description of a model (JSON, see generic/mechanism.py) to its records.
 #pragma once
 
 #include <map>

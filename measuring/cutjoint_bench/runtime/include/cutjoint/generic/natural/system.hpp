@@ -1,4 +1,4 @@
-// The generic twin of generated systems in natural coordinates: the same mechanics, with the model read and interpreted at run time.
+// The generic solver of generated systems in natural coordinates: the same mechanics, with the model read and interpreted at run time.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace cutjoint::generic::natural {
 
-/// Interprets a system that the compiler has described (twin/system.py).  It has the functions of AnySystem but `factor` and
+/// Interprets a system that the compiler has described (generic/system.py).  It has the functions of AnySystem but `factor` and
 /// `solve`: its tangent is for a library solver.  The pattern follows from the structure that it reads.  Nothing allocates after
 /// construction.
 template <class Real>
@@ -57,7 +57,7 @@ class GenericSystem {
     start_.begin_step(t, motion);
   }
 
-  void sample(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda; twins have no controllers
+  void sample(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda; generic solvers have no controllers
 
   void initial_coordinates(const Real* relative_q, const Real* relative_v, Real* q, Real* v) { start_.initial_coordinates(relative_q, relative_v, q, v); }
 
@@ -110,13 +110,13 @@ class GenericSystem {
     reporter_.report(q, v, lambda, masses_.gravity(e_), column);
   }
 
-  /// The compiler does not describe models with guards to this twin.
+  /// The compiler does not describe models with guards to this generic solver.
   void guard(const Real*, const Real*, Real*) const {}
 
  private:
   static Names read_names(const Json& document) {
     if (document.at("format") != "cutjoint-generic-natural-1")
-      throw std::runtime_error("not a description of a system in natural coordinates for the generic twin");
+      throw std::runtime_error("not a description of a system in natural coordinates for the generic solver");
     Names names;
     names.model = document.at("name");
     names.parameters = read_parameter_names(document);

@@ -12,7 +12,7 @@ from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Use, Uses, total
 from cutjoint.kernels.joints import slide_axis
 from cutjoint.model.records import GROUND, Joint, Vector
-from cutjoint_bench.twin.trees import Trees
+from cutjoint_bench.generic.trees import Trees
 
 
 @dataclass(kw_only=True)

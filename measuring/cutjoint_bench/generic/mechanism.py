@@ -36,8 +36,8 @@ from cutjoint.kernels.closures import derive_closure
 from cutjoint.model.expressions.quantities import reaction_component, reported_element, unit_of
 from cutjoint.model.records import COORDINATES, SPEEDS, Body, Force, Gear, Joint, Marker, Model, Output, Reaction, Scalar, Scene
 from cutjoint.topology.records import Topology, TreeJoint
-from cutjoint_bench.twin.cut_coordinates import describe_cut_coordinate
-from cutjoint_bench.twin.trees import Json, Trees, quantity_names
+from cutjoint_bench.generic.cut_coordinates import describe_cut_coordinate
+from cutjoint_bench.generic.trees import Json, Trees, quantity_names
 
 
 def describe_generic(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> Json:
@@ -78,7 +78,7 @@ def force_source(output: Output, force: Force, scene: Scene) -> Json:
 
 
 def heading(trees: Trees) -> Json:
-    """The beginning of the descriptions for all twins."""
+    """The beginning of the descriptions for all generic solvers."""
     model = trees.model
     return {
         "name": model.name,
@@ -153,7 +153,7 @@ def _motion_of_chain(joint: Joint, motion: ChainMotion) -> Json:
 
 
 def _condition(condition: Condition) -> Json:
-    """A condition by its name with what it names; the twin has its equations by hand."""
+    """A condition by its name with what it names; the generic solver has its equations by hand."""
     name = {
         SamePoint: "same_point", SameDirection: "same_direction", SameAttitude: "same_attitude", Products: "products",
         SameDistance: "same_distance", Advance: "advance",
@@ -179,7 +179,7 @@ def _factor(factor: BodyDirection | JointDisplacement) -> list[str]:
 
 
 def _force(trees: Trees, force: Any, topology: Topology, tyres: Sequence[str]) -> Json:
-    """A force by the name of its interaction with where it acts and its laws; the twin has its equations by hand."""
+    """A force by the name of its interaction with where it acts and its laws; the generic solver has its equations by hand."""
     how = force.interaction
     match how:
         case LineForce() | AxisForce():
@@ -212,7 +212,7 @@ def _acted_on(trees: Trees, force: Force, topology: Topology) -> Json:
     return {"body": body, "coordinate": COORDINATES[joint.kind].index(force.coordinate_of)}
 
 
-#: The twin's name of each interaction.
+#: The generic solver's name of each interaction.
 _KINDS: Mapping[type[Interaction], str] = {
     LineForce: "point_spring", AxisForce: "axial_force", Compliance: "bushing", Wrench: "load", OnCoordinate: "joint_force",
     RoadContact: "tyre",

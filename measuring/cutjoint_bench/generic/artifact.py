@@ -1,4 +1,4 @@
-"""A model made ready for the generic twin, which runs it from a description."""
+"""A model made ready for the generic solver, which runs it from a description."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.topology.reading import read_model
+from cutjoint_bench.generic.build import build_generic
+from cutjoint_bench.generic.mechanism import describe_generic
+from cutjoint_bench.generic.system import describe_generic_natural
 from cutjoint_bench.mechanics_alone import require_mechanics_alone
-from cutjoint_bench.twin.build import build_generic
-from cutjoint_bench.twin.mechanism import describe_generic
-from cutjoint_bench.twin.system import describe_generic_natural
 
 
 def compile_generic_model(path: AnyPath, *, scene: str | None = None, **how: Any) -> Artifact:
-    """A model file for the generic twin; ``how`` as in `compile_generic`.
+    """A model file for the generic solver; ``how`` as in `compile_generic`.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError, RunError, MissingLibraryError, ToolchainError: as `compile_generic`.
@@ -37,18 +37,18 @@ def compile_generic_model(path: AnyPath, *, scene: str | None = None, **how: Any
 def compile_generic(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, flags: Sequence[str] = FLAGS, outputs: Sequence[Output] | None = None
 ) -> Artifact:  # fmt: skip
-    """A model in a scene for the generic twin; ``outputs`` are instead of the scene's.
+    """A model in a scene for the generic solver; ``outputs`` are instead of the scene's.
 
-    The artifact has the code that would be generated too, which is not compiled: what the twin is compared with.
+    The artifact has the code that would be generated too, which is not compiled: what the generic solver is compared with.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
-        RunError: there is no such method, it has no twin, or the twin does not take the model.
+        RunError: there is no such method, it has no generic solver, or the generic solver does not take the model.
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError: the C++ side failed.
     """
     require_choice(method)
-    _require_twin(model, scene, method)
+    _require_generic(model, scene, method)
     # Model -> Source and description
     begin = perf_counter()
     equations, program, source = generate(model, scene, scene.outputs if outputs is None else outputs, method=method)
@@ -63,21 +63,21 @@ def compile_generic(
     )  # fmt: skip
 
 
-def _require_twin(model: Model, scene: Scene, method: str) -> None:
+def _require_generic(model: Model, scene: Scene, method: str) -> None:
     if not METHODS[method].has_generic:
-        twins = ", ".join(names_of(METHODS, lambda m: m.has_generic))
-        raise RunError(f"{method} has no generic twin: there is one of {twins}; use --implementation generated")
+        methods = ", ".join(names_of(METHODS, lambda m: m.has_generic))
+        raise RunError(f"{method} has no generic solver: there is one of {methods}; use --implementation generated")
     require_mechanics_alone(model)
     if is_reduced(model, scene):
-        raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
+        raise RunError("the generic solver knows neither guards nor columns of reduced models: run the full model")
     closure = METHODS[method].closure(scene.numerics.closure, Implementation.GENERIC)
     if not closure.has_generic:
         known = join_and(names_of(CLOSURES, lambda c: c.has_generic))
-        raise RunError(f"the generic twin knows closure: {known} only, not {closure.name}; use --implementation generated")
+        raise RunError(f"the generic solver knows closure: {known} only, not {closure.name}; use --implementation generated")
 
 
 def _describe(equations: Equations, scene: Scene) -> dict[str, Any]:
-    """The model as the generic twin reads it."""
+    """The model as the generic solver reads it."""
     if isinstance(equations, LagrangianEquations):
         return describe_generic_natural(equations)
     return describe_generic(equations.topology, scene, equations.outputs)

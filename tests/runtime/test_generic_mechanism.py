@@ -1,4 +1,4 @@
-"""The generic twin, which interprets a model at run time, against the interpreter of the block IR."""
+"""The generic solver, which interprets a model at run time, against the interpreter of the block IR."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
-from cutjoint_bench.twin.build import build_generic
-from cutjoint_bench.twin.mechanism import describe_generic
+from cutjoint_bench.generic.build import build_generic
+from cutjoint_bench.generic.mechanism import describe_generic
 from tests.conftest import needs_cpp
 from tests.formulate.test_cut_coordinates import cut_at
 from tests.formulate.test_shafts import SHAFTS
@@ -34,17 +34,17 @@ from tests.mechanisms.joint_examples import EXAMPLES
 from tests.mechanisms.random_models import CUT_KINDS, GUIDABLE
 from tests.runtime.points import NUMERICS
 
-pytestmark = [needs_cpp, pytest.mark.heavy]  # compiling the twin takes minutes
+pytestmark = [needs_cpp, pytest.mark.heavy]  # compiling the generic solver takes minutes
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
 
 #: Largest difference of accelerations and corrections, relative to the largest element, by penalty.  The penalty costs all
-#: implementations digits alike: masses are known to about penalty * 1e-16 kg.  The twin eliminates joint by joint what the block program
-#: eliminates at once, so that both roundings count in full.
+#: implementations digits alike: masses are known to about penalty * 1e-16 kg.  The generic one eliminates joint by joint
+#: what the block program eliminates at once, so that both roundings count in full.
 TOLERANCES = {1e4: 1e-10, 1e9: 4e-7}
 
-#: Tolerances of steps that close the residual, forty times as much: the twin takes them from two evaluations with forces of penalty times
-#: residual, whose difference loses more digits (1.0e-9 was seen at 1e4).
+#: Tolerances of steps that close the residual, forty times as much: the generic one takes them from two evaluations with forces
+#: of penalty times residual, whose difference loses more digits (1.0e-9 was seen at 1e4).
 STEPS = {1e4: 4e-9, 1e9: 4e-6}
 
 #: Tolerances of residuals, rates and columns, which have no such loss.
@@ -114,7 +114,7 @@ STEPPED = Road(
 
 @pytest.fixture(scope="session")
 def generic() -> Path:
-    """The twin's binary, the one of `--implementation generic`."""
+    """The generic solver's binary, the one of `--implementation generic`."""
     return build_generic().path
 
 
@@ -162,7 +162,7 @@ def random_state(equations: RecursiveEquations, random: np.random.Generator, spr
 
 
 def run_task(generic: Path, case: Case, folder: Path, task: dict[str, Any]) -> dict[str, Any]:
-    """The twin's summary of a task."""
+    """The generic solver's summary of a task."""
     (folder / "model.json").write_text(json.dumps(case.description))
     run = {
         "model": str(folder / "model.json"), "parameters": case.parameters, "numerics": NUMERICS,
@@ -176,14 +176,14 @@ def run_task(generic: Path, case: Case, folder: Path, task: dict[str, Any]) -> d
     return summary
 
 
-def run_twin(generic: Path, case: Case, states: list[dict[str, Any]], folder: Path) -> list[dict[str, np.ndarray]]:
-    """The results of the twin's task "evaluate"."""
+def run_generic(generic: Path, case: Case, states: list[dict[str, Any]], folder: Path) -> list[dict[str, np.ndarray]]:
+    """The results of the generic solver's task "evaluate"."""
     results = run_task(generic, case, folder, {"task": "evaluate", "states": states})["results"]
     return [{name: np.array(values) for name, values in result.items()} for result in results]
 
 
 def interpret(case: Case, state: Mapping[str, Any], vdot: np.ndarray) -> dict[str, np.ndarray]:
-    """Results of the twin's functions by the interpreter of the block IR; the columns are those of the given accelerations."""
+    """Results of the generic solver's functions by the interpreter of the block IR; the columns are those of the given accelerations."""
     equations = case.equations
     inputs = block_inputs(case, state, vdot)
     residuals = {c.joint: equations.function("constraint_residual").results[f"residual:{c.joint}"] for c in equations.closures}
@@ -220,7 +220,7 @@ def block_inputs(case: Case, state: Mapping[str, Any], vdot: np.ndarray) -> dict
 
 def check_agreement(generic: Path, case: Case, folder: Path, count: int = 4, spread: float = 0.02) -> None:
     states = [random_state(case.equations, np.random.default_rng(seed), spread) for seed in range(count)]
-    for state, found in zip(states, run_twin(generic, case, states, folder), strict=True):
+    for state, found in zip(states, run_generic(generic, case, states, folder), strict=True):
         for name, wanted in interpret(case, state, found["vdot"]).items():
             assert found[name].shape == wanted.shape, name
             own_size = np.maximum(np.abs(wanted), 1.0) if name == "columns" else np.abs(wanted).max(initial=1.0)

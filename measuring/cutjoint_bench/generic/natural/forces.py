@@ -22,9 +22,9 @@ from cutjoint.formulate.forces import variable
 from cutjoint.formulate.natural.nodes import Uses
 from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, BodyLoad, Force, JointForce, LawForce, Output, Tyre, Vector
-from cutjoint_bench.twin.mechanism import placed_forces
-from cutjoint_bench.twin.natural.forms import FormTable
-from cutjoint_bench.twin.trees import Json, Trees, quantity_names
+from cutjoint_bench.generic.mechanism import placed_forces
+from cutjoint_bench.generic.natural.forms import FormTable
+from cutjoint_bench.generic.trees import Json, Trees, quantity_names
 
 ORIGIN: Vector = (sympy.Integer(0),) * 3
 

@@ -11,14 +11,14 @@ from __future__ import annotations
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.natural.nodes import Node
 from cutjoint.model.records import GROUND
-from cutjoint_bench.twin.mechanism import describe_generic, heading
-from cutjoint_bench.twin.natural.forces import force_elements
-from cutjoint_bench.twin.natural.forms import FormTable, described_form
-from cutjoint_bench.twin.natural.masses import masses_of
-from cutjoint_bench.twin.natural.outputs import Reports
-from cutjoint_bench.twin.natural.places import Marks
-from cutjoint_bench.twin.natural.rows import rows_of
-from cutjoint_bench.twin.trees import Json, Trees
+from cutjoint_bench.generic.mechanism import describe_generic, heading
+from cutjoint_bench.generic.natural.forces import force_elements
+from cutjoint_bench.generic.natural.forms import FormTable, described_form
+from cutjoint_bench.generic.natural.masses import masses_of
+from cutjoint_bench.generic.natural.outputs import Reports
+from cutjoint_bench.generic.natural.places import Marks
+from cutjoint_bench.generic.natural.rows import rows_of
+from cutjoint_bench.generic.trees import Json, Trees
 
 
 def describe_generic_natural(equations: LagrangianEquations) -> Json:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.natural.nodes import Node, NodeKind
 from cutjoint.model.records import Joint, Scalar
-from cutjoint_bench.twin.trees import Json, Trees
+from cutjoint_bench.generic.trees import Json, Trees
 
 
 class Marks:

@@ -1,4 +1,4 @@
-"""Expressions as trees in the descriptions (JSON) for the generic twins, which interpret a model at run time.
+"""Expressions as trees in the descriptions (JSON) for the generic solvers, which interpret a model at run time.
 
 A tree is a number, ``["p", i]`` for parameter i, ``["u", i]`` for number i of the inputs (three of each), ``["t"]``, ``["motion"]`` (0
 where the mechanism is held at rest, else 1), a variable of the law by name, or ``[operation, tree, ...]`` with the operations of the block
@@ -104,10 +104,10 @@ def _tree(block: Block) -> Any:
     raise ValueError(f"{block!r} is not a scalar expression")
 
 
-#: The first quantities of a force with one law, as the twins write them.
+#: The first quantities of a force with one law, as the generic solvers write them.
 _FIRST = ("force", "stiffness", "damping")
 
 
 def quantity_names(force: Force) -> list[str]:
-    """The quantities that a force reports, in the order in which the twins write them."""
+    """The quantities that a force reports, in the order in which the generic solvers write them."""
     return sorted(force.quantities, key=lambda name: _FIRST.index(name) if name in _FIRST else len(_FIRST))

@@ -14,12 +14,12 @@ from cutjoint.formulate.recursive.kinematics import ATTITUDE
 from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.expressions.quantities import reaction_component, reported_element, unit_of
 from cutjoint.model.records import Body, Gear, Joint, Marker, Output, Reaction, Scalar, Vector
-from cutjoint_bench.twin.mechanism import force_source
-from cutjoint_bench.twin.natural.forces import ForceElement
-from cutjoint_bench.twin.natural.forms import FormTable, is_ground
-from cutjoint_bench.twin.natural.masses import masses_of
-from cutjoint_bench.twin.natural.rows import Row
-from cutjoint_bench.twin.trees import Json, Trees
+from cutjoint_bench.generic.mechanism import force_source
+from cutjoint_bench.generic.natural.forces import ForceElement
+from cutjoint_bench.generic.natural.forms import FormTable, is_ground
+from cutjoint_bench.generic.natural.masses import masses_of
+from cutjoint_bench.generic.natural.rows import Row
+from cutjoint_bench.generic.trees import Json, Trees
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,8 +22,8 @@ from cutjoint.formulate.natural.joint_rows import AngleRow, JointRow, SumRow, jo
 from cutjoint.formulate.natural.layout import Group, combination
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses
 from cutjoint.model.records import Gear, Joint, Scalar
-from cutjoint_bench.twin.natural.forms import FormTable
-from cutjoint_bench.twin.trees import Json, Trees
+from cutjoint_bench.generic.natural.forms import FormTable
+from cutjoint_bench.generic.trees import Json, Trees
 
 
 @dataclass(frozen=True, kw_only=True)

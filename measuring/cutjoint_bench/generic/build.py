@@ -1,4 +1,4 @@
-"""The generic twin as a program, by CMake, cached by content."""
+"""The generic solver as a program, by CMake, cached by content."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from cutjoint.toolchain.build import FLAGS, Binary
 from cutjoint.toolchain.cache import cache_folder, digest_of, find_or_make, runtime_digest, tree_digest
 from cutjoint.toolchain.cmake import build_project, plain_runtime, plain_tree
 from cutjoint.toolchain.compiler import Compiler, find_compiler, resolve
-from cutjoint_bench.twin import ADDITIONS, RUNTIME
+from cutjoint_bench.generic import ADDITIONS, RUNTIME
 
 
 @cache
 def measuring_digest() -> str:
-    """A digest of the runtime, the twin and all additions to drivers."""
+    """A digest of the runtime, the generic solver and all additions to drivers."""
     return digest_of([runtime_digest(), *map(tree_digest, (RUNTIME, ADDITIONS))])
 
 
@@ -33,7 +33,7 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
 
 
 def _build_in(folder: Path, compiler: Compiler, flags: Sequence[str]) -> Path:
-    project, additions = plain_tree(RUNTIME, folder / "twin"), plain_tree(ADDITIONS, folder / "additions")
+    project, additions = plain_tree(RUNTIME, folder / "generic"), plain_tree(ADDITIONS, folder / "additions")
     places = (f"-DCUTJOINT_RUNTIME={plain_runtime(folder)}", f"-DCUTJOINT_ADDITIONS={additions}")
     build_project(project, folder / "out", compiler, flags, *places)
     return folder / "out" / "generic"

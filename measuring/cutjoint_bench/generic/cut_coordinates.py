@@ -1,4 +1,4 @@
-"""Coordinates of cut joints in the description of a generic twin."""
+"""Coordinates of cut joints in the description of a generic solver."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cutjoint.model.records import COORDINATES, Joint
 from cutjoint.topology.measured import angles_around
 from cutjoint.topology.records import Topology
 from cutjoint.topology.spanning_tree import joints_around
-from cutjoint_bench.twin.trees import Trees
+from cutjoint_bench.generic.trees import Trees
 
 
 def describe_cut_coordinate(trees: Trees, topology: Topology, cut: Joint, coordinate: str) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""The description of a system in natural coordinates for its generic solver, part by part."""
