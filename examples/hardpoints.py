@@ -1,4 +1,4 @@
-"""Take bump steer and jolts out of an axle by 20 hardpoints, with exact gradients from the end of each run on."""
+"""Take bump steer and jolts out of an axle by 20 hardpoints, with exact adjoint gradients."""
 
 from pathlib import Path
 

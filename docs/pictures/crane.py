@@ -30,6 +30,6 @@ if __name__ == "__main__":
     known = runpy.run_path(str(EXAMPLE))
     sim, steps = known["sim"], known["STEPS"]
     sim.reset(dt=known["LONG"] / steps)
-    course = {"t": known["times"], "value": known["found"].x, "interpolation": "linear"}
-    found = sim.forward_sensitivities(steps, known["ENDS"], [], inputs={"push": course})
+    trajectory = {"t": known["times"], "value": known["found"].x, "interpolation": "linear"}
+    found = sim.forward_sensitivities(steps, known["ENDS"], [], inputs={"push": trajectory})
     draw(known["times"], known["found"].x, found.times, found.values)

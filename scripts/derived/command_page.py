@@ -22,7 +22,7 @@ message names the place and a remedy, or an accuracy that was asked for and not 
 #: An option and its help.
 Row: TypeAlias = tuple[str, str]
 #: So many commands make an option a common one.
-_MANY = 3
+_MANY = 2
 
 
 def page() -> str:

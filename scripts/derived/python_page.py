@@ -7,19 +7,70 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from importlib import import_module
+from textwrap import fill
 
 import cutjoint
 
 HEAD = """# Python reference
 
 `import cutjoint` gives these functions, classes and exceptions. Values are in SI units, paths are `str` or `Path`.
-[Use cutjoint from Python](../how-to/python.md) shows them at work. Members of a `Simulation` that need a
-state raise `SimulationError` before its first `reset`.
+[Use cutjoint from Python](../how-to/python.md) shows them at work.
+
+## Common arguments
+
+Signatures give the default of these arguments, not their type.
+
+| argument | type | meaning |
+|---|---|---|
+{arguments}
+
+These errors are not repeated below.
+
+* A wrong model, scene or study raises `ModelError` or `EquationsError`. `RunError`: there is no such scene, method or
+  integrator, or a parameter cannot be set.
+* A missing or failing compiler raises `ToolchainError`, a failed simulator `SimulatorError`, a file that cannot be
+  written `OutputError`, and a signal `Interrupted` or `Terminated`.
+* Members of `Simulation` that need a state raise `SimulationError` before its first `reset`. Derivatives raise
+  `TypeError` unless the model was loaded with `linearise`, and `SimulationError` in a singular pose. Poses need `poses`.
+* An unknown name of an input, output, parameter or speed raises `KeyError`, a missing package `MissingPackageError`.
 """
+
+#: Arguments that mean the same in all functions: type and meaning.
+ARGUMENTS = {
+    "model": ("str, Path, `Model` or `Artifact`", "a model file, or a model that was read or compiled"),
+    "scene": ("str", "default: the only one"),
+    "tunable": ("list of str", 'patterns such as `"*.stiffness"`; constants whose names match become parameters'),
+    "parameters": ("dict", "values (SI units) of parameters and constant inputs by name"),
+    "method, integrator, solver, events": ("str", "as on the command line; default: the scene's"),
+    "dt, end": ("float", "step and end (s); default: the scene's"),
+    "accuracy, solver_tolerance, tolerance, penalty, iterations": ("float, int", "as on the command line"),
+    "external_wrenches": ("list of str", "bodies and markers with inputs `NAME.wrench.fx` to `NAME.wrench.tz` (N, N m, global axes)"),
+    "terrain": ("list of str", "patterns of wheels with inputs of the ground under them"),
+    "inputs, outputs, by": ("list of str", "names; `inputs` of runs: values or tables by name"),
+    "functions": ("file or dict", "functions that the model declares: C++, or callables `(arguments, memory, results, partials)`"),
+    "flags": ("list of str", "of the compiler"),
+    "out": ("str or Path", "file of the results, written as runs end"),
+    "threads": ("int", "default: all processors"),
+    "progress, note": ("callable", "is called with progress (share, text) or messages"),
+    "check": ("bool", "raise an error if the run, or one of the runs, fails"),
+}  # fmt: skip
+
+#: Errors that the head of the page has.
+_COMMON = re.compile(
+    r"\* (ModelError|EquationsError|ToolchainError|SimulatorError|OutputError|Interrupted)\b.*"
+    r"|\* TypeError: the model was loaded without derivatives\."
+    r"|\* SimulationError:( the pose is singular)?\."
+    r"|\* MissingPackageError: \S+ is not installed\."
+    r"|\* (scene|tunable|threads|parameters(?=: values)|note|external_wrenches|terrain|functions|check)\b.*"
+    r"|\* RunError: there is no such scene, or a parameter cannot be set\."
+    r"|\* KeyError: there is no such [a-z, ]+\."
+)
+#: The class whose members two classes of the page share.
+SHARED = "LinearModel"
 
 #: Records that functions return or take, by the modules that have them.
 RECORDS = {
-    "cutjoint.run.artifact": ("Artifact",), "cutjoint.compile.options": ("CompileOptions",),
+    "cutjoint.compile.options": ("CompileOptions",),
     "cutjoint.run.results": ("Trajectory", "Batch"),
     "cutjoint.tasks.states": ("MechanismState",), "cutjoint.analysis.modes": ("Modes", "Mode"), "cutjoint.tasks.inverse": ("Drives",),
     "cutjoint.tasks.kinematics.sweep": ("AxleKinematics", "AxleCompliance"), "cutjoint.tasks.realtime": ("StepTimes",),
@@ -36,14 +87,17 @@ def page() -> str:
     errors = {name: value for name, value in public.items() if inspect.isclass(value) and issubclass(value, Exception)}
     classes = {name: value for name, value in public.items() if inspect.isclass(value) and name not in errors}
     functions = {name: value for name, value in public.items() if name not in errors and name not in classes}
-    lines = [HEAD, "## Functions\n"]
+    arguments = "\n".join(f"| `{name.replace(', ', '`, `')}` | {kind} | {text} |" for name, (kind, text) in ARGUMENTS.items())
+    lines = [HEAD.format(arguments=arguments), "## Functions\n"]
     for name, function in functions.items():
         lines += _entry("###", name, function)
     lines.append("## Classes\n")
     for name, found in classes.items():
         lines += [f"### {name}\n", _prose(found)]
-        for member, value in _members(found, public):
-            if not member.startswith("_") and (callable(value) or _is_property(value)):
+        members = _members(found, public)
+        lines += [*(f"* `{member}`: {_line(value)}" for member, value in members.items() if _is_property(value)), ""]
+        for member, value in members.items():
+            if callable(value):
                 lines += _entry("####", f"{name}.{member}", value)
     lines.append("## Records\n\nWhat the functions above return or take.\n")
     for module, names in RECORDS.items():
@@ -51,27 +105,27 @@ def page() -> str:
             lines += _record(getattr(import_module(module), name), public)
     lines.append("## Exceptions\n\n| class | base | raised when |\n|---|---|---|")
     for name, error in errors.items():
-        text = " ".join(_first_paragraph(error).split()).replace("|", "\\|")
+        text = _line(error).replace("|", "\\|")
         lines.append(f"| `{name}` | `{error.__mro__[1].__name__}` | {text} |")
     return "\n".join(lines) + "\n"
 
 
-def _members(found: type, public: Mapping[str, object]) -> Iterator[tuple[str, object]]:
-    """The members of a class and of those bases that have no section of their own."""
-    for kind in reversed(found.__mro__):
-        if kind is found or (kind.__module__.startswith("cutjoint.") and kind not in public.values()):
-            yield from vars(kind).items()
+def _members(found: type, public: Mapping[str, object]) -> dict[str, object]:
+    """The public members of a class and of those bases that have no section of their own."""
+    kinds = [kind for kind in found.__mro__ if kind is found or (kind.__module__.startswith("cutjoint.") and kind not in public.values())]
+    kept = [kind for kind in kinds if kind.__name__ != SHARED or found.__name__ == "StateSpace"]
+    members = {name: value for kind in reversed(kept) for name, value in vars(kind).items() if not name.startswith("_")}
+    return {name: value for name, value in members.items() if inspect.isfunction(value) or _is_property(value)}
 
 
 def _record(found: type, public: Mapping[str, object]) -> Iterator[str]:
     """The section of a record: its fields, then its docstring and the first lines of its methods."""
     yield f"### {found.__name__}\n"
-    if names := [f"`{field.name}`" for field in fields(found)]:  # type: ignore[arg-type]
+    if names := [f"`{field.name}`" for field in fields(found)]:
         yield f"Fields: {', '.join(names)}.\n"
     yield _prose(found)
-    for member, value in _members(found, public):
-        if not member.startswith("_") and (inspect.isfunction(value) or _is_property(value)):
-            yield f"* `{member}`: {' '.join(_first_paragraph(value).split())}"
+    for member, value in _members(found, public).items():
+        yield f"* `{member}`: {_line(value)}"
     yield ""
 
 
@@ -90,18 +144,31 @@ def _signature(name: str, function: object) -> str:
     first = next((i for i, p in enumerate(parameters) if p.kind is p.KEYWORD_ONLY), None)
     if first is not None and not any(p.kind is p.VAR_POSITIONAL for p in parameters):
         words.insert(first - sum(p.name == "self" for p in parameters), "*")
-    result = str(inspect.signature(function).return_annotation).strip("'")  # type: ignore[arg-type]
-    line = f"{name}({', '.join(words)}) -> {result}"
-    return line if len(line) <= 100 else f"{name}(\n    " + ",\n    ".join(words) + f",\n) -> {result}"
+    line = f"{name}({', '.join(words)}) -> {_type(inspect.signature(function).return_annotation)}"  # type: ignore[arg-type]
+    if len(line) <= 110:
+        return line
+    whole = [word.replace(" ", "\xa0") for word in words]
+    arguments = fill(", ".join(whole), 106, initial_indent="    ", subsequent_indent="    ").replace("\xa0", " ")
+    return f"{name}(\n{arguments}\n{line[line.rindex(') ->') :]}"
 
 
 def _parameter(parameter: inspect.Parameter) -> str:
-    """A parameter with its annotation and default; that of compiler flags depends on the environment."""
-    if parameter.name == "flags":
-        return f"flags: {parameter.annotation} = FLAGS".replace("'", "")
-    default = "" if parameter.default is parameter.empty else f" = {parameter.default!r}"
-    stars = {parameter.VAR_POSITIONAL: "*", parameter.VAR_KEYWORD: "**"}.get(parameter.kind, "")
-    return f"{stars}{parameter.name}: {str(parameter.annotation).strip(chr(39))}{default}"
+    """A parameter with its default, and its type unless the head of the page has it."""
+    stars = str(parameter).partition(parameter.name)[0]
+    common = {name for names in ARGUMENTS for name in names.split(", ")}
+    kind = "" if parameter.name in common or stars else f": {_type(parameter.annotation)}"
+    default = "" if parameter.default is parameter.empty else f"={parameter.default!r}" if not kind else f" = {parameter.default!r}"
+    return f"{stars}{parameter.name}{kind}{default if parameter.name != 'flags' else '=FLAGS'}"
+
+
+def _type(annotation: object) -> str:
+    """A type without the modules of its names."""
+    text = annotation.__name__ if inspect.isclass(annotation) and not hasattr(annotation, "__args__") else str(annotation).strip("'")
+    for pattern, name in ((r"numpy\.ndarray\[tuple\[typing\.Any, \.\.\.\], numpy\.dtype\[numpy\.(float|complex)\w+\]\]", "Array"),
+                          (r"str \| os\.PathLike\[str\] \| cutjoint\.\S+ \| cutjoint\.\S+", "ModelLike"),
+                          (r"str \| os\.PathLike\[str\]", "AnyPath"), (r"\b(\w+\.)+(?=\w)", "")):
+        text = re.sub(pattern, name, text)
+    return text
 
 
 def _prose(found: object) -> str:
@@ -110,7 +177,7 @@ def _prose(found: object) -> str:
     body, *sections = re.split(r"^(Args|Returns|Raises|Attributes|Source):\n", text, flags=re.MULTILINE)
     parts = [body.strip()]
     for title, lines in zip(sections[::2], sections[1::2], strict=True):
-        if items := [item for item in map(_without_reset, _items(inspect.cleandoc("\n" + lines))) if item != "* SimulationError:."]:
+        if items := [item for item in map(_without_reset, _items(inspect.cleandoc("\n" + lines))) if not _COMMON.fullmatch(item)]:
             parts.append(f"**{title}**\n\n" + "\n".join(items))
     return "\n\n".join(parts) + "\n"
 
@@ -137,6 +204,10 @@ def _items(text: str) -> Iterator[str]:
 
 def _is_property(value: object) -> bool:
     return isinstance(value, property) or type(value).__name__ == "cached_property"
+
+
+def _line(found: object) -> str:
+    return " ".join(_first_paragraph(found).split())
 
 
 def _first_paragraph(found: object) -> str:

@@ -233,6 +233,7 @@ class ForwardSensitivities:
     """Outputs of a run and their derivatives, from `Simulation.forward_sensitivities`; SI units.
 
     The properties reduce outputs over time: each is a value (outputs,) and its derivatives (outputs, by).
+    `ValueError`: one has no derivative, such as a maximum that two samples have, or the run has no length.
 
     Attributes:
         times: (samples,) s, from the beginning on.
@@ -263,38 +264,22 @@ class ForwardSensitivities:
 
     @property
     def mean(self) -> tuple[Array, Array]:
-        """Means over time.
-
-        Raises:
-            ValueError: the run has no length.
-        """
+        """Means over time."""
         return self._of("mean")
 
     @property
     def rms(self) -> tuple[Array, Array]:
-        """Root mean squares over time.
-
-        Raises:
-            ValueError: an output is 0 all the time, where the root has no derivative, or the run has no length.
-        """
+        """Root mean squares over time."""
         return self._of("rms")
 
     @property
     def maximum(self) -> tuple[Array, Array]:
-        """Largest values of the samples.
-
-        Raises:
-            ValueError: two rows have the largest value of an output, with different derivatives.
-        """
+        """Largest values of the samples."""
         return self._of("maximum")
 
     @property
     def minimum(self) -> tuple[Array, Array]:
-        """Smallest values of the samples.
-
-        Raises:
-            ValueError: two rows have the smallest value of an output, with different derivatives.
-        """
+        """Smallest values of the samples."""
         return self._of("minimum")
 
     def _of(self, objective: str) -> tuple[Array, Array]:

@@ -150,7 +150,7 @@ class FrictionMotion:
         return Solution(vdot=vdot, errors=errors)
 
     def load_indicators(self, frictions: Sequence[LoadFriction], free: Solution, system: BodySystem) -> list[EventIndicator]:
-        """Indicators of the vectors r of loads, whose lengths have a kink where r is zero: their components x as x^3/|r|^2.
+        """Indicators of the vectors r of loads, whose lengths are not smooth where r is zero: their components x as x^3/|r|^2.
 
         So one that is zero but for rounding has no sign, as of a plane mechanism the one across its plane.
         """

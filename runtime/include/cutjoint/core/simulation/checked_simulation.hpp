@@ -21,7 +21,7 @@ namespace cutjoint {
 enum CallStatus : int { call_ok = 0, no_simulation = -1, no_such_index = -2, not_started = -3, not_finite = -4, no_array = -5, time_passed = -6 };
 
 /// A start value: the index of a coordinate or velocity, -1 at the end of a list, and its value.
-struct Given {
+struct StartValue {
   int index;
   double value;
 };
@@ -108,7 +108,7 @@ inline const char* text_of_status(int status) {
 /// A simulation of a `Model`, which has
 /// - `Sim`, the type of the simulation, and `mark`, a number that identifies its memory,
 /// - sizes of its lists: `parameters`, `inputs`, `coordinates`, `speeds`, `start_coordinates`, `start_speeds`, `outputs`,
-/// - `settings`, `values` of the parameters, `roads`, `violation_limits`, and the start, `coordinates_given`, `coordinates_near` if there are some, and `speeds_given`,
+/// - `settings`, `values` of the parameters, `roads`, `violation_limits`, and the start, `default_coordinates`, `coordinates_near` if there are some, and `default_speeds`,
 /// - tables of names and places,
 /// - `set_step`, which sets the length of steps and the settings that follow from it.
 ///
@@ -230,10 +230,10 @@ class CheckedSimulation {
     s->sim.forget_start();
     if constexpr (requires { Model::coordinates_near; })
       for (const int index : Model::coordinates_near) s->sim.given_coordinates()[static_cast<std::size_t>(index)] = given_as_guess;
-    for (const Given& given : Model::coordinates_given)
-      if (given.index >= 0) set_start_coordinate(s, given.index, given.value);
-    for (const Given& given : Model::speeds_given)
-      if (given.index >= 0) set_start_speed(s, given.index, given.value);
+    for (const StartValue& start : Model::default_coordinates)
+      if (start.index >= 0) set_start_coordinate(s, start.index, start.value);
+    for (const StartValue& start : Model::default_speeds)
+      if (start.index >= 0) set_start_speed(s, start.index, start.value);
     if constexpr (!Model::settings.equilibrium) s->sim.leave_states();
     return call_ok;
   }
