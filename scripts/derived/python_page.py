@@ -63,7 +63,7 @@ _COMMON = re.compile(
     r"|\* MissingPackageError: \S+ is not installed\."
     r"|\* (scene|tunable|threads|parameters(?=: values)|note|external_wrenches|terrain|functions|check)\b.*"
     r"|\* RunError: there is no such scene, or a parameter cannot be set\."
-    r"|\* KeyError: there is no such [a-z, ]+\."
+    r"|\* KeyError: there is no such (?!.*independent)[a-z, ]+\."
 )
 #: The class whose members two classes of the page share.
 SHARED = "LinearModel"

@@ -58,8 +58,8 @@ def places_of(topology: Topology, scene: Scene) -> dict[str, str]:
     for loop in topology.loops:
         around = {topology.joint_of[body].joint.name: topology.joint_of[body].joint for body in loop.bodies}
         for section in ("positions", "rates"):
-            spans = {key.removeprefix(f"{section}."): span for key, span in scene.entries.items() if key.startswith(f"{section}.")}
-            entries = (span for coordinate, span in spans.items() if coordinate.rpartition(".")[0] in around)
+            entered = {key.removeprefix(f"{section}."): span for key, span in scene.entries.items() if key.startswith(f"{section}.")}
+            entries = (span for coordinate, span in entered.items() if coordinate.rpartition(".")[0] in around)
             guides = (joint.span for joint in around.values() if joint.guide is not None)
             if span := next(entries, next(guides, None)):
                 spans[_entry(section, loop.cut)] = span
