@@ -70,8 +70,9 @@ const drawLines = () => {
   g.strokeStyle = style('--faint'); g.lineWidth = 1;
   columns.forEach((_, i) => { const x = across(i, width); g.beginPath(); g.moveTo(x, top); g.lineTo(x, top + span); g.stroke(); });
 };
+$('wide').style.minWidth = `${112 * columns.length}px`;
 const placeAxes = () => {
-  const box = $('parallel').getBoundingClientRect(), span = box.height - top - bottom;
+  const box = $('wide').getBoundingClientRect(), span = box.height - top - bottom;
   $('axes').replaceChildren(...columns.map((column, i) => {
     const axis = document.createElement('div'), name = document.createElement('b');
     axis.className = `axis ${column.role}`; axis.style.left = `${across(i, box.width)}px`; axis.dataset.column = i;
@@ -95,7 +96,7 @@ const placeAxes = () => {
   }));
 };
 const valueAt = (column, y) => {
-  const box = $('parallel').getBoundingClientRect(), span = box.height - top - bottom;
+  const box = $('wide').getBoundingClientRect(), span = box.height - top - bottom;
   const part = 1 - (y - box.top - top) / span;
   return column.low + Math.max(-0.01, Math.min(1.01, part)) * (column.high - column.low);
 };

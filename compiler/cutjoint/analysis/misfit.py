@@ -93,8 +93,8 @@ def _with_last(equations: RecursiveEquations, values: Array) -> RecursiveEquatio
 
 
 def _linearised(equations: RecursiveEquations, held: float, free: float, count: int, moved: float) -> tuple[Array, Array, bool] | None:
-    """The linear conditions on ``count`` changes of joints, which have ``moved`` (arms) so far, in poses of the motion, and whether it is
-    free; None without a motion."""
+    """The linear conditions on ``count`` changes of joints in poses of the motion, and whether it is free; None without a motion.
+    The joints have ``moved`` (arms) so far."""
     design, sizes = design_coordinates(equations), speed_scales(equations)
     first = _space(evaluate_closures(equations, design)[1] * sizes)
     rank, rng = int(np.sum(first.values > held * first.values[0])), np.random.default_rng(0)
