@@ -30,8 +30,8 @@ class Identifiability:
 
 
 def identify(jacobian: Array, names: Sequence[str], sizes: Array, samples: int) -> Identifiability:
-    """Judge a Jacobian (residuals, parameters) whose residuals are in units of their standard deviations; those behind the ``samples`` are
-    of priors, which may be as narrow as they like."""
+    """Judge a Jacobian (residuals, parameters) whose residuals are in units of their standard deviations.
+    Those behind the ``samples`` are of priors, which may be as narrow as they like."""
     scaled = jacobian * sizes
     singular, directions = decompose(scaled)
     largest = decompose(scaled[:samples])[0][0] or 1.0
