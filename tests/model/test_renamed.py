@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
+
 import pytest
 
+from cutjoint.model.document import renamed
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Scene
@@ -94,3 +98,58 @@ def test_the_body_of_a_reaction_is_whose_axes_also_in_submodels_of_submodels() -
     assert [(r.body, r.direction) for r in old.reactions] == [(r.body, r.direction) for r in new.reactions]
     assert old.notes == ("arm.yaml:12:32: 'body' is now 'axes_of'", "arm.yaml:22:41: 'body' is now 'axes_of'")
     assert new.notes == ()
+
+
+#: A file with every field and word of earlier versions.
+EVERY = """\
+cutjoint: 1
+name: arm
+gravity: [0, 0, -9.81]
+bodies: {bob: {mass: 1, centre_of_mass: [1, 0, 0]}}
+joints: {pin: {kind: revolute, bodies: [ground, bob], at: [0, 0, 0], axis: [0, 1, 0]}}
+reactions: {hold: {joint: pin, body: bob}}
+forces:
+  wheel:
+    kind: tyre
+    body: bob
+    centre: [1, 0, 0]
+    axis: [0, 1, 0]
+    radius: 0.3
+    stiffness: 1.0e+5
+    calspan: {A0: 4000, A1: 10, A2: 6000, A3: 1.7, A4: 4000, B1: -0.00008, B3: 1.0, B4: 0, SN: 0.85, AF1: 0, AF2: 0}
+    ground_height: 0
+    ground_slope: 0
+    ground_bank: 0
+outputs: [bob.x]
+scenes:
+  one: {end: 1, tolerance: 1 mm, numerics: {tolerance: 1.0e-5, loops: compiled, integrator: sdirk4}}
+  two: {end: 1, numerics: {methods: {recursive: {tolerance: 1.0e-7}}, integrator: sdirk4-fixed}}
+"""
+
+
+def changes(notes: Iterable[str]) -> set[tuple[str, str]]:
+    return {(old, new) for note in notes for old, new in re.findall("'([^']+)' is now '([^']+)'", note)}
+
+
+def listed(table: renamed.Renamed) -> set[tuple[str, str]]:
+    pairs = [{path[-1]: new} if isinstance(new, str) else new for path, new in table.items()]
+    return {pair for each in pairs for pair in each.items()}
+
+
+def test_files_with_every_earlier_field_are_read(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """As the same files in the words of this version."""
+    text = EVERY.replace("tolerance: 1 mm", "accuracy: 1 mm").replace("tolerance: 1.0", "solver_tolerance: 1.0")
+    for old, new in (("ground_", "terrain_"), ("pin, body", "pin, axes_of"), ("sdirk4", "radau5"), ("compiled", "embedded")):
+        text = text.replace(old, new)
+    model, other = read_model_text(EVERY, "arm.yaml"), read_model_text(text, "arm.yaml")
+    assert changes(model.notes) == listed(renamed.MODEL)
+    assert other.notes == ()
+    assert [(s.accuracy, s.numerics) for s in model.scenes.values()] == [(s.accuracy, s.numerics) for s in other.scenes.values()]
+    assert [r.body for r in model.reactions] == [r.body for r in other.reactions]
+    for integrator in renamed.FORMER_INTEGRATORS:
+        (tmp_path / "study.yaml").write_text(
+            f"cutjoint_study: 1\nmodel: {MODELS / 'press.yaml'}\nopen: [slider.mass]\ntolerance: 1e-8\nintegrator: {integrator}\n"
+            "parameters: {slider.mass: [1, 2]}\nobjectives: {peak: {maximum: slider.x}}\n"
+        )
+        found = changes(read_study(tmp_path / "study.yaml").model.notes)
+        assert found == {pair for pair in listed(renamed.STUDY) if pair[0] not in renamed.FORMER_INTEGRATORS or pair[0] == integrator}
