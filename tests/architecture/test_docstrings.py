@@ -17,6 +17,7 @@ RETIRED = re.compile(
     r"|told by name|folders? that stands? alone|play_adjoint|play_derivative|follow_courses|push_along|push_beside|way_on|held_as_usual"
     r"|\bis_poor\b|\btake_model\b|TakesLong|balance_slopes|falls apart|\bfreedoms\b"
     r"|\bregimes?\b|\bcourses\b|\bstrayed\b|held_controllers|\bnought\b"
+    r"|\btold\b|\btwins\b|(generic|dense) twin|with_asked_loops|\bSight\b|\bindifferent direction"
 )
 #: Files that name earlier words to accept them, or that others have written.
 EXEMPT = re.compile(

@@ -1,4 +1,4 @@
-"""Words of earlier versions in model and study files: they mean the same, and the new ones are told."""
+"""Words of earlier versions in model and study files: they mean the same, and the new ones are reported."""
 
 from __future__ import annotations
 
