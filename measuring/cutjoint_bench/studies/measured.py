@@ -1,7 +1,7 @@
 """Fits of measured machines, beside what others do with the same data, which stand in a folder of the caller's.
 
     .venv/bin/python -m cutjoint_bench.studies.measured ur10e FOLDER [--fit '*harm.csv'] [--gains free]
-    .venv/bin/python -m cutjoint_bench.studies.measured art FOLDER [--fit 06s-rampt-10s_test0]
+    .venv/bin/python -m cutjoint_bench.studies.measured art FOLDER [--fit 02s-rampt-10s_test0]
 
 ur10e: the folder has `ur10e.urdf` and tables without names of time, six angles (rad), rates, and motor currents (A).  `cutjoint fit`
 fits inertias and friction to the currents of the runs of ``--fit``; all others are for validation.  Beside it are the base parameters by
@@ -34,6 +34,9 @@ _GAINS = (12.0, 11.976, 9.839, 10.758, 10.758, 10.758)
 #: The speed (rad/s) over which friction changes its sign, and bandwidths (Hz) of splines and of the filter.
 _SIGN, _BAND, _CUTOFF = 0.02, 12.0, 10.0
 
+#: The standard deviation of all currents (A), so that both fits weigh them alike.
+_NOISE = 0.25
+
 
 def main() -> None:
     """Print the figures of a machine."""
@@ -46,7 +49,7 @@ def main() -> None:
     if given.machine == "ur10e":
         _robot(given.folder.resolve(), given.fit or "*harm.csv", is_free=given.gains == "free")
     else:
-        _car(given.folder.resolve(), given.fit or "06s-rampt-10s_test0")
+        _car(given.folder.resolve(), given.fit or "02s-rampt-10s_test0")
 
 
 def _fit(study: Mapping[str, Any]) -> cutjoint.Fit:
@@ -81,7 +84,8 @@ def _robot(folder: Path, fitted: str, *, is_free: bool) -> None:
         path.stem: {
             "data": str(path), "time": 1, "bandwidth": _BAND,
             "motion": {j: {"column": 2 + i, "rate": 8 + i} for i, j in enumerate(joints)},
-            "signals": {f"{j}.drive": {"column": 14 + i, "gain": f"1/gain{i}" if is_free else 1 / _GAINS[i]} for i, j in enumerate(joints)},
+            "signals": {f"{j}.drive": {"column": 14 + i, "gain": f"1/gain{i}" if is_free else 1 / _GAINS[i], "deviation": _NOISE}
+                        for i, j in enumerate(joints)},
             "validation": not path.match(fitted),
         }
         for path in runs
@@ -178,8 +182,8 @@ scenes:
 
 #: What the fit may change.  Steering's gain and zero are tied in a run with one steering angle, so that the gain stays the source's.
 _OF_CAR: Mapping[str, Any] = {
-    "delay": {"start": "0 s", "size": "0.1 s"}, "heading": {"size": 0.1}, "steer_zero": {"size": 0.1},
-    "deadband": {"start": 0.2, "size": 0.1, "from": 0, "to": 0.9}, "top_speed": {}, "rolling": {"from": 0, "to": 20},
+    "delay": {"start": "0.05 s", "size": "0.1 s"}, "heading": {"size": 0.1}, "steer_zero": {"size": 0.1},
+    "deadband": {"start": 0.2, "size": 0.1, "from": 0, "to": 0.9}, "top_speed": {}, "rolling": {},
 }  # fmt: skip
 
 
