@@ -42,3 +42,12 @@ def test_products_and_powers_of_common_units_are_those_of_pint() -> None:
 def test_a_size_without_a_float_is_out_of_range(unit: str) -> None:
     with pytest.raises(UnitError, match="out of range"):
         measure(1.0, unit)
+
+
+@pytest.mark.parametrize(("written", "meant"), [("Nm", "N*m"), ("kNm", "kN*m"), ("mNm/deg", "N*mm/deg"), ("Nm/A", "N*m/A"),
+                                                ("Nms", "N*m*s"), ("kNms/rad", "kN*m*s/rad")])  # fmt: skip
+def test_a_newton_metre_may_be_written_in_one_word(written: str, meant: str) -> None:
+    """Pint's own Nm is a unit of yarns: 1000 m/kg."""
+    found, expected = measure(3.0, written), measure(3.0, meant)
+    assert math.isclose(found.value, expected.value, rel_tol=1e-15)
+    assert found.dimension == expected.dimension
