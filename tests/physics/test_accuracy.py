@@ -322,6 +322,41 @@ def test_outputs_that_are_far_off_are_named_beside_places_that_have_converged() 
     assert "but not s.force: errors above a tenth of their largest values" in said.get()
 
 
+def test_what_stands_still_has_converged() -> None:
+    """Speeds and accelerations in an equilibrium are zero but for rounding, and have no value of their unit to be compared with."""
+    held = compile_scene(still := read_model_text(HUNG, "hung.yaml"), still.scenes["rest"])
+    for dt in (None, 1e-3):
+        run = completed(simulate(held, dt=dt))
+        assert run.error.converged
+        assert run.error.rough == ()
+        assert max(np.abs(run[name]).max() for name in ("a.vz", "j.angle_rate", "a.az")) < 1e-6
+
+
+#: A body on a spring at rest: 2 kg at 0.3 m.
+HUNG = """
+cutjoint: 1
+name: hung
+gravity: [0, 0, -9.81]
+bodies: {a: {mass: 2, centre_of_mass: [0.3, 0, 0], inertia: [0.01, 0.02, 0.02]}}
+joints: {j: {kind: revolute, bodies: [ground, a], at: [0, 0, 0], axis: y, spring: {stiffness: 20, damping: 1}}}
+outputs: [a.x, a.z, a.vz, j.angle_rate, a.az]
+scenes: {rest: {end: 2, output_step: 10 ms, pose: equilibrium}}
+"""
+
+
+@pytest.mark.parametrize("share", [0.01, 0.5])
+def test_a_rate_that_is_far_off_is_named_beside_places_that_have_converged(share: float) -> None:
+    """A millimetre to and fro, ten times a second, has a rate of 63 mm/s."""
+    t = np.linspace(0, 1, 101)
+    units = {"b.x": "m", "b.vx": "m/s"}
+    place, rate = 1e-3 * np.sin(20 * np.pi * t), 0.02 * np.pi * np.cos(20 * np.pi * t)
+    runs = {
+        n: replace(_RUN, t=t, units=units, columns=Columns({"b.x": place + 1e-9 * 4.0**-n, "b.vx": rate * (1 + share * 4.0**-n)}))
+        for n in (-1, 0, 1)
+    }
+    assert compare(runs[0], runs.get, remaining=0.25).estimate.rough == (("b.vx",) if share > 0.1 else ())
+
+
 @pytest.mark.parametrize(("size", "converged"), [(5e-4, False), (5e-6, True)])
 def test_differences_that_fall_no_further_are_small_below_a_hundred_thousandth(size: float, converged: bool) -> None:
     """Runs with finer and finer steps that go to and fro by so much of what the output reaches."""

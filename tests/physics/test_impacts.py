@@ -287,3 +287,41 @@ def _placed(method: str, turn: tuple[tuple[float, ...], ...]) -> np.ndarray[Any,
 def test_a_loop_that_is_turned_or_mirrored_is_struck_alike(method: str, turn: str) -> None:
     """Equations across the plane of a loop are zero but for rounding, where it does not lie along the axes."""
     np.testing.assert_allclose(_placed(method, TURNED[turn]), _placed(method, tuple(map(tuple, np.eye(3).tolist()))), atol=1e-9)
+
+
+def _carried(guide: str) -> Model:
+    """A carriage that follows a guide, with a mass on it that slides along without a force."""
+    text = f"""\
+cutjoint: 1
+name: carried
+gravity: [0, 0, 0]
+parameters: {{x: {{value: 0, unit: m, binding: input}}}}
+bodies: {{carriage: {{mass: 1, centre_of_mass: [0, 0, 0]}}, load: {{mass: 2, centre_of_mass: [1, 0, 0]}}}}
+joints:
+  way: {{kind: prismatic, bodies: [ground, carriage], at: [0, 0, 0], axis: x, guide: "{guide}"}}
+  slide: {{kind: prismatic, bodies: [carriage, load], at: [1, 0, 0], axis: x}}
+outputs: [load.x]
+scenes: {{run: {{end: 1, output_step: 0.1, inputs: {{x: "where(t < 0.3, 0, t - 0.2)"}}}}}}
+"""
+    return read_model_text(text, "carried.yaml")
+
+
+@pytest.mark.parametrize(
+    ("guide", "size", "time"),
+    [("where(t < 0.5, t, t + 0.25)", "0.25 m", "0.5"), ("sign(0.25 - t)", "-2 m", "0.25"), ("3*x", "0.3 m", "0.3"),
+     ("where(2*t >= 0.5, 1e-3, 0)", "0.001 m", "0.25")],
+)  # fmt: skip
+def test_a_guide_that_jumps_is_named_for_methods_differ_in_what_it_carries(guide: str, size: str, time: str) -> None:
+    """No force moves the load, which stays where it is by the methods in natural coordinates and not by the recursive ones."""
+    model = _carried(guide)
+    for method in ("recursive", "augmented"):
+        with pytest.warns(UserWarning, match=f"carried.yaml:7:3: the guide of 'way' jumps by {size} at {time} s: "):
+            compile_interpreted(model, model.scenes["run"], method=method)
+
+
+@pytest.mark.parametrize("guide", ["where(t < 0.5, t, 1 - t)", "abs(t - 0.5)", "max(0, t - 0.5)", "where(t < 0.3, 1.1*t, 0.33001)",
+                                   "where(t < 2, 0, 1)", "sin(1000*t)*where(t < 0.5, t - 0.5, 0)"])  # fmt: skip
+@pytest.mark.filterwarnings("error")
+def test_a_guide_whose_rate_alone_jumps_is_not(guide: str) -> None:
+    model = _carried(guide)
+    compile_interpreted(model, model.scenes["run"])

@@ -13,7 +13,7 @@ from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import DomainPlace, Function, IndicatorPlace
 from cutjoint.model.expressions.evaluate import evaluate
-from cutjoint.model.records import Model, Scalar, Scene
+from cutjoint.model.records import Joint, Model, Scalar, Scene
 from cutjoint.program.blocks import Builder
 from cutjoint.program.indicators import Domain, EventIndicator
 
@@ -57,6 +57,19 @@ def jump_times(model: Model, scene: Scene) -> tuple[float, ...]:
     known = {p.symbol: p.value for p in model.parameters}
     conditions = {c for law in laws for c in sympy.sympify(law).atoms(Relational)}
     return tuple(sorted({time for c in conditions for time in _zeros(c.lhs - c.rhs, known)}))
+
+
+def guide_jumps(model: Model, scene: Scene) -> Iterator[tuple[Joint, str, float, float]]:
+    """The jumps of guides in a scene: joint, unit of its coordinate (m or rad), time (s) and size."""
+    known, inputs, step = {p.symbol: p.value for p in model.parameters}, input_functions(model, scene), 1e-6 * scene.end
+    for joint in model.joints:
+        units = (joint.element.units[name] for name in joint.element.coordinates)
+        for unit, guide in zip(units, joint.guide or (), strict=False):
+            law = sympy.sympify(guide).xreplace({symbol: sympy.sympify(of_time) for symbol, of_time in inputs.items()})
+            switches = [c.lhs - c.rhs for c in law.atoms(Relational)] + [x.args[0] for x in law.atoms(sympy.sign)]
+            for time in sorted({time for x in switches for time in _zeros(x, known) if 0 < time < scene.end}):
+                near, far, before, beyond = (evaluate(law, {**known, TIME: time + n * step}) for n in (1, 2, -1, -2))
+                yield joint, unit, time, 2 * near - far - (2 * before - beyond)
 
 
 def guides_jump(model: Model, scene: Scene) -> bool:

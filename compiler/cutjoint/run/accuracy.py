@@ -8,7 +8,7 @@ from math import copysign, inf
 import numpy as np
 
 from cutjoint.methods import INTEGRATORS
-from cutjoint.model.expressions.units import PLACES
+from cutjoint.model.expressions.units import ACCELERATION, ANGULAR_SPEED, PLACES, SPEED, TIME, measure
 from cutjoint.model.ranges import count_steps
 from cutjoint.package.locations import AnyPath, path_of
 from cutjoint.run.fallbacks import retry_failed
@@ -183,6 +183,7 @@ def _judged(
     )  # fmt: skip
 
 
+_ANGLES = ("rad", "mrad", "deg")
 #: Outputs with larger relative errors have not converged, even if positions have; those below the second share of the largest value of
 #: their unit are zero by symmetry.
 _ROUGH, _LITTLE = 0.1, 1e-3
@@ -196,10 +197,18 @@ def _find_rough(run: Trajectory, errors: Mapping[str, float]) -> tuple[str, ...]
 
 
 def _largest_by_unit(run: Trajectory) -> dict[str, float]:
-    """The largest value among the outputs of each unit, of angles at least a radian: the scale for what is small."""
-    largest = {unit: 1.0 / PLACES[unit] for unit in ("rad", "mrad", "deg")}
+    """The largest value among the outputs of each unit, of angles at least a radian: the scale for what is small. Rates and accelerations
+    have at least that which takes the run's time to reach the largest length, or a radian: at rest all of them are rounding.
+    """
+    largest = {unit: 1.0 / PLACES[unit] for unit in _ANGLES}
     for name, values in run.columns.items():
         largest[run.units[name]] = max(largest.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
+    length = max((value * PLACES[unit] for unit, value in largest.items() if unit in PLACES and unit not in _ANGLES), default=0.0)
+    rate = 1.0 / (float(np.ptp(run.t)) or inf)
+    least = {SPEED: length * rate, ACCELERATION: length * rate**2, ANGULAR_SPEED: rate, ANGULAR_SPEED / TIME: rate**2}
+    for unit in set(run.units.values()):
+        one = measure(1.0, unit or "1")
+        largest[unit] = max(largest.get(unit, 0.0), least.get(one.dimension, 0.0) / one.value)
     return largest
 
 

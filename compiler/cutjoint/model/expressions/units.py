@@ -219,7 +219,7 @@ def _dimension(quantity: Any) -> Dimension:
 def _registry() -> Any:
     import pint
 
-    registry = pint.UnitRegistry()
+    registry: Any = pint.UnitRegistry()
     registry.define("newton_metre = newton * metre = Nm")  # pint's Nm counts yarn, 1000 m/kg, and its Nms are several of these
     registry.define("newton_metre_second = newton * metre * second = Nms")
     return registry
