@@ -119,11 +119,12 @@ def _members(found: type, public: Mapping[str, object]) -> dict[str, object]:
 
 
 def _record(found: type, public: Mapping[str, object]) -> Iterator[str]:
-    """The section of a record: its fields, then its docstring and the first lines of its methods."""
+    """The section of a record: fields that its docstring does not name, then that and the first lines of its methods."""
     yield f"### {found.__name__}\n"
-    if names := [f"`{field.name}`" for field in fields(found)]:
-        yield f"Fields: {', '.join(names)}.\n"
-    yield _prose(found)
+    prose = _prose(found)
+    if names := [f"`{field.name}`" for field in fields(found) if not re.search(rf"\b{field.name}\b", prose)]:
+        yield f"Further fields: {', '.join(names)}.\n"
+    yield prose
     for member, value in _members(found, public).items():
         yield f"* `{member}`: {_line(value)}"
     yield ""
