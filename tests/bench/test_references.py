@@ -135,5 +135,5 @@ def test_a_precision_that_there_is_not() -> None:
 def test_what_the_reference_integrator_takes() -> None:
     case = make_case(MODELS / "pendulum.yaml", end=0.1)
     artifact = compile_scene(case.model, case.scene, CompileOptions(method="augmented"))
-    with pytest.raises(RunError, match="needs generated code of the method recursive or classical"):
+    with pytest.raises(RunError, match="is for the method recursive or classical, not for augmented"):
         simulate(artifact, integrator="reference")

@@ -95,9 +95,9 @@ def test_an_image_moves_as_its_original(subject: str, transformation: str) -> No
 
 
 @pytest.mark.parametrize("length", [1e-5, 1e-2, 1e4])
-@pytest.mark.parametrize("method", ["recursive-newton", "augmented", "classical"])
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton", "augmented", "classical"])
 def test_equal_steps_are_the_same_in_all_units_of_length(method: str, length: float) -> None:
-    """By Newton's iteration, whose weights of equations and ends of iterations follow the mechanism's arm."""
+    """Weights of equations, ends of iterations and penalties that steps limit follow the mechanism's arm."""
     base = _image("four_bar")
     assert base is not None
     image = scaled(base, length=length)

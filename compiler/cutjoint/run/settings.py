@@ -142,7 +142,10 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
     if not integrator.supports(method, implementation):
         if requested is None:
             return _own_integrator(numerics, method, implementation, options)
-        raise RunError(f"the integrator {wanted} needs generated code of the method {join_or(integrator.methods)}")
+        of = join_or(integrator.methods)
+        if method.name not in integrator.methods:
+            raise RunError(f"the integrator {wanted} is for the method {of}, not for {method.name}; choose another method or integrator")
+        raise RunError(f"the integrator {wanted} needs generated code of the method {of}")
     if method.closure(numerics.closure, implementation, usual=integrator.closure).name not in integrator.closures:
         raise RunError(f"the integrator {wanted} has its own closures: use closure: {join_or(integrator.closures)}")
     return integrator

@@ -17,8 +17,9 @@ namespace cutjoint {
 /// Penalties of the closures that find their own, by the effective masses of the cut joints while the others are held and while they are open.
 ///
 /// An evaluation leaves of an error the inverse square of penalty over held mass.  The rounding of the accelerations grows with that ratio:
-/// 3e4 leaves ten digits of both.  A fixed point with steps `dt` (0 where there is none) wants less near singular poses: it diverges once a
-/// step changes the Jacobian's vanishing direction by more than the penalty blurs it, sqrt(open mass/penalty).
+/// 3e4 leaves ten digits of both.  A fixed point with steps `dt` (0 where there is none), in units of the time of falling an arm's length at
+/// 1 m/s2, wants less near singular poses: it diverges once a step changes the Jacobian's vanishing direction by more than the penalty
+/// blurs it, sqrt(open mass/penalty).
 template <class Numbers, class Real>
 Numbers penalties_of_cuts(const Numbers& closed, const Numbers& open, Real dt) {
   Numbers penalties(closed.size());

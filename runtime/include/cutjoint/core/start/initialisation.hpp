@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 
@@ -116,7 +117,7 @@ class Initialisation {
       masses_.measure(state, penalties_, projects());
       closed = masses_.closed(state);
     }
-    load(state, penalties_of_cuts(closed, open, settings_.fixed_point_step), Real(1), most);
+    load(state, penalties_of_cuts(closed, open, settings_.fixed_point_step / Real(std::sqrt(arm_of(mechanism_)))), Real(1), most);
   }
 
   /// Load the mechanism with penalties of a multiple of the masses, at most `most`.
