@@ -177,9 +177,9 @@ _PINOCCHIO = Expected(
         # another algorithm for the same accelerations, to 1e-8 of the largest
         Trajectory(name="four_bar", case=partial(case_of, "four_bar"), steps=(5e-3,), own_dt=1e-4, end=0.5, integrator="lcaba_rk4",
                limits=everywhere(1e-6)),
-        # rows 0.1 s apart, steps by a tolerance of 1e-6
+        # rows 0.05 s apart, steps by a tolerance of 1e-6
         *(
-            Trajectory(name="four_bar", case=partial(case_of, "four_bar"), steps=(0.1,), own_dt=1e-4, end=0.5, integrator=integrator,
+            Trajectory(name="four_bar", case=partial(case_of, "four_bar"), steps=(0.05,), own_dt=1e-4, end=0.5, integrator=integrator,
                    limits=everywhere(1e-5))
             for integrator in ("dormand_prince", "lcaba_dormand_prince")
         ),
