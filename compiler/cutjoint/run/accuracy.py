@@ -204,7 +204,7 @@ def _largest_by_unit(run: Trajectory) -> dict[str, float]:
     for name, values in run.columns.items():
         largest[run.units[name]] = max(largest.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
     length = max((value * PLACES[unit] for unit, value in largest.items() if unit in PLACES and unit not in _ANGLES), default=0.0)
-    rate = 1.0 / (float(np.ptp(run.t)) or inf)
+    rate = 1.0 / (float(np.ptp(run.t) if run.t.size else 0.0) or inf)
     least = {SPEED: length * rate, ACCELERATION: length * rate**2, ANGULAR_SPEED: rate, ANGULAR_SPEED / TIME: rate**2}
     for unit in set(run.units.values()):
         one = measure(1.0, unit or "1")
