@@ -10,6 +10,7 @@ import pytest
 
 import cutjoint
 from cutjoint.fits.motion import smooth
+from cutjoint.fits.reading import read_fit
 
 _ARM = """cutjoint: 1
 name: arm
@@ -60,6 +61,21 @@ def test_masses_and_friction_from_a_measured_motion_and_current(tmp_path: Path) 
     (combination,) = free.after.open
     assert set(combination) == {"k", "arm.mass", "arm.inertia.1", "viscous", "dry"}
     assert free["arm.mass"] / free["k"] == pytest.approx(1.5 / 12, rel=2e-3)
+
+
+def test_a_slide_follows_the_column_of_its_coordinate(tmp_path: Path) -> None:
+    model = _ARM[: _ARM.index("joints:")] + "joints: {rail: {kind: prismatic, bodies: [ground, arm], at: [0, 0, 0], axis: x}}\n"
+    (tmp_path / "cart.yaml").write_text(model)
+    t = np.arange(0.0, 1.0, 0.01)
+    columns, header = np.column_stack([t, np.sin(3 * t), -18 * np.sin(3 * t)]), "t,rail.displacement,f"
+    np.savetxt(tmp_path / "d.csv", columns, delimiter=",", header=header, comments="")
+    run = {"data": str(tmp_path / "d.csv"), "motion": {"rail": {}}, "signals": {"rail.drive": {"column": "f"}}}
+    model_file = str(tmp_path / "cart.yaml")
+    study = read_fit({"cutjoint_fit": 1, "model": model_file, "parameters": {"arm.mass": {}}, "experiments": {"swing": run}})
+    (table,) = study.experiments[0].inputs.values()
+    sampled = table["t"] < t[-1]
+    assert sampled.sum() > 15
+    assert table["value"][sampled] == pytest.approx(np.sin(3 * table["t"][sampled]), abs=1e-4)
 
 
 def test_a_spline_weighs_values_and_rates_by_their_noise() -> None:

@@ -64,9 +64,10 @@ def _csv(path: Path) -> dict[str, Array]:
 
 def _is_number(cell: str) -> bool:
     try:
-        return not cell or isinstance(float(cell), float)
+        float(cell or 0)
     except ValueError:
         return False
+    return True
 
 
 def _mdf(path: Path) -> Columns:

@@ -33,7 +33,7 @@ from cutjoint.sweeps.code import Reader
 from cutjoint.topology.reading import read_model, read_model_text
 
 #: The bandwidth of measured motions, Hz, and its dimension.
-_BAND, RATE = 10.0, measure(1.0, "Hz").dimension
+_BAND, _RATE = 10.0, measure(1.0, "Hz").dimension
 
 _LABELS = {"parameters": "parameter", "ties": "tie", "experiments": "experiment", "inertias": "inertia"}
 
@@ -278,13 +278,14 @@ class _Reading:
     def _motions(self, keys: Keys, part: parts.Experiment, followed: Followed, inputs: dict[str, Any], begin: float) -> tuple[str, ...]:
         """Add the tables of joints that follow columns to inputs; returns what was smoothed, in words."""
         seconds, data, notes = self._factor(part.time_unit, (*keys, "time_unit"), TIME), self._data(part.data, str(part.time)), []
-        band = _BAND if part.bandwidth is None else self.where.number(part.bandwidth, RATE, (*keys, "bandwidth"))
+        band = _BAND if part.bandwidth is None else self.where.number(part.bandwidth, _RATE, (*keys, "bandwidth"))
         if not band > 0:
             self._stop((*keys, "bandwidth"), "a bandwidth is above zero", "write for example 10 Hz")
+        coordinates = {joint.name: joint.element.coordinates for joint in followed.model.joints}
         for name, moved in part.motion.items():
             own = followed.inputs[name]
             factor = self._factor(moved.unit, (*keys, "motion", name, "unit"), _dimension(own.unit))
-            t, values = self._column(data, str(moved.column or f"{name}.{'angle' if own.unit == 'rad' else 'position'}"), seconds)
+            t, values = self._column(data, str(moved.column or f"{name}.{coordinates[name][0]}"), seconds)
             rates = None if moved.rate is None else self._column(data, str(moved.rate), seconds)[1] * factor
             spline, noise = smooth(t - begin, values * factor, rates, 0.5 / band)
             times = np.concatenate([[0.0], spline.t[(spline.t > 0) & (spline.t <= spline.t[-4])]])
