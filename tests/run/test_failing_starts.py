@@ -16,7 +16,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.realtime import run_in_real_time
-from tests.conftest import needs_cpp
+from tests.conftest import MODELS, needs_cpp
 
 pytestmark = needs_cpp
 
@@ -127,3 +127,15 @@ def test_a_loop_that_cannot_close_is_reported_in_the_same_words_everywhere(text:
     assert apart / sqrt(2) < float(gap) < apart * 1.1
     possible = f"the nearest pose has slide.displacement = {3 - apart:.6g} in place of 3 m; " if text == STRUT else ""
     assert rest.startswith(f"m or rad are left at 'head.x' (strut.yaml:14:3), which closes it; {possible}check the joints' points, guides,")
+
+
+def test_the_nearest_pose_may_differ_from_guesses(tmp_path: Path) -> None:
+    """The slider reaches as far as crank and rod in one line; the crank's angle is a first guess only."""
+    press = (MODELS / "press.yaml").read_text(encoding="utf-8")
+    start = "positions: {pin.angle: 0.3, rail.displacement: 0.5}, near: [pin.angle]"
+    (tmp_path / "press.yaml").write_text(press.replace("rates: {pin.angle_rate: 10}", start), encoding="utf-8")
+    words = ["simulate", str(tmp_path / "press.yaml"), "--implementation", "interpreted", "--no-error"]
+    done = CliRunner(env={"COLUMNS": "300"}).invoke(main, words)
+    assert done.exit_code == 1
+    reach = 0.1 + hypot(0.3, 0.1) - 0.3
+    assert f"; the nearest pose has rail.displacement = {reach:.6g} in place of 0.5 m; check " in done.output

@@ -257,23 +257,24 @@ def find_assemblies(model: Model, scene: Scene) -> "Assemblies":
 
 def describe_nearest(model: Model, scene: Scene, parameters: Mapping[str, float], section: str) -> str:
     """What a start with closed loops has in place of the scene's "positions" or "rates", in words; "" if nothing is known."""
-    value, parts = Evaluator(model, parameters), {name: name.rpartition(".")[::2] for name in (*scene.positions, *scene.rates)}
-    if not (scene.positions if section == "positions" else scene.rates):
-        return ""
+    value, exact = Evaluator(model, parameters), replace(scene, assemble=(), trim=None)
     if section == "rates":
-        plain = replace(scene, assemble=())
-        given = find_dependent_parts(model, plain, parameters, ("positions", "rates"))
-        nearest: str = formulated_start(model, plain).describe_nearest_rates(parameters, given["positions"], given["rates"])
+        if not scene.rates:
+            return ""
+        given = find_dependent_parts(model, exact, parameters, ("positions", "rates"))
+        nearest: str = formulated_start(model, exact).describe_nearest_rates(parameters, given["positions"], given["rates"])
         return nearest
-    places = {name: e for name, e in scene.positions.items() if parts[name][1] not in ATTITUDE}
+    positions = {name: e for name, e in scene.positions.items() if name not in scene.near}
+    attitudes = {name: e for name, e in positions.items() if name.rpartition(".")[2] in ATTITUDE}
     units = {joint.name: JOINT_QUANTITIES[joint.kind] for joint in model.joints}
     aims = tuple(
-        Aim(name=name, expression=quantity_symbol(of, quantity), value=places[name], unit=units[of][quantity], size=1.0, span=scene.span)
-        for name, (of, quantity) in parts.items() if name in places
+        Aim(name=name, expression=quantity_symbol(of, quantity), value=e, unit=units[of][quantity], size=1.0, span=scene.span)
+        for name, e in positions.items() if name not in attitudes for of, _, quantity in [name.rpartition(".")]
     )  # fmt: skip
-    others = {name: e for name, e in scene.positions.items() if name not in places}
-    start, wanted = replace(scene, positions=others, assemble=aims, near=()), [value(aim.value, aim.name) for aim in aims]
-    nearest = formulated_start(model, start).describe_nearest(parameters, {name: value(e, name) for name, e in others.items()}, wanted)
+    if not aims:
+        return ""
+    start, wanted = replace(exact, positions=attitudes, assemble=aims, near=()), [value(aim.value, aim.name) for aim in aims]
+    nearest = formulated_start(model, start).describe_nearest(parameters, {n: value(e, n) for n, e in attitudes.items()}, wanted)
     return nearest
 
 
