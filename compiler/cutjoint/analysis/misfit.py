@@ -169,8 +169,8 @@ def _change_point(equations: RecursiveEquations, q: Array, rank: int, lengths: A
         dependent, free = left[:, rank - 1 :].T, right[rank - 1 :]
         ahead = [evaluate_closures(equations, retract(equations, q, _DIFFERENCE * speed_scales(equations) * d))[1] for d in free]
         curvature = np.stack([dependent @ ((other - jacobian) * weights) @ free.T for other in ahead], axis=-1) / _DIFFERENCE
-        slopes = dependent @ (jacobian * weights) @ free.T
-        step = closing - free.T @ np.linalg.lstsq(curvature.reshape(-1, len(free)), slopes.ravel(), rcond=1e-3)[0]
+        derivatives = dependent @ (jacobian * weights) @ free.T
+        step = closing - free.T @ np.linalg.lstsq(curvature.reshape(-1, len(free)), derivatives.ravel(), rcond=1e-3)[0]
         size = np.abs(step).max()
         if values[rank - 1] < _NEAR * values[0] and before / 2 <= size < _NEAR:  # as near as the misfit lets equations agree on it
             return q

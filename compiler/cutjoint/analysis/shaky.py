@@ -34,6 +34,8 @@ _DIFFERENCE = 1e-4
 _FREE_BELOW, _LOCKED_ABOVE = 2e-11, 1e-5
 #: A singular value below this share may be due to a misfit that can be seen.
 _BARELY_ABOVE = 1e-3
+#: The share to which a misfit is found: one that equals the accuracy is within it.
+_FOUND_WITHIN = 1e-3
 
 
 class ShakyError(EquationsError, ValueError):
@@ -84,7 +86,7 @@ def mend_misfit(equations: RecursiveEquations, accuracy: float) -> tuple[str, Mo
     found = find_misfit(equations, _LOCKED_ABOVE, _FREE_BELOW)
     if found is None:
         return _describe_holding(equations, jacobian, sizes, rank), None
-    if found.off <= 1.001 * accuracy:
+    if found.off <= (1 + _FOUND_WITHIN) * accuracy:
         words = f"within the accuracy of {accuracy:g} they move as with exact joints"
         return f"{_off(equations, found)}, which would lock the loops; {words}", found.model
     return (

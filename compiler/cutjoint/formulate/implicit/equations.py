@@ -209,7 +209,7 @@ class _System:
                 continue
             for embedded_loop in k.topology.model.embedded_loops:
                 if embedded_loop.independent == joint.name:
-                    with b.section("force_residual", joint.name, "sum of derivative (S^T F^c - tau)", joint.span.place):
+                    with b.section("force_residual", joint.name, "sum of derivatives times (S^T F^c - tau)", joint.span.place):
                         value = b.total([value, *self._followers_share(embedded_loop)])
             results[f"force_residual:{joint.name}"] = b.record(value, "force_residual", joint.name)
         closing: tuple[Closing, ...] = (*self.loops, *self.gears)
@@ -329,7 +329,7 @@ class _System:
                     yield own[0], own[0], armature
         for j in motions.all():
             if j.derivative_change is not None:
-                with b.section("tangent", j.body, "second derivatives of its functions (S^T F^c - tau)", ""):
+                with b.section("tangent", j.body, "second derivatives of its functions times (S^T F^c - tau)", ""):
                     yield j, j, b.mul(j.derivative_change, b.element(self.unbalanced[j.body], j.index))
 
     def constraint_residual(self) -> dict[str, Block]:
