@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy
+from click.testing import CliRunner
 
+from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Output
@@ -317,6 +319,12 @@ def test_a_guide_that_jumps_is_named_for_methods_differ_in_what_it_carries(guide
     for method in ("recursive", "augmented"):
         with pytest.warns(UserWarning, match=f"carried.yaml:7:3: the guide of 'way' jumps by {size} at {time} s: "):
             compile_interpreted(model, model.scenes["run"], method=method)
+
+
+def test_check_names_a_guide_that_jumps(tmp_path: Path) -> None:
+    (tmp_path / "carried.yaml").write_text(_carried("where(t < 0.5, t, t + 0.25)").text, encoding="utf-8")
+    done = CliRunner(env={"COLUMNS": "300"}).invoke(main, ["check", str(tmp_path / "carried.yaml")])
+    assert "carried.yaml:7:3: the guide of 'way' jumps by 0.25 m at 0.5 s: " in done.output
 
 
 @pytest.mark.parametrize("guide", ["where(t < 0.5, t, 1 - t)", "abs(t - 0.5)", "max(0, t - 0.5)", "where(t < 0.3, 1.1*t, 0.33001)",

@@ -11,6 +11,7 @@ from cutjoint.analysis.redundancy import find_indeterminate, find_redundancy, re
 from cutjoint.analysis.shaky import describe_shakiness, find_shakiness, mend_misfit
 from cutjoint.analysis.skew import describe_geometry, rate_choices
 from cutjoint.commands import options, table
+from cutjoint.formulate.events import describe_guide_jumps
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import Loops
 from cutjoint.model.records import Model
@@ -64,6 +65,8 @@ def command(
             options.out.print(tables.redundancy_table(redundancy, checked))
         if indeterminate := find_indeterminate(topology, chosen, reaction_outputs(checked)):
             options.out.print(tables.indeterminate_reactions(indeterminate), markup=False)
+    for words in describe_guide_jumps(topology.model, chosen, accuracy_of(chosen)):
+        options.out.print(words, markup=False)
     for motion in find_momentary_motions(equations, poses):
         options.out.print(describe_momentary(checked, motion), markup=False)
     misfit = mend_misfit(equations, accuracy_of(chosen))[0]

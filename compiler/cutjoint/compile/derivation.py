@@ -8,7 +8,7 @@ from cutjoint.analysis.redundancy import require_loads
 from cutjoint.analysis.shaky import ShakyError, mend_misfit, require_firmness
 from cutjoint.emit.simulator import emit
 from cutjoint.emit.source import Source
-from cutjoint.formulate.events import guide_jumps
+from cutjoint.formulate.events import describe_guide_jumps
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
@@ -56,10 +56,8 @@ def derive(
     """Derive the recursive equations of a model, from which the runs of every method start; errors as in `compile_scene`.
     If a misfit within the scene's accuracy would lock loops, it is removed with a warning; one that leaves no motion is reported."""
     topology = require_loads(build_topology(with_requested_loops(model, scene, DEFAULT_METHOD)), scene)
-    for joint, unit, time, size in guide_jumps(topology.model, scene):
-        if abs(size) > accuracy_of(scene):
-            words = "no force moves what it carries, and methods differ in where that is then; write a ramp"
-            warn(f"{joint.span}: the guide of '{joint.name}' jumps by {size:.3g} {unit} at {time:.6g} s: {words}", stacklevel=2)
+    for words in describe_guide_jumps(topology.model, scene, accuracy_of(scene)):
+        warn(words, stacklevel=2)
     equations = formulate_recursive(topology, scene, tuple(outputs), closure=closure, poses=poses, load_events=load_events)
     words, exact = mend_misfit(require_soundness(equations), accuracy_of(scene))
     if not words:

@@ -13,7 +13,7 @@ from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import DomainPlace, Function, IndicatorPlace
 from cutjoint.model.expressions.evaluate import evaluate
-from cutjoint.model.records import Joint, Model, Scalar, Scene
+from cutjoint.model.records import Model, Scalar, Scene
 from cutjoint.program.blocks import Builder
 from cutjoint.program.indicators import Domain, EventIndicator
 
@@ -59,8 +59,8 @@ def jump_times(model: Model, scene: Scene) -> tuple[float, ...]:
     return tuple(sorted({time for c in conditions for time in _zeros(c.lhs - c.rhs, known)}))
 
 
-def guide_jumps(model: Model, scene: Scene) -> Iterator[tuple[Joint, str, float, float]]:
-    """The jumps of guides in a scene: joint, unit of its coordinate (m or rad), time (s) and size."""
+def describe_guide_jumps(model: Model, scene: Scene, accuracy: float) -> Iterator[str]:
+    """The warnings on guides that jump by more than an ``accuracy`` (m, rad) in a scene, at the lines of their joints."""
     known, inputs, step = {p.symbol: p.value for p in model.parameters}, input_functions(model, scene), 1e-6 * scene.end
     for joint in model.joints:
         units = (joint.element.units[name] for name in joint.element.coordinates)
@@ -69,7 +69,9 @@ def guide_jumps(model: Model, scene: Scene) -> Iterator[tuple[Joint, str, float,
             switches = [c.lhs - c.rhs for c in law.atoms(Relational)] + [x.args[0] for x in law.atoms(sympy.sign)]
             for time in sorted({time for x in switches for time in _zeros(x, known) if 0 < time < scene.end}):
                 near, far, before, beyond = (evaluate(law, {**known, TIME: time + n * step}) for n in (1, 2, -1, -2))
-                yield joint, unit, time, 2 * near - far - (2 * before - beyond)
+                if abs(size := 2 * near - far - (2 * before - beyond)) > accuracy:
+                    words = "no force moves what it carries, and methods differ in where that is then; write a ramp"
+                    yield f"{joint.span}: the guide of '{joint.name}' jumps by {size:.3g} {unit} at {time:.6g} s: {words}"
 
 
 def guides_jump(model: Model, scene: Scene) -> bool:
