@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from inspect import signature, unwrap
 from pathlib import Path
 
@@ -28,6 +29,23 @@ def test_every_row_belongs_to_a_command() -> None:
 
 def numbers() -> list[tuple[str, click.Option]]:
     return [(name, p) for name, command in commands().items() for p in command.params if isinstance(p, click.Option)]
+
+
+def written() -> list[tuple[str, click.Option]]:
+    """The options that name a file to write; the program or file of `export` is checked by its format."""
+    return [
+        (name, p) for name, p in numbers()
+        if isinstance(p.type, click.Path) and p.type.file_okay and not p.type.exists and (name, p.name) != ("export", "out")
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "option"), written(), ids=lambda x: x if isinstance(x, str) else x.name)
+def test_a_file_has_the_ending_of_what_is_written(name: str, option: click.Option, tmp_path: Path) -> None:
+    for file in (tmp_path / "x.xlsx", tmp_path / "x.CSV"):
+        with pytest.raises(click.BadParameter, match=r"x\.(xlsx|CSV): no such kind of file; write a name that ends in \."):
+            option.type.convert(str(file), option, None)
+    os.symlink("/dev/null", tmp_path / "null.xlsx")
+    assert option.type.convert(str(tmp_path / "null.xlsx"), option, None) == tmp_path / "null.xlsx"
 
 
 @pytest.mark.parametrize(("name", "option"), numbers(), ids=lambda x: x if isinstance(x, str) else x.name)
@@ -76,11 +94,13 @@ def test_an_old_call_is_the_new_command(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.chdir(tmp_path)
     for file in ("press.yaml", "cases.csv", "pole.fmu"):
         Path(file).touch()
+    os.symlink("pole.fmu", "pole.csv")
     old = ("--batch", "cases.csv", "batch", "the table of parameters"), ("--with", "pole.fmu", "couple", "the FMU")
     for option, file, command, what in old:
-        done = CliRunner().invoke(main, ["simulate", "press.yaml", option, file, "--out", file])
+        out = f"{Path(file).stem}.csv"
+        done = CliRunner().invoke(main, ["simulate", "press.yaml", option, file, "--out", out])
         assert done.exit_code == 1
         assert done.output == (
-            f"simulate {option} is now cutjoint {command} press.yaml {file} --out {file}\n"
-            f"--out {file}: that is {what}; write the results elsewhere\n"
+            f"simulate {option} is now cutjoint {command} press.yaml {file} --out {out}\n"
+            f"--out {out}: that is {what}; write the results elsewhere\n"
         )

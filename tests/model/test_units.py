@@ -7,8 +7,10 @@ from typing import Any
 import pint
 import pytest
 
+from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions import units
 from cutjoint.model.expressions.units import UnitError, measure
+from cutjoint.model.read import read_model_text
 
 REGISTRY: Any = pint.UnitRegistry()
 NAMES = (
@@ -51,3 +53,52 @@ def test_a_newton_metre_may_be_written_in_one_word(written: str, meant: str) -> 
     found, expected = measure(3.0, written), measure(3.0, meant)
     assert math.isclose(found.value, expected.value, rel_tol=1e-15)
     assert found.dimension == expected.dimension
+
+
+CART = """
+cutjoint: 1
+name: cart
+gravity: [0, 0, 0]
+parameters:
+  k: {value: 100, unit: N/m}
+  c: {value: 5, unit: N*s/m}
+  rest: {value: 20, unit: mm}
+  level: {value: 3, unit: m}
+bodies:
+  a: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}
+joints:
+  slide: {kind: cylindrical, bodies: [ground, a], at: [0, 0, 0], axis: x}
+forces:
+  spring: {kind: joint_force, joint: slide, coordinate: displacement, law: "-c*rate"}
+scenes:
+  run: {end: 1, output_step: 0.1}
+"""
+
+
+@pytest.mark.parametrize(("law", "got"), [
+    ("-k*rate", "needs N, got kg*m/s^3"), ("-c*rate - k*position", ""), ("-100*rate - position", ""), ("-k*(position - rest)", ""),
+    ("-c*rate + level", "N and m cannot be added"), ("-c*position", "needs N, got kg*m/s"), ("-c*rate*tanh(rate/0.1)", ""),
+    ("where(position > rest, -k*rate, k*rest)", "cannot be added"), ("-c*rate - k*(rate - rest)", "m/s and m cannot be added"),
+    ("-rate", ""),
+])  # fmt: skip
+def test_laws_have_the_dimensions_of_their_variables_beside_units(law: str, got: str) -> None:
+    """Bare numbers fit everywhere; beside a parameter with a unit a variable has its own."""
+    text = CART.replace("-c*rate", law)
+    if not got:
+        read_model_text(text, "m.yaml")
+        return
+    with pytest.raises(ModelError) as caught:
+        read_model_text(text, "m.yaml")
+    assert str(caught.value).startswith(f"m.yaml:{text[:text.index(law)].count(chr(10)) + 1}:")
+    assert got in str(caught.value)
+
+
+@pytest.mark.parametrize(("rate", "radians"), [("60 Hz", None), ("1 kHz", None), ("60 turn/s", 120 * math.pi), ("60 rpm", 2 * math.pi),
+                                               ("60 rad/s", 60.0), ("60 1/s", 60.0)])  # fmt: skip
+def test_hertz_are_no_angular_speed(rate: str, radians: float | None) -> None:
+    text = CART.replace("output_step: 0.1", f"output_step: 0.1, rates: {{slide.angle_rate: {rate}}}")
+    if radians is not None:
+        assert float(read_model_text(text, "m.yaml").scenes["run"].rates["slide.angle_rate"]) == pytest.approx(radians, rel=1e-15)
+        return
+    with pytest.raises(ModelError, match=r"m.yaml:17:\d+: scene 'run': rates: 'slide.angle_rate': Hz leaves open whether"):
+        read_model_text(text, "m.yaml")

@@ -221,7 +221,8 @@ def test_the_command_says_what_there_is(tmp_path: Path) -> None:
     assert f"results: {out}, 40 runs, 9 columns" in first.output.replace("\n", "")
     again = CliRunner().invoke(main, ["sweep", str(path), "--out", str(out)])
     assert "all runs were already done" in again.output
-    clash = CliRunner().invoke(main, ["sweep", str(path), "--out", str(path)])
+    os.link(path, tmp_path / "study.parquet")
+    clash = CliRunner().invoke(main, ["sweep", str(path), "--out", str(tmp_path / "study.parquet")])
     assert clash.exit_code == 1
     assert "is the study" in clash.output
 

@@ -79,7 +79,7 @@ scenes: {swing: {end: 1, output_step: 0.01, rates: {pin.angle_rate: v}}}
     (("--throttle", "q1=1,2"), "--throttle q1=1,2: write q1=FULL, or q1 alone"),
     (("--range", "q1=a,b"), "--range q1=a"),
     (("--range", "q1=1 m,2 m"), "q1"),
-    (("--out", "x.txt"), "write a name that ends in .html"),
+    (("--out", "x.csv"), "write a name that ends in .html"),
     (("--replay", DELTA), "no drive; save one in a page of cutjoint drive as 'drive (JSON)'"),
 ])  # fmt: skip
 def test_wrong_options_are_reported(options: tuple[object, ...], said: str) -> None:

@@ -102,6 +102,6 @@ def test_free_directions_keep_loops_closed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", ["modes", "equilibrium", "check"])
 def test_a_page_has_its_ending(command: str, tmp_path: Path) -> None:
     result = CliRunner().invoke(main, [command, str(PRESS), "--view", str(tmp_path / "x.txt")])
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "x.txt: no such kind of file; write a name that ends in .html or .glb" in result.output
     assert list(tmp_path.iterdir()) == []

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cutjoint.analysis.closing import Array
 from cutjoint.analysis.linearise import Linearisation, ReducedSystem, reduce_system
+from cutjoint.package.errors import plural
 from cutjoint.package.renamed import with_old_members
 
 Complex = NDArray[np.complex128]
@@ -94,7 +95,7 @@ class Modes:
     def __repr__(self) -> str:
         where = "at rest" if self.at_rest else "of a steady motion" if self.steady else f"at t = {self.time:g} s"
         values = [f"{mode.eigenvalue:.3g}" for mode in self.modes[:_NAMED]] + ["..."] * (len(self.modes) > _NAMED)
-        return f"<Modes {where}: {self.degrees_of_freedom} degrees of freedom, eigenvalues {', '.join(values) or 'none'} 1/s>"
+        return f"<Modes {where}: {plural(self.degrees_of_freedom, 'degree')} of freedom, eigenvalues {', '.join(values) or 'none'} 1/s>"
 
 
 def find_mode_shapes(of: Linearisation, time: float) -> Modes:

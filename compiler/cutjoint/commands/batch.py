@@ -9,7 +9,7 @@ from cutjoint.commands.preparing import read_request
 from cutjoint.compile.prepared import Request
 from cutjoint.methods import METHODS, join_or, names_of
 from cutjoint.model.records import Model, Scene
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import RunError, plural
 from cutjoint.report.tables import batch_facts
 from cutjoint.run.cases import read_cases
 from cutjoint.run.failures import count_failures, describe_failures
@@ -66,7 +66,7 @@ def _run(
         )  # fmt: skip
     console = options.message_console(out)
     console.print(batch_facts(artifact, done))
-    console.print(f"results: {out}, {len(cases)} runs", markup=False)
+    console.print(f"results: {out}, {plural(len(cases), 'run')}", markup=False)
     return done
 
 

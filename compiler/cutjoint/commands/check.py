@@ -26,7 +26,7 @@ from cutjoint.topology.reading import read_model
 from cutjoint.topology.search import rank_cuts
 from cutjoint.view.graph import draw_graph
 from cutjoint.view.states import find_notes, show_directions
-from cutjoint.view.views import require_view, write_shown
+from cutjoint.view.views import write_shown
 
 
 @table.command("check")
@@ -35,7 +35,6 @@ def command(
 ) -> None:  # fmt: skip
     """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
     require_apart({"the model": model}, documents=[("--view", view), ("--proof", proof)])
-    require_view(view, "--view")
     with options.progress_bar(f"reading {model.name}"):
         checked = read_model(model, tunable=tunable)
     checked, chosen = options.choose_case(checked, scene)

@@ -15,7 +15,7 @@ from cutjoint.formulate.inputs import input_parameters, tunable_parameters
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, Implementation, describe_steps, join_or, names_of
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import Model, Scene
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import RunError, plural
 from cutjoint.report import tables
 from cutjoint.report.plots import plot_run
 from cutjoint.run.inputs import require_unit
@@ -26,7 +26,7 @@ from cutjoint.run.settings import Options, require_settings, with_options
 from cutjoint.stepping.handle import SimulationError
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation
-from cutjoint.view.views import require_view, show_run, write_shown
+from cutjoint.view.views import show_run, write_shown
 
 
 @table.command("couple")
@@ -41,7 +41,6 @@ def command(
     Outputs of the FMUs drive the inputs of the same names; inputs of the FMUs read the outputs of the scene."""
     read_files = {"the model": model, **{"the FMU" if len(fmus) == 1 else f"the FMU {fmu}": fmu for fmu in fmus}}
     require_apart(read_files, tables={"--out": out}, plots=plots, documents=[("--view", view)])
-    require_view(view, "--view")
     parameters = options.read_parameters(changes)
     requested = Options(dt=dt, end=end, tolerance=tolerance, iterations=iterations, integrator=integrator, events=events)
     read, chosen, by = read_request(Request(model=model, scene=scene, method=method, tunable=tunable, functions=functions))
@@ -143,7 +142,7 @@ def _report(plan: Plan, model: Model, scene: Scene, run: Trajectory, out: Path, 
     if error:
         console.print(tables.error_facts(run.error))
     write_error(out, run.error if error else None, Implementation.GENERATED)
-    console.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
+    console.print(f"results: {out}, {plural(len(run.columns), 'column')}, {plural(run.t.size, 'row')}", markup=False)
 
 
 def _facts(plan: Plan, model: Model, run: Trajectory) -> list[tuple[str, str]]:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from cutjoint.commands import options, table
 from cutjoint.methods import DEFAULT_METHOD
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import RunError, plural
 from cutjoint.run.outputs import OutputError, require_apart
 from cutjoint.run.result_files import write_table, write_whole
 from cutjoint.run.scenes import with_loops
@@ -36,7 +36,7 @@ def command(
         with options.progress_bar(f"compiling {model.name}"):
             table = replay_drive(checked, chosen, replay, method=method)
         write_table(out, table.units, table.text)
-        options.message_console(out).print(f"replay: {out}, {len(table.rows)} rows", markup=False)
+        options.message_console(out).print(f"replay: {out}, {plural(len(table.rows), 'row')}", markup=False)
         return
     with options.progress_bar(f"compiling {model.name}"):
         own = {"--method": None if method == DEFAULT_METHOD else method, "--loops": loops, "--functions": functions}

@@ -9,14 +9,13 @@ from cutjoint.run.outputs import require_apart
 from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes
 from cutjoint.topology.reading import read_model
 from cutjoint.view.states import show_equilibrium
-from cutjoint.view.views import require_view, write_shown
+from cutjoint.view.views import write_shown
 
 
 @table.command("equilibrium")
 def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], stability: bool, view: Path | None) -> None:
     """Find the static equilibrium of MODEL, or solve the scene's trim, and print every body's pose and every element's force."""
     require_apart({"the model": model}, documents=[("--view", view)])
-    require_view(view, "--view")
     parameters = options.read_parameters(changes)
     checked = read_model(model, tunable=tunable)
     checked, chosen = options.choose_case(checked, scene)

@@ -15,7 +15,7 @@ from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.elements.link_masses import with_link_masses
 from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model, Output
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import RunError, plural
 from cutjoint.package.extensions import EXPORTERS
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_files, write_whole
@@ -97,7 +97,7 @@ def export_robot(model: Model, parameters: Mapping[str, float], path: Path, kind
     write_whole(out, text)
     for sentence in left_out:
         options.out.print(sentence, markup=False)
-    options.out.print(f"{len(model.bodies)} bodies, {len(model.joints)} joints in {out}", markup=False)
+    options.out.print(f"{plural(len(model.bodies), 'body', 'bodies')}, {plural(len(model.joints), 'joint')} in {out}", markup=False)
 
 
 #: The optional contents of an FMU, by their options: sources, a binary.
@@ -127,7 +127,8 @@ def export_fmu(
     write_whole(out, packed)
     variables = fmu.interface.variables
     inputs, outputs = ([v.name for v in variables if v.causality == kind] for kind in ("input", "output"))
-    options.out.print(f"FMI {version} {_describe(fmu)}; {len(inputs)} inputs, {len(outputs)} outputs in {out}", markup=False)
+    ports = f"{plural(len(inputs), 'input')}, {plural(len(outputs), 'output')}"
+    options.out.print(f"FMI {version} {_describe(fmu)}; {ports} in {out}", markup=False)
 
 
 def _describe(fmu: Fmu) -> str:
@@ -135,7 +136,7 @@ def _describe(fmu: Fmu) -> str:
     simulates, exchanges = KINDS[fmu.subject.kind]
     steps = [f"co-simulation by {fmu.standalone.settings}"] * simulates
     frozen = [words] if (words := describe_frozen(fmu.topology.model)) else []
-    return "; ".join([*steps, *frozen, *[f"model exchange, {len(fmu.interface.states)} states"] * exchanges])
+    return "; ".join([*steps, *frozen, *[f"model exchange, {plural(len(fmu.interface.states), 'state')}"] * exchanges])
 
 
 def require_fmu(peer: str, **fmu_options: object) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 from rich.table import Table
 
 from cutjoint.commands import options, table
-from cutjoint.run.outputs import OutputError, require_apart
+from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
 
 
@@ -21,8 +21,6 @@ def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Pat
 
     out = Path(f"{fit_study.stem}.json") if out is None else out
     require_apart({"the study": fit_study}, documents=[("--out", out), ("--model", model_out), ("--view", view)])
-    if view is not None and view.suffix != ".html":
-        raise OutputError(f"--view {view}: no such kind of file; write a name that ends in .html")
     found = fit(fit_study, note=lambda text: options.err.print(text, markup=False))
     write_whole(out, as_json(found))
     shown = Table(title="parameters", title_justify="left", box=None)

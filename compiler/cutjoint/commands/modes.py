@@ -10,7 +10,7 @@ from cutjoint.run.scenes import find_case
 from cutjoint.tasks.states import find_scene_modes
 from cutjoint.topology.reading import read_model
 from cutjoint.view.states import show_modes
-from cutjoint.view.views import require_view, write_shown
+from cutjoint.view.views import write_shown
 
 
 @table.command("modes")
@@ -20,7 +20,6 @@ def command(
 ) -> None:  # fmt: skip
     """Linearise MODEL and print eigenvalues, frequencies, damping and mode shapes."""
     require_apart({"the model": model}, documents=[("--out", out), ("--view", view)])
-    require_view(view, "--view")
     checked = read_model(model, tunable=tunable)
     checked, chosen = options.choose_case(checked, scene) if at is None else find_case(checked, scene)
     parameters = options.read_parameters(changes)

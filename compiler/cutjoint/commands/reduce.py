@@ -11,7 +11,7 @@ from cutjoint.run.outputs import require_apart
 from cutjoint.run.scenes import find_case
 from cutjoint.topology.reading import read_model
 from cutjoint.view.states import show_reduction
-from cutjoint.view.views import require_view, write_shown
+from cutjoint.view.views import write_shown
 
 
 @table.command("reduce")
@@ -20,7 +20,6 @@ def command(
 ) -> None:  # fmt: skip
     """Reduce MODEL to what a scene needs; print what each pass did, and operations, error and speed of each reduced model."""
     require_apart({"the model": model}, documents=[("--view", view)])
-    require_view(view, "--view")
     checked = read_model(model)
     with options.progress_bar(f"reducing {model.name}"):
         checked, chosen = find_case(checked, scene)

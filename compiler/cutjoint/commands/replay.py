@@ -16,7 +16,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 from cutjoint.view.mesh_files import require_meshes
-from cutjoint.view.views import read_ghost, require_view, show_run, write_shown
+from cutjoint.view.views import read_ghost, show_run, write_shown
 
 
 def require_replay(request: Request, parameters: Mapping[str, float], view: Path | None, ghost: Path | None) -> None:
@@ -26,7 +26,6 @@ def require_replay(request: Request, parameters: Mapping[str, float], view: Path
         ModelError: the model is wrong, or a mesh of it.
         RunError, OutputError: the file has an unknown ending, or the ghost's page or run is missing.
     """
-    require_view(view, "--view")
     read_ghost(ghost, view)
     model, scene, _ = read_request(request)
     require_meshes(model, Numbers.of(model, scene, parameters))

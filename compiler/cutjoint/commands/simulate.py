@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from cutjoint.commands import options, table
 from cutjoint.compile.prepared import PreparedRun, Request, find_cached_run
 from cutjoint.methods import AUTO, DEFAULT_METHOD, INTEGRATORS, METHODS, Implementation, Loops
-from cutjoint.package.errors import EquationsError, RunError
+from cutjoint.package.errors import EquationsError, RunError, plural
 from cutjoint.report import tables
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.binary_tables import require_writer
@@ -86,7 +86,7 @@ def command(
         with options.progress_bar("estimating the error") if error else nullcontext():
             if out is not None:
                 write_error(out, run.error if error else None, prepared.compilation.implementation)
-        size = f"{len(run.columns)} columns, {run.t.size} rows"
+        size = f"{plural(len(run.columns), 'column')}, {plural(run.t.size, 'row')}"
         console.print(f"results: {size}, not written; --out FILE writes them" if out is None else f"results: {out}, {size}", markup=False)
         if error:
             console.print(tables.error_facts(run.error))

@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColu
 from rich.table import Table
 
 from cutjoint.commands import options, table
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import RunError, plural
 from cutjoint.run.outputs import OutputError, require_apart
 from cutjoint.run.result_files import write_whole
 from cutjoint.sweeps.designs import find_indices, has_indices
@@ -19,7 +19,7 @@ from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Progress as OnProgress
 from cutjoint.sweeps.run import Sweep, perform_study, steps_of
 from cutjoint.sweeps.tolerances import QUANTILES, find_tolerance, has_tolerances
-from cutjoint.view.views import read_ghost, require_view
+from cutjoint.view.views import read_ghost
 
 #: Number of reasons of failures to print, and the pattern of numbers, by which similar reasons may differ.
 _REASONS = 5
@@ -79,7 +79,6 @@ def _write_page(study: Study, done: Sweep, view: Path, command: str, replays: in
 def _replay(study: Study, run: int, view: Path, ghost_page: Path | None) -> None:
     from cutjoint.sweeps.page import replay
 
-    require_view(view, "--view")
     ghost = read_ghost(ghost_page, view)
     with options.progress_bar(f"running {study.model.name}"):
         replay(study, run, view, ghost)
@@ -109,7 +108,7 @@ def _report(study: Study, done: Sweep) -> None:
         options.out.print(f"{done.performed} runs in {done.elapsed:.3g} s, {1e3 * each:.3g} ms of worker time each", markup=False)
     else:
         options.out.print("all runs were already done", markup=False)
-    options.out.print(f"results: {done.path}, {study.runs} runs, {len(done.table.column_names)} columns", markup=False)
+    options.out.print(f"results: {done.path}, {plural(study.runs, 'run')}, {plural(len(done.table.column_names), 'column')}", markup=False)
     for scene, how in steps_of(done.manifest).items():
         options.out.print(f"steps of scene '{scene}': {how}", markup=False)
     if failed:

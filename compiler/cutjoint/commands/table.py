@@ -25,11 +25,13 @@ from cutjoint.methods import (
     Implementation,
     Loops,
     join_and,
+    join_or,
     names_of,
 )
 from cutjoint.model.ranges import LENGTHS, PLACES, RANGES, TIMES, WHOLE, fault_of, fault_of_setting
 from cutjoint.model.text import is_number, is_whole
 from cutjoint.package.extensions import EXPORTERS, ExtensionPoint
+from cutjoint.run.outputs import ENDINGS, is_stream
 
 Row = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -134,10 +136,26 @@ def _contents(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def _page(what: str) -> Row:
     """The option for a file with a view of ``what``."""
-    return click.option("--view", type=_FILE, help=f"Page (.html) {what}, or its animation as glTF (.glb).")
+    return click.option("--view", type=_VIEW, help=f"Page (.html) {what}, or its animation as glTF (.glb).")
 
 
-_FILE = click.Path(dir_okay=False, path_type=Path)
+class _File(click.Path):
+    """A file that a command writes: its name has one of these endings, "" for none, unless it is a device or a pipe."""
+
+    def __init__(self, *endings: str) -> None:
+        super().__init__(dir_okay=False, path_type=Path)
+        self._endings = endings
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path, converted for click."""
+        path = super().convert(value, param, ctx)
+        if path.suffix not in self._endings and not is_stream(path):
+            self.fail(f"{path}: no such kind of file; write a name that ends in {join_or(filter(None, self._endings))}", param, ctx)
+        return path
+
+
+_CSV, _JSON, _MODEL = _File("", ".csv"), _File("", ".json"), _File("", ".yaml", ".yml")
+_PAGE, _VIEW = _File(".html"), _File(".html", ".glb")
 _READ = click.Path(exists=True, dir_okay=False, path_type=Path)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 
@@ -294,27 +312,29 @@ OPTIONS: Mapping[str, Row] = {
     "limit": click.option("--call-limit", "limit", type=Setting("dt"), help="Longest time that a call of the FMU may take. Default: 60 s."),
     "scheduler": click.option("--scheduler", metavar="ADDRESS",
         help="Address of a Dask scheduler, for example tcp://10.0.0.1:8786. Default: this machine's processors."),
-    "out": click.option("--out", type=_FILE, required=True, help="CSV file; units are written beside it."),
-    "simulate.out": click.option("--out", type=_FILE,
+    "out": click.option("--out", type=_CSV, required=True, help="CSV file; units are written beside it."),
+    "simulate.out": click.option("--out", type=_File("", *ENDINGS),
         help="Results: CSV, or by the ending .parquet, .arrow or .npy; units are written beside it. Default: no table is written."),
     "compile.out": click.option("--out", type=_FOLDER, required=True, help="Folder for the exported code and the simulator."),
-    "import.out": click.option("--out", type=_FILE, help="Model file. Default: FILE and .yaml (leg.urdf.yaml), in the current folder."),
-    "explain.out": click.option("--out", type=_FILE, help="Markdown file. Default: standard output."),
+    "import.out": click.option("--out", type=_MODEL, help="Model file. Default: FILE and .yaml (leg.urdf.yaml), in the current folder."),
+    "explain.out": click.option("--out", type=_File("", ".md", ".txt"), help="Markdown file. Default: standard output."),
     "export.out": click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder of the program, or file."),
-    "response.out": click.option("--out", type=_FILE, help="CSV file of gains and phases, or densities; units are written beside it."),
-    "modes.out": click.option("--out", type=_FILE, help="JSON file with all coordinates of each mode."),
-    "realtime.out": click.option("--out", type=_FILE, help="CSV file with the duration of each step."),
-    "schema.out": click.option("--out", type=_FILE, help="JSON file. Default: standard output."),
-    "fit.out": click.option("--out", type=_FILE, help="JSON file. Default: STUDY's name with .json, in the current folder."),
-    "model_out": click.option("--model", "model_out", type=_FILE, help="Model file with the fitted numbers, comments kept."),
-    "fit.view": click.option("--view", type=_FILE, help="Page (.html): data beside the model, residuals, table."),
-    "sweep.out": click.option("--out", type=_FILE, help="Parquet file. Default: STUDY's name with .parquet, in the current folder."),
-    "view.out": click.option("--out", type=_FILE,
+    "response.out": click.option("--out", type=_CSV, help="CSV file of gains and phases, or densities; units are written beside it."),
+    "modes.out": click.option("--out", type=_JSON, help="JSON file with all coordinates of each mode."),
+    "realtime.out": click.option("--out", type=_CSV, help="CSV file with the duration of each step."),
+    "schema.out": click.option("--out", type=_JSON, help="JSON file. Default: standard output."),
+    "fit.out": click.option("--out", type=_JSON, help="JSON file. Default: STUDY's name with .json, in the current folder."),
+    "model_out": click.option("--model", "model_out", type=_MODEL, help="Model file with the fitted numbers, comments kept."),
+    "fit.view": click.option("--view", type=_PAGE, help="Page (.html): data beside the model, residuals, table."),
+    "sweep.out": click.option("--out", type=_File("", ".parquet"),
+        help="Parquet file. Default: STUDY's name with .parquet, in the current folder."),
+    "view.out": click.option("--out", type=_VIEW,
         help="Page (.html) or glTF file (.glb). Default: MODEL's name with .html, in the current folder."),
     "drive.scene": _FIRST_SCENE,
     "drive.method": _one_of("--method", default=DEFAULT_METHOD, show_default=True, names=_recursive, help="Formulation."),
     "gradient.method": _one_of("--method", names=_recursive, help="Formulation. Default: the scene's, else recursive."),
-    "drive.out": click.option("--out", type=_FILE, help="Page (.html). Default: MODEL's name with .html, in the current folder."),
+    "drive.out": click.option("--out", type=_File(".html", ".csv"),
+        help="Page (.html). Default: MODEL's name with .html, in the current folder."),
     "drive.steer": click.option("--steer", metavar="NAME=LEFT,RIGHT",
         help="Input or parameter that steers, with its values at full left and right. Default: found by name."),
     "drive.replay": click.option("--replay", type=_READ,
@@ -326,9 +346,9 @@ OPTIONS: Mapping[str, Row] = {
     "live": click.option("--live", metavar="PORT", type=Setting("live"),
         help="Follow a running host: serve a page at http://localhost:PORT/ for poses sent to UDP port PORT."),
     "shared": click.option("--shared", is_flag=True, help="Accept poses from other machines and serve the page to them."),
-    "kinematics.out": click.option("--out", type=_FILE, help="CSV file with all sweeps in SI units; units are written beside it."),
+    "kinematics.out": click.option("--out", type=_CSV, help="CSV file with all sweeps in SI units; units are written beside it."),
     "inverse.scene": click.option("--scene", metavar="NAME", help="Scene that prescribes the motion. Default: the only one."),
-    "inverse.out": click.option("--out", type=_FILE, help="CSV file with the forces over time; units are written beside it."),
+    "inverse.out": click.option("--out", type=_CSV, help="CSV file with the forces over time; units are written beside it."),
     "drives": click.option("--drives", metavar="JOINTS",
         help="Joints that provide the forces, as FIRST,SECOND. Default: those that the scene moves."),
     "axle": click.option("--axle", metavar="NAME",
@@ -347,7 +367,7 @@ OPTIONS: Mapping[str, Row] = {
         help="The axle's share of the braking and driving force, for anti_brake and anti_drive."),
     "compliance": click.option("--compliance", metavar="SCENE",
         help="Print the compliance at the equilibrium of this scene instead of the sweeps."),
-    "steps": click.option("--steps", type=_FILE, help="CSV file with iterations and residuals of each step."),
+    "steps": click.option("--steps", type=_CSV, help="CSV file with iterations and residuals of each step."),
     "error": click.option("--error/--no-error", default=True, help="Estimate the error with further runs, or run once."),
     "verbose": click.option("--verbose", is_flag=True, help="Also print what was derived, compiled and stepped."),
     "response.plots": click.option("--plots", type=_FOLDER, help="Folder for Bode and Nyquist plots, or a plot of densities."),
@@ -356,14 +376,14 @@ OPTIONS: Mapping[str, Row] = {
     "compare": click.option("--compare", type=_READ, multiple=True,
         help="Table of another run, drawn in the same plots."),
     "simulate.view": _page("that replays the run in a browser"),
-    "check.proof": click.option("--proof", type=_FILE,
+    "check.proof": click.option("--proof", type=_JSON,
         help="Prove error bounds of embedded loops, embedding them if the scene does not, and write this certificate (JSON)."),
     "check.view": _page("that moves in each degree of freedom"),
     "couple.view": _page("of the run"),
     "equilibrium.view": _page("that goes from the design position to the equilibrium"),
     "modes.view": _page("that moves in each mode"),
     "reduce.view": _page("that shows in the topology what was changed"),
-    "sweep.view": click.option("--view", type=_FILE,
+    "sweep.view": click.option("--view", type=_VIEW,
         help="Page (.html) of the results: filters, Pareto fronts, best and worst runs; with --replay that of the run (.html "
         "or .glb)."),
     "ghost_page": click.option("--ghost", "ghost_page", type=_READ,

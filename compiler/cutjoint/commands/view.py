@@ -7,7 +7,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.run.outputs import require_apart
 from cutjoint.topology.reading import read_model
 from cutjoint.view.live import LiveView
-from cutjoint.view.views import live_page, require_view, show_start, write_shown
+from cutjoint.view.views import live_page, show_start, write_shown
 
 
 @table.command("view")
@@ -21,7 +21,6 @@ def command(
     if shared and live is None:
         raise RunError("--shared is of --live PORT")
     out = Path(f"{model.stem}.html") if out is None else out
-    require_view(out, "--out")
     require_apart({"the model": model}, documents=[("--out", out)])
     checked = read_model(model, tunable=tunable)
     checked, chosen = options.choose_case(checked, scene)

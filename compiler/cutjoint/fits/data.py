@@ -9,7 +9,7 @@ import numpy as np
 
 from cutjoint.fits.records import Array
 from cutjoint.model.errors import nearest
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import RunError, plural
 from cutjoint.run.binary_tables import WRITERS, read_columns
 
 #: From the name of a column to its times, as they stand in the file, and its values, NaN where one is missing.
@@ -54,7 +54,7 @@ def _csv(path: Path) -> dict[str, Array]:
     names = read.pop(0)[1] if read and not all(map(_is_number, read[0][1])) else [str(i + 1) for i in range(len(read[0][1]) if read else 0)]
     for line, row in read:
         if len(row) != len(names):
-            raise ValueError(f"line {line} has {len(row)} values for {len(names)} names")
+            raise ValueError(f"line {line} has {plural(len(row), 'value')} for {plural(len(names), 'name')}")
     try:
         numbers = np.array([[float(cell) if cell else np.nan for cell in row] for _, row in read]).reshape(-1, len(names))
     except ValueError as error:

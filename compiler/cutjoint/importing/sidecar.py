@@ -13,6 +13,7 @@ from cutjoint.importing.xml import Node
 from cutjoint.model.document.source import parse_yaml, read_text
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import Span
+from cutjoint.package.errors import plural
 
 _KEYS = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
 _CARDAN = re.compile(r"UJOINT_([XYZ])([XYZ])")
@@ -47,7 +48,7 @@ class Sidecar:
         """Add the pairs of frames that are held together in place (3d) or wholly (6d), and the drives."""
         pairs, kinds = self._items("closed_loop"), self._items("type")
         if len(kinds) not in (0, len(pairs)):
-            self._fail("type", f"has {len(kinds)} types for {len(pairs)} loops")
+            self._fail("type", f"has {plural(len(kinds), 'type')} for {plural(len(pairs), 'loop')}")
         for i, pair in enumerate(pairs):
             kind = str(kinds[i]).lower() if kinds else "6d"
             if kind not in ("3d", "6d") or not isinstance(pair, tuple) or len(pair) != 2:

@@ -33,3 +33,8 @@ class ToolchainError(CutjointError, RuntimeError):
 
 class MissingToolsError(ToolchainError):
     """A tool that makes code is not installed."""
+
+
+def plural(count: int, noun: str, many: str = "") -> str:
+    """A number and its noun."""
+    return f"{count} {noun if count == 1 else many or noun + 's'}"

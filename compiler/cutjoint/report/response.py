@@ -18,6 +18,9 @@ from cutjoint.stepping.vibration import RandomVibration
 #: The largest numbers of poles and zeros in a table.
 _POLES, _ZEROS = 40, 3
 
+#: Numbers smaller than this share of the largest of their kind are rounding: they are shown as 0.
+_ROUNDING = 1e-14
+
 
 def response_tables(model: LinearModel, response: FrequencyResponse, about: str) -> Iterator[Table]:
     """The state that the model is ``about``, its poles, and a row for each input and output with peak, margins and zeros."""
@@ -26,19 +29,25 @@ def response_tables(model: LinearModel, response: FrequencyResponse, about: str)
     poles = Table(title="poles", title_justify="left", box=None)
     for heading in ("z" if sampled else "pole\n1/s", "frequency\nHz", "damping\nratio"):
         poles.add_column(heading, justify="right", no_wrap=True)
+    largest = max(np.abs(model.poles), default=0.0)
     order = np.lexsort((model.poles.real, np.abs(model.rates)))
     for pole, rate in ((model.poles[i], model.rates[i]) for i in order if model.poles[i].imag >= 0.0 and len(poles.rows) < _POLES):
         size = abs(rate)
         rings = bool(rate.imag) and np.isfinite(size)
-        poles.add_row(_complex(pole), f"{size / (2 * np.pi):.4f}" if rings else "-", f"{-rate.real / size:.4f}" if rings else "-")
+        poles.add_row(_complex(pole, largest), f"{size / (2 * np.pi):.4f}" if rings else "-", f"{-rate.real / size:.4f}" if rings else "-")
     yield poles
     table = Table(title="responses, in SI units", title_justify="left", box=None)
     for heading in ("output", "input", "peak gain", "at\nHz", "gain\nmargin", "at\nHz", "phase\nmargin deg", "at\nHz"):
         table.add_column(heading, justify="left" if heading.endswith("put") else "right", no_wrap=True)
     table.add_column("zeros\nz" if sampled else "zeros\n1/s")
+    peaks = {(o, i): model.peak(o, i, response.frequencies) for o in model.outputs for i in model.inputs}
     for output in model.outputs:
         for name in model.inputs:
-            peak, margins = model.peak(output, name, response.frequencies), model.margins(output, name, response.frequencies)
+            peak, margins = peaks[output, name], model.margins(output, name, response.frequencies)
+            alike = max(p.gain for (other, _), p in peaks.items() if model.units.get(other) == model.units.get(output))
+            if peak.gain <= _ROUNDING * alike:
+                table.add_row(output, name, "0", *"------")
+                continue
             numbers = (_number(x) for x in (peak.gain, peak.at, margins.gain, margins.gain_at, margins.phase, margins.phase_at))
             table.add_row(output, name, *numbers, _zeros(model, output, name))
     yield table
@@ -59,13 +68,15 @@ def _zeros(model: LinearModel, output: str, name: str) -> str:
         found = [z for z in model.zeros(output, name) if z.imag >= 0.0]
     except ValueError:  # of a sampled loop whose output follows the input's rate
         return "-"
-    return ", ".join(map(_complex, found[:_ZEROS])) + (f", {len(found) - _ZEROS} more" if len(found) > _ZEROS else "") or "none"
+    largest = max(map(abs, [*found, *model.poles]), default=0.0)
+    more = f", {len(found) - _ZEROS} more" if len(found) > _ZEROS else ""
+    return ", ".join(_complex(z, largest) for z in found[:_ZEROS]) + more or "none"
 
 
-def _complex(value: complex) -> str:
-    scale = max(abs(value), 1e-300)
-    real = 0.0 if abs(value.real) < 1e-9 * scale else value.real
-    return f"{real:.4g} ±{value.imag:.4g}i" if abs(value.imag) > 1e-9 * scale else f"{real + 0.0:.4g}"
+def _complex(value: complex, largest: float) -> str:
+    least = max(1e-9 * abs(value), _ROUNDING * largest)
+    real = 0.0 if abs(value.real) <= least else value.real
+    return f"{real:.4g} ±{value.imag:.4g}i" if abs(value.imag) > least else f"{real + 0.0:.4g}"
 
 
 def _number(value: float) -> str:
@@ -78,8 +89,10 @@ def vibration_table(found: RandomVibration, title: str, weight: str) -> Table:
     for heading in ("output", "unit", "rms", "white noise\n(Lyapunov)", f"{weight} weighted\n(ISO 2631-1)", "over mean\n%"):
         table.add_column(heading, justify="left" if heading in ("output", "unit") else "right", no_wrap=True)
     rows = zip(found.outputs, found.rms, found.white, found.weighted, 100 * found.variation, strict=True)
-    for name, *numbers in rows:
-        table.add_row(name, found.units.get(name, ""), *map(_number, numbers))
+    for name, rms, *numbers in rows:
+        alike = max(r for other, r in zip(found.outputs, found.rms, strict=True) if found.units.get(other) == found.units.get(name))
+        shown = ["0", *"---"] if rms <= _ROUNDING * alike else map(_number, (rms, *numbers))
+        table.add_row(name, found.units.get(name, ""), *shown)
     return table
 
 

@@ -15,6 +15,7 @@ from cutjoint.analysis.modes import Mode, Modes, Participant
 from cutjoint.methods import join_and
 from cutjoint.model.expressions.quantities import POSE
 from cutjoint.model.records import Scene
+from cutjoint.package.errors import plural
 from cutjoint.reduce.choose import Candidate, Choice
 from cutjoint.reduce.measure import Cost
 from cutjoint.reduce.sequence import ReducedModel
@@ -162,7 +163,8 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
     if modes.modes:
         yield _table(f"modes about {about}", modes.modes)
     else:
-        yield f"no modes about {about}: {len(modes.rigid_body_modes)} rigid-body modes, {modes.degrees_of_freedom} degrees of freedom"
+        yield f"no modes about {about}: {plural(len(modes.rigid_body_modes), 'rigid-body mode')}, " \
+            f"{plural(modes.degrees_of_freedom, 'degree')} of freedom"
     if modes.undamped:
         yield _table("without dampers", modes.undamped, damped=False)
     if modes.zeros:

@@ -10,7 +10,7 @@ from typing import Any
 
 from cutjoint.model.records import Model
 from cutjoint.model.text import read_number
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import RunError, plural
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import open_table, write_all
 from cutjoint.run.run_file import parameter_values
@@ -55,7 +55,7 @@ def _check_names(place: str, names: Sequence[str], model: Model) -> None:
 
 def _case(place: str, names: Sequence[str], row: Sequence[str]) -> dict[str, float]:
     if len(row) != len(names):
-        raise RunError(f"{place}: {len(row)} values for {len(names)} parameters; write one for each of {', '.join(names)}")
+        raise RunError(f"{place}: {plural(len(row), 'value')} for {plural(len(names), 'parameter')}; write values of {', '.join(names)}")
     return {name: _number(place, name, text) for name, text in zip(names, row, strict=True)}
 
 
@@ -127,4 +127,4 @@ class CaseTable:
         if left := self._table.leave(str(error) or "interrupted"):
             with left.open(encoding="utf-8", newline="") as table:
                 rows = sum(1 for _ in csv.reader(table)) - 1
-            error.add_note(f"the results of {rows} of {len(self._cases)} runs are in {left}")
+            error.add_note(f"the results of {rows} of {plural(len(self._cases), 'run')} are in {left}")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cutjoint.package.errors import CutjointError
+from cutjoint.package.errors import CutjointError, plural
 from cutjoint.run.results import Batch, FailureReport, Trajectory
 from cutjoint.run.scenes import Compiled, load_model
 
@@ -118,4 +118,4 @@ def describe_failures(batch: Batch) -> list[str]:
 def count_failures(batch: Batch) -> str:
     """The number of failed runs of a batch, in words; "" if none failed."""
     failed = sum(failure is not None for failure in batch.failures)
-    return f"{failed} of {len(batch.cases)} runs failed" if failed else ""
+    return f"{failed} of {plural(len(batch.cases), 'run')} failed" if failed else ""

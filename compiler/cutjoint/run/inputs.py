@@ -11,7 +11,7 @@ from cutjoint.formulate.inputs import input_parameters
 from cutjoint.model.expressions.units import fault_of_dimension
 from cutjoint.model.ranges import fault_of
 from cutjoint.model.records import Model, Parameter, Scene
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import RunError, plural
 
 #: A constant, or a table: times ``t`` (s) and as many of ``value``, ``interpolation`` "cubic" (the default) or "linear", and for cubic ones
 #: the ``rate`` at each time where it is known.
@@ -94,10 +94,10 @@ def _require_table(what: str, table: Mapping[str, Sequence[float]], start: float
     """Check that times ascend from the start of a run to its end, with a value and optionally a rate at each."""
     times = table["t"]
     if len(times) < 2:
-        raise RunError(f"{what}: {len(times)} times; a table has two or more, a constant is a number")
+        raise RunError(f"{what}: {plural(len(times), 'time')}; a table has two or more, a constant is a number")
     for key in table:
         if len(table[key]) != len(times):
-            raise RunError(f"{what}: {len(times)} times and {len(table[key])} of '{key}'; give one for each time")
+            raise RunError(f"{what}: {plural(len(times), 'time')} and {len(table[key])} of '{key}'; give one for each time")
     for earlier, later in pairwise(times):
         if not earlier < later:
             raise RunError(f"{what}: t = {later:g} s stands after {earlier:g} s; put the times in ascending order, each once")

@@ -20,6 +20,7 @@ from cutjoint.model.ranges import fault_of
 from cutjoint.model.records import COORDINATES, Binding, Model, Parameter, Scene, Span
 from cutjoint.model.scenes.starts import read_states
 from cutjoint.model.text import read_number
+from cutjoint.package.errors import plural
 from cutjoint.sweeps import designs
 from cutjoint.sweeps.designs import Extent
 from cutjoint.sweeps.document import MOST_RUNS, Between, Csv, Document, Listed, SobolIndices, Spread, Tolerances, Values
@@ -288,7 +289,7 @@ def read_numbers(path: Path, fail: Fail) -> tuple[list[str], Array]:
 
 def _numbers(place: str, names: Sequence[str], row: Sequence[str], fail: Fail) -> list[float]:
     if len(row) != len(names):
-        fail(f"{place}: {len(row)} values for {len(names)} names", "write one for each")
+        fail(f"{place}: {plural(len(row), 'value')} for {plural(len(names), 'name')}", "write one for each")
         return [nan] * len(names)
     values = []
     for name, text in zip(names, row, strict=True):

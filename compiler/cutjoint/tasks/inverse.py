@@ -24,7 +24,7 @@ from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import Loops
 from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.records import Joint, Model, Output, Reaction, Scalar, Scene
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import RunError, plural
 from cutjoint.run.results import Array, Columns, Trajectory
 from cutjoint.run.scenes import ModelLike, load_model, with_loops
 from cutjoint.run.simulation import simulate
@@ -119,7 +119,7 @@ class InverseDynamics:
         self.drives = [joints[name] for name in drives] or self.moved
         for joint in (*self.moved, *self.drives):
             if len(joint.element.coordinates) != 1:
-                raise RunError(f"joint '{joint.name}' has {len(joint.element.coordinates)} coordinates, where a drive has one")
+                raise RunError(f"joint '{joint.name}' has {plural(len(joint.element.coordinates), 'coordinate')}, where a drive has one")
         self._model = with_guide_forces(model, [j.name for j in self.moved])
 
     def find(self, end: float | None) -> Drives:
@@ -188,7 +188,7 @@ class InverseDynamics:
         s = np.linalg.svd(jacobian[:, rest], compute_uv=False)
         left = len(rest) - int((s > _RANK * s.max(initial=0.0)).sum())
         if left:
-            raise RunError(f"scene '{self._scene.name}' prescribes part of the motion: {left} degrees of freedom left; drive these too")
+            raise RunError(f"scene '{self._scene.name}' leaves {plural(left, 'degree')} of freedom open; drive more joints")
         derivatives = np.zeros((equations.speeds, len(lead)))
         derivatives[lead] = np.eye(len(lead))
         derivatives[rest] = -np.linalg.lstsq(jacobian[:, rest], jacobian[:, lead], rcond=_RANK)[0] if rest else 0

@@ -67,16 +67,6 @@ class ViewSpec:
     sliders: Sliders | None = None
 
 
-def require_view(path: Path | None, option: str) -> None:
-    """Check that the ending of a file, if there is one, is that of a view.
-
-    Raises:
-        OutputError: it is neither a page nor a glTF file.
-    """
-    if path is not None and path.suffix not in (PAGE, GLTF):
-        raise OutputError(f"{option} {path}: no such kind of file; write a name that ends in {PAGE} or {GLTF}")
-
-
 def read_ghost(ghost: Path | None, view: Path | None) -> GhostRun | None:
     """The run of the page ``ghost`` that a view shows too, if one is named.
 
@@ -164,7 +154,8 @@ def write_shown(path: Path, shown: ViewSpec, *, ghost: GhostRun | None = None) -
     Raises:
         OutputError: the file cannot be written, its ending names no kind, or a body starts too far away for any picture.
     """
-    require_view(path, "")
+    if path.suffix not in (PAGE, GLTF):
+        raise OutputError(f"{path}: no such kind of file; write a name that ends in {PAGE} or {GLTF}")
     shown = _in_reach(path, shown)
     return write_whole(path, _content(path.suffix, shown, ghost))
 

@@ -14,6 +14,7 @@ from cutjoint.analysis.closing import Array
 from cutjoint.analysis.embedding.block_loops import BlockLoops, NoEmbeddingError, Poses
 from cutjoint.formulate.layout import Chart
 from cutjoint.model.records import Joint
+from cutjoint.package.errors import plural
 from cutjoint.topology.blocks import Block
 from cutjoint.topology.geometry import TOLERANCE
 from cutjoint.topology.records import degrees
@@ -117,7 +118,7 @@ def _start(loops: BlockLoops, u: float) -> tuple[Poses, int]:
     rank = int(np.sum(values > TOLERANCE * values.max(initial=0.0)))
     freedom = loops.size - rank
     if freedom != 1:
-        raise NoEmbeddingError(f"it has {freedom} degrees of freedom relative to '{loops.block.carrier}' instead of one")
+        raise NoEmbeddingError(f"it has {plural(freedom, 'degree')} of freedom relative to '{loops.block.carrier}' instead of one")
     return start, rank
 
 

@@ -35,6 +35,7 @@ from cutjoint.model.document.values import (
     shape_error,
     table_schema,
 )
+from cutjoint.package.errors import plural
 
 #: The most joints of a gear.
 MAX_GEARED = 12
@@ -69,7 +70,7 @@ class Gear(Part):
             raise shape_error("needs 'ratio' or 'law', one of them", "write ratio: 2, or law: a function of position")
         ratios = self.ratio if isinstance(self.ratio, tuple) else (self.ratio,)
         if len(ratios) != len(self.joints) - 1:
-            raise shape_error(f"has {len(ratios)} ratios of {len(self.joints)} joints", "write one for each joint but the first")
+            raise shape_error(f"has {plural(len(ratios), 'ratio')} of {len(self.joints)} joints", "write one for each joint but the first")
         return self
 
 

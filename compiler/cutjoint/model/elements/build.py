@@ -38,6 +38,7 @@ from cutjoint.model.records import (
     Vector,
     Visual,
 )
+from cutjoint.package.errors import plural
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,7 @@ def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | N
     if joint.cut:
         element.fail("a cut joint has no coordinate to guide", "remove cut or guide", ("guide",))
     if len(laws) != len(coordinates):
-        message = f"guide has {len(laws)} law{'s' * (len(laws) != 1)}, a {joint.kind} joint {len(coordinates)} coordinates"
+        message = f"guide has {plural(len(laws), 'law')}, a {joint.kind} joint {plural(len(coordinates), 'coordinate')}"
         element.fail(message, f"give one for each of {', '.join(coordinates)}", ("guide",))
     return tuple(
         read_law(element, law, GUIDES[kind.units[name]], ("guide", index) if isinstance(guide, tuple) else ("guide",), timed)

@@ -90,7 +90,7 @@ class _Reader:
         return self.element.scalar(self.field(name), _DIMENSIONS[unit], (name,), self.element.scope.reading("t"))
 
     def triple(self, name: str, law: Law, *, let: str) -> Vector:
-        names = read_names(self.element, self.field(let), (let,), self.element.scope.reading(*law.variables, "t"))
+        names = read_names(self.element, self.field(let), (let,), self.element.scope.reading(units=_kind_of(law).variables))
         return self.element.triple(self.field(name), _DIMENSIONS[law.unit], (name,), names)
 
     def law(self, *path: str | int, law: Law, drawn: Scalar = 0) -> Scalar:

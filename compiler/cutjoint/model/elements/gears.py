@@ -15,6 +15,7 @@ from cutjoint.model.expressions.parse import POSITION
 from cutjoint.model.expressions.scope import FAILED, Element
 from cutjoint.model.expressions.units import ANGLE, LENGTH, NONE, Dimension
 from cutjoint.model.records import Gear, JointCoordinate, Scalar
+from cutjoint.package.errors import plural
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ def read_coordinate(element: Element, name: str, joint: joint_parts.Joint, coord
         element.fail(f"{what} has no coordinates", naming.need, naming.joint)
     elif coordinate is None and len(known) > 1:
         options = " or ".join(naming.before + one for one in known)
-        element.fail(f"{what} has {len(known)} coordinates", f"write {naming.field}{options}", naming.joint)
+        element.fail(f"{what} has {plural(len(known), 'coordinate')}", f"write {naming.field}{options}", naming.joint)
     elif coordinate is not None and coordinate not in known:
         element.fail(f"{what} has no coordinate '{coordinate}'", nearest(coordinate, known, "coordinates"), naming.coordinate)
     else:

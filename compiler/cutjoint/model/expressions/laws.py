@@ -40,7 +40,7 @@ def read_law(
 ) -> Scalar:  # fmt: skip
     """The expression of a law over its variables and ``names`` (default: all parameters and quantities).
     ``drawn`` is the value of its length or position in the design position."""
-    symbols = element.scope.reading(*kind.variables) if names is None else names
+    symbols = element.scope.reading(units=kind.variables) if names is None else names
     expression = _Law(element, kind, symbols, drawn).read(law, keys)
     if has_finite_numbers(expression):
         return expression

@@ -35,7 +35,7 @@ from cutjoint.model.expressions.operations import (
     smooth,
     where,
 )
-from cutjoint.model.expressions.units import Quantity, UnitError, read_measure
+from cutjoint.model.expressions.units import Dimension, Quantity, UnitError, read_measure
 from cutjoint.model.records import Scalar, SuppliedFunction
 from cutjoint.model.text import is_number
 
@@ -82,16 +82,21 @@ def samples_read(expression: Scalar) -> list[str]:
     return [name.removeprefix("$") for name in names if name.startswith("$")]
 
 
+_BARE = Term(sympy.Integer(0))
+
+
 @dataclass(frozen=True)
 class Names(Mapping[str, Term]):
     """The names of an expression that may read quantities.
     ``terms`` are terms by name. ``quantity`` finds names with a dot, and those of states and signals, ``own``, where the expression stands.
-    ``functions`` may be called besides the built-in ones."""
+    ``functions`` may be called besides the built-in ones. ``units`` are the dimensions of terms that fit everywhere where only bare
+    numbers stand beside them."""
 
     terms: Mapping[str, Term]
     own: frozenset[str]
     quantity: Callable[[str], Term]
     functions: Mapping[str, SuppliedFunction] = field(default_factory=dict)
+    units: Mapping[str, Dimension | None] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Term:
         return self.quantity(name) if self._is_quantity(name) else self.terms[name]
@@ -126,7 +131,7 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
         return constant(quantity.value, quantity.dimension)
     try:
         text = _one_line(value)
-        parser = _Parser(names, text)
+        parser = _Parser(_with_units(names, value), text)
         term = parser.term(_syntax_tree(text), 0)
     except RecursionError:
         raise ExpressionError("the expression is nested too deep") from None
@@ -139,6 +144,13 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
     if term.value.has(sympy.Abs):
         return replace(term, value=term.value.replace(sympy.Abs, _absolute_value))
     return term
+
+
+def _with_units(names: Mapping[str, Term], text: str) -> Mapping[str, Term]:
+    """The names; variables have their dimensions where a name in the text has one."""
+    if not isinstance(names, Names) or not names.units or all(names.terms.get(name, _BARE).dimension is None for name in symbols_of(text)):
+        return names
+    return with_terms(names, {name: Term(names.terms[name].value, unit) for name, unit in names.units.items() if name in names.terms})
 
 
 def symbols_of(value: int | float | str) -> frozenset[str]:

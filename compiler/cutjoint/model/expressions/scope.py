@@ -111,11 +111,13 @@ class Scope:
         known = {name: term for name, term in self.names.items() if self.sensed.isdisjoint(term.value.free_symbols)}
         return {**known, "t": Term(variable("t"))}
 
-    def reading(self, *variables: str) -> Mapping[str, Term]:
-        """The variables, whose dimension fits everywhere, all parameters, and the quantities of elements; no name that would be two."""
+    def reading(self, *variables: str, units: Mapping[str, Dimension | None] | None = None) -> Mapping[str, Term]:
+        """The variables, all parameters, and the quantities of elements; no name that would be two.
+        Beside names with a dimension those of ``units`` have theirs; else a variable's dimension fits everywhere."""
+        variables = (*variables, *(units or ()))
         terms = {**self.names, **{name: Term(variable(name)) for name in variables}}
         terms = {name: term for name, term in terms.items() if name not in variables or name not in self.names}
-        return terms if self.read is None else Names(terms, self.own, partial(self.read, self), self.functions)
+        return terms if self.read is None else Names(terms, self.own, partial(self.read, self), self.functions, units or {})
 
 
 @dataclass(frozen=True)

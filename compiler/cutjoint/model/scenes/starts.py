@@ -181,6 +181,10 @@ def _state(where: Element, joint: Joint, component: str, value: Any, keys: Path)
         return {f"{joint.name}.{name}": part for name, part in zip(ATTITUDE, quaternion, strict=True)}
     expected = _DIMENSIONS[JOINT_QUANTITIES[joint.kind][component]]
     state = where.scalar(value, expected, keys)
+    if expected == ANGULAR_SPEED and "Hz" in unit_written(str(value)):
+        number = str(value).split()[0].removesuffix("Hz")
+        hint = f"write '{number} turn/s' or '{number} rad/s'"
+        where.fail(f"{keys[0]}: '{keys[1]}': Hz leaves open whether turns or radians per second are meant", hint, keys)
     if fault := fault_of_state(where.value(state), is_angle=expected == NONE):
         where.fail(f"{keys[0]}: '{keys[1]}': {fault}", "", keys)
     return {f"{joint.name}.{component}": state}

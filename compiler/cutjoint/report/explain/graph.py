@@ -8,10 +8,11 @@ from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.methods import METHODS
 from cutjoint.model.records import GROUND, Binding
+from cutjoint.package.errors import plural
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
-from cutjoint.report.explain.views import Counterparts, Entry, Table, code, line_of, make_table, plural
+from cutjoint.report.explain.views import Counterparts, Entry, Table, code, line_of, make_table
 from cutjoint.report.tables import closing_equations
 from cutjoint.topology.records import Branch, SubtreeClass, Topology, TreeJoint, degrees, eliminate
 

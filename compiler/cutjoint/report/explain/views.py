@@ -82,11 +82,6 @@ def line_of(element: Any) -> str:
     return re.sub(r"([!-,/;-@[-^`{-~])", r"\\\1", escaped(element.span.place))
 
 
-def plural(count: int, noun: str, many: str = "") -> str:
-    """A number and its noun."""
-    return f"{count} {noun if count == 1 else many or noun + 's'}"
-
-
 class _Text(StrPrinter):  # type: ignore[misc]
     def _print_Float(self, e: Any) -> str:
         return number(float(e))

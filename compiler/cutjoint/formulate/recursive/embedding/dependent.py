@@ -1,4 +1,6 @@
-"""Dependent joints of an embedded loop: series in its independent coordinate q and, optionally, a guided coordinate u::
+"""Dependent joints of an embedded loop: series in its independent coordinate q and, optionally, a guided coordinate u.
+
+::
 
     s = sum of c_ij f_i(q) T_j(u)      s' = s_q q' + s_u u'      s'' = s_q q'' + s_qq q'^2 + 2 s_qu q' u' + s_uu u'^2 + s_u u''
 

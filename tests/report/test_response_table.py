@@ -1,0 +1,28 @@
+"""What rounding leaves is shown as 0 in tables of responses."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.console import Console
+
+from cutjoint.report.response import response_tables
+from cutjoint.stepping.state_space import StateSpace
+
+
+def test_rounding_is_shown_as_zero() -> None:
+    """Two outputs in m, of which one follows the input by rounding alone, and a pole and a zero that are 0 but for rounding."""
+    none = np.zeros((2, 1))
+    model = StateSpace(
+        A=np.array([[-40.0, 0.0], [0.0, 3e-17]]), B=np.array([[1.0], [1.0]]), B_rate=none, B_acceleration=none,
+        C=np.array([[1.0, 0.0], [1e-19, 0.0]]), D=none, D_rate=none, D_acceleration=none, x=np.zeros(2), y=np.zeros(2),
+        states=("a", "b"), inputs=("u",), outputs=("far", "near"), units={"far": "m", "near": "m", "u": "N"},
+    )  # fmt: skip
+    console = Console(width=200, record=True)
+    for table in response_tables(model, model.frequency_response([0.1, 1.0, 10.0]), "rest"):
+        console.print(table)
+    text = console.export_text()
+    assert "e-" not in text
+    rows = [line.split() for line in text.splitlines()]
+    assert ["near", "u", "0", *"------"] in rows
+    assert ["0", "-", "-"] in rows
+    assert next(row for row in rows if row[:1] == ["far"])[2] == f"{1 / abs(40 + 0.2j * np.pi):.4g}"
