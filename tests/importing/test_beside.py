@@ -73,7 +73,7 @@ def test_a_joint_of_the_yaml_is_fixed(tmp_path: Path) -> None:
         ("joint_name: [j, k]\njoint_type: [SPHERICAL]\n", 2, "has 1 entries for 2 of joint_name"),
         ("closed_loop: 5\n", 1, "is no list"),
         ("closed_loop: []\ntype: {a: 1}\n", 2, "is no list"),
-        ("closed_loop: [[a, b]]\ntype: [3d, 6d]\n", 2, "has 2 types for 1 loops"),
+        ("closed_loop: [[a, b]]\ntype: [3d, 6d]\n", 2, "has 2 types for 1 loop"),
         ("closed_loop: [[a, b, c]]\n", 1, "wants pairs of frames"),
         ("closed_loop: [[a, z]]\n", 1, "names 'z', which is neither joint nor link"),
         ("closed_loop: []\nname_mot: [z]\n", 2, "names the joint 'z', which is not there"),

@@ -465,7 +465,7 @@ def nearest_rates(crank: float, rocker: float) -> tuple[float, float]:
         ("assemble: {coupler.z: 2 m}", f"m.yaml:17:26: scene 's': assemble: no pose that closes the loops was found with these values; the "
          f"nearest has coupler.z = {np.hypot(0.1, 0.6):.6g} in place of 2 m"),
         ("positions: {a.angle: 0.2}, assemble: {coupler.z: 0.5 m}", f"the nearest has coupler.z = {four_bar_by_hand(0.2)[1]:.6g} in place "
-         "of 0.5 m; 1 values are wanted, and 0 can be chosen there"),
+         "of 0.5 m; values wanted: 1, 0 can be chosen there"),
         ("assemble: {crank.x: wish}", "in place of 2 m; write others, or fewer"),
         ("positions: {a.angle: 0.1}, assemble: {2*a.angle: 1}", "m.yaml:17:53: scene 's': assemble: no pose that closes the loops was "
          "found with these values; the nearest has 2*a.angle = 0.2 in place of 1"),

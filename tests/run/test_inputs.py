@@ -195,7 +195,7 @@ WRONG = [
     ({"lift": {"t": [0, 1]}}, "input 'lift': the table has no 'value'; give as many values as times"),
     ({"lift": {"t": [0, 1], "values": [0, 1]}},
      "input 'lift': unknown key 'values'; a table has t, value, and perhaps rate and interpolation"),
-    ({"lift": {"t": [0], "value": [0]}}, "input 'lift': 1 times; a table has two or more, a constant is a number"),
+    ({"lift": {"t": [0], "value": [0]}}, "input 'lift': 1 time; a table has two or more, a constant is a number"),
     ({"lift": {"t": [0, 1], "value": [0, 1, 2]}}, "input 'lift': 2 times and 3 of 'value'; give one for each time"),
     ({"lift": {"t": [0, 1], "value": [0, 1], "rate": [0]}}, "input 'lift': 2 times and 1 of 'rate'; give one for each time"),
     ({"lift": {"t": [0, 1], "value": [0, float("inf")]}},

@@ -134,7 +134,7 @@ def test_wrong_cells(tmp_path: Path) -> None:
     table = tmp_path / "runs.csv"
     said = str(raised.value)
     assert f"{table}:4: stiffness: 'one' is not a finite number; write a plain number in SI units" in said
-    assert f"{table}:5: 2 values for 1 names; write one for each" in said
+    assert f"{table}:5: 2 values for 1 name; write one for each" in said
 
 
 def test_no_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -149,7 +149,7 @@ class AimedStart:
 
     def _failure(self, found: _Reached, wanted: Sequence[float], free: int) -> str:
         missed = self._missed(found, wanted)
-        count = f"; {len(wanted)} values are wanted, and {free} can be chosen there" if len(wanted) > free else ""
+        count = f"; values wanted: {len(wanted)}, {free} can be chosen there" if len(wanted) > free else ""
         where = f"{missed[0][0].span}: scene '{self._scene.name}': assemble"
         nearest = f"no pose that closes the loops was found with these values; the nearest has {join_and([words for _, words in missed])}"
         return f"{where}: {nearest}{count}; write others, or fewer"
