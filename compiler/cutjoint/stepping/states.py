@@ -10,7 +10,6 @@ from functools import cached_property
 import numpy as np
 
 from cutjoint.formulate.recursive.quantities import NUMBERS_PER_POSE, digest_of_poses
-from cutjoint.package.errors import plural
 from cutjoint.stepping.motion import Motion
 from cutjoint.stepping.values import Array, Outputs, Poses, Values, find_place
 
@@ -177,7 +176,7 @@ class States(Motion):
         names = self.library.names["speed"]
         numbers = [find_place({each: i for i, each in enumerate(names)}, name) for name in speeds]
         if len(set(numbers)) != dofs or len(numbers) != dofs:
-            raise ValueError(f"choose {plural(dofs, 'different speed')}, as there are degrees of freedom, not {', '.join(speeds)}")
+            raise ValueError(f"choose as many different speeds as degrees of freedom, {dofs}, not {', '.join(speeds)}")
         chosen = (ctypes.c_int * dofs)(*numbers)
         self._call(self.library.choose_independent_speeds, chosen)
         self._independent = chosen
