@@ -148,7 +148,7 @@ class _File(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path, converted for click."""
-        path = super().convert(value, param, ctx)
+        path = Path(str(super().convert(value, param, ctx)))
         if path.suffix not in self._endings and not is_stream(path):
             self.fail(f"{path}: no such kind of file; write a name that ends in {join_or(filter(None, self._endings))}", param, ctx)
         return path
