@@ -30,6 +30,7 @@ images: setup
 # All tests, as before a release; tests of motions run generated code
 full: setup
 	$(PYTEST) -m "heavy or not heavy"
+	$(BIN)/python scripts/sanitize
 	$(BIN)/python scripts/sanitize --generic
 
 sanitize: setup
