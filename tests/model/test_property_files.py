@@ -130,7 +130,7 @@ def test_the_tyre_of_the_library_is_what_its_comment_says(tmp_path: Path) -> Non
     assert (load * found["PKX1"], found["PDY1"], found["PDX1"]) == (88000, 1.0, 1.1)
     assert found["UNLOADED_RADIUS"] * found["QDZ1"] == pytest.approx(0.035, abs=5e-4)
     (note,) = notes(tmp_path, "", MODEL.replace("tyre.tir", "library/road_tyre.tir"))
-    assert "the torque of the file makes 3.5 %" in note
+    assert "the tyre gains 3.5 %" in note
     assert notes(tmp_path, "", MODEL.replace("tyre.tir", "library/rode_tyre.tir")) == [
         "m.yaml:8:95: instance 'w': the library has no tyre 'rode_tyre.tir'; did you mean 'road_tyre.tir'?"
     ]
