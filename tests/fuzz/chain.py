@@ -18,7 +18,7 @@ from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.lower import Lowering
 from tests.oracles.scalars import interpret_scalars
 
-from .expressions import VARIABLES, steady_value
+from .expressions import VARIABLES, in_si, steady_value
 
 NAMES = {name: Term(variable(name)) for name in VARIABLES}
 #: Seconds of processor time that a text may take through the chain, on a busy machine.
@@ -38,6 +38,8 @@ def run_chain(text: str) -> str:
     except ExpressionError as error:
         assert time.process_time() - begin < SLOWEST, f"{time.process_time() - begin:.1f} s to refuse {text!r}"
         return error.message or "no message"
+    if (meant := in_si(text)) is not None:
+        assert math.isclose(float(expression), meant, rel_tol=2e-15), f"{expression} instead of {meant} for {text!r}"
     try:
         lowering, blocks = _lower(expression)
     except (OverflowError, ZeroDivisionError):

@@ -21,10 +21,11 @@ STATES = 4
 
 
 def _rotor(seed: int) -> Model:
-    """A wheel that turns on an arm: about its axis of symmetry, beside it, or about another axis."""
+    """A wheel that turns on an arm, about its axis of symmetry, beside it, or about another axis, and slips on a road with camber."""
     rng = random.Random(seed)
-    axes = [", ".join(str(round(rng.uniform(-1, 1), 2)) for _ in "xyz") if rng.random() < 0.2 else "0, 1, 0" for _ in "ab"]
-    return read_model_text(ROTOR % (round(rng.choice((0, 0, 0.2)), 2), *axes), "rotor.yaml")
+    axes = [", ".join(str(round(rng.uniform(-1, 1), 2)) for _ in "xyz") if rng.random() < 0.1 else "0, 1, 0" for _ in "ab"]
+    slipping = ROTOR.replace("force: [0, 0, 0]", 'force: ["-2*vx - spin", "-vy - 5*camber", "9*deflection - loaded_radius"]')
+    return read_model_text(slipping % (round(rng.choice((0, 0, 0, 0.2)), 2), *axes), "rotor.yaml")
 
 
 _FAMILIES: Mapping[str, Callable[[int], Model]] = {

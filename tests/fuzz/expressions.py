@@ -5,11 +5,17 @@ from __future__ import annotations
 import ast
 import math
 import random
+import re
 import warnings
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
 VARIABLES = ("length", "rate", "t")
+UNITS = (
+    "kg", "g", "t", "m", "km", "dm", "cm", "mm", "s", "ms", "min", "h", "Hz", "N", "kN", "MN", "J", "kJ", "W", "kW", "Pa", "kPa", "MPa",
+    "bar", "rad", "mrad", "deg",
+)  # fmt: skip
 SMOOTH = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "sqrt", "exp", "log")
 NUMBERS = (
     "0", "1", "2", "3", "7", "12", "0.5", ".5", "(1/3)", "1e-3", "2.5e2", "1e-300", "1e200", "1e300", "1e308", "5e-324",
@@ -175,9 +181,36 @@ def mutate(rng: random.Random, text: str) -> str:
     return text
 
 
+def measure_text(rng: random.Random) -> str:
+    """A number with a unit of up to three factors."""
+    names = rng.choices(UNITS, k=rng.choice((1, 2, 3)))
+    factors = [name + rng.choice(("", "", "^2", "**3", "^-1")) for name in names]
+    return f"{rng.choice(('2.5', '-3e-3', '40'))} " + "".join(rng.choice("*/") * (k > 0) + factor for k, factor in enumerate(factors))
+
+
+@cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def in_si(text: str) -> float | None:
+    """Pint's value of a number with units of `UNITS`; None of other texts, and of units whose names Pint reads otherwise."""
+    number, _, unit = text.partition(" ")
+    try:
+        if unit and set(re.findall("[A-Za-z]+", unit)) <= set(UNITS):
+            return float(_registry().Quantity(float(number), unit).to_base_units().magnitude)
+    except (ValueError, ArithmeticError):
+        pass
+    return None
+
+
 def any_text(rng: random.Random) -> str:
     """A text of any of these kinds."""
     kind = rng.random()
+    if kind < 0.1:
+        return measure_text(rng)
     if kind < 0.6:
         return write(rng, rng.choice((1, 2, 2, 3, 3, 3, 4, 5)))
     if kind < 0.68:
