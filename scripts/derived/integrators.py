@@ -82,7 +82,7 @@ inline constexpr std::array integrator_rows{{
 
 def rules() -> str:
     """The table of all integrators."""
-    head = ("name", "methods", "steps", "order", "events by default", "derivatives", "several runs in one SIMD register", "notes")
+    head = ("name", "methods", "steps", "order", "events by default", "derivatives", "several runs at once", "notes")
     return table(*head, rows=map(rule, INTEGRATORS.values()))
 
 
