@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -23,6 +25,7 @@ from cutjoint.run.results import Columns, Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.estimate_models import LAWS, MECHANISMS
 from cutjoint_bench.studies.estimates import judge
+from tests.mechanisms.bouncing import bouncing_text, exact_bounces
 from tests.physics.simulation import compile_scene, completed
 
 #: A mass of 1 kg on a spring of 400 N/m: 20 rad/s, from 0.1 m at rest.
@@ -203,6 +206,48 @@ def test_the_accuracy_of_a_caller_comes_before_what_its_scene_says(scene: str) -
     assert true_errors(run)["block.x"] < 1e-6
     assert run.error.converged
     assert true_errors(completed(simulate(oscillator(scene=", numerics: {dt: 0.01}"))))["block.x"] > 1e-6
+
+
+@pytest.mark.parametrize(("method", "settings"), [("recursive", {}), ("recursive", {"integrator": "dop853"}), ("recursive-newton", {})])
+def test_steps_follow_from_the_accuracy_that_is_asked_for(method: str, settings: dict[str, str]) -> None:
+    """Beside the exact motion: no error above what is asked, and a larger one takes fewer evaluations than one without a wish."""
+    usual = completed(simulate(oscillator(method), **settings))
+    runs = {goal: completed(simulate(oscillator(method), accuracy=goal, **settings)) for goal in (1e-2, 1e-4, 1e-6)}
+    for goal, run in runs.items():
+        assert run.error.converged
+        assert true_errors(run)["block.x"] < goal
+        assert true_errors(run)["block.x"] < 3 * run.error["block.x"]
+    assert runs[1e-2].evaluations <= runs[1e-4].evaluations < runs[1e-6].evaluations <= usual.evaluations
+    assert runs[1e-2].evaluations < 0.7 * usual.evaluations
+
+
+@pytest.mark.parametrize("goal", [1e-2, 1e-4, 1e-6])
+def test_bounces_keep_the_accuracy_that_is_asked_for(goal: float) -> None:
+    """Each bounce beside parabolas and damped oscillations: long steps over contacts agree by chance."""
+    model = read_model_text(bouncing_text(3.0, 0.3).replace(", numerics: {dt: 0.01}", ""), "bounce.yaml")
+    run = completed(simulate(compile_interpreted(model, model.scenes["drop"]), accuracy=goal))
+    heights, switched = exact_bounces(run.t, 3.0, 0.3)
+    assert switched > 2
+    assert np.abs(run["mass.z"] - heights).max() < goal
+
+
+def test_only_the_run_that_returns_writes_its_table(tmp_path: Path) -> None:
+    """The returned run is not the last one of the search."""
+    written, kept = (simulate(oscillator(), accuracy=1e-3, out=out) for out in (tmp_path / "run.npy", None))
+    assert np.array_equal(np.load(tmp_path / "run.npy")["block.x"], written["block.x"])
+    assert np.array_equal(written["block.x"], kept["block.x"])
+    assert written.error["block.x"] == kept.error["block.x"]
+
+
+@pytest.mark.parametrize("how", [{"accuracy": 1e-3}, {"integrator": "trapezoidal"}])
+def test_a_pipe_has_one_table(tmp_path: Path, how: dict[str, float | str]) -> None:
+    """Equal steps are halved several times."""
+    os.mkfifo(pipe := tmp_path / "run.csv")
+    with ThreadPoolExecutor(1) as reader:
+        table = reader.submit(pipe.read_text)
+        completed(simulate(oscillator(), out=pipe, **how))
+        assert [line[:2] for line in table.result().splitlines()].count("t,") == 1
+    assert table.result().count("\n") == 302
 
 
 @pytest.mark.parametrize(("asked", "status"), [("1e-6", 0), ("1e-15", 1)])

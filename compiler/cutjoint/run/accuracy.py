@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import copysign, inf
+from math import copysign, inf, log10
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from cutjoint.model.expressions.units import ACCELERATION, ANGULAR_SPEED, PLACES
 from cutjoint.model.ranges import count_steps
 from cutjoint.package.locations import AnyPath, path_of
 from cutjoint.run.fallbacks import retry_failed
+from cutjoint.run.outputs import is_stream
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.results import Array, Columns, EnergyBalance, ErrorEstimate, NearJump, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
@@ -29,6 +30,11 @@ _BY_DEFECT, _LEAST_BY_DEFECT = 2.5, 0.3
 _FOR_ESTIMATE, _IN_SEQUENCE = 1e-2, 1e-1
 #: Smallest tolerance of iterations, and their largest number.
 _LEAST, _ITERATIONS = 1e-10, 100
+#: An accuracy that is asked for: the first tolerance is so many times the goal, up to the second number; a coarser run returns whose error
+#: is below this share of the goal.
+_ABOVE, _COARSEST, _SURE = 100.0, 1e-1, 0.7
+
+_Begin = Callable[[SimulatorRun], Trajectory]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,60 +69,101 @@ def run_accurately(
     """
     plan = plan.with_checks() if estimate else plan
     begin = partial(start, out=path_of(out), steps=path_of(steps), tangents=path_of(tangents), progress=progress)
-    execute = partial(_execute, begin=begin, estimate=estimate)
+    files = [file for file in map(path_of, (out, steps, tangents)) if file is not None]
+    search = partial(start, progress=progress) if files else begin
+    execute = partial(_execute, begin=begin, search=search, once=any(map(is_stream, files)), estimate=estimate)
     return retry_failed(plan, execute(plan), execute, allow_switch=allow_switch and plan.is_free, advise=advise)
 
 
-def _execute(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory], estimate: bool) -> Trajectory:
+def _execute(plan: SimulatorRun, *, begin: _Begin, search: _Begin, once: bool, estimate: bool) -> Trajectory:
     if estimate and plan.goal is not None:
-        return _refine_to_goal(plan, plan.goal, begin)
+        return _refine_to_goal(plan, plan.goal, begin, search, once=once)
     run = begin(plan)
     return replace(run, estimator=partial(estimate_error, plan)) if estimate else run
 
 
-def _refine_to_goal(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
-    """Refine steps until two runs agree so well that the better one meets the goal, or until refinement no longer helps.
+def _refine_to_goal(plan: SimulatorRun, goal: float, begin: _Begin, search: _Begin, *, once: bool) -> Trajectory:
+    """Refine steps until two runs agree so well that one of them meets the goal, or until refinement no longer helps.
 
-    A run with coarser steps comes first, so that two differences show convergence.
+    Runs with coarser steps come first, so that two differences show convergence. The finer of the two returns; if the accuracy is asked
+    for, the coarser one where it surely meets the goal. ``search`` begins a run without files, ``begin`` with files, which are written
+    ``once`` into streams.
     """
-    change = _change_of(plan)
-    last, before, errors = start(plan), None, dict[str, float]()
-    reached, slow = False, tuple[str, ...]()
-    coarser = _try(plan, change, -1) if last.failure is None else None
-    runs = [last] if coarser is None else [coarser, last]
-    if coarser is not None:
-        before = differences(plan.jumps, coarser, last)
-    for level in range(1, change.levels + 1):
-        run = begin(_finer(plan, change, level))
-        if run.failure is not None:
-            if last.failure is None:
-                return _finest_completed(_finer(plan, change, level - 1), goal, begin)
-            if change.retries_failures and level < change.levels:
-                continue
-            return _with_estimate(run, _judged(plan, run, _unknown(run), converged=False))
-        if last.failure is None:
+    change, asked, level = _change_of(plan), plan.is_asked, _coarsest_level(plan, goal)
+    written, last, at, before, errors = level - 1, None, level, None, dict[str, float]()
+    reached, slow, runs = False, tuple[str, ...](), list[Trajectory]()
+    while True:
+        trial = _finer(plan, change, level)
+        expected = _returns_next(change, last, before, goal) if asked else level > 0
+        writes = expected and not once
+        attempt = begin if writes else search if asked or level > 0 else start
+        written = level if writes else written
+        run = _completed(trial, attempt) if level < 0 else attempt(trial)
+        if run is None or run.failure is not None:
+            if level > 0 and last is not None:
+                return _finest_completed(_finer(plan, change, at), goal, begin)
+            if run is not None and level > 0 and not (change.retries_failures and level < change.levels):
+                break
+            last, before, runs, level = None, None, [], level + 1
+            errors, reached, slow = {}, False, ()
+            continue
+        bound = last is not None and _are_bound(change, last, run)
+        if last is not None:
             difference = differences(plan.jumps, last, run)
-            if _are_bound(change, last, run) and (other := _run_with_other_steps(_finer(plan, change, level), run)) is not None:
-                errors = differences(plan.jumps, run, other)
-                return _with_estimate(run, _judged(plan, run, errors, converged=_meets_goal(run, errors, goal), others=[other]))
+            if bound and level > 0 and (other := _run_with_other_steps(trial, run)) is not None:
+                errors, runs, slow = differences(plan.jumps, run, other), [other], ()
+                reached = _meets_goal(run, errors, goal)
+                break
             remaining = remaining_defect(last, run)
             errors = {
                 name: _remaining_error(change, apart, None if before is None else before[name], remaining)
                 for name, apart in difference.items()
             }
-            if before is not None:
-                slow = find_not_converging(run, before, difference)
+            slow = () if before is None else find_not_converging(run, before, difference)
+            own = _own_errors(change.remaining, difference, before or {})
+            coarse = asked and not slow and not bound and (before is not None or level > at + 1)
+            suffices = coarse and _meets_goal(last, own, _SURE * goal) and not _find_rough(last, own)
+            if before is not None and (level > 0 or not bound):
                 reached = _meets_goal(run, errors, goal) and not _judged_by(run, errors).keys() & slow
-                if (reached and not slow) or not any(decreases(run[name], before[name], difference[name]) for name in difference):
+                if reached and not slow and (level > 0 or not _find_rough(run, errors)) and (expected or not suffices):
                     break
+            if suffices:
+                run, level, errors, reached, runs = last, at, own, True, [*runs[:-1], run]
+                break
+            if before is not None and level > 0 and not any(decreases(run[name], before[name], difference[name]) for name in difference):
+                break
             before = difference
-        last = run
-        runs = [*runs[-1:], run]
+        last, at, runs = run, level, [*runs[-1:], run]
+        if level == change.levels:
+            break
+        if bound and level < 0:  # they agree by common steps: a much finer run shows their errors
+            before, level = None, level + 1
+        level += 1
+    run = run if written == level or search is begin else begin(_finer(plan, change, level))
     others = [other for other in runs if other is not run]
     return _with_estimate(run, _judged(plan, run, errors or _unknown(run), converged=reached, others=others, slow=slow))
 
 
-def _finest_completed(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
+def _returns_next(change: Change, last: Trajectory | None, before: Mapping[str, float] | None, goal: float) -> bool:
+    """Return whether the next run is likely to return, if errors fall as steps explain: the ``last`` one, by its distance ``before`` from a
+    coarser one, is not, and the next meets the goal."""
+    if last is None or before is None:
+        return False
+    own, following = (
+        _own_errors(change.remaining, {name: share * apart for name, apart in before.items()}, earlier)
+        for share, earlier in ((change.remaining, before), (change.remaining**2, {}))
+    )
+    return _meets_goal(last, following, goal) and not _meets_goal(last, own, _SURE * goal)
+
+
+def _coarsest_level(plan: SimulatorRun, goal: float) -> int:
+    """The level of the first run: one refinement coarser than the settings; for an accuracy that is asked for, a tolerance above that."""
+    if not (plan.is_asked and INTEGRATORS[plan.run_file.settings.integrator].adaptive):
+        return -1
+    return min(-1, round(log10(plan.run_file.settings.tolerance / min(_COARSEST, _ABOVE * goal))))
+
+
+def _finest_completed(plan: SimulatorRun, goal: float, begin: _Begin) -> Trajectory:
     """The finest run that reaches its end, with its error as for given steps, and compared with the goal."""
     run = begin(plan)
     found = estimate_error(plan, run)
@@ -143,6 +190,11 @@ def _remaining_error(change: Change, difference: float, before: float | None, de
         return difference * ratio / (1 - ratio)
     share = min(max(_BY_DEFECT * max(defect, ratio), _LEAST_BY_DEFECT), 1.0)
     return share * max(difference, min(1 - _BELIEVED, defect) * before)
+
+
+def _own_errors(remaining: float, difference: Mapping[str, float], before: Mapping[str, float]) -> dict[str, float]:
+    """The errors of a run by its distances from a finer one, which leaves a share of them, and from a coarser one if there is one."""
+    return {name: max(apart / (1 - remaining), (1 - _BELIEVED) * before.get(name, 0.0)) for name, apart in difference.items()}
 
 
 def _meets_goal(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
@@ -260,9 +312,7 @@ def compare(run: Trajectory, rerun: Callable[[int], Trajectory | None], *, remai
     else:
         finest = rerun(2)
         before, after = difference, _unknown(run) if finest is None else differences(jumps, finer, finest)
-    errors = {name: apart / (1 - remaining) for name, apart in difference.items()}
-    if coarser is not None:
-        errors = {name: max(error, (1 - _BELIEVED) * before[name]) for name, error in errors.items()}
+    errors = _own_errors(remaining, difference, {} if coarser is None else before)
     converged = not find_not_converging(run, before, after)
     estimate = ErrorEstimate(max_error=Columns(errors), units=run.units, converged=converged, rough=_find_rough(run, errors))
     return Comparison(estimate=estimate, others=[finer] if coarser is None else [coarser, finer])
@@ -301,10 +351,10 @@ def _run_with_other_steps(plan: SimulatorRun, run: Trajectory) -> Trajectory | N
     return next((other for other in stricter if other is not None and not _are_bound(STRICTER, run, other)), None)
 
 
-def _completed(plan: SimulatorRun) -> Trajectory | None:
+def _completed(plan: SimulatorRun, begin: _Begin = start) -> Trajectory | None:
     """A run that reaches its end; None if it fails."""
     try:
-        run = start(plan)
+        run = begin(plan)
     except SimulatorError:
         return None
     return run if run.failure is None else None

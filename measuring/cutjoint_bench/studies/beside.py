@@ -92,7 +92,7 @@ class AskedRunner:
         """The run by the tolerance with which `simulate` meets an accuracy; alone, since the search for it has other work to time."""
         if dt not in self.tolerances:
             steps = self._simulate(accuracy=dt).steps
-            tried = (10.0**-power for power in range(6, 14))
+            tried = (10.0**-power for power in range(1, 14))
             self.tolerances[dt] = next(t for t in tried if self._simulate(tolerance=t, error=False).steps == steps)
         return self._simulate(tolerance=self.tolerances[dt], error=False)
 
