@@ -32,7 +32,7 @@ _FOR_ESTIMATE, _IN_SEQUENCE = 1e-2, 1e-1
 _LEAST, _ITERATIONS = 1e-10, 100
 #: An accuracy that is asked for: the first tolerance is so many times the goal, up to the second number; a coarser run returns whose error
 #: is below this share of the goal.
-_ABOVE, _COARSEST, _SURE = 100.0, 1e-1, 0.7
+_ABOVE, _COARSEST, _SURE = 100.0, 1e-2, 0.7
 
 _Begin = Callable[[SimulatorRun], Trajectory]
 
