@@ -145,8 +145,10 @@ def _refine_to_goal(plan: SimulatorRun, goal: float, begin: _Begin, search: _Beg
 
 
 def _returns_next(change: Change, last: Trajectory | None, before: Mapping[str, float] | None, goal: float) -> bool:
-    """Return whether the next run is likely to return, if errors fall as steps explain: the ``last`` one, by its distance ``before`` from a
-    coarser one, is not, and the next meets the goal."""
+    """Return whether the next run, not the ``last`` one, meets the goal if errors fall as steps explain.
+
+    ``before`` is the distance of the last one from a coarser one.
+    """
     if last is None or before is None:
         return False
     own, following = (
@@ -193,7 +195,7 @@ def _remaining_error(change: Change, difference: float, before: float | None, de
 
 
 def _own_errors(remaining: float, difference: Mapping[str, float], before: Mapping[str, float]) -> dict[str, float]:
-    """The errors of a run by its distances from a finer one, which leaves a share of them, and from a coarser one if there is one."""
+    """The errors of a run by its distances from a finer one, which leaves a share of them, and from a coarser one if known."""
     return {name: max(apart / (1 - remaining), (1 - _BELIEVED) * before.get(name, 0.0)) for name, apart in difference.items()}
 
 
