@@ -352,7 +352,7 @@ OPTIONS: Mapping[str, Row] = {
     "drives": click.option("--drives", metavar="JOINTS",
         help="Joints that provide the forces, as FIRST,SECOND. Default: those that the scene moves."),
     "axle": click.option("--axle", metavar="NAME",
-        help="Axle, by the common word of its wheels' names, for example front, or its two bodies as LEFT,RIGHT. Default: the "
+        help="Axle, by the words that its wheels' names share, else front or rear, or by its two bodies as LEFT,RIGHT. Default: the "
         "only one."),
     "travel": click.option("--travel", type=Setting("travel"), default=0.05, show_default=True,
         help="Travel of the wheel centres up and down (m), for example 40mm."),

@@ -27,7 +27,7 @@ class JointForce(OnJoint, LawForce):
 
     element: ClassVar[ForceElement] = ForceElement(
         kind="joint_force",
-        text="A force on one of a joint's coordinates, on its only one if none is named.",
+        text="A force on a joint coordinate. Name it if the joint has several.",
         fields=(ForceField("joint", Shape.JOINT), ForceField("coordinate", Shape.COORDINATE, None), ForceField("law", Shape.LAW)),
         interaction=OnCoordinate(),
         laws=("law",),
