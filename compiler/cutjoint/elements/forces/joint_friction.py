@@ -29,7 +29,7 @@ class JointFriction(OnJoint):
             ForceField("joint", Shape.JOINT), ForceField("coordinate", Shape.COORDINATE, None, words=" of a joint with several"),
             ForceField("coefficient", Shape.NUMBER, words=" of sliding"),
             ForceField("static", Shape.NUMBER, None, words=" static coefficient (default: that of sliding)"),
-            ForceField("stribeck_speed", Shape.NUMBER, None, words=": Stribeck velocity, at which friction falls from the static to the sliding coefficient", unit="m/s"),
+            ForceField("stribeck_speed", Shape.NUMBER, None, words=": Stribeck velocity of the decay to the sliding value", unit="m/s"),
             ForceField("radius", Shape.NUMBER, None, words=" of the bearing, on an angle", unit=_OF_LOAD["radius"]),
             ForceField("arm", Shape.NUMBER, None, words=": the bending moment divided by it adds to the load", unit=_OF_LOAD["arm"]),
             ForceField(
@@ -39,7 +39,7 @@ class JointFriction(OnJoint):
             ForceField("preload", Shape.NUMBER, 0, words=" constant part of the load", unit=_OF_LOAD["preload"]),
             ForceField("carried", Shape.SWITCH, True, words=": whether the joint's reaction force adds to the load"),
             ForceField("presliding", Shape.NUMBER, 1e-4, words=": elastic displacement before sliding", unit="m"),
-            ForceField("damping_speed", Shape.NUMBER, 0.01, words=": sliding speed at which the damping of the sticking joint saturates", unit="m/s"),
+            ForceField("damping_speed", Shape.NUMBER, 0.01, words=": speed at which the damping of sticking saturates", unit="m/s"),
             ForceField("settling", Shape.NUMBER, 1e-3, words=": time constant of the friction force in sliding", unit="s"),
         ),
         interaction=CoordinateFriction(),
