@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from cutjoint.compile.pipeline import compile_model
     from cutjoint.fits.fit import Fit, fit
     from cutjoint.model.errors import ModelError
-    from cutjoint.package.errors import CutjointError, EquationsError, RunError, ToolchainError
+    from cutjoint.package.errors import CutjointError, EquationsError, MissingToolsError, RunError, ToolchainError
     from cutjoint.package.extensions import MissingPackageError
     from cutjoint.program.blocks import ConstantError
     from cutjoint.run.failures import FailedBatchError, FailedRunError, IncompleteError
@@ -62,19 +62,19 @@ if TYPE_CHECKING:
 __all__ = [
     "AdjointSensitivities", "ConstantError", "CutjointError", "EigenvalueSensitivities", "EquationsError", "EventSensitivities",
     "FailedBatchError", "FailedRealTimeError", "FailedRunError", "Fit", "ForwardSensitivities", "FrequencyResponse", "GuideError",
-    "IncompleteError", "MissingLibraryError", "MissingPackageError", "ModelError", "NoEquilibriumError", "NoInertiaError", "OutputError",
-    "RandomVibration", "RunError", "SampledStateSpace", "Simulation", "SimulationError", "SimulatorError", "StateSensitivities",
-    "StateSpace", "StepDerivatives", "Sweep", "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model",
-    "find_compliance", "find_equilibrium", "find_initial_state", "find_kinematics", "find_linear_model", "find_modes", "find_trim",
-    "fit", "inverse_dynamics", "load", "random_vibration", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate",
-    "simulate_batch", "sweep", "write_view",
+    "IncompleteError", "MissingLibraryError", "MissingPackageError", "MissingToolsError", "ModelError", "NoEquilibriumError",
+    "NoInertiaError", "OutputError", "RandomVibration", "RunError", "SampledStateSpace", "Simulation", "SimulationError",
+    "SimulatorError", "StateSensitivities", "StateSpace", "StepDerivatives", "Sweep", "ToolchainError", "TopologyError", "build_topology",
+    "compile_batch", "compile_model", "find_compliance", "find_equilibrium", "find_initial_state", "find_kinematics", "find_linear_model",
+    "find_modes", "find_trim", "fit", "inverse_dynamics", "load", "random_vibration", "read_model", "read_model_text", "rollout",
+    "run_in_real_time", "simulate", "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
 _HOMES = {
     "cutjoint.analysis.mobility": ("GuideError",),
     "cutjoint.analysis.inertia": ("NoInertiaError",),
     "cutjoint.tasks.batch": ("compile_batch", "simulate", "simulate_batch"),
-    "cutjoint.package.errors": ("CutjointError", "EquationsError", "RunError", "ToolchainError"),
+    "cutjoint.package.errors": ("CutjointError", "EquationsError", "MissingToolsError", "RunError", "ToolchainError"),
     "cutjoint.package.extensions": ("MissingPackageError",),
     "cutjoint.model.errors": ("ModelError",),
     "cutjoint.compile.pipeline": ("compile_model",),

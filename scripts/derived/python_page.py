@@ -28,8 +28,8 @@ These errors are not repeated below.
 
 * A wrong model, scene or study raises `ModelError` or `EquationsError`. `RunError`: there is no such scene, method or
   integrator, or a parameter cannot be set.
-* A missing or failing compiler raises `ToolchainError`, a failed simulator `SimulatorError`, a file that cannot be
-  written `OutputError`, and a signal `Interrupted` or `Terminated`.
+* A failing compiler raises `ToolchainError`, a missing one its subclass `MissingToolsError`, a failed simulator
+  `SimulatorError`, a file that cannot be written `OutputError`, and a signal `Interrupted` or `Terminated`.
 * Members of `Simulation` that need a state raise `SimulationError` before its first `reset`. Derivatives raise
   `TypeError` unless the model was loaded with `linearise`, and `SimulationError` in a singular pose. Poses need `poses`.
 * An unknown name of an input, output, parameter or speed raises `KeyError`, a missing package `MissingPackageError`.

@@ -316,6 +316,12 @@ def test_errors_say_what_to_do(tmp_path: Path) -> None:
     assert "falling.yaml:5:10: scene 'fall': no static equilibrium was found near the given pose" in output
     assert "with 9.81 m/s^2 or rad/s^2;" in output
     assert output.rstrip().endswith("or linearise about a motion with --at")
+    summed = tmp_path / "summed.yaml"
+    summed.write_text(pendulums() + "states: {cost: {start: 0, rate: 1 + top.angle**2}}\nscenes: {hang: {end: 1}}\n", encoding="utf-8")
+    status, output = command(summed)
+    assert status == 1
+    assert "worst at 'cost.value' with 1; the rate of this state does not vanish at rest" in output
+    assert output.rstrip().endswith("leave the state out of the model, or linearise about a motion with --at")
     status, output = command(MODELS / "iltis.yaml", "--at", 1)
     assert (status, output.split(": ")[1][:12]) == (1, "name a scene")
     held = tmp_path / "held.yaml"

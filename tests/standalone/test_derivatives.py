@@ -251,6 +251,8 @@ def test_hosts_choose_states() -> None:
     assert copy.linearise().A.tolist() == sim.linearise().A.tolist()
     with pytest.raises(KeyError, match=r"did you mean 'pin\.angle_rate'"):
         sim.choose_independent(["pin.angle"])
+    with pytest.raises(KeyError, match=r"no 'slider\.x'; .*tunable=\['slider\.x'\]"):
+        sim.forward_sensitivities(1, [], ["slider.x"])
     with pytest.raises(ValueError, match=r"as degrees of freedom, 1, not pin\.angle_rate, wrist\.angle_rate"):
         sim.choose_independent(["pin.angle_rate", "wrist.angle_rate"])
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import cutjoint
 from cutjoint.cli import main
+from cutjoint.commands import gradient
 from cutjoint.methods import Loops
 from cutjoint.run.scenes import load_model, with_loops
 from cutjoint.stepping.load import load_scene
@@ -313,14 +314,30 @@ def test_the_run_is_the_same_and_goes_on() -> None:
     assert sim.snapshot() == other.snapshot()
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("stiffness,A.z", "--by takes one name and repeats: --by stiffness --by A.z"),
+        ("stifness", "--by: no parameter or input 'stifness'; did you mean 'stiffness'?"),
+        ("slider.mass", "--by: 'slider.mass' is a constant of the file; --tunable slider.mass makes a parameter of that name"),
+    ],
+)
+def test_wrong_names_are_refused_before_compiling(name: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gradient, "load_scene", None)
+    done = CliRunner().invoke(main, ["gradient", str(MODELS / "press.yaml"), "--by", name])
+    assert (done.exit_code, done.output) == (1, f"{words}\n")
+
+
 def test_what_has_none_is_reported() -> None:
     with pytest.raises(TypeError, match="load the model with linearise=True"):
         cutjoint.load(MODELS / "press.yaml").reset().forward_sensitivities(1, [], [])
     sim = loaded(OSCILLATOR, "oscillator").reset()
     with pytest.raises(KeyError, match="did you mean 'stiffness'"):
         sim.forward_sensitivities(1, ["mass.x"], ["stifness"])
-    with pytest.raises(KeyError, match=r"no 'mass\.y'"):
+    with pytest.raises(KeyError, match=r"no 'mass\.y'; did you mean 'mass\.x'\? it is not among the scene's outputs"):
         sim.forward_sensitivities(1, ["mass.y"], ["stiffness"])
+    with pytest.raises(KeyError, match=r"no 'mess\.x'; it is not among the scene's outputs: add it to 'outputs'"):
+        sim.forward_sensitivities(1, ["mess.x"], ["stiffness"])
     with pytest.raises(ValueError, match="every: 2 does not divide the 7 steps"):
         sim.forward_sensitivities(7, ["mass.x"], ["stiffness"], every=2)
     with pytest.raises(ValueError, match="a run of no step has no mean"):

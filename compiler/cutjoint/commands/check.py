@@ -13,6 +13,7 @@ from cutjoint.analysis.skew import describe_geometry, rate_choices
 from cutjoint.commands import options, table
 from cutjoint.formulate.events import describe_guide_jumps
 from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.importing.document import is_foreign, name_of
 from cutjoint.methods import Loops
 from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError
@@ -81,6 +82,8 @@ def command(
         for line in lines:
             options.out.print(line, markup=False, soft_wrap=True)
     options.out.print(tables.legend(with_loops=bool(topology.loops)))
+    if is_foreign(model):
+        options.out.print(f"lines of {name_of(model).name} are those of the model file that 'cutjoint import {model.name}' writes", markup=False)
     options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):

@@ -10,11 +10,11 @@ from rich.table import Table
 
 from cutjoint.commands import options, table
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Formulation
-from cutjoint.model.errors import nearest
+from cutjoint.model.errors import ModelError, nearest
 from cutjoint.model.records import Binding, Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import find_trim, parameter_values
-from cutjoint.run.scenes import load_model
+from cutjoint.run.scenes import load_model, model_of
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.stepping.values import DIFFERENCE_STEPS, OBJECTIVES, Array, difference, find_eigenvalues, weigh
@@ -39,6 +39,7 @@ def command(
     """
     read, chosen = load_model(model, scene, tunable)
     values = options.read_parameters(changes)
+    _require_numbers(model, read, by)
     if objective == "start" and chosen.trim is not None:
         _print_trim(read, chosen, values, requested, by, check)
         return
@@ -78,6 +79,21 @@ def command(
         _print_deviation(
             _error(sim, lambda name, value: _trajectory(run, None if begins_anew else start, name, value), names, derivatives)
         )  # fmt: skip
+
+
+def _require_numbers(path: Path, model: Model, by: Sequence[str]) -> None:
+    """Refuse names after --by that would fail after compiling: lists, unknown parameters and constants that are not tunable."""
+    known = [*parameter_values(model, {}), *(p.name for p in model.parameters if p.binding is Binding.INPUT)]
+    for name in (each for each in by if each not in known):
+        if "," in name:
+            raise RunError(f"--by takes one name and repeats: {' '.join(f'--by {each.strip()}' for each in name.split(','))}")
+        if "." not in name:
+            raise RunError(f"--by: no parameter or input '{name}'; {nearest(name, known, 'there is')}")
+        try:
+            model_of(path, [name])
+        except ModelError:  # an initial state, or wrong: known after compiling
+            continue
+        raise RunError(f"--by: '{name}' is a constant of the file; --tunable {name} makes a parameter of that name")
 
 
 def _print_trim(

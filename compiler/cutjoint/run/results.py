@@ -74,7 +74,8 @@ class FailureReport:
 
     @property
     def _unit(self) -> str:
-        return " m/s^2 or rad/s^2" if self.message.startswith("no static equilibrium") else ""
+        is_state = self.advice.startswith("the rate of this state")
+        return " m/s^2 or rad/s^2" if self.message.startswith("no static equilibrium") and not is_state else ""
 
     @property
     def summary(self) -> str:
@@ -196,13 +197,13 @@ class ErrorEstimate:
 class Trajectory(Columns[Array]):
     """The samples of a run: a mapping from column names, "t" first, to arrays (samples,), and its statistics.
 
-    ``t`` is the time (s), ``columns`` are the outputs, ``units`` theirs; ``seconds`` is the time that the steps took. ``undetermined`` are
-    independent speeds that neither scene nor loops determine at the start. ``indeterminate`` are reactions that redundant loop equations
-    leave open: values are those with the smallest multipliers of cut joints. ``failure`` is None if the run reached its end. ``table`` is
-    the result file, if there is one. ``fallback`` names the settings that replaced others, and why, or is "". ``estimator`` estimates
-    errors; None if that is impossible. ``energy`` is None unless requested. ``near_jumps`` are samples close to a jump, which errors
-    exclude. ``coordinates`` (samples, coordinates) are those of the method; None unless requested. ``locking_forces`` are forces that lock
-    coordinates of a start in static equilibrium (see `MechanismState`), released at t = 0.
+    ``t`` is the time (s), ``columns`` are the outputs, ``units`` theirs; ``seconds`` is the time that the steps took. ``undetermined``
+    are independent speeds that neither scene nor loops determine at the start. ``indeterminate`` are reactions that redundant loop
+    equations leave open: values are those with the smallest multipliers of cut joints. ``failure`` is None if the run reached its end.
+    ``table`` is the result file, if there is one. ``fallback`` names the settings that replaced others, and why, or is "". ``estimator``
+    estimates errors; None if that is impossible. ``energy`` is None unless requested. ``near_jumps`` are samples close to a jump, left
+    out of error estimates. ``coordinates`` (samples, coordinates) are those of the method; None unless requested. ``locking_forces`` are
+    forces that lock coordinates of a start in static equilibrium (see `MechanismState`), released at t = 0.
     """
 
     t: Array

@@ -25,7 +25,7 @@ from cutjoint.stepping.values import (
     StateSensitivities,
     StepDerivatives,
     Values,
-    find_place,
+    find_number,
     weigh_each,
 )
 
@@ -125,12 +125,13 @@ class Derivatives(Linear):
     ) -> AdjointSensitivities:  # fmt: skip
         """Take a number of steps, with the derivatives of objectives by any number of parameters, inputs and initial states.
 
-        The cost of an objective is that of 10 to 30 runs of a small mechanism, however many names ``by`` has.
+        Each objective takes the time of 10 to 30 runs (small mechanisms), however many names ``by`` has.
 
         Args:
             outputs, by, every, inputs: as of `forward_sensitivities`.
-            weights: (objectives, samples, outputs), whose sums with the samples are the objectives; or a function of times and
-                values that returns them; or "end", "integral", "mean", "rms", "maximum" or "minimum" of each output.
+            weights: w (objectives, samples, outputs): objectives are sum(w*y) for samples y, derivatives sum(w*dy/dp); or a function
+                (times, values) -> w, for a cost J(y) with w = dJ/dy; or "end", "integral", "mean", "rms", "maximum", "minimum" of
+                each output.
 
         Raises:
             TypeError: the model was loaded without ``adjoint``.
@@ -268,9 +269,9 @@ class Derivatives(Linear):
     def _place_of(self, places: Mapping[str, int], name: str) -> int:
         """The index of a quantity with respect to which a run is differentiated."""
         if name not in places and name in (*self.library.names["coordinate"], *self.library.names["speed"]):
-            chosen = ", ".join(each for each in self.states if each in self.library.names["speed"])
+            chosen = ", ".join([*self.states][: self._require_dofs()])
             raise KeyError(f"'{name}' is no independent coordinate now ({chosen} are): call choose_independent() with its rate first")
-        return find_place(places, name)
+        return find_number(places, name)
 
     def _chosen(self, steps: int, outputs: Sequence[str], every: int) -> Any:
         for what, number, least in (("steps", steps, 0), ("every", every, 1)):

@@ -17,6 +17,7 @@ from cutjoint.stepping.values import (
     StateSensitivities,
     difference,
     find_eigenvalues,
+    find_number,
     find_place,
     is_non_smooth,
 )
@@ -74,7 +75,7 @@ class Linear(States):
         E, F = np.zeros((len(near.states), len(parameters))), np.zeros((len(near.outputs), len(parameters)))
         self._call(self.library.linearise_parameters, E.ctypes.data, F.ctypes.data)
         places = {name: i for i, name in enumerate((*near.inputs, *parameters))}
-        numbers = [find_place(places, name) for name in by]
+        numbers = [find_number(places, name) for name in by]
         rates = np.zeros(len(near.states))
         self._call(self.library.minimal_state_derivatives, rates.ctypes.data)
         if not np.abs(rates).max(initial=0.0) <= _AT_REST:

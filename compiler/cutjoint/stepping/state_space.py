@@ -102,7 +102,7 @@ class LinearModel:
 
     @property
     def rates(self) -> ComplexArray:
-        """The poles as eigenvalues of motions over time, 1/s."""
+        """The poles in continuous time, 1/s; of sampled models log(pole)/period."""
         return self.poles
 
     @property

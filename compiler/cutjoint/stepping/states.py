@@ -78,7 +78,7 @@ class States(Motion):
 
     @property
     def poses(self) -> Poses:
-        """Poses of bodies, markers and wheel contacts at the present state; earlier arrays are updated too.
+        """Poses of bodies, markers and wheel contacts at the present state; arrays are views that later calls update.
 
         Raises:
             TypeError: the model was loaded without poses.
@@ -106,7 +106,7 @@ class States(Motion):
 
     @property
     def constraint_violation(self) -> tuple[float, str | None]:
-        """Violation (m or rad) of the equation that is open by the largest share of its limit, and its name; 0 and None without equations.
+        """Residual (m or rad) of the loop equation that is largest relative to its limit, and its name; 0 and None without equations.
 
         Raises:
             SimulationError: there was no `reset`.
@@ -160,7 +160,8 @@ class States(Motion):
     def choose_independent(self, speeds: Sequence[str] | None = None) -> None:
         """Choose the independent coordinates by the names of their ``speeds``, one for each degree of freedom.
 
-        Without ``speeds`` the choice is the one by which the dependent coordinates change least.  A choice by ``speeds`` outlasts `reset`.
+        Without ``speeds`` the derivatives of the dependent by the independent coordinates are smallest.  A choice by ``speeds`` outlasts
+        `reset`.
 
         Raises:
             TypeError: the model was loaded without derivatives.
@@ -173,7 +174,7 @@ class States(Motion):
             self._call(self.library.choose_independent)
             self._independent = None
             return
-        names = self.library.names["speed"]
+        names = self.library.names["speed"][: len(self.library.names["speed"]) - self.library.states]
         numbers = [find_place({each: i for i, each in enumerate(names)}, name) for name in speeds]
         if len(set(numbers)) != dofs or len(numbers) != dofs:
             raise ValueError(f"choose as many different speeds as degrees of freedom, {dofs}, not {', '.join(speeds)}")
@@ -183,7 +184,7 @@ class States(Motion):
 
     @property
     def is_ill_conditioned(self) -> bool:
-        """Whether `choose_independent` should be called again: a ball has rotated far, or dependent coordinates move fast.
+        """Whether to call `choose_independent` again: the choice is ill-conditioned, or a ball has rotated by more than 1 rad.
 
         Raises:
             TypeError: the model was loaded without derivatives.

@@ -14,8 +14,8 @@ from cutjoint.package.renamed import with_old_members
 Array = NDArray[np.float64]
 
 
-def find_place(places: Mapping[str, int], name: str) -> int:
-    """The index of a name.
+def find_place(places: Mapping[str, int], name: str, otherwise: str = "") -> int:
+    """The index of a name; with a remedy ``otherwise``, no name of another element is proposed.
 
     Raises:
         KeyError: there is none.
@@ -23,9 +23,16 @@ def find_place(places: Mapping[str, int], name: str) -> int:
     try:
         return places[name]
     except KeyError:
-        near = difflib.get_close_matches(name, places, n=1)
-        hint = f"; did you mean '{near[0]}'?" if near else f"; there is {', '.join(places) or 'none'}"
-        raise KeyError(f"no '{name}'{hint}") from None
+        element = name.rpartition(".")[0]
+        near = [x for x in difflib.get_close_matches(name, places, n=1) if not otherwise or x.rpartition(".")[0] == element]
+        hint = f"did you mean '{near[0]}'?" if near else "" if otherwise else f"there is {', '.join(places) or 'none'}"
+        raise KeyError(f"no '{name}'; {' '.join(filter(None, (hint, otherwise)))}") from None
+
+
+def find_number(places: Mapping[str, int], name: str) -> int:
+    """The index of a number to differentiate by; errors as of `find_place`."""
+    words = f"a constant of that name becomes a parameter by tunable=['{name}'], on the command line --tunable {name}"
+    return find_place(places, name, words if "." in name else "")
 
 
 class Values(MutableMapping[str, float]):
@@ -82,9 +89,14 @@ class Outputs(Values):
     def array(self, memory: Array) -> None:
         self._memory = memory
 
+    def place(self, name: str) -> int:
+        """The index of a name in ``array``; KeyError: the scene has no such output."""
+        words = "it is not among the scene's outputs: add it to 'outputs' of the model file"
+        return find_place(self._places, name, words if "." in name else "")
+
     def __getitem__(self, name: str) -> float:
         self._refresh()
-        return float(self._memory[find_place(self._places, name)])
+        return float(self._memory[self.place(name)])
 
     def __setitem__(self, name: str, value: float) -> None:
         raise TypeError(f"'{name}' is an output, which follows from the state")
@@ -425,7 +437,7 @@ class AdjointSensitivities:
     Attributes:
         times: (samples,) s.
         values: (samples, outputs).
-        objectives: (objectives,) weighted sums of the outputs.
+        objectives: (objectives,) sum(weights*values); not the cost J of a function that returns dJ/dy.
         derivatives: (objectives, by).
         by: names of the parameters, inputs and initial states.
     """

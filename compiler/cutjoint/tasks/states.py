@@ -35,6 +35,7 @@ from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.run.simulator_run import start
 from cutjoint.topology.build import build_topology
 
+_ABOUT_A_MOTION = ", or linearise about a motion"
 _SPEEDS = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
@@ -95,7 +96,7 @@ def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str
 def find_initial_state(
     model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), parameters: Mapping[str, float] | None = None
 ) -> MechanismState:  # fmt: skip
-    """Initial state of a scene: poses and velocities of bodies, coordinates and velocities of uncut joints.
+    """Initial state of a scene: poses and velocities of bodies, coordinates and velocities of the tree joints.
 
     Raises:
         FailedRunError: the scene has no start; its trajectory has no row.
@@ -162,7 +163,7 @@ def find_scene_modes(
             impossible = _describe(report, artifact, parameters) if is_impossible(report) else ""
             raise RunError(impossible or f"{where}: the run does not reach {at:g} s: {report}") from error
         if not is_impossible(report):
-            report = replace(report, advice=f"{report.advice}, or linearise about a motion with --at")
+            report = replace(report, advice=f"{report.advice.removesuffix(_ABOUT_A_MOTION)}{_ABOUT_A_MOTION} with --at")
         raise NoEquilibriumError(_describe(report, artifact, parameters), report) from error
     except NoMassError as error:
         raise RunError(f"{where}: {error}") from error

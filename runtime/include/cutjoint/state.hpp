@@ -45,7 +45,8 @@ Failure failure_of(const Fault& fault, const Described& d, std::string_view meth
     what.replace(0, std::string("a force").size(), "'" + std::string(d.indicators[index].element) + "' (" + std::string(d.indicators[index].place) + ")");
   if (fault.list == FaultList::controllers)
     what.replace(0, std::string("a controller").size(), "the controller '" + std::string(d.controllers[index].name) + "' (" + std::string(d.controllers[index].place) + ")");
-  const std::string name(fault.list == FaultList::speeds        ? speeds_of(d)[index]
+  const bool is_speed = fault.list == FaultList::speeds || fault.list == FaultList::states;
+  const std::string name(is_speed                                ? speeds_of(d)[index]
                          : fault.list == FaultList::coordinates ? d.coordinates[index]
                          : fault.list == FaultList::equations   ? d.equations[index]
                          : fault.list == FaultList::indicators    ? d.indicators[index].element

@@ -361,6 +361,7 @@ class CheckedSimulation {
     const char *name = nullptr, *place = nullptr;
     const auto look_up = [&](const auto& names, const auto& places) { name = element_of(names, fault.index), place = element_of(places, fault.index); };
     switch (fault.list) {
+      case FaultList::states:
       case FaultList::speeds:
         fault.at_start ? look_up(Model::start_speed_names, Model::start_speed_places) : look_up(Model::speed_names, Model::speed_places);
         break;

@@ -45,8 +45,8 @@ enum class Cause : int {
   event_at_step_end = 36,
 };
 
-/// The list that contains the number that failed most.
-enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, indicators = 5, controllers = 6, limits = 7 };
+/// The list that contains the number that failed most; `states` are speeds that are first-order states.
+enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, indicators = 5, controllers = 6, limits = 7, states = 8 };
 
 /// A failure: none if the cause is none. `index` is the place of the worst number in its list, `value` its residual (SI units), `size` the
 /// bound, `iterations` their number, `closer` whether the last iterations still reduced it, `equation` that of a violation beyond a limit. Lists are those
@@ -147,7 +147,9 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::mass_matrix_singular: return "a motion may move no mass in this pose; or rounding takes the masses beside a given penalty; try: a smaller penalty";
     case Cause::too_many_steps: return "allow more steps or a larger tolerance; or the motion may have grown without bound";
     case Cause::guard_violated: return "use the full model";
-    case Cause::no_equilibrium: return "check that springs carry the weight near this pose, that no wheel stands far in the road, that every free coordinate has a spring or a given value, and which coordinates are given";
+    case Cause::no_equilibrium:
+      if (fault.list == FaultList::states) return "the rate of this state does not vanish at rest, as of an integral or a cost: leave the state out of the model, or linearise about a motion";
+      return "check that springs carry the weight near this pose, that no wheel stands far in the road, that every free coordinate has a spring or a given value, and which coordinates are given";
     case Cause::newton_not_converged:
     case Cause::newton_diverging:
     case Cause::newton_infinite: return advice_of_newton(fault);

@@ -454,7 +454,7 @@ class Starter {
     const std::size_t worst = index_of_largest(a, length);
     const bool open = worst >= n_;
     const Real unit = open ? Real(1) : nominal(worst);
-    return {.cause = Cause::no_equilibrium, .list = open ? FaultList::equations : FaultList::speeds,
+    return {.cause = Cause::no_equilibrium, .list = open ? FaultList::equations : worst < sizes_.joint_speeds() ? FaultList::speeds : FaultList::states,
             .index = static_cast<int>(open ? worst - n_ : worst), .t = 0, .value = static_cast<double>(unit * size_of(a, length))};
   }
 
