@@ -83,7 +83,8 @@ def command(
             options.out.print(line, markup=False, soft_wrap=True)
     options.out.print(tables.legend(with_loops=bool(topology.loops)))
     if is_foreign(model):
-        options.out.print(f"lines of {name_of(model).name} are those of the model file that 'cutjoint import {model.name}' writes", markup=False)
+        words = f"lines of {name_of(model).name} are those of the model file that 'cutjoint import {model.name}' writes"
+        options.out.print(words, markup=False)
     options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):
