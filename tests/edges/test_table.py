@@ -41,11 +41,17 @@ def written() -> list[tuple[str, click.Option]]:
 
 @pytest.mark.parametrize(("name", "option"), written(), ids=lambda x: x if isinstance(x, str) else x.name)
 def test_a_file_has_the_ending_of_what_is_written(name: str, option: click.Option, tmp_path: Path) -> None:
-    for file in (tmp_path / "x.xlsx", tmp_path / "x.CSV"):
-        with pytest.raises(click.BadParameter, match=r"x\.(xlsx|CSV): no such kind of file; write a name that ends in \."):
+    for file in (tmp_path / "x.xlsx", tmp_path / "x.MAT"):
+        with pytest.raises(click.BadParameter, match=r"x\.(xlsx|MAT): no such kind of file; write a name that ends in \."):
             option.type.convert(str(file), option, None)
     os.symlink("/dev/null", tmp_path / "null.xlsx")
     assert option.type.convert(str(tmp_path / "null.xlsx"), option, None) == tmp_path / "null.xlsx"
+
+
+@pytest.mark.parametrize("name", ["run.txt", "run.CSV", "run.v2", "run"])
+def test_a_table_may_have_any_ending_of_no_other_format(name: str) -> None:
+    (option,) = (p for p in commands()["simulate"].params if p.name == "out")
+    assert option.type.convert(name, option, None) == Path(name)
 
 
 @pytest.mark.parametrize(("name", "option"), numbers(), ids=lambda x: x if isinstance(x, str) else x.name)

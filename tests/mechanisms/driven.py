@@ -33,7 +33,7 @@ joints:
   elbow: {{kind: revolute, bodies: [arm, bob], at: [1, 0, 0], axis: [0, 1, 0]}}
 forces:
   thrust: {{kind: joint_force, joint: slide, law: "gain*push - 20*position - push*rate"}}
-  gust: {{kind: load, body: bob, at: [1, 0, -0.4], force: [0, 0, "1*push*vx + 1*lift"]}}
+  gust: {{kind: load, body: bob, at: [1, 0, -0.4], force: [0, 0, "push*vx + lift"]}}
 outputs: [shoulder.angle, shoulder.angle_rate, arm.az, slider.x, slider.vx, bob.z, thrust.force]
 scenes:
   lawful: {{inputs: {{lift: "0.3*t**2 - 0.1*t**3", push: "2 - t + 0.5*t**3"}}, {_STEPS}}}

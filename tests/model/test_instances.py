@@ -44,7 +44,7 @@ submodels:
       spring: {kind: point_spring, bodies: [body, arm], from: root, to: tip, law: length*rate}
       stop: {kind: axial_force, bodies: [body, arm], origin: root, point: tip, axis: [1, 2, 2], law: travel}
       mount: {kind: bushing, bodies: [body, arm], at: root, laws: [position + 1, position + 2, position + 3, rate + 4, rate + 5, rate + 6]}
-      lift: {kind: load, body: arm, at: tip, force: [x + y, "1*y*vy + gust", vz]}
+      lift: {kind: load, body: arm, at: tip, force: [x + y, "y*vy + gust", vz]}
       twist: {kind: load, body: arm, torque: [1 - wx, t*wy, 3 + wz], axes: body}
       wheel:
         {kind: tyre, body: hand, centre: tip, axis: [0, 1, 0], radius: 1, stiffness: 1,

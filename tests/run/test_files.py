@@ -315,9 +315,10 @@ def test_a_link_stays_and_its_file_is_replaced(folder: Path) -> None:
         assert os.readlink("latest.csv") == "data/run.csv"
         assert files(folder / "data") == ["run.csv", "run.error.json", "run.units.json"]
     assert "data/run.partial.csv" in simulate("--out", "latest.csv").output
-    assert call("schema", "--out", "latest.csv").exit_code == 0
-    assert os.readlink("latest.csv") == "data/run.csv"
-    assert json.loads(Path("data/run.csv").read_text(encoding="utf-8"))
+    os.symlink("data/schema.json", "latest.json")
+    assert call("schema", "--out", "latest.json").exit_code == 0
+    assert os.readlink("latest.json") == "data/schema.json"
+    assert json.loads(Path("data/schema.json").read_text(encoding="utf-8"))
 
 
 def test_a_link_in_place_of_a_partial_table_is_not_followed(folder: Path) -> None:

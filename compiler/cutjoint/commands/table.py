@@ -139,8 +139,15 @@ def _page(what: str) -> Row:
     return click.option("--view", type=_VIEW, help=f"Page (.html) {what}, or its animation as glTF (.glb).")
 
 
+#: Endings of files of a known format; other endings of a table or document, such as .txt, say nothing.
+_FORMATS = frozenset(
+    ".arrow .csv .feather .glb .h5 .hdf5 .html .json .mat .mf4 .nc .npy .npz .ods .parquet .pdf .pkl .png .xls .xlsx .yaml .yml".split()
+)
+
+
 class _File(click.Path):
-    """A file that a command writes: its name has one of these endings, "" for none, unless it is a device or a pipe."""
+    """A file that a command writes.  Its name has one of these endings, or if "" is the first of them, none of another format;
+    devices and pipes have any name."""
 
     def __init__(self, *endings: str) -> None:
         super().__init__(dir_okay=False, path_type=Path)
@@ -149,7 +156,9 @@ class _File(click.Path):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path, converted for click."""
         path = Path(str(super().convert(value, param, ctx)))
-        if path.suffix not in self._endings and not is_stream(path):
+        ending = path.suffix.lower()
+        takes_others = self._endings[0] == "" and (ending not in _FORMATS or ending == self._endings[1])
+        if path.suffix not in self._endings and not takes_others and not is_stream(path):
             self.fail(f"{path}: no such kind of file; write a name that ends in {join_or(filter(None, self._endings))}", param, ctx)
         return path
 

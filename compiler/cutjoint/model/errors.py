@@ -51,6 +51,7 @@ class Problems:
     def __init__(self) -> None:
         self._found: dict[tuple[Span, str], Problem] = {}
         self._count = 0
+        self.notes: dict[str, None] = {}
 
     def add(self, span: Span, element: str, message: str, hint: str = "") -> None:
         """Note one problem.
@@ -65,6 +66,10 @@ class Problems:
             raise self.error()
         problem = Problem(span=span, element=printable(element), message=printable(message), hint=printable(hint))
         self._found.setdefault((span, message), problem)
+
+    def note(self, span: Span, message: str) -> None:
+        """Keep a warning."""
+        self.notes[printable(f"{span}: {message}")] = None
 
     def __bool__(self) -> bool:
         return bool(self._found)

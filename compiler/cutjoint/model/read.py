@@ -94,7 +94,7 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, tuna
         text=text,
         files=files,
         notes=(
-            *notes, *unused_parameters(source, document), *unused_properties(source, document),
+            *notes, *problems.notes, *unused_parameters(source, document), *unused_properties(source, document),
             *silent_outputs(source, scenes, elements.forces), *warnings_of(document, expansion.reporting),
         ),
         choices=choices_made(document, expansion.reporting),

@@ -89,8 +89,7 @@ _BARE = Term(sympy.Integer(0))
 class Names(Mapping[str, Term]):
     """The names of an expression that may read quantities.
     ``terms`` are terms by name. ``quantity`` finds names with a dot, and those of states and signals, ``own``, where the expression stands.
-    ``functions`` may be called besides the built-in ones. ``units`` are the dimensions of terms that fit everywhere where only bare
-    numbers stand beside them."""
+    ``functions`` may be called besides the built-in ones. ``units`` are the dimensions of variables, whose terms fit everywhere."""
 
     terms: Mapping[str, Term]
     own: frozenset[str]
@@ -131,7 +130,7 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
         return constant(quantity.value, quantity.dimension)
     try:
         text = _one_line(value)
-        parser = _Parser(_with_units(names, value), text)
+        parser = _Parser(names, text)
         term = parser.term(_syntax_tree(text), 0)
     except RecursionError:
         raise ExpressionError("the expression is nested too deep") from None
@@ -146,11 +145,16 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
     return term
 
 
-def _with_units(names: Mapping[str, Term], text: str) -> Mapping[str, Term]:
-    """The names; variables have their dimensions where a name in the text has one."""
-    if not isinstance(names, Names) or not names.units or all(names.terms.get(name, _BARE).dimension is None for name in symbols_of(text)):
-        return names
-    return with_terms(names, {name: Term(names.terms[name].value, unit) for name, unit in names.units.items() if name in names.terms})
+def dimension_beside_units(value: int | float | str, names: Mapping[str, Term]) -> Dimension | None:
+    """The dimension of a valid expression whose variables have theirs, if a name in it has one; None if none has, or if it fits everywhere.
+
+    Raises:
+        ExpressionError: the dimensions do not go together.
+    """
+    if not isinstance(names, Names) or not names.units or all(names.terms.get(name, _BARE).dimension is None for name in symbols_of(value)):
+        return None
+    variables = {name: Term(names.terms[name].value, unit) for name, unit in names.units.items() if name in names.terms}
+    return read_term(value, with_terms(names, variables)).dimension
 
 
 def symbols_of(value: int | float | str) -> frozenset[str]:

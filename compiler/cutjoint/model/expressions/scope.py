@@ -14,7 +14,7 @@ from cutjoint.model.errors import Problems, nearest, worded
 from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.functions import SuppliedCall
 from cutjoint.model.expressions.operations import ExpressionError, Term
-from cutjoint.model.expressions.parse import READERS, Names, read_term, variable
+from cutjoint.model.expressions.parse import READERS, Names, dimension_beside_units, read_term, variable
 from cutjoint.model.expressions.tunable import TunableNumbers, number_name
 from cutjoint.model.expressions.units import ACCELERATION, INERTIA, LENGTH, MASS, Dimension, described
 from cutjoint.model.names import VARIABLES
@@ -112,8 +112,8 @@ class Scope:
         return {**known, "t": Term(variable("t"))}
 
     def reading(self, *variables: str, units: Mapping[str, Dimension | None] | None = None) -> Mapping[str, Term]:
-        """The variables, all parameters, and the quantities of elements; no name that would be two.
-        Beside names with a dimension those of ``units`` have theirs; else a variable's dimension fits everywhere."""
+        """The variables, whose dimension fits everywhere, all parameters, and the quantities of elements; no name that would be two.
+        Variables may come with ``units``, of which notes are made."""
         variables = (*variables, *(units or ()))
         terms = {**self.names, **{name: Term(variable(name)) for name in variables}}
         terms = {name: term for name, term in terms.items() if name not in variables or name not in self.names}
@@ -196,6 +196,8 @@ class Element:
                 "",
                 keys,
             )
+        elif term.value is not FAILED and (fault := _mixed_units(value, expected, names)):
+            self.scope.problems.note(self.scope.source.value_span((*self.path, *keys)), f"{self.label}: {worded(field_name(keys), fault)}")
         if self._is_closed(term.value) and not math.isfinite(self.value(term.value)):
             self.fail(worded(field_name(keys), "has no finite value"), "", keys)
             return FAILED
@@ -284,6 +286,15 @@ class Element:
             joints = [known.removeprefix(prefix) for known in directory.joints if known.startswith(prefix)]
             self.fail(f"unknown joint '{name}'", nearest(name, [*joints, *self.scope.broken("joints")], "joints here"), keys)
         return full, directory.joints.get(full)
+
+
+def _mixed_units(value: int | float | str, expected: Dimension | None, names: Mapping[str, Term] | None) -> str:
+    """What is wrong with the dimensions of a law whose variables stand beside units; bare numbers fit everywhere."""
+    try:
+        found = None if names is None else dimension_beside_units(value, names)
+    except ExpressionError as error:
+        return error.message
+    return "" if found is None or expected in (None, found) else f"needs {described(expected)}, got {described(found)}"
 
 
 def element(scope: Scope, kind: str, section: str, name: str) -> Element:
