@@ -141,7 +141,7 @@ def _page(what: str) -> Row:
 
 #: Endings of files of a known format; other endings of a table or document, such as .txt, say nothing.
 _FORMATS = frozenset(
-    ".arrow .csv .feather .glb .h5 .hdf5 .html .json .mat .mf4 .nc .npy .npz .ods .parquet .pdf .pkl .png .xls .xlsx .yaml .yml".split()
+    [".arrow", ".csv", ".feather", ".glb", ".h5", ".hdf5", ".html", ".json", ".mat", ".mf4", ".nc", ".npy", ".npz", ".ods", ".parquet", ".pdf", ".pkl", ".png", ".xls", ".xlsx", ".yaml", ".yml"]
 )
 
 
