@@ -140,9 +140,10 @@ def _page(what: str) -> Row:
 
 
 #: Endings of files of a known format; other endings of a table or document, such as .txt, say nothing.
-_FORMATS = frozenset(
-    [".arrow", ".csv", ".feather", ".glb", ".h5", ".hdf5", ".html", ".json", ".mat", ".mf4", ".nc", ".npy", ".npz", ".ods", ".parquet", ".pdf", ".pkl", ".png", ".xls", ".xlsx", ".yaml", ".yml"]
-)
+_FORMATS = frozenset((
+    ".arrow", ".csv", ".feather", ".glb", ".h5", ".hdf5", ".html", ".json", ".mat", ".mf4", ".nc", ".npy", ".npz", ".ods", ".parquet",
+    ".pdf", ".pkl", ".png", ".xls", ".xlsx", ".yaml", ".yml",
+))
 
 
 class _File(click.Path):
