@@ -146,7 +146,8 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
 
 
 def dimension_beside_units(value: int | float | str, names: Mapping[str, Term]) -> Dimension | None:
-    """The dimension of a valid expression whose variables have theirs, if a name in it has one; None if none has, or if it fits everywhere.
+    """The dimension of a valid expression whose variables have theirs.
+    None if no name in it has a dimension, or if it fits everywhere.
 
     Raises:
         ExpressionError: the dimensions do not go together.
