@@ -184,7 +184,7 @@ def test_a_guide_is_where_its_input_begins() -> None:
     angle = crank_angle(0.35)
     file = make_run_file(found, found.scenes["place"], {"turn": angle}, task="simulate")
     assert abs(file.positions["pin.angle"]) == pytest.approx(angle + asin(sin_over_three(angle)), abs=1e-9)
-    with pytest.raises(RunError, match="and 0 can be chosen there"):
+    with pytest.raises(RunError, match="0 can be chosen there"):
         make_run_file(found, found.scenes["place"], {"turn": angle / 2}, task="simulate")
 
 
