@@ -30,9 +30,11 @@ These errors are not repeated below.
   integrator, or a parameter cannot be set.
 * A failing compiler raises `ToolchainError`, a missing one its subclass `MissingToolsError`, a failed simulator
   `SimulatorError`, a file that cannot be written `OutputError`, and a signal `Interrupted` or `Terminated`.
-* Members of `Simulation` that need a state raise `SimulationError` before its first `reset`. Derivatives raise
-  `TypeError` unless the model was loaded with `linearise`, and `SimulationError` in a singular pose. Poses need `poses`.
-* An unknown name of an input, output, parameter or speed raises `KeyError`, a missing package `MissingPackageError`.
+* Members of `Simulation` that need a state raise `SimulationError` before its first `reset`; so does a failed step.
+  Derivatives raise `TypeError` unless the model was loaded with `linearise`, adjoint sensitivities with `adjoint`, poses
+  with `poses`. In a singular pose, derivatives raise `SimulationError`.
+* An unknown name, or a coordinate that is not independent, raises `KeyError`, an array of another shape `ValueError`,
+  and a missing package `MissingPackageError`.
 """
 
 #: Arguments that mean the same in all functions: type and meaning.
@@ -58,12 +60,13 @@ ARGUMENTS = {
 #: Errors that the head of the page has.
 _COMMON = re.compile(
     r"\* (ModelError|EquationsError|ToolchainError|SimulatorError|OutputError|Interrupted)\b.*"
-    r"|\* TypeError: the model was loaded without derivatives\."
-    r"|\* SimulationError:( the pose is singular)?\."
+    r"|\* TypeError: the model was loaded without (derivatives( or without poses)?|`adjoint`)\."
+    r"|\* SimulationError:( the pose is singular| a step failed)?\."
+    r"|\* ValueError: (an array has another length|there is another number of \w+|the point has not three numbers)\."
     r"|\* MissingPackageError: \S+ is not installed\."
     r"|\* (scene|tunable|threads|parameters(?=: values)|note|external_wrenches|terrain|functions|check)\b.*"
     r"|\* RunError: there is no such scene, or a parameter cannot be set\."
-    r"|\* KeyError: there is no such (?!.*independent)[a-z, ]+\."
+    r"|\* KeyError: there is no such [a-z, ]+\."
 )
 #: The class whose members two classes of the page share.
 SHARED = "LinearModel"

@@ -88,7 +88,7 @@ class Fit:
 
 
 def fit(study: AnyPath | Mapping[str, Any], *, note: Callable[[str], None] | None = None) -> Fit:
-    """Fit numbers of models to measurements, as a study, a file or a mapping, asks.
+    """Fit parameters of models to measurements, by a study (file or mapping).
 
     Args:
         note: is called with messages of progress.

@@ -42,7 +42,7 @@ class Derivatives(Linear):
     """A simulation with derivatives of its steps, forward and adjoint."""
 
     def step_derivatives(self) -> StepDerivatives:
-        """Take one step, and differentiate its end by its beginning, by inputs (zero-order hold) and by parameters.
+        """Take one step; derivatives of the states after it by those before, by inputs (zero-order hold) and by parameters.
 
         Outputs of controllers and inputs that follow the scene stay constant.
 
@@ -193,7 +193,7 @@ class Derivatives(Linear):
     def initial_state_sensitivities(self, outputs: Sequence[str], by: Sequence[str]) -> StateSensitivities:
         """Derivatives of the scene's start by parameters and inputs, and those of ``outputs``.
 
-        The present state has to be that start.  States are differentiated by fourth-order differences of starts, outputs exactly.
+        The present state has to be that start.  Derivatives of states are fourth-order differences, those of outputs exact.
 
         Raises:
             TypeError: the model was loaded without derivatives.

@@ -59,8 +59,8 @@ class Linear(States):
     def equilibrium_sensitivities(self, outputs: Sequence[str], by: Sequence[str]) -> StateSensitivities:
         """Derivatives of the present static equilibrium by parameters and inputs, and those of ``outputs``.
 
-        They follow from the implicit function theorem.  Of a continuum of equilibria, as of a car that may stand anywhere, it is the
-        nearest one.
+        They follow from the implicit function theorem.  If equilibria form a continuum, as of a car on a
+        plane, it is the nearest one.
 
         Raises:
             TypeError: the model was loaded without derivatives.
@@ -97,7 +97,7 @@ class Linear(States):
     def eigenvalue_sensitivities(self, by: Sequence[str], modes: Sequence[int] | None = None) -> EigenvalueSensitivities:
         """Eigenvalues of the linear model at the present state, and their derivatives by parameters and inputs.
 
-        At a static equilibrium the change of the pose is included; elsewhere the states stay.  The derivative of the matrix is by
+        At a static equilibrium the change of the pose is included; elsewhere the states are fixed.  The derivative of the matrix is by
         fourth-order differences of exact matrices.
 
         Args:
@@ -155,7 +155,7 @@ class Linear(States):
     def equations_of_motion(self) -> tuple[Array, Array]:
         """Mass matrix M (f, f) and force (f,) of M z'' = force for the f independent coordinates z; SI units.
 
-        The force includes everything that acts, and velocity products.
+        The force includes gravity, velocity products, and all other forces, with the present inputs.
 
         Raises:
             TypeError: the model was loaded without derivatives or without poses.
@@ -168,10 +168,9 @@ class Linear(States):
         return mass, force
 
     def point_jacobian(self, name: str, point: Sequence[float] | None = None) -> Array:
-        """Jacobian (6, f) of a point of a body by the rates of the independent coordinates, guides at rest.
+        """Jacobian J (6, f) at the present state: [velocity; angular velocity] = J z' of a point, global axes, guides at rest.
 
-        Three rows of the velocity, three of the angular velocity, in global axes.  A wrench (F, T) there adds J^T (F, T) to the force of
-        `equations_of_motion`.
+        z are the independent coordinates.  A wrench [F; T] at the point adds J^T [F; T] to the force of `equations_of_motion`.
 
         Args:
             name: a body or marker.

@@ -183,7 +183,7 @@ class LinearModel:
         return float(found)
 
     def margins(self, output: str, input: str, frequencies: Array | None = None) -> Margins:
-        """Gain and phase margin of the loop in which an output comes back to an input with the factor -1."""
+        """Gain and phase margin of the loop that feeds an output back to an input with the factor -1."""
         grid = self.frequencies() if frequencies is None else np.asarray(frequencies)
         gain, margins = self._gain(output, input), Margins(np.inf, np.nan, np.inf, np.nan)
         values = gain(grid)
@@ -482,7 +482,7 @@ class SampledStateSpace(LinearModel):
         return self._discrete
 
     def evaluate(self, s: ComplexArray) -> ComplexArray:
-        """Transfer matrices (points, outputs, inputs): the share of each output that goes with exp(s t) where an input does."""
+        """Transfer matrices (points, outputs, inputs): the component exp(s t) of each output for an input exp(s t)."""
         plant, at = self.plant, np.asarray(s, dtype=np.complex128)[:, None, None]
         n, u, y, h = len(plant.A), len(self.inputs), len(self.outputs), self._held
         G, follow = plant.evaluate(s), np.hstack([plant.C[y:], plant.D[y:, u:]])

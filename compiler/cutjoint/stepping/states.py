@@ -122,7 +122,7 @@ class States(Motion):
         return Values(self.library.names[kind], view)
 
     def set_state(self, time: float, coordinates: Array, speeds: Array) -> None:
-        """Continue from a time (s), coordinates and velocities as they are, in the order of the simulation.
+        """Set time (s), coordinates and velocities, in the order of `coordinates` and `speeds`.
 
         Raises:
             ValueError: an array has another length.

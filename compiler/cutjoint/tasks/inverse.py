@@ -60,7 +60,7 @@ def inverse_dynamics(
 ) -> Drives:  # fmt: skip
     """Forces (N, N m) of ``drives`` that move a model as a kinematic scene prescribes.
 
-    Friction, springs and loads count as the model has them.
+    They act in addition to the friction, springs and loads of the model.
 
     Args:
         drives: joints with one coordinate; default: those that the scene moves.

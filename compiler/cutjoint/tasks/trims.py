@@ -12,7 +12,7 @@ def find_trim(
     model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), parameters: Mapping[str, float] | None = None,
     by: Sequence[str] = (),
 ) -> Trimmed:  # fmt: skip
-    """What the trim of a scene finds, with its gradients by tunable parameters.
+    """Unknowns of a scene's trim, with gradients by tunable parameters.
 
     * ``tunable``: as of `compile_model`.
     * ``parameters``: values (SI units) of parameters and inputs.
