@@ -21,6 +21,7 @@ from cutjoint.run.run_file import formulated_start, make_trim_problem, require_s
 from cutjoint.run.simulation import simulate
 from cutjoint.stepping.load import load_scene
 from cutjoint.tasks.batch import simulate_batch
+from tests.conftest import DATA, with_heavy
 from tests.mechanisms.starts import CRANE, LOADER, MOTORCYCLE
 from tests.physics.simulation import compile_model, compile_scene
 
@@ -307,11 +308,18 @@ scenes:
         (SLED, "    end: 1\n", "    end: 1\n    inputs: {throttle: 0.1*t}\n", "the scene's law of the input 'throttle' is no number"),
         (SLED, "    end: 1\n", "    end: 1\n    pose: equilibrium\n", "a trim finds the pose of rest itself; remove 'pose: equilibrium'"),
         (SLED, "{throttle: [0, 1]}", "{target: [0, 1]}", "trim: bounds: 'target' is not to be found; list it under 'find' too"),
+        (SLED, "{start: 0 m,", "{start: 0 m, bounds: [2 m, 1 m],", "m.yaml:14:34: state 'far': its bounds do not ascend; write [least, "),
+        (SLED, "{start: 0 m,", "{start: 0 m, bounds: [0, 1 s],", "state 'far': "),
         (SLED, "[0, 1]", "[1, 0]", "trim: bounds: those of 'throttle' do not ascend; write [least, largest]"),
     ],
 )  # fmt: skip
 def test_wrong_requests(text: str, old: str, new: str, said: str) -> None:
     assert said in refused(text, old, new)
+
+
+def test_states_outside_of_their_bounds_are_not_found() -> None:
+    """The voltage of a current of -2.55 A, which the bounds of the current exclude."""
+    assert "no start meets all conditions" in refused(MOTOR, "start: 0 A,", "start: 0 A, bounds: [-2.5 A, 2.5 A],")
 
 
 def test_values_of_what_is_found(tmp_path: Path) -> None:
@@ -483,3 +491,58 @@ def test_wrong_starts_of_a_loop(scene: str, said: str) -> None:
     with pytest.raises(CutjointError) as error:
         find_initial_state(read_model_text(FOUR_BAR.replace("SCENE", scene), "m.yaml"))
     assert said in str(error.value)
+
+
+ROLLING = """
+cutjoint: 1
+name: rolls
+gravity: [0, 0, -9.81]
+parameters: {speed: {value: 15, unit: m/s, binding: param}, pull: {value: 0, unit: N, binding: input}}
+bodies:
+  sledge: {mass: 1, centre_of_mass: [0, 0, 0.31]}
+  carrier: {mass: 350, centre_of_mass: [0, 0, 0.31], inertia: [1, 1, 1]}
+joints:
+  drives: {kind: prismatic, bodies: [ground, sledge], at: [0, 0, 0.31], axis: x}
+  heave: {kind: prismatic, bodies: [sledge, carrier], at: [0, 0, 0.31], axis: z}
+forces: {tow: {kind: load, body: sledge, at: [0, 0, 0.31], force: [pull, 0, 0]}}
+submodels: {wheel: {include: library/wheel_KIND}}
+instances:
+  w: {use: wheel, connect: {carrier: carrier}, with: {x: 0, y: 0, z: 0.31, MASS: 10, IXX: 1, IYY: 1.5}, properties: FILE}
+"""
+GUIDED = "scenes: {run: {end: 1, trim: {find: [w.rolling.bearing.angle_rate]}}}"
+FREE = """
+scenes:
+  run:
+    end: 1
+    positions: {drives.displacement: 0}
+    rates: {drives.displacement_rate: speed}
+    trim: {find: [pull, w.rolling.bearing.angle_rate]}
+"""
+#: By kind of wheel: R0, Fz0, Cz, breff, dreff, freff, QSY1 to 4 and the reference speed of its file.
+TYRES = {
+    "mf52": ("mf52.tir", (0.3168, 4230, 198064.21298115156, 8.15, 0.262, 0.0731, 0.0107, -0.00213, 0.00083, 4.1e-5, 16.4)),
+    "mf62": ("library/road_tyre.tir", (0.316, 4000, 210000, 8, 0.25, 0.07, 0.01, 0, 0, 0, 16.7)),
+}
+
+
+HEAVY = (("mf52", -20.0), ("mf62", 40.0), ("mf62", 0.0))
+
+
+@pytest.mark.parametrize(("kind", "v"), with_heavy([("mf52", 15.0), ("mf62", -0.5), *HEAVY], *HEAVY))
+def test_a_wheel_without_torque_rolls(kind: str, v: float) -> None:
+    """By the formulas of effective radius and rolling resistance (Pacejka, Tyre and Vehicle Dynamics, 2012, 4.E); at 0 m/s it stands."""
+    file, (R0, Fz0, Cz, breff, dreff, freff, q1, q2, q3, q4, v0) = TYRES[kind]
+    free, guided = (
+        read_model_text(text.replace("KIND", kind).replace("FILE", file), "m.yaml", folder=DATA / "tyres")
+        for text in (ROLLING + FREE, ROLLING.replace("axis: x}", "axis: x, guide: speed*t}") + GUIDED)
+    )
+    found = find_trim(guided, parameters={"speed": v})
+    Fz, way = 360 * G, np.sign(v)
+    Re = R0 - Fz0 / Cz * (dreff * np.arctan(breff * Fz / Fz0) + freff * Fz / Fz0)
+    assert found.unknowns["w.rolling.bearing.angle_rate"] == pytest.approx(v / Re, rel=2e-3, abs=1e-12)
+    assert found.states["w.rolling.rolled.value"] == pytest.approx(way, abs=1e-6)
+    if v:
+        pulled = find_trim(free, parameters={"speed": v})
+        q = q1 + q3 * abs(v) / v0 + q4 * (v / v0) ** 4
+        assert pulled.unknowns["pull"] == pytest.approx(way * R0 * Fz * q / (R0 - Fz / Cz + way * R0 * Fz / Fz0 * q2), rel=1e-6)
+        assert found.states == pytest.approx(dict(pulled.states), rel=1e-6, abs=1e-9)

@@ -91,9 +91,10 @@ class TrimParts(AimedStart):
         if self._rolling is not None and (at := self._at(SPEEDS, unguessed)):
             count = self._equations.speeds
             v = np.zeros((1 + len(at), len(self._names[SPEEDS])))
-            v[0], v[range(1, 1 + len(at)), [i - self._first[SPEEDS] for i in at]] = y[self._first[SPEEDS] : self._first[RATES]], 1.0
+            v[:] = y[self._first[SPEEDS] : self._first[RATES]]
+            v[range(1, 1 + len(at)), [i - self._first[SPEEDS] for i in at]] += 1.0
             slip, *by_speed = self._rolling.places_at(parameters, q, v[:, :count])
-            y[at] -= np.linalg.lstsq(np.array(by_speed).T, slip)[0]
+            y[at] -= np.linalg.lstsq((np.array(by_speed) - slip).T, slip)[0]
 
     def _at(self, part: int, names: Collection[str]) -> list[int]:
         """The indices of numbers of a part."""
@@ -182,10 +183,23 @@ class TrimEquations:
             self._has_dependent = bool(moves_on or call(system, "constraint_residual", arrays, roads, held)["rate"].any())
         self._reach = np.zeros(len(self._forces) - self._start.speeds)
         self._lower, self._upper = np.full(len(y), -np.inf), np.full(len(y), np.inf)
+        for i, state in enumerate(self._start.state.states, start=first):
+            if state.bounds and self._free[i]:
+                self._lower[i], self._upper[i] = state.bounds
         for name, (lower, upper) in inputs.bounds.items():
             index, begin = self._listed[name], self._begins.get(name, 0.0)
             self._lower[index], self._upper[index] = lower - begin, upper - begin
             self._sizes[index] = upper - lower
+        self._begin_within_bounds(of._at(SPEEDS, states))
+
+    def _begin_within_bounds(self, states: Sequence[int]) -> None:
+        """Set states without a guess to the bound that they move to at the first guess of speeds."""
+        if not np.isfinite(self._lower[states]).any():
+            return
+        lower, upper, last = self._lower[states], self._upper[states], self._first[RATES]
+        rates = -self.residuals(self.begin)[[i - last + len(self._names[SPEEDS]) for i in states]]
+        moves = np.abs(rates) > _SLOWEST * (upper - lower)
+        self.begin[states] = np.where(moves, np.where(rates > 0, upper, lower), self.begin[states])
 
     def keep_guesses(self, of: TrimEquations) -> None:
         """Count moves of free coordinates from where those of other equations begin."""

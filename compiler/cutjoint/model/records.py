@@ -77,6 +77,7 @@ class FirstOrderState:
     * ``symbol``: its symbol in expressions
     * ``initial``: its value where a run begins, an expression of parameters
     * ``nominal``: its usual size, in its unit, by which its absolute error tolerance is scaled
+    * ``bounds``: the values between which its rate keeps it, or none
     """
 
     name: str
@@ -86,6 +87,7 @@ class FirstOrderState:
     unit: str
     span: Span
     nominal: float = 1.0
+    bounds: tuple[float, ...] = ()
 
     @property
     def entry(self) -> str:

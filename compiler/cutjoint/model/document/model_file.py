@@ -100,11 +100,12 @@ Lookup: TypeAlias = Annotated[
 
 
 class FirstOrderState(Part):
-    """A first-order state: its value at the start of a run, its rate of change, and its nominal size."""
+    """A first-order state: its value at the start of a run, its rate of change, its nominal size, and the bounds that it stays in."""
 
     start: Number
     rate: Lookup
     nominal: Number | None = None
+    bounds: Ends | None = None
 
 
 class SampledSignal(Part):

@@ -191,9 +191,13 @@ def _read_state(element: Element, state: model_file.FirstOrderState) -> FirstOrd
     nominal = 1.0 if state.nominal is None else element.number(state.nominal, dimension, ("nominal",))
     if not nominal > 0 and not math.isnan(nominal):
         element.fail("nominal must be greater than zero", "write how large the state usually is, such as nominal: 2 bar", ("nominal",))
+    bounds = tuple(element.number(end, dimension, ("bounds", i)) for i, end in enumerate(state.bounds or ()))
+    if bounds and bounds[0] >= bounds[1]:
+        element.fail("its bounds do not ascend", "write [least, largest]", ("bounds",))
     return FirstOrderState(
         name=element.name, symbol=quantity_symbol(element.name, VALUE), unit=unit_text(dimension), span=element.span,
-        nominal=nominal, initial=element.scalar(state.start, None, ("start",)), rate=read_lookup(element, state.rate, rate, ("rate",)),
+        nominal=nominal, bounds=bounds, initial=element.scalar(state.start, None, ("start",)),
+        rate=read_lookup(element, state.rate, rate, ("rate",)),
     )  # fmt: skip
 
 
