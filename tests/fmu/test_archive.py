@@ -158,6 +158,8 @@ def test_units_have_exponents_of_base_units() -> None:
     assert describe_unit("N*s/m") == Unit(name="N*s/m", exponents={"kg": 1, "s": -1}, factor=1.0, display=None)
     assert describe_unit("deg/s") == Unit(name="deg/s", exponents={"s": -1, "rad": 1}, factor=np.pi / 180, display=None)
     assert describe_unit("kN") == Unit(name="kN", exponents={"kg": 1, "m": 1, "s": -2}, factor=1000.0, display=None)
+    for names in ({"N*m", "Nm", "N m", "N * m"}, {"N*m*s", "Nms"}, {"kg*m^2", "kg m**2"}, {"N*m/A", "Nm / A"}):
+        assert len({str(describe_unit(name)) for name in names}) == 1
     stiffness = describe_unit("N*m/rad")
     assert stiffness is not None
     assert stiffness.exponents == {"kg": 1, "m": 2, "s": -2, "rad": -1}

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,10 +20,12 @@ from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.report.tables import error_facts
+from cutjoint.run import accuracy
 from cutjoint.run.accuracy import compare
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.results import Columns, Trajectory
+from cutjoint.run.results import Columns, FailureReport, Trajectory
 from cutjoint.run.simulation import simulate
+from cutjoint.run.simulator_run import SimulatorRun
 from cutjoint_bench.estimate_models import LAWS, MECHANISMS
 from cutjoint_bench.studies.estimates import judge
 from tests.mechanisms.bouncing import bouncing_text, exact_bounces
@@ -458,6 +461,23 @@ def test_where_no_other_run_comes_to_its_end_the_words_say_so() -> None:
         console.print(error_facts(estimate))
     assert "unknown: no run with finer or coarser steps reached its end" in said.get()
     assert "inf" not in said.get()
+
+
+def test_where_no_other_run_comes_to_its_end_its_failure_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs with another tolerance than that of the first one fail."""
+    started = accuracy.start
+    failure = FailureReport(message="the run stands still", time=0.25, step=250, element="rail.displacement", residual=1e-9, advice="")
+
+    def start(plan: SimulatorRun, **how: Any) -> Trajectory:
+        run = started(plan, **how)
+        return run if plan.run_file.settings.tolerance == 1e-6 else replace(run, failure=failure)
+
+    monkeypatch.setattr(accuracy, "start", start)
+    error = simulate(oscillator(), tolerance=1e-6, integrator="dormand-prince").error
+    assert set(error.max_error.values()) == {np.inf}
+    (warning,) = error.warnings
+    assert warning.startswith("with finer steps: the run stands still at t = 0.25 s (step 250); worst at 'rail.displacement'")
+    assert "solver_tolerance 1e-06" in warning  # goes on
 
 
 def test_without_an_error_there_is_one_run() -> None:

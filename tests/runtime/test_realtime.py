@@ -122,6 +122,18 @@ def test_steps_up_to_a_failure_are_reported(tmp_path: Path) -> None:
     assert not out.exists()
 
 
+def test_a_step_without_a_fixed_point_names_the_option_of_fixed_iterations(tmp_path: Path) -> None:
+    """The force jumps where it stops the motion, so that no end of a step satisfies the trapezoidal rule."""
+    model = tmp_path / "pushed.yaml"
+    model.write_text(pushed_text("where(position > 1e-3, -1e4, 1e3)"))
+    command = ["realtime", str(model), "--dt", "0.01", "--end", "0.1"]
+    result = CliRunner().invoke(main, command)
+    assert result.exit_code == 1
+    assert "the fixed point did not converge" in result.output
+    assert "or --iterations 6, a fixed number" in result.output
+    assert CliRunner().invoke(main, [*command, "--iterations", "6"]).exit_code == 0
+
+
 @pytest.mark.heavy
 def test_the_generic_solver_does_not_run_against_the_clock() -> None:
     with pytest.raises(RunError, match="real-time runs need generated code"):

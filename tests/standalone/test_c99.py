@@ -275,7 +275,8 @@ REFUSED: dict[str, tuple[Callable[[str], str], list[str], str]] = {
     ),
     "method": (str, ["--method", "augmented"], "language c99: method 'augmented' has no C99; use recursive"),
     "integrator": (str, ["--integrator", "rk4"], ": language c99: integrator 'rk4' has no C99; use --integrator trapezoidal"),
-    "iterations": (str, ["--iterations", "101"], "iterations: C99 code takes at most 100 in a step; a smaller dt needs fewer"),
+    "iterations": (str, ["--iterations", "101"], "Invalid value for '--iterations': 101 is above 100; write a smaller number"),
+    "step": (str, ["--dt", "0.5ms"], "no option --dt: write numerics: {dt: 0.5ms} into the scene; C++ code also has NAME_set_step"),
     "poses": (str, ["--poses"], "--poses does not apply to --language c99, which has steps and outputs alone"),
 }  # fmt: skip
 

@@ -31,7 +31,13 @@ WASM = "wasm"
 C99 = "c99"
 
 
+def _refuse_dt(ctx: click.Context, param: click.Parameter, value: str | None) -> None:
+    if value is not None:
+        raise click.UsageError(f"no option --dt: write numerics: {{dt: {value}}} into the scene; C++ code also has NAME_set_step", ctx)
+
+
 @table.command("compile")
+@click.option("--dt", hidden=True, expose_value=False, callback=_refuse_dt)
 def command(
     model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, adjoint: bool, poses: bool,
     external_wrenches: tuple[str, ...], terrain: tuple[str, ...], tunable: tuple[str, ...], functions: Path | None, hosted: bool,

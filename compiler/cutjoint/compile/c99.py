@@ -8,13 +8,12 @@ from typing import Any
 
 from cutjoint.compile.c_export import Standalone, choose_steps, freeze_start_parameters, make_standalone
 from cutjoint.compile.pipeline import generate
-from cutjoint.emit.c99 import ITERATIONS, MOST_ITERATIONS, Start, emit_c99
+from cutjoint.emit.c99 import ITERATIONS, Start, emit_c99
 from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.inputs import guided_by, input_parameters
 from cutjoint.methods import INTEGRATORS, METHODS, Events, join_or, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.run.settings import require_settings
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.toolchain.wasm import build_matching_library, mathematics
 
@@ -64,9 +63,6 @@ def make_c99(model: Model, scene: Scene, *, method: str, integrator: str | None 
         ToolchainError: there is no C++ compiler, which the start needs.
     """
     require_c99(model, scene, method, integrator)
-    require_settings(iterations=iterations)
-    if iterations is not None and iterations > MOST_ITERATIONS:
-        raise RunError(f"iterations: C99 code takes at most {MOST_ITERATIONS} in a step; a smaller dt needs fewer")
     find_compiler()  # raises an error without a compiler
     model = freeze_start_parameters(model, scene)
     standalone = make_standalone(

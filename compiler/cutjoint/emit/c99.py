@@ -11,6 +11,7 @@ from cutjoint.emit.standalone import Mathematics, prepare
 from cutjoint.emit.statuses import STATUSES
 from cutjoint.emit.view import FunctionView, Viewer
 from cutjoint.methods import CLOSURES
+from cutjoint.model.ranges import RANGES
 from cutjoint.package.locations import licence
 
 #: The functions of a mechanism that steps of fixed cost call, with loops and where these are projected.
@@ -19,8 +20,8 @@ _CALLED, _WITH_LOOPS, _PROJECTED = ("scene_inputs", "evaluate", "report"), ("con
 #: The statuses of such steps.
 _CAUSES = ("diverged", "loops_violated", "limit_exceeded")
 
-#: The iterations of a step unless others are given, and the most that a host can set.
-ITERATIONS, MOST_ITERATIONS = 6, 100
+#: The iterations of a step unless others are given.
+ITERATIONS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +57,7 @@ def emit_c99(
     assert isinstance(sizes, Mapping)
     view |= {
         "banner": f"/* {page.banner[0]} */", "functions": functions, "records": records_of(viewer), "start": start.texts,
-        "input_values": equations.input_values, "iterations": iterations, "most_iterations": MOST_ITERATIONS,
+        "input_values": equations.input_values, "iterations": iterations, "most_iterations": RANGES["c99_iterations"]["most"],
         "projected": projected, "charts": equations.charts, "libm": libm,
         "balls": any(chart.ball for chart in equations.charts), "statuses": [STATUSES[cause] for cause in _CAUSES],
         "chooses": any("choose(" in line for line in bodies),

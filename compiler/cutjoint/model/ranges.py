@@ -27,6 +27,7 @@ RANGES: Mapping[str, Mapping[str, float]] = {
     "loop_terms": {"least": 6, "most": 60},
     "spectral_radius": {"least": 0.0, "most": 1.0},
     "iterations": {**_INTEGER, "above": 0.0},
+    "c99_iterations": {"least": 1, "most": 100},
     "multiplier_updates": _INTEGER,
     "threads": {"above": 0.0, "most": 4096},
     "replay": {"least": 0},
@@ -56,8 +57,8 @@ PLACES = frozenset({"accuracy", "tolerance", "steer_travel"})
 #: Settings that count something.
 WHOLE = frozenset(
     {
-        "iterations", "multiplier_updates", "loop_terms", "threads", "replay", "replays", "repetitions", "points", "priority",
-        "processor", "live",
+        "iterations", "c99_iterations", "multiplier_updates", "loop_terms", "threads", "replay", "replays", "repetitions", "points",
+        "priority", "processor", "live",
     }
 )
 

@@ -231,10 +231,22 @@ def _judged(
         errors = {name: max(error, difference.get(name, 0.0)) for name, error in errors.items()}
         converged = converged and closed is not None and (plan.goal is None or _meets_goal(run, errors, plan.goal))
         warnings.append(describe_violation(violation, is_known=closed is not None))
+    if run.failure is None and inf in errors.values():
+        warnings.append(_describe_failure_of_finer(plan))
     return ErrorEstimate(
         max_error=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)),
         rough=tuple(dict.fromkeys((*_find_rough(run, errors), *slow))), goal=plan.goal,
     )  # fmt: skip
+
+
+def _describe_failure_of_finer(plan: SimulatorRun) -> str:
+    """The failure of a run with finer steps, with settings that continue past it; "" if it completes."""
+    finer = _finer(plan, _change_of(plan), 1)
+    try:
+        failure = retry_failed(finer, start(finer), start, allow_switch=False, advise=True).failure
+    except SimulatorError as error:
+        return f"with finer steps: {error}"
+    return "" if failure is None else f"with finer steps: {failure}"
 
 
 _ANGLES = ("rad", "mrad", "deg")

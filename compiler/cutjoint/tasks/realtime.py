@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -123,6 +123,8 @@ def run_in_real_time(
             summary = call_simulator(artifact.binary.path, {**run_file.entries(), **tables.places})
         _, columns = columns_of(tables.rows(3), ("duration", "lateness"), summary.get("rows", 0))
         failure = failure_of(summary)
+        if failure is not None and failure.message.startswith("the fixed point did not converge"):
+            failure = replace(failure, advice=f"{failure.advice}; or --iterations 6, a fixed number in each step, converged or not")
         table = tables.finish(summary.get("bytes")) if failure is None else tables.leave(str(failure))
     times = StepTimes(period=run_file.settings.dt, durations=columns["duration"], lateness=columns["lateness"], failure=failure,
         table=table)

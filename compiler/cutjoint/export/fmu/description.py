@@ -216,9 +216,10 @@ class Unit:
 
 
 def describe_unit(name: str) -> Unit | None:
-    """The unit of that name; None for plain numbers."""
+    """The unit of that name, in one spelling; None for plain numbers."""
     if name in ("", "1"):
         return None
+    name = re.sub(r"\s*([*/])\s*", r"\1", name.replace("**", "^").replace("Nms", "N*m*s").replace("Nm", "N*m")).replace(" ", "*")
     found, turns = measure(1.0, name), _power_of(name, _ANGLES)
     dimension = found.dimension
     powers = dict(zip(BASE_UNITS, (*dimension.exponents, Fraction(turns)), strict=True))
