@@ -1,7 +1,7 @@
 /* The Iltis on a terrain of its host, against the clock: a timer wakes it each 5 ms; it takes the last command that has come by UDP, gives each wheel
    the ground under it, takes a step of fixed cost, and sends where it is.  It never waits for its driver.
 
-       cutjoint compile models/iltis.yaml --scene simul3 --ground '*' --poses --out iltis
+       cutjoint compile models/iltis.yaml --scene simul3 --terrain '*' --poses --out iltis
        cmake -S iltis -B iltis/out && cmake --build iltis/out
        cc -Iiltis examples/paced_vehicle.c iltis/out/libiltis.a -lm -lmvec -o paced_vehicle
        python examples/udp_driver.py ./paced_vehicle 10

@@ -15,9 +15,8 @@ MODEL = Path(__file__).with_name("every_part.yaml")
 
 HEAD = """# C reference
 
-The interface of exported code, as its header declares it. `cutjoint compile MODEL --out FOLDER` writes the header with the name of
-the model in place of `NAME` and `name`. [Embed a model in C](../how-to/embed-in-c.md) shows the calls in order.
-A header has the status codes that its method can return.
+The header that `cutjoint compile` writes, with the model's name in place of `NAME` and `name`. A header has only the calls and status
+codes of its model, method and options. [Embed a model in C](../how-to/embed-in-c.md) shows the calls in order.
 """
 
 

@@ -19,7 +19,6 @@ from cutjoint.methods import (
     METHODS,
     PRECISIONS,
     SOLVERS,
-    STEPS,
     Events,
     Formulation,
     Implementation,
@@ -213,15 +212,10 @@ OPTIONS: Mapping[str, Row] = {
     "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver of the Lagrangian methods. Default: emitted; for "
         f"generic a library's{_packages(SOLVERS.added)}."),
     "integrator": click.option("--integrator", type=_RULES,
-        help=f"Integrator; {'; '.join(f'{method} has {join_and(names)}' for method, names in STEPS.items())}. Default: the scene's; "
-        f"else {DEFAULT_INTEGRATOR} with --dt; else an adaptive one that meets the accuracy."),
+        help=f"Integrator of the method. Default: the scene's; else {DEFAULT_INTEGRATOR} if dt is given; else an adaptive one."),
     "batch.integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.batch)),
         help="Integrator with equal steps for all runs, in lanes. Default: the scene's."),
-    **dict.fromkeys(("couple.integrator", "gradient.integrator"),
-        click.option("--integrator", type=_RULES, help=f"Integrator. Default: the scene's; {DEFAULT_INTEGRATOR} with dt; else adaptive.")),
     "compile.integrator": click.option("--integrator", type=_RULES, help=f"Integrator. Default: the scene's, else {DEFAULT_INTEGRATOR}."),
-    "export.integrator": click.option("--integrator", type=_RULES,
-        help=f"Integrator of an FMU. Default: the scene's; else {DEFAULT_INTEGRATOR} if the scene has dt; else adaptive."),
     "events": click.option("--events", type=click.Choice([x.value for x in Events]),
         help="located: steps end where a force changes its formula; crossed: steps pass over. Default: the scene's; else "
         f"crossed for {join_and(names_of(INTEGRATORS, lambda i: i.events is Events.CROSSED))}, located for others."),

@@ -117,7 +117,7 @@ def _facts(times: StepTimes) -> Table:
     table.add_row("missed deadlines", f"{times.missed}{latest}")
     if times.missed:
         table.add_row("", f"{times.missed_by_steps} of them by the duration of the step, the others because it began late")
-    table.add_row("latest begin", _share_of_period(float(times.wakeup_latency.max()), times.period))
+    table.add_row("wake-up latency", _share_of_period(float(times.wakeup_latency.max()), times.period))
     return table
 
 
