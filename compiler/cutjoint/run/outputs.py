@@ -60,7 +60,7 @@ def resolved(path: Path) -> Path:
 
 def is_stream(path: Path) -> bool:
     """Return whether a path leads to a device, a pipe or an open descriptor: it is written to but never replaced."""
-    return descriptor_of(path) is not None or (path.exists() and not path.is_file() and not path.is_dir())
+    return descriptor_of(path) is not None or (os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path))
 
 
 def descriptor_of(path: Path) -> int | None:
