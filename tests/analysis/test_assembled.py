@@ -148,7 +148,7 @@ scenes:
 def test_a_guided_coordinate_moves_an_assembly(monkeypatch: pytest.MonkeyPatch) -> None:
     model = read_model_text(STEERED, "corner.yaml")
     left = embed_loops(model, model.scenes["steer"]).left
-    assert left[0].text.startswith("stays in a loop: its guide moves, and functions of two numbers with 9")
+    assert left[0].text.startswith("stays exact: its guide moves, and functions of two numbers with 9")
     monkeypatch.setattr("cutjoint.analysis.embedding.embed.DEAREST", 10_000)
     monkeypatch.setattr("cutjoint.analysis.embedding.embed._KEPT", {})
     differences = apart(model, model.scenes["steer"])
@@ -288,7 +288,7 @@ def test_blocks_that_stay_say_why(text: str, reason: str) -> None:
     model = read_model_text(text, "swing.yaml")
     outcome = embed_loops(model, next(iter(model.scenes.values())))
     assert not outcome.model.embedded_loops
-    assert [note.text for note in outcome.left] == [f"stays in a loop: {reason}"]
+    assert [note.text for note in outcome.left] == [f"stays exact: {reason}"]
 
 
 @pytest.mark.parametrize("text", [four_bar(0), spatial(0), STEERED], ids=["plane", "spatial", "steered"])

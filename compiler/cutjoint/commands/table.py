@@ -274,7 +274,7 @@ OPTIONS: Mapping[str, Row] = {
     "weight": _one_of("--weighting", "weight", names=_of("cutjoint.stepping.vibration", "WEIGHTINGS"), default="Wk", show_default=True,
         help="Frequency weighting of accelerations by ISO 2631-1: vertical (Wk), horizontal (Wd), back (Wc)."),
     "by": click.option("--by", metavar="NAME", multiple=True,
-        help="A parameter, an input (shifted by a constant) or an initial state. Default: all parameters and inputs."),
+        help="A parameter, an input (shifted by a constant) or an initial state; repeat for several. Default: all parameters and inputs."),
     "objective": click.option("--objective", type=click.Choice(["end", "integral", "mean", "rms", "maximum", "minimum", "start",
         "equilibrium",
         "event", "modes"]), default="end", show_default=True,

@@ -110,7 +110,7 @@ def _put_in(model: Model, found: Sequence[_Embedded]) -> Model:
 
 
 def _stays(block: Block, reason: str) -> Note:
-    return Note(element=block.joints[0].name, text=f"stays in a loop: {reason}", span=block.joints[0].span)
+    return Note(element=block.joints[0].name, text=f"stays exact: {reason}", span=block.joints[0].span)
 
 
 def _embedded(found: _Embedded) -> Note:
