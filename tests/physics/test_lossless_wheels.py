@@ -147,7 +147,7 @@ outputs"""
 @pytest.mark.parametrize("lossless", [0, 1])
 def test_check_reports_the_power_that_a_file_makes(lossless: int) -> None:
     text = re.sub(r"wheel_brush\}.*outputs", MAGIC_FORMULA, BENCH, flags=re.DOTALL).replace("LINEAR", str(lossless))
-    found = re.findall(r"the torque of the file makes (\S+) %", " ".join(read_model_text(text.replace("OUTPUTS", "hub.x"), "m.yaml").notes))
+    found = re.findall(r"the tyre gains (\S+) %", " ".join(read_model_text(text.replace("OUTPUTS", "hub.x"), "m.yaml").notes))
     sinking = 4000 / 210000
     loaded, rolling = 0.316 - sinking, 0.316 - sinking * (0.25 * np.arctan(8) + 0.07)
     assert [float(x) for x in found] == ([] if lossless else [pytest.approx(100 * (1 - loaded / rolling), rel=0.02)])
