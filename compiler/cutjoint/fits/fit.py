@@ -51,7 +51,7 @@ class SignalResult:
 class Fit:
     """The result of a fit, in SI units; ``fit["name"]`` is the value of a parameter.
 
-    It has ``values``, standard ``deviations``, 95 % ``intervals`` (parameters, 2), ``correlations`` and ``numbers`` of models by name;
+    It has ``values``, standard ``deviations``, 95 % ``intervals`` (parameters, 2), ``correlations`` and ``numbers`` by name, tied ones too;
     ``before`` and ``after`` say what data leave open, at the start and at the result.  ``faults`` has the
     verdict: nothing, or "not converged", "not identified" or "residual not white" with details."""
 

@@ -29,8 +29,8 @@ def load(
     """Compile a model or its file for stepping, or find it in the cache; `Simulation.reset` comes next.
 
     Args:
-        method, integrator: names of docs/reference/integrators.md; default: recursive, and the scene's integrator, else dormand-prince,
-            or trapezoidal with a ``dt`` of the scene.
+        method, integrator: names of docs/reference/integrators.md; default: recursive, and the scene's integrator, else trapezoidal
+            if the scene has a ``dt``, or dormand-prince.
         tunable: patterns; constants whose names match become parameters.
         linearise, adjoint: generate derivatives; compiling takes several times as long.
         poses: generate poses of bodies, markers and wheel contacts.

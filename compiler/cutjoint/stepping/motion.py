@@ -26,7 +26,7 @@ class Motion(Handle):
         self, *, coordinates: Mapping[str, float] | None = None, speeds: Mapping[str, float] | None = None, dt: float | None = None,
         iterations: int | None = None, tolerance: float | None = None, equilibrium: bool | None = None,
     ) -> Self:  # fmt: skip
-        """Start at time 0 from the scene's start, and return the simulation; settings given here and chosen coordinates stay.
+        """Start at time 0 from the scene's start, and return the simulation; settings and chosen independent coordinates stay.
 
         Args:
             coordinates, speeds: other initial values (SI units) of joints of the spanning tree, for this start alone.

@@ -475,7 +475,7 @@ class SampledStateSpace(LinearModel):
         """Matrices A, B, C, D of the discrete model over the period, with held inputs, and outputs right after the samples at its start.
 
         Raises:
-            ValueError: an output follows derivatives of an input, or the inputs are to be these.
+            ValueError: an output follows derivatives of an input, or ``by`` is not "value".
         """
         if by != "value":
             raise ValueError(f"by: the inputs of a sampled loop have a zero-order hold, and no {by}; leave it out")

@@ -148,7 +148,7 @@ class States(Motion):
 
     @property
     def constraint_jacobian(self) -> Array:
-        """Jacobian (equations, velocities) of the loop equations; of natural coordinates also of the bodies' equations.
+        """Jacobian (equations, velocities) of the loop equations; in natural coordinates also of rigid-body constraints.
 
         Raises:
             SimulationError: there was no `reset`.
@@ -184,7 +184,7 @@ class States(Motion):
 
     @property
     def is_ill_conditioned(self) -> bool:
-        """Whether to call `choose_independent` again: the choice is ill-conditioned, or a ball has rotated by more than 1 rad.
+        """Whether to call `choose_independent` again: the choice is ill-conditioned, or a ball joint has rotated over 1 rad.
 
         Raises:
             TypeError: the model was loaded without derivatives.

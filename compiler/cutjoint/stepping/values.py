@@ -211,7 +211,7 @@ class EigenvalueSensitivities:
 
     @property
     def frequencies(self) -> tuple[Array, Array]:
-        """Natural frequencies (Hz, (modes,)), 0 of real eigenvalues, and their derivatives (modes, by)."""
+        """Damped frequencies (Hz, (modes,)), 0 for real eigenvalues, and their derivatives (modes, by)."""
         return self.values.imag / (2 * np.pi), self.derivatives.imag / (2 * np.pi)
 
 
