@@ -192,7 +192,7 @@ def test_the_command_prints_them_and_checks(tmp_path: Path) -> None:
     assert float(rows["g"][1]) == pytest.approx(2 * values[1] / (2 * 9.81), rel=1e-4)  # six printed digits
     assert float(re.findall(r"differences: ([\d.e-]+) of the largest", done.output)[0]) < 1e-8
     wrong = CliRunner().invoke(main, [*call, "--by", "h"])
-    assert (wrong.exit_code, "no 'h'" in wrong.output) == (1, True)
+    assert (wrong.exit_code, "no parameter or input 'h'" in wrong.output) == (1, True)
 
 
 @pytest.mark.parametrize("loops", [Loops.EXACT, Loops.EMBEDDED])

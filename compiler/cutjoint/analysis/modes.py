@@ -53,7 +53,7 @@ class Mode:
 
     @property
     def damping_ratio(self) -> float:
-        """Damping as a share of the critical one: one of a decay without oscillation, negative of a growth."""
+        """Damping as a share of critical damping: 1 for a decay without oscillation, negative for growth."""
         return 0.0 - self.eigenvalue.real / abs(self.eigenvalue)
 
     @property

@@ -208,8 +208,8 @@ OPTIONS: Mapping[str, Row] = {
     "implementation": click.option("--implementation", type=click.Choice([AUTO, *(x.value for x in Implementation)]), default=AUTO,
         show_default=True, envvar="CUTJOINT_IMPLEMENTATION",
         help="generated: C++ for the model. interpreted: the same equations without a compiler. generic: a handwritten solver of "
-        "cutjoint-bench. auto: generated; on a terminal, interpreted while compiling takes longer than 2 s."),
-    "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver of the Lagrangian methods. Default: emitted; for "
+        "cutjoint-bench. auto: generated; on a terminal, interpreted meanwhile if compiling takes over 2 s."),
+    "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver, except for recursive. Default: emitted; for "
         f"generic a library's{_packages(SOLVERS.added)}."),
     "integrator": click.option("--integrator", type=_RULES,
         help=f"Integrator of the method. Default: the scene's; else {DEFAULT_INTEGRATOR} if dt is given; else an adaptive one."),

@@ -19,7 +19,7 @@ class CompileOptions:
         outputs: instead of those of the scene.
         lanes: whether isomorphic subtrees are evaluated side by side.
         additions: solvers and integrators of other packages that the simulator has too.
-        out: a folder for a C export, which the choices below are of; ``integrator``: another one than the scene's.
+        out: a folder for a C export, which alone has the choices below; ``integrator``: in place of the scene's.
         linearise, adjoint, poses: whether it has derivatives, adjoint sensitivities, poses of bodies, markers and wheels.
         external_wrenches, terrain: patterns of bodies and markers with a force and a torque as inputs; of wheels whose ground is an input.
         reproducible: whether it brings its own mathematical library, for the same bits on all processors.

@@ -78,7 +78,7 @@ class Derivatives(Linear):
                 expands to all its values ``name[0]``, ``name[1]``, ...; ``name.rate`` to the rates of its table.
 
         Raises:
-            TypeError: the model was loaded without derivatives, or steps go over events that are asked for.
+            TypeError: the model was loaded without derivatives, or ``events`` > 0 and steps do not end at events.
             KeyError: there is no such output, parameter or input, or the coordinate is not independent.
             ValueError: ``every`` does not divide the steps, steps are negative, or ``events`` > 0 and ``by`` is empty.
             SimulationError: a step failed, an event has no derivative, or there was no `reset`; the state before the step stays.
@@ -198,7 +198,7 @@ class Derivatives(Linear):
         Raises:
             TypeError: the model was loaded without derivatives.
             KeyError: there is no such output, parameter or input.
-            ValueError: the present state is not the start, or a number is at a non-smooth point; or the start is trimmed.
+            ValueError: the present state is not the start, the start is trimmed, or not smooth in a parameter or input.
             SimulationError: no start was found, or the pose is singular.
         """
         require_list("by", by)

@@ -89,7 +89,7 @@ class Motion(Handle):
         """Take steps up to a time (s) or the first event, and return the event's element or None.
 
         Raises:
-            TypeError: steps go over events.
+            TypeError: steps do not end at events.
             SimulationError: a step failed, the time has passed, or there was no `reset`.
         """
         self._require(self.library.steps.finds_events, OVER_EVENTS)

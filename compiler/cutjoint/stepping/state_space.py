@@ -157,7 +157,7 @@ class LinearModel:
         return np.sort_complex(np.where(np.abs(found) < 1e-6 * least, 0.0, found)[kept].astype(np.complex128))
 
     def peak(self, output: str, input: str, frequencies: Array | None = None) -> Peak:
-        """Largest gain from an input to an output; of a stable model over a range that covers its poles the H-infinity norm."""
+        """Largest gain from an input to an output; the H-infinity norm if stable and the range covers the poles."""
         nodes = self.frequencies() if frequencies is None else np.asarray(frequencies)
         own = np.concatenate([np.abs(self.rates), np.abs(self.rates.imag)]) / (2 * np.pi)
         grid = np.union1d(nodes, own[(own > nodes[0]) & (own < nodes[-1])])
@@ -173,7 +173,7 @@ class LinearModel:
         return found
 
     def bandwidth(self, output: str, input: str, frequencies: Array | None = None) -> float:
-        """Frequency (Hz) from which the gain is more than 3 dB below that at the lowest one; infinity without one."""
+        """Lowest frequency (Hz) at which the gain is 3 dB below that at the first one; infinity if it never is."""
         grid, gain = self.frequencies() if frequencies is None else np.asarray(frequencies), self._gain(output, input)
         below = np.abs(gain(grid)) ** 2 * 2 - np.abs(gain(grid[:1])) ** 2
         if not (below < 0.0).any():
@@ -242,7 +242,7 @@ class StateSpace(LinearModel):
         x, y: (n,), (outputs,) the states and outputs about which it holds; `simulation.states.array - x` is the change.
         states, inputs, outputs: names; states are independent coordinates, their rates, first-order states.
         units: by the names of inputs and outputs.
-        places: x and y (m) of inputs that are heights at one place.
+        places: x and y (m) of inputs that are the height under one wheel or move one joint.
     """
 
     A: Array
@@ -274,7 +274,7 @@ class StateSpace(LinearModel):
         return np.asarray(self.C @ states + self.D + s * self.D_rate + s * s * self.D_acceleration, dtype=np.complex128)
 
     def choose(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> "StateSpace":
-        """The model with some of its inputs and outputs, in the order of their names.
+        """The model with the named inputs and outputs in the order given; None: all.
 
         Raises:
             KeyError: there is no such input or output.

@@ -23,12 +23,12 @@ class Tolerance:
 
     Attributes:
         mean, deviation: of the Monte Carlo runs that have a value.
-        first_mean, first_deviation, second_mean: by first order, and the mean by second order of independent variables.
+        first_mean, first_deviation, second_mean: by first order; the mean by second order, for independent variables.
         gradient: (variables,) derivatives at the means, by central differences.
         deviations: (variables,) standard deviations of the variables.
         shares: (variables,) parts of the variance by first order; they add up to one.
-        quantiles: of `QUANTILES`, by Monte Carlo.
-        passed, first_passed: parts of the runs within limits, of a normal distribution by first order; NaN without limits.
+        quantiles: at 0.00135, 0.05, 0.5, 0.95 and 0.99865, by Monte Carlo.
+        passed, first_passed: share within the limits, of the runs and by first order (normal); NaN without limits.
         runs: Monte Carlo runs that count.
     """
 
@@ -48,7 +48,7 @@ class Tolerance:
     runs: int
 
     def cheapest(self, limits: tuple[float, float], costs: Mapping[str, float], *, wanted: float = 0.9973) -> dict[str, float]:
-        """Standard deviations of independent variables with the least sum of ``costs`` over deviations, at a yield by first order.
+        """Standard deviations with the least sum of cost/deviation at a yield, by first order for independent variables.
 
         Variables without a cost keep theirs.
 

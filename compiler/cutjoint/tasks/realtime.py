@@ -31,8 +31,9 @@ from cutjoint.toolchain.compiler import find_compiler
 class StepTimes:
     """Times of steps that were begun ``period`` (s) apart.
 
-    ``durations`` (n,) is how long each lasted and ``lateness`` (n,) how long after the next one was due it ended, in s; negative where it
-    was in time.  A run that failed has the steps up to then.  ``table`` is the file that has the times, if there is one.
+    ``durations`` (n,) is how long each lasted, ``lateness`` (n,) its end less the time at which the next was due, in s;
+    negative where it was in time.  A run that failed has the steps up to then.
+    ``table`` is the file that has the times, if there is one.
     """
 
     period: float
@@ -58,7 +59,7 @@ class StepTimes:
 
     @property
     def wakeup_latency(self) -> NDArray[np.float64]:
-        """The time (n,), in s, from when each step could begin, being due with the one before ended, to when it began."""
+        """Delay (n,), in s, of each step's start after the step was due and the previous one had ended."""
         begun: NDArray[np.float64] = self.lateness - self.durations + self.period
         before = np.concatenate([np.zeros(1), np.maximum(self.lateness[:-1], 0.0)])[: begun.size]
         woke: NDArray[np.float64] = np.maximum(begun - before, 0.0)

@@ -42,7 +42,7 @@ class Contact(Force):
         fields=(
             ForceField("bodies", Shape.BODIES), ForceField("at", Shape.POINT, words=" of the plane or the axis"),
             ForceField("normal", Shape.DIRECTION, None, words=" of a plane, towards the ball"),
-            ForceField("along", Shape.DIRECTION, None, words=" of the first component on a plane, any if left out"),
+            ForceField("along", Shape.DIRECTION, None, words=": x axis on a plane, any if left out"),
             ForceField("axis", Shape.DIRECTION, None, words=" of a cylinder"),
             ForceField("cylinder", Shape.NUMBER, None, words=" (its radius)", unit="m"), ForceField("inside", Shape.SWITCH, False),
             ForceField("centre", Shape.POINT, words=" of the ball"), ForceField("radius", Shape.NUMBER, 0, words=" of the ball", unit="m"),

@@ -30,10 +30,10 @@ class JointFriction(OnJoint):
             ForceField("coefficient", Shape.NUMBER, words=" of sliding"),
             ForceField("static", Shape.NUMBER, None, words=" static coefficient (default: that of sliding)"),
             ForceField("stribeck_speed", Shape.NUMBER, None, words=": Stribeck velocity of the decay to the sliding value", unit="m/s"),
-            ForceField("radius", Shape.NUMBER, None, words=" of the bearing, on an angle", unit=_OF_LOAD["radius"]),
+            ForceField("radius", Shape.NUMBER, None, words=" of the bearing, in rotation", unit=_OF_LOAD["radius"]),
             ForceField("arm", Shape.NUMBER, None, words=": the bending moment divided by it adds to the load", unit=_OF_LOAD["arm"]),
             ForceField(
-                "thrust_radius", Shape.NUMBER, None, words=" radius at which axial forces cause friction, on an angle",
+                "thrust_radius", Shape.NUMBER, None, words=" radius at which axial forces cause friction, in rotation",
                 unit=_OF_LOAD["thrust_radius"],
             ),
             ForceField("preload", Shape.NUMBER, 0, words=" constant part of the load", unit=_OF_LOAD["preload"]),

@@ -118,9 +118,9 @@ _LOOSE = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class AxleCompliance:
-    """Changes of an axle's wheels by loads on them at the static equilibrium, by "wheel.load.change": of each wheel by its own load.
+    """Change of each wheel of an axle per unit of its own load at the static equilibrium, by "wheel.load.change".
 
-    ``units`` are those of the change by that of the load.
+    ``units`` are of the change per unit of load.
     """
 
     axle: Axle
