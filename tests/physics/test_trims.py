@@ -308,7 +308,7 @@ scenes:
         (SLED, "    end: 1\n", "    end: 1\n    inputs: {throttle: 0.1*t}\n", "the scene's law of the input 'throttle' is no number"),
         (SLED, "    end: 1\n", "    end: 1\n    pose: equilibrium\n", "a trim finds the pose of rest itself; remove 'pose: equilibrium'"),
         (SLED, "{throttle: [0, 1]}", "{target: [0, 1]}", "trim: bounds: 'target' is not to be found; list it under 'find' too"),
-        (SLED, "{start: 0 m,", "{start: 0 m, bounds: [2 m, 1 m],", "m.yaml:14:34: state 'far': its bounds do not ascend; write [least, "),
+        (SLED, "{start: 0 m,", "{start: 0 m, bounds: [2 m, 1 m],", "its bounds do not ascend; write [least, "),
         (SLED, "{start: 0 m,", "{start: 0 m, bounds: [0, 1 s],", "state 'far': "),
         (SLED, "[0, 1]", "[1, 0]", "trim: bounds: those of 'throttle' do not ascend; write [least, largest]"),
     ],
