@@ -17,7 +17,7 @@ from cutjoint.analysis.modes import Modes, eigenpairs, find_mode_shapes
 from cutjoint.cli import main
 from cutjoint.formulate.implicit.equations import ImplicitEquations
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.report.tasks import mode_tables
+from cutjoint.report.tasks import mode_tables, participants
 from cutjoint.run.scenes import find_scene
 from cutjoint.tasks.states import find_scene_modes
 from tests.analysis.linearised import Array, implicit, linearised
@@ -404,3 +404,37 @@ def test_controllers_that_are_held_are_named(tmp_path: Path) -> None:
         assert ("'loop': sampled values are held constant" in " ".join(done.output.split())) == bool(held)
         found = json.loads(out.read_text())
         assert (found["frozen_controllers"], bool(found["modes"])) == (held, not held)
+
+
+STANDING = """
+cutjoint: 1
+name: stands
+gravity: [0, 0, -9.81]
+bodies: {carrier: {mass: 350, centre_of_mass: [0, 0, 0.3], inertia: [1, 1, 1]}}
+joints: {heave: {kind: prismatic, bodies: [ground, carrier], at: [0, 0, 0.3], axis: [0, 0.2, 1]}}
+forces: {damper: {kind: joint_force, joint: heave, law: -2000*rate}}
+submodels: {wheel: {include: library/wheel_brush}}
+instances:
+  w:
+    use: wheel
+    connect: {carrier: carrier}
+    with: {x: 0, y: 0, z: 0.3, radius: 0.3, mass: 15, spin_inertia: 1, cross_inertia: 0.6, stiffness: 2e5, slip_stiffness: 60000,
+      cornering_stiffness: 40000}
+scenes: {rest: {end: 1}}
+"""
+
+
+@needs_cpp
+def test_zeros_of_a_standing_wheel() -> None:
+    """It stands as well turned, and with any side shear of its tread, rolling and brake; heave, which shear moves, has a mode."""
+    model = read_model_text(STANDING, "m.yaml")
+    modes = find_scene_modes(model, find_scene(model, None))
+    assert sorted(modes.rigid_body_modes) == ["w.rolling.bearing.angle", *(f"w.rolling.{s}.value" for s in ("held", "rolled", "shear_y"))]
+    assert (modes.degrees_of_freedom, modes.zeros) == (2, 4)
+    assert abs(modes.rigid_body_modes["w.rolling.shear_y.value"]["heave.displacement"].amplitude) > 1e-3
+    text = [made for made in mode_tables(modes) if isinstance(made, str)]
+    assert text == ["rigid-body modes and states that nothing restores, with 4 eigenvalues of zero: w.rolling.bearing.angle; "
+                    "w.rolling.shear_y.value, w.rolling.rolled.value, w.rolling.held.value"]  # fmt: skip
+    shown = [dict(participants(mode.shape)) for mode in modes.modes]
+    assert ["heave.displacement"] in [[*each] for each in shown]
+    assert all(("%" in amplitude) is not name.endswith(".value") for each in shown for name, amplitude in each.items())

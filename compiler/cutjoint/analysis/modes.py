@@ -31,8 +31,8 @@ class Participant:
     """The part of one coordinate in a mode.
 
     ``amplitude`` is relative to that of the coordinate with the largest share, in SI units (m, rad), its phase that by which the
-    coordinate is ahead; ``share`` is its part of the mode's kinetic energy, coordinate times momentum: shares add up to one, and one
-    may be negative.
+    coordinate is ahead; ``share`` is its part of the mode's kinetic energy, coordinate times momentum, to which squares of first-order
+    states are added: shares add up to one, and one may be negative.
     """
 
     amplitude: complex
@@ -67,11 +67,11 @@ class Mode:
 class Modes:
     """The modes by the size of their eigenvalues.
 
-    ``rigid_body_modes`` are the directions, each named by its largest coordinate, without restoring force: rigid-body motions and
-    coordinates without spring. ``zeros`` counts the eigenvalues of zero, two for a direction with constant drift, one where a damper stops
-    it. ``undamped`` are the modes of mass and stiffness alone, of a state at rest; a positive real one there means that the state is
-    unstable. ``q`` are the tree's coordinates of the state. ``frozen_controllers`` names controllers; their discrete states are frozen. A
-    ``steady`` state is trimmed without accelerations.
+    ``rigid_body_modes`` are the directions without restoring force, each named by its largest coordinate: rigid-body motions and
+    coordinates without spring; those in which a first-order state changes are named by the state. ``zeros`` counts the eigenvalues of
+    zero, two for a direction with constant drift, one where a damper stops it. ``undamped`` are the modes of mass and stiffness alone,
+    of a state at rest; a positive real one there means that the state is unstable. ``q`` are the tree's coordinates of the state.
+    ``frozen_controllers`` names controllers; their discrete states are frozen. A ``steady`` state is trimmed without accelerations.
     """
 
     time: float
@@ -195,11 +195,13 @@ def _followed(of: Linearisation) -> NDArray[np.bool_]:
 
 
 def _rigid_body_modes(of: Linearisation, x: Array) -> Iterator[tuple[str, Mapping[str, Participant]]]:
-    """Combinations of the columns of x (speeds, directions) of which each has a coordinate of its own."""
-    directions = x.shape[1]
+    """Combinations of the columns of x (speeds, directions) of which each has a coordinate of its own, or a state where states change."""
+    directions, first = x.shape[1], len(of.M) - of.states
     sizes, rest, dominants = np.sqrt(of.M.diagonal().clip(0.0)), x.copy(), []
     for _ in range(directions):
-        dominant = int((np.linalg.norm(rest, axis=1) * sizes).argmax())
+        lengths = np.linalg.norm(rest, axis=1) * sizes
+        with_states = lengths[first:].max(initial=0.0) > _PART * lengths.max()
+        dominant = int(first + lengths[first:].argmax() if with_states else lengths[:first].argmax())
         dominants.append(dominant)
         along = rest[dominant] / np.linalg.norm(rest[dominant])
         rest -= np.outer(rest @ along, along)

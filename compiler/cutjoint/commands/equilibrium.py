@@ -3,6 +3,8 @@
 from pathlib import Path
 
 from cutjoint.commands import options, table
+from cutjoint.model.files.referenced import SHIPPED
+from cutjoint.model.records import VALUE
 from cutjoint.report.tables import locking_force_facts, trim_facts
 from cutjoint.report.tasks import describe_stability, force_table, pose_table
 from cutjoint.run.outputs import require_apart
@@ -13,7 +15,9 @@ from cutjoint.view.views import write_shown
 
 
 @table.command("equilibrium")
-def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], stability: bool, view: Path | None) -> None:
+def command(
+    model: Path, scene: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], stability: bool, verbose: bool, view: Path | None
+) -> None:  # fmt: skip
     """Find the static equilibrium of MODEL, or solve the scene's trim, and print every body's pose and every element's force."""
     require_apart({"the model": model}, documents=[("--view", view)])
     parameters = options.read_parameters(changes)
@@ -22,7 +26,12 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: t
     with options.progress_bar(f"compiling {model.name}"):
         found = find_scene_equilibrium(checked, chosen, parameters=parameters)
     options.out.print(pose_table(found))
-    options.out.print(force_table(found))
+    places = {e.name: e.span for e in checked.states} | {e.name: e.span for e in checked.signals}
+    inner = {f"{name}.{VALUE}" for name, span in places.items() if span.file.startswith(SHIPPED) and not verbose}
+    inner -= {f"{output.element}.{output.quantity}" for output in chosen.outputs}
+    options.out.print(force_table(found, inner))
+    if inner:
+        options.out.print(f"not printed: {len(inner)} states and signals of library elements; --verbose prints them")
     for name, value in [*locking_force_facts(found.locking_forces), *(trim_facts(found.trim) if found.trim is not None else ())]:
         options.out.print(f"{name}: {value}", markup=False)
     if stability:

@@ -27,6 +27,9 @@ def command(
         found = find_scene_modes(checked, chosen, at=at, parameters=parameters, progress=progress)
     for made in mode_tables(found):
         options.message_console(out).print(made)
+    if found.at_rest and any(force.has_road for force in checked.forces):
+        advice = "for modes of a rolling vehicle use --at TIME, or a scene with a trim at speed"
+        options.message_console(out).print(f"the wheels stand; {advice}")
     if out is not None:
         write_whole(out, modes_json(found, checked.name, chosen.name))
     if view is not None:

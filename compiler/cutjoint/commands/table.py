@@ -373,6 +373,7 @@ OPTIONS: Mapping[str, Row] = {
         help="Print the compliance at the equilibrium of this scene instead of the sweeps."),
     "steps": click.option("--steps", type=_CSV, help="CSV file with iterations and residuals of each step."),
     "error": click.option("--error/--no-error", default=True, help="Estimate the error with further runs, or run once."),
+    "equilibrium.verbose": click.option("--verbose", is_flag=True, help="Also print all states and signals of library elements."),
     "verbose": click.option("--verbose", is_flag=True, help="Also print what was derived, compiled and stepped."),
     "response.plots": click.option("--plots", type=_FOLDER, help="Folder for Bode and Nyquist plots, or a plot of densities."),
     "kinematics.plots": click.option("--plots", type=_FOLDER, help="Folder for a plot of each sweep."),

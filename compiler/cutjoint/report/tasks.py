@@ -2,7 +2,7 @@
 
 import json
 from cmath import phase
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from math import degrees, floor, inf, isnan, log10
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from rich.table import Table
 from cutjoint.analysis.modes import Mode, Modes, Participant
 from cutjoint.methods import join_and
 from cutjoint.model.expressions.quantities import POSE
-from cutjoint.model.records import Scene
+from cutjoint.model.records import VALUE, Scene
 from cutjoint.package.errors import plural
 from cutjoint.reduce.choose import Candidate, Choice
 from cutjoint.reduce.measure import Cost
@@ -36,7 +36,7 @@ def pose_table(state: MechanismState) -> Table:
     """The pose of each body, a row each."""
     table = Table(title="poses, m and rad", title_justify="left", box=None, pad_edge=False, collapse_padding=True)
     for heading in ("body", *POSE):
-        table.add_column(heading, justify="left" if heading == "body" else "right")
+        table.add_column(heading, justify="left" if heading == "body" else "right", overflow="fold")
     bodies = _posed(state)
     columns = [_decimals([state.values[f"{body}.{quantity}"] for body in bodies]) for quantity in POSE]
     for body, *numbers in zip(bodies, *columns, strict=True):
@@ -44,15 +44,15 @@ def pose_table(state: MechanismState) -> Table:
     return table
 
 
-def force_table(state: MechanismState) -> Table:
-    """A table of all values except the poses of bodies, a row a quantity."""
+def force_table(state: MechanismState, hidden: Collection[str]) -> Table:
+    """A table of all values except the poses of bodies and the ``hidden`` columns, a row a quantity."""
     table = Table(title="forces", title_justify="left", box=None)
     for heading in ("element", "quantity", "value", "unit"):
         table.add_column(heading, justify="right" if heading == "value" else "left")
     bodies = _posed(state)
     for column, value in state.values.items():
         element, _, quantity = column.rpartition(".")
-        if element not in bodies:
+        if element not in bodies and column not in hidden:
             table.add_row(element, quantity, "undefined" if isnan(value) else f"{value + 0.0:.7g}", state.units[column])
     return table
 
@@ -151,7 +151,8 @@ _LISTED, _MOST = 0.05, 4
 _MODE_WORDS = (
     ("eigenvalue", "real part: growth rate, negative if the mode decays; imaginary part: angular frequency"),
     ("moves", "coordinates with amplitudes (m, rad) relative to the first; signs and angles are phases;  in brackets the "
-     "share of the kinetic energy, negative if a coordinate moves against its base; wx is a rotation about x"),
+     "share of the kinetic energy, negative if a coordinate moves against its base, so that others "
+     "exceed 100 %; states have none; wx is a rotation about x"),
     ("without dampers", "the same without damping; a real eigenvalue means an unstable equilibrium"),
     ("rigid-body modes", "motions without restoring force, each by its leading coordinate"),
 )  # fmt: skip
@@ -163,16 +164,24 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
     if modes.modes:
         yield _table(f"modes about {about}", modes.modes)
     else:
-        yield f"no modes about {about}: {plural(len(modes.rigid_body_modes), 'rigid-body mode')}, " \
-            f"{plural(modes.degrees_of_freedom, 'degree')} of freedom"
+        rigid = sum(not _is_state(name) for name in modes.rigid_body_modes)
+        yield f"no modes about {about}: {plural(rigid, 'rigid-body mode')}, {plural(modes.degrees_of_freedom, 'degree')} of freedom"
     if modes.undamped:
         yield _table("without dampers", modes.undamped, damped=False)
     if modes.zeros:
-        yield f"rigid-body modes, with {modes.zeros} eigenvalue{'s' * (modes.zeros != 1)} of zero: {', '.join(modes.rigid_body_modes)}"
+        kinds = {"rigid-body modes": False, "states that nothing restores": True}
+        named = {kind: [n for n in modes.rigid_body_modes if _is_state(n) is of_states] for kind, of_states in kinds.items()}
+        found = {kind: ", ".join(names) for kind, names in named.items() if names}
+        yield f"{' and '.join(found)}, with {modes.zeros} eigenvalue{'s' * (modes.zeros != 1)} of zero: {'; '.join(found.values())}"
     if modes.frozen_controllers or (modes.growth_rate and (modes.at_rest or modes.steady)):
         yield describe_stability(modes)
     modes_by_word = {"eigenvalue": modes.modes, "moves": modes.modes, "without dampers": modes.undamped, "rigid-body modes": modes.zeros}
     yield facts("words", [(word, meaning) for word, meaning in _MODE_WORDS if modes_by_word[word]])
+
+
+def _is_state(name: str) -> bool:
+    """Whether an entry of a mode shape is a first-order state, which has no kinetic energy."""
+    return name.endswith(f".{VALUE}")
 
 
 def _state(modes: Modes) -> str:
@@ -197,7 +206,7 @@ def _table(title: str, modes: tuple[Mode, ...], *, damped: bool = True) -> Table
     table = Table(title=title, title_justify="left", box=None)
     for heading in ("eigenvalue\n1/s", "frequency\nHz", *(("damping\nratio", "time\nconstant s") if damped else ())):
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("moves\n(share of the kinetic energy)")
+    table.add_column("moves\n(share of the kinetic energy)", overflow="fold")
     for mode in modes:
         value, frequency, *figures = (text for _, text in mode_figures(mode))
         table.add_row(value, frequency, *(figures if damped else ()), _listed(mode.shape))
@@ -228,7 +237,8 @@ def participants(shape: Mapping[str, Participant]) -> tuple[tuple[str, str], ...
     """The coordinates with the largest shares, the first of amplitude one, each with its amplitude and share."""
     order = sorted(shape.items(), key=lambda item: -round(abs(item[1].share), 6))
     shown = [order[0], *(item for item in order[1:_MOST] if abs(item[1].share) >= _LISTED)]
-    return tuple((name, f"{_amplitude(p.amplitude)} ({100 * p.share:.0f} %)") for name, p in shown)
+    energy = sum(p.share for name, p in shape.items() if not _is_state(name)) or 1.0
+    return tuple((name, _amplitude(p.amplitude) + ("" if _is_state(name) else f" ({100 * p.share / energy:.0f} %)")) for name, p in shown)
 
 
 def _amplitude(value: complex) -> str:

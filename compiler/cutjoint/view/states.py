@@ -37,7 +37,7 @@ def show_modes(model: Model, scene: Scene, parameters: Mapping[str, float], mode
         for i, mode in enumerate(modes.modes, 1)
     ]  # fmt: skip
     motions += [
-        Motion(name=f"rigid-body mode: {name}", facts=participants(shape), poses=mover.swing(modes.q, _amplitudes(shape)))
+        Motion(name=f"eigenvalue of zero: {name}", facts=participants(shape), poses=mover.swing(modes.q, _amplitudes(shape)))
         for name, shape in modes.rigid_body_modes.items()
     ]
     return _shown(mover, modes.q, motions)
