@@ -21,7 +21,8 @@ from tests.conftest import MODELS
 BUILT_IN: dict[str, type[Exception] | None] = {
     "ConstantError": ArithmeticError, "CutjointError": None, "EquationsError": None, "FailedBatchError": RuntimeError,
     "FailedRealTimeError": RuntimeError, "FailedRunError": RuntimeError, "GuideError": ValueError, "IncompleteError": RuntimeError,
-    "MissingLibraryError": RuntimeError, "MissingPackageError": RuntimeError, "ModelError": None, "NoEquilibriumError": RuntimeError,
+    "MissingLibraryError": RuntimeError, "MissingPackageError": RuntimeError, "MissingToolsError": RuntimeError, "ModelError": None,
+    "NoEquilibriumError": RuntimeError,
     "NoInertiaError": ValueError, "OutputError": ValueError, "RunError": ValueError, "SimulationError": None,
     "SimulatorError": RuntimeError, "ToolchainError": RuntimeError, "TopologyError": None,
 }  # fmt: skip
