@@ -249,7 +249,6 @@ _FULL: Mapping[str, tuple[str, ...]] = {
     "tests/physics/test_terrain.py": ("test_a_host_gives_it_before_each_step",),
     "tests/runtime/test_dual_lanes.py": ("test_slopes_are_those_of_differences[two]",),
     "tests/runtime/test_libm.py": ("test_its_values_are_near_to_exact_ones",),
-    "tests/standalone/test_c99.py": ("test_steps_have_the_bits_of_the_cpp_export[press]",),
     "tests/standalone/test_dynamics.py": (
         "test_a_cart_with_a_pole[recursive]",
         "test_bodies_move_and_weigh_as_their_jacobians_say[flyball-100]",

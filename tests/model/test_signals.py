@@ -135,7 +135,7 @@ WRONG = [
       "speed - 2*level"]),
     ([("start: 0 rad", "begin: 0 rad")],
      [NO_START,
-      "m.yaml:21:14: state 'integral': unknown field 'begin'; fields: nominal, rate, start"]),
+      "m.yaml:21:14: state 'integral': unknown field 'begin'; fields: bounds, nominal, rate, start"]),
 ]  # fmt: skip
 
 
