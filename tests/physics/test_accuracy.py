@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -473,6 +473,7 @@ def test_where_no_other_run_comes_to_its_end_its_failure_is_a_warning(monkeypatc
         return run if plan.run_file.settings.tolerance == 1e-6 else replace(run, failure=failure)
 
     monkeypatch.setattr(accuracy, "start", start)
+    monkeypatch.setattr(accuracy, "_completed", partial(accuracy._completed, begin=start))
     error = simulate(oscillator(), tolerance=1e-6, integrator="dormand-prince").error
     assert set(error.max_error.values()) == {np.inf}
     (warning,) = error.warnings
