@@ -186,6 +186,18 @@ def test_steps_have_the_bits_of_the_cpp_export(name: str, tmp_path: Path) -> Non
 
 
 @needs_cpp
+def test_libraries_of_one_name_in_one_program_keep_their_own_tables() -> None:
+    """GCC makes one table of two versions' tables of a name: the start of the second was solved with settings of the first."""
+    for version in ("press" + EMBEDDED, "press"):
+        standalone = exported(version)[1]
+        code = Code(build_start(standalone), standalone.name, standalone.files[f"{standalone.name}.h"])
+        assert code.call("set_iterations", 3) == code.call("start") == 0
+        assert [code.call("step") for _ in range(20)] == [0] * 20
+    listed = subprocess.run(["nm", "-D", "--defined-only", build_start(standalone)], check=True, capture_output=True, text=True)
+    assert {line.split()[-1].partition("_")[0] for line in listed.stdout.splitlines()} == {"press"}
+
+
+@needs_cpp
 def test_contract_of_the_calls(tmp_path: Path) -> None:
     code, cpp = codes("press", tmp_path)
     assert set(foreign_symbols(tmp_path / "press.o", "press")) == {"cutjoint_cos", "cutjoint_sin"}
