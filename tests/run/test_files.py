@@ -153,6 +153,15 @@ def test_no_two_outputs_are_one_file(out: str, steps: str | None, plots: str | N
     assert files(folder) == ["a"]
 
 
+def test_a_link_among_the_pictures_is_none_of_the_outputs(folder: Path) -> None:
+    (folder / "x").mkdir()
+    os.symlink("x/force.png", "run.csv")
+    done = simulate("--out", "run.csv", "--plots", "x")
+    assert (done.exit_code, done.output) == (
+        1, "--plots x: --out run.csv lies among the pictures; write the two to different places\n"
+    )  # fmt: skip
+
+
 def test_links_are_one_file_too(folder: Path) -> None:
     Path("x.csv").write_text("", encoding="utf-8")
     os.link("x.csv", "hard.csv")

@@ -170,6 +170,8 @@ def _clash_with_plots(files: Sequence[_Written], pictures: Sequence[_Written], p
     target, folder = resolved(files[0].path), resolved(plots)
     if target == folder or target in folder.parents:
         return f"--plots {plots}: {files[0].requested} is a file there; write the two to different places"
+    if target.parent == folder and target.suffix == ".png":
+        return f"--plots {plots}: {files[0].requested} lies among the pictures; write the two to different places"
     return _clash(pictures, files) if pictures else ""
 
 

@@ -77,8 +77,8 @@ def random_vibration(
     """Random vibration of a model whose inputs are heights of a road, at a speed (m/s).
 
     The road is of a class of ISO 8608 or has a roughness (m^3).  A wheel meets the road of the wheel ahead after the distance between
-    their ``places`` (x, y in m, by inputs; default: the model's).  Tracks at a distance d have an isotropic
-    surface's coherence: x K1(x), x = 2 pi n d, n in 1/m.
+    their ``places`` (x, y in m, by inputs; default: the model's).  Tracks at a distance d have an isotropic surface's coherence:
+    x K1(x), x = 2 pi n d, n in 1/m.
 
     Raises:
         ValueError: there is no such class, the speed is not above zero, or an input is no height.

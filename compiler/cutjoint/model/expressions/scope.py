@@ -197,7 +197,9 @@ class Element:
                 keys,
             )
         elif term.value is not FAILED and (fault := _mixed_units(value, expected, names)):
-            self.scope.problems.note(self.scope.source.value_span((*self.path, *keys)), f"{self.label}: {worded(field_name(keys), fault)}")
+            remedy = "correct a unit, or multiply by a number, which fits everywhere"
+            span = self.scope.source.value_span((*self.path, *keys))
+            self.scope.problems.note(span, f"{self.label}: {worded(field_name(keys), fault)}; {remedy}")
         if self._is_closed(term.value) and not math.isfinite(self.value(term.value)):
             self.fail(worded(field_name(keys), "has no finite value"), "", keys)
             return FAILED
