@@ -128,6 +128,10 @@ WRONG = [
         ["m.yaml:21:21: state 'integral': start: the quantity 'error' cannot be used here; laws of forces, signals, rates of states and "
          "controllers may have it"],
     ),
+    (
+        [("start: 0 rad", "start: 2 deg, bounds: [0, 1 deg]")],
+        ["m.yaml:21:21: state 'integral': start: 0.0349066 is outside of its bounds, 0 to 0.0174533; write a number between them"],
+    ),
     # Form
     ([("start: 0 rad, rate", "rate")], [NO_START]),
     ([("start: 0 rad, rate: error/lag", "start: 0 rad")],
@@ -178,7 +182,7 @@ submodels:
     joints: {hinge: {kind: revolute, bodies: [hull, fin], at: [0, 1, 0], axis: [1, 0, 0]}}
     forces:
       motor: {kind: joint_force, joint: hinge, law: "wish + lean + 3*hinge.angle - rate"}
-    states: {later: {start: 1, rate: "1*fin.vy - 1*hull.wz - later"}}
+    states: {later: {start: 1, bounds: [-1, 2], rate: "1*fin.vy - 1*hull.wz - later"}}
     signals: {lean: "later + 1*fin.roll + 1*fin.y + 1*hull.z"}
 instances:
   left: {use: side, connect: {hull: hull}, with: {wish: together}}
@@ -205,6 +209,10 @@ def test_scenes_begin_with_states_of_their_own() -> None:
     [
         ("states: {§late: 1}", "@: scene 'run': states: unknown state 'late'; states: left.later, right.later"),
         ("states: {§left: 1}", "@: scene 'run': states: unknown state 'left'; states: left.later, right.later"),
+        (
+            "states: {left.later: §2 + 1}",
+            "@: scene 'run': states: 'left.later': 3 is outside of its bounds, -1 to 2; write a number between them",
+        ),
         ("states: {left.later: §2*t}", "@: scene 'run': states.left.later: unknown symbol 't'; symbols here: pi"),
     ],
 )

@@ -102,6 +102,15 @@ def test_what_has_no_value_is_reported_with_its_place(scene: str, changes: dict[
     assert message in str(error.value)
 
 
+@pytest.mark.parametrize(("k", "fault"), [(0.0, " has no finite value with a = 2, k = 0"), (1.0, ": 2 is outside of its bounds, 0 to 1;")])
+def test_states_have_a_value_within_their_bounds(k: float, fault: str) -> None:
+    scene, states = "  filled: {end: 0.1, states: {level: a/k}}\n", "states: {level: {start: 0, rate: -level, bounds: [0, 1]}}\n"
+    model = read_model_text(STRUT + scene + states, "strut.yaml")
+    assert make_run_file(model, model.scenes["filled"], {}, task="simulate").rates == {"level.value": 0.25}
+    with pytest.raises(RunError, match=f"strut.yaml:24:3: scene 'filled': states: 'level'{fault}"):
+        make_run_file(model, model.scenes["filled"], {"k": k}, task="simulate")
+
+
 @needs_cpp
 def test_the_command_ends_with_the_place(tmp_path: Path) -> None:
     (tmp_path / "strut.yaml").write_text(STRUT, encoding="utf-8")

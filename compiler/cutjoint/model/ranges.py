@@ -1,6 +1,6 @@
 """Ranges of settings on the command line, in Python and in model files; limits on the number of steps."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, inf
 
@@ -96,8 +96,10 @@ LARGEST_ANGLE = 1e6
 LARGEST_COORDINATE = 1e12
 
 
-def fault_of_state(value: float, *, is_angle: bool) -> str:
-    """The fault in an initial coordinate or speed (SI units); "" without one, and of NaN, which has been noted before."""
+def fault_of_state(value: float, *, is_angle: bool = False, bounds: Sequence[float] = ()) -> str:
+    """The fault in an initial coordinate, speed or state (SI units); "" without one, and of NaN, which has been noted before."""
+    if bounds and (value < bounds[0] or value > bounds[1]):
+        return f"{value:g} is outside of its bounds, {bounds[0]:g} to {bounds[1]:g}; write a number between them"
     if is_angle and abs(value) > LARGEST_ANGLE:
         return f"an angle of {value:g} rad has no exact sine and cosine; take whole turns away, so that it is at most {LARGEST_ANGLE:g} rad"
     if abs(value) > LARGEST_COORDINATE:

@@ -18,7 +18,7 @@ from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.parse import quantity_symbol
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_state
-from cutjoint.model.records import Aim, Binding, Body, Controller, Model, Scalar, Scene
+from cutjoint.model.records import VALUE, Aim, Binding, Body, Controller, Model, Scalar, Scene
 from cutjoint.model.scenes.starts import fault_of_quaternion, normalised
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import InputLike, input_entries, require_unit, with_constant_inputs
@@ -333,12 +333,13 @@ def sources_of_parts(model: Model, scene: Scene) -> dict[str, Mapping[str, Scala
 
 
 def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Check coordinates or speeds of a start and normalise quaternions.
+    """Check coordinates, speeds or states of a start and normalise quaternions.
 
     Raises:
-        RunError: one is too large, or a quaternion's length is not one.
+        RunError: one is too large or outside of its bounds, or a quaternion's length is not one.
     """
     kinds, turned = {joint.name: joint.kind for joint in model.joints}, []
+    bounds = {state.entry: state.bounds for state in model.states}
     for name, value in values.items():
         joint, _, component = name.rpartition(".")
         if component == ATTITUDE[0]:
@@ -347,7 +348,7 @@ def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, 
             name = f"{joint}.attitude"
         else:
             is_angle = joint in kinds and JOINT_QUANTITIES[kinds[joint]].get(component) == "rad"
-            fault = "" if component in ATTITUDE else fault_of_state(value, is_angle=is_angle)
+            fault = "" if component in ATTITUDE else fault_of_state(value, is_angle=is_angle, bounds=bounds.get(name, ()))
         if fault:
             raise RunError(f"{_place(model, scene, part, name)}: {fault}")
     return normalised(values, turned)
@@ -355,7 +356,8 @@ def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, 
 
 def _place(model: Model, scene: Scene, part: str, of: str) -> str:
     if part != "roads":
-        return f"{scene.span}: scene '{scene.name}': {part}: '{of}'"
+        name = of.removesuffix(f".{VALUE}")
+        return f"{scene.span}: scene '{scene.name}': {part if name == of else 'states'}: '{name}'"
     return f"{next(f.span for f in model.forces if f.name == of)}: tyre '{of}': radius"
 
 

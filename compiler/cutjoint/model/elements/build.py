@@ -22,6 +22,7 @@ from cutjoint.model.expressions.parse import quantity_symbol
 from cutjoint.model.expressions.quantities import Element as Quantified
 from cutjoint.model.expressions.scope import FAILED, Element, Scope, element, with_points
 from cutjoint.model.expressions.units import ANGLE, INERTIA, LENGTH, MASS, TIME
+from cutjoint.model.ranges import fault_of_state
 from cutjoint.model.records import (
     VALUE,
     Body,
@@ -194,9 +195,12 @@ def _read_state(element: Element, state: model_file.FirstOrderState) -> FirstOrd
     bounds = tuple(element.number(end, dimension, ("bounds", i)) for i, end in enumerate(state.bounds or ()))
     if bounds and bounds[0] >= bounds[1]:
         element.fail("its bounds do not ascend", "write [least, largest]", ("bounds",))
+    initial = element.scalar(state.start, None, ("start",))
+    if fault := fault_of_state(element.value(initial), bounds=bounds):
+        element.fail(f"start: {fault}", "", ("start",))
     return FirstOrderState(
         name=element.name, symbol=quantity_symbol(element.name, VALUE), unit=unit_text(dimension), span=element.span,
-        nominal=nominal, bounds=bounds, initial=element.scalar(state.start, None, ("start",)),
+        nominal=nominal, bounds=bounds, initial=initial,
         rate=read_lookup(element, state.rate, rate, ("rate",)),
     )  # fmt: skip
 

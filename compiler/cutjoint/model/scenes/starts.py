@@ -144,7 +144,9 @@ def read_starts(where: Element, scene: model_file.Scene, states: Sequence[FirstO
         keys = ("states", name)
         if name in known:
             state = known[name]
-            starts[state.entry] = where.scalar(value, measure(1.0, state.unit).dimension if state.unit else None, keys)
+            starts[state.entry] = start = where.scalar(value, measure(1.0, state.unit).dimension if state.unit else None, keys)
+            if fault := fault_of_state(where.value(start), bounds=state.bounds):
+                where.fail(f"states: '{name}': {fault}", "", keys)
         elif not where.scope.directory.misses(name):
             hint = nearest(name, known, "states") or "the model has no states"
             where.fail(f"states: unknown state '{name}'", hint, keys, at_key=True)
