@@ -12,8 +12,8 @@ from cutjoint.cli import main
 
 HEAD = """# Command line
 
-`cutjoint COMMAND --help` prints the same. Paths are relative to the current folder. Exit status: 0 success, 1 an error, whose
-message names the place and a remedy, or an accuracy that was asked for and not reached, 2 wrong use of the command.
+`cutjoint COMMAND --help` prints the same. Paths are relative to the current folder. Exit status: 0 success; 1 an error, whose
+message names the place and a remedy, or a requested accuracy that was not reached; 2 wrong use of the command.
 
 ## Common options
 

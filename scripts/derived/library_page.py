@@ -10,7 +10,7 @@ HEAD = """# Library
 
 Submodels of the package, for `include: library/NAME`. [Build a vehicle](../how-to/build-a-vehicle.md) shows them at work.
 Parameters without a default must be given; those in brackets have one. Points are of the design position, in m;
-an instance sets them by `points: {NAME: [x, y, z]}`. `steering` is the rack, or the chassis of a wheel that is not steered.
+an instance sets them by `points: {NAME: [x, y, z]}`. `steering` is the rack; the chassis, for a wheel that is not steered.
 """
 
 #: Parameters in capitals are coefficients of a property file.

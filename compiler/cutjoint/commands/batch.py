@@ -27,7 +27,7 @@ def command(
 ) -> None:  # fmt: skip
     """Run one scene of MODEL once for each row of CASES, a CSV file of parameters and constant inputs in SI units.
 
-    The table has a row for each run, with end, smallest and largest value of each output over the scene's rows.
+    The table has a row for each run, with final, smallest and largest value of each output over the scene's samples.
     """
     require_apart({"the model": model, "the table of parameters": cases}, tables={"--out": out})
     parameters = options.read_parameters(changes)

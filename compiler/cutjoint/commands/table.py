@@ -208,9 +208,9 @@ OPTIONS: Mapping[str, Row] = {
     "implementation": click.option("--implementation", type=click.Choice([AUTO, *(x.value for x in Implementation)]), default=AUTO,
         show_default=True, envvar="CUTJOINT_IMPLEMENTATION",
         help="generated: C++ for the model. interpreted: the same equations without a compiler. generic: a handwritten solver of "
-        "cutjoint-bench. auto: generated; on a terminal, interpreted meanwhile if compiling takes over 2 s."),
+        "cutjoint-bench. auto: generated; on a terminal, interpreted during a compile of over 2 s."),
     "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver, except for recursive. Default: emitted; for "
-        f"generic a library's{_packages(SOLVERS.added)}."),
+        f"generic, a library's solver{_packages(SOLVERS.added)}."),
     "integrator": click.option("--integrator", type=_RULES,
         help=f"Integrator of the method. Default: the scene's; else {DEFAULT_INTEGRATOR} if dt is given; else an adaptive one."),
     "batch.integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.batch)),
@@ -342,7 +342,7 @@ OPTIONS: Mapping[str, Row] = {
     "drive.steer": click.option("--steer", metavar="NAME=LEFT,RIGHT",
         help="Input or parameter that steers, with its values at full left and right. Default: found by name."),
     "drive.replay": click.option("--replay", type=_READ,
-        help="Drive saved by the page (JSON): write its table (CSV) with code for this machine."),
+        help="JSON of a saved drive: repeat it with native code and write its table (CSV)."),
     "throttle": click.option("--throttle", metavar="NAME=FULL",
         help="Input or parameter of the throttle, with its value at full throttle."),
     "brake": click.option("--brake", metavar="NAME=FULL", help="Input or parameter of the brake, with its value at full brake."),
@@ -356,7 +356,7 @@ OPTIONS: Mapping[str, Row] = {
     "drives": click.option("--drives", metavar="JOINTS",
         help="Joints that provide the forces, as FIRST,SECOND. Default: those that the scene moves."),
     "axle": click.option("--axle", metavar="NAME",
-        help="Axle, by the words that its wheels' names share, else front or rear, or by its two bodies as LEFT,RIGHT. Default: the "
+        help="Axle: the words that its wheels' names share, else front or rear; or its two bodies as LEFT,RIGHT. Default: the "
         "only one."),
     "travel": click.option("--travel", type=Setting("travel"), default=0.05, show_default=True,
         help="Travel of the wheel centres up and down (m), for example 40mm."),
