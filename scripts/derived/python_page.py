@@ -47,7 +47,7 @@ ARGUMENTS = {
     "dt, end": ("float", "step and end (s); default: the scene's"),
     "accuracy, solver_tolerance, tolerance, penalty, iterations": ("float, int", "as on the command line"),
     "external_wrenches": ("list of str", "bodies and markers with inputs `NAME.wrench.fx` to `NAME.wrench.tz` (N, N m, global axes)"),
-    "terrain": ("list of str", "patterns of wheels with inputs of the ground under them"),
+    "terrain": ("list of str", "patterns of wheels whose ground becomes inputs"),
     "inputs, outputs, by": ("list of str", "names; `inputs` of runs: values or tables by name"),
     "functions": ("file or dict", "functions that the model declares: C++, or callables `(arguments, memory, results, partials)`"),
     "flags": ("list of str", "of the compiler"),

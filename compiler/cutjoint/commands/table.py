@@ -208,9 +208,9 @@ OPTIONS: Mapping[str, Row] = {
     "implementation": click.option("--implementation", type=click.Choice([AUTO, *(x.value for x in Implementation)]), default=AUTO,
         show_default=True, envvar="CUTJOINT_IMPLEMENTATION",
         help="generated: C++ for the model. interpreted: the same equations without a compiler. generic: a handwritten solver of "
-        "cutjoint-bench. auto: generated; on a terminal, interpreted during a compile of over 2 s."),
-    "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver, except for recursive. Default: emitted; for "
-        f"generic, a library's solver{_packages(SOLVERS.added)}."),
+        "cutjoint-bench. auto: generated; on a terminal, interpreted if compiling takes over 2 s."),
+    "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver (not recursive). Default: emitted (generated); for "
+        f"generic, a library's{_packages(SOLVERS.added)}."),
     "integrator": click.option("--integrator", type=_RULES,
         help=f"Integrator of the method. Default: the scene's; else {DEFAULT_INTEGRATOR} if dt is given; else an adaptive one."),
     "batch.integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.batch)),
@@ -279,7 +279,7 @@ OPTIONS: Mapping[str, Row] = {
         "equilibrium",
         "event", "modes"]), default="end", show_default=True,
         help="What to differentiate of each output. start, equilibrium: the initial state, the pose at rest; event: the first "
-        "event and its time; modes: eigenvalues near the start."),
+        "event and its time; modes: eigenvalues at the start."),
     "from_equilibrium": click.option("--from-equilibrium", is_flag=True,
         help="Include the change of the equilibrium in which the scene starts."),
     "assemblies": click.option("--assemblies", is_flag=True,
@@ -356,7 +356,7 @@ OPTIONS: Mapping[str, Row] = {
     "drives": click.option("--drives", metavar="JOINTS",
         help="Joints that provide the forces, as FIRST,SECOND. Default: those that the scene moves."),
     "axle": click.option("--axle", metavar="NAME",
-        help="Axle: the words that its wheels' names share, else front or rear; or its two bodies as LEFT,RIGHT. Default: the "
+        help="Axle: words common to its wheels' names; if none, front or rear; or its two bodies as LEFT,RIGHT. Default: the "
         "only one."),
     "travel": click.option("--travel", type=Setting("travel"), default=0.05, show_default=True,
         help="Travel of the wheel centres up and down (m), for example 40mm."),

@@ -18,8 +18,8 @@ class CompileOptions:
             extended, quad of cutjoint-bench; the start is always found in double.
         outputs: instead of those of the scene.
         lanes: whether isomorphic subtrees are evaluated side by side.
-        additions: solvers and integrators of other packages that the simulator has too.
-        out: a folder for a C export, which alone has the choices below; ``integrator``: in place of the scene's.
+        additions: solvers and integrators of other packages to build in.
+        out: folder of a C export; the choices below are for it alone; ``integrator``: in place of the scene's.
         linearise, adjoint, poses: whether it has derivatives, adjoint sensitivities, poses of bodies, markers and wheels.
         external_wrenches, terrain: patterns of bodies and markers with a force and a torque as inputs; of wheels whose ground is an input.
         reproducible: whether it brings its own mathematical library, for the same bits on all processors.

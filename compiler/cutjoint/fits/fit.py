@@ -51,9 +51,9 @@ class SignalResult:
 class Fit:
     """The result of a fit, in SI units; ``fit["name"]`` is the value of a parameter.
 
-    It has ``values``, standard ``deviations``, 95 % ``intervals`` (parameters, 2), ``correlations`` and ``numbers`` by name, tied ones too;
-    ``before`` and ``after`` say what data leave open, at the start and at the result.  ``faults`` has the
-    verdict: nothing, or "not converged", "not identified" or "residual not white" with details."""
+    It has ``values``, standard ``deviations``, 95 % ``intervals`` (parameters, 2), ``correlations``
+    and ``numbers`` by name, with ``ties``; ``before``, ``after``: identifiability at the start and at the result.
+    ``faults`` has the verdict: nothing, or "not converged", "not identified" or "residual not white" with details."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]

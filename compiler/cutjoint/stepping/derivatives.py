@@ -138,8 +138,8 @@ class Derivatives(Linear):
             KeyError: there is no such output, parameter or input, or the coordinate is not independent.
             ValueError: ``every`` does not divide the steps, steps are negative, weights have another shape, or an objective has
                 no derivative.
-            SimulationError: a step failed, or an event has no derivative, and the state is that at the beginning; or there was no
-                `reset`.
+            SimulationError: a step failed or an event has no derivative (the state is that at the beginning); or there
+                was no `reset`.
         """
         self._require(self.library.record > 0, _WITHOUT_ADJOINT)
         require_list("by", by)

@@ -208,7 +208,7 @@ class LinearModel:
         """The model as ``scipy.signal.StateSpace``, by values, rates or accelerations of all inputs; sampled loops are discrete.
 
         Raises:
-            ValueError: an output follows derivatives of an input that are higher than ``by``.
+            ValueError: an output depends on input derivatives higher than ``by``.
             MissingPackageError: SciPy is not installed.
         """
         more = {} if self._dt is None else {"dt": self._dt}
@@ -328,10 +328,10 @@ class StateSpace(LinearModel):
         return order, one.realise(ORDERS[order])
 
     def realise(self, by: str = "value") -> tuple[Array, Array, Array, Array]:
-        """Matrices A, B, C, D of a proper realisation by values, rates or accelerations of all inputs, with integrators before the inputs.
+        """A, B, C, D of a proper realisation driven by values, rates or accelerations of all inputs, with integrators.
 
         Raises:
-            ValueError: an output follows higher derivatives of an input.
+            ValueError: an output depends on higher input derivatives.
         """
         if by not in ORDERS:
             raise ValueError(f"by: '{by}' is not one of {', '.join(ORDERS)}")
@@ -475,7 +475,7 @@ class SampledStateSpace(LinearModel):
         """Matrices A, B, C, D of the discrete model over the period, with held inputs, and outputs right after the samples at its start.
 
         Raises:
-            ValueError: an output follows derivatives of an input, or ``by`` is not "value".
+            ValueError: an output depends on input derivatives, or ``by`` is not "value".
         """
         if by != "value":
             raise ValueError(f"by: the inputs of a sampled loop have a zero-order hold, and no {by}; leave it out")

@@ -160,8 +160,8 @@ class States(Motion):
     def choose_independent(self, speeds: Sequence[str] | None = None) -> None:
         """Choose the independent coordinates by the names of their ``speeds``, one for each degree of freedom.
 
-        Without ``speeds`` it takes those by which the derivatives of the others are smallest.  A choice by ``speeds`` outlasts
-        `reset`.
+        Without ``speeds`` it keeps the derivatives of the others by the chosen ones small.  A choice by ``speeds``
+        outlasts `reset`.
 
         Raises:
             TypeError: the model was loaded without derivatives.

@@ -437,7 +437,7 @@ class AdjointSensitivities:
     Attributes:
         times: (samples,) s.
         values: (samples, outputs).
-        objectives: (objectives,) sum(weights*values); not the cost J of a function that returns dJ/dy.
+        objectives: (objectives,) sum(weights*values); with weights dJ/dy of a cost J, this is not J.
         derivatives: (objectives, by).
         by: names of the parameters, inputs and initial states.
     """

@@ -52,7 +52,7 @@ class RandomVibration:
         rms: (outputs,) root mean squares over the road's band, without the mean.
         weighted: (outputs,) those weighted by ISO 2631-1, NaN of what is no acceleration.
         white: (outputs,) root mean squares on a road of unlimited bandwidth, by Lyapunov's equation; NaN without a solution.
-        variation: (outputs,) root mean squares over the mean, as of wheel loads; NaN where the mean is zero.
+        variation: (outputs,) rms/mean, as of wheel loads; NaN where the mean is zero.
         outputs: names.
         units: by the names of outputs.
     """
@@ -76,9 +76,9 @@ def random_vibration(
 ) -> RandomVibration:  # fmt: skip
     """Random vibration of a model whose inputs are heights of a road, at a speed (m/s).
 
-    The road is of a class of ISO 8608 or has a roughness (m^3).  A wheel meets the road of the wheel ahead after the distance between
-    their ``places`` (x, y in m, by inputs; default: the model's).  Tracks at a distance d have an isotropic surface's coherence:
-    x K1(x), x = 2 pi n d, n in 1/m.
+    The road is of a class of ISO 8608 or has a roughness (m^3).  Wheels of a track meet the same road, delayed by
+    their distance: ``places`` (x, y in m, by inputs; default: the model's).  Tracks at a distance d have an isotropic
+    surface's coherence: x K1(x), x = 2 pi n d, n in 1/m.
 
     Raises:
         ValueError: there is no such class, the speed is not above zero, or an input is no height.

@@ -204,7 +204,7 @@ _DRAWS, _SHARE = 200, 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class Indices:
-    """The indices of an objective: ``first`` and ``total`` (variables,), intervals (2, variables) of 95 %, ``points`` that count."""
+    """Indices of an objective: ``first``, ``total`` (variables,), 95 % intervals (2, variables), ``points`` used."""
 
     objective: str
     variables: tuple[str, ...]

@@ -23,7 +23,7 @@ class Tolerance:
 
     Attributes:
         mean, deviation: of the Monte Carlo runs that have a value.
-        first_mean, first_deviation, second_mean: by first order; the mean by second order, for independent variables.
+        first_mean, first_deviation: by first order; second_mean: by second order, for independent variables.
         gradient: (variables,) derivatives at the means, by central differences.
         deviations: (variables,) standard deviations of the variables.
         shares: (variables,) parts of the variance by first order; they add up to one.
@@ -48,7 +48,7 @@ class Tolerance:
     runs: int
 
     def cheapest(self, limits: tuple[float, float], costs: Mapping[str, float], *, wanted: float = 0.9973) -> dict[str, float]:
-        """Standard deviations with the least sum of cost/deviation at a yield, by first order for independent variables.
+        """Standard deviations for a yield at the least sum of cost/deviation, by first order for independent variables.
 
         Variables without a cost keep theirs.
 

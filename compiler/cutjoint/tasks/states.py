@@ -99,7 +99,7 @@ def find_initial_state(
     """Initial state of a scene: poses and velocities of bodies, coordinates and velocities of the tree joints.
 
     Raises:
-        FailedRunError: the scene has no start; its trajectory has no row.
+        FailedRunError: no start was found; its trajectory is empty.
         ModelError, EquationsError: the file is wrong.
         RunError: there is no such scene, or a parameter cannot be set.
         ToolchainError: the C++ side failed.
