@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from cutjoint.emit.classes import LANES, CppClass, Defaults, SimulationCode, derived_classes, sized_mechanism_class, sized_system_class
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, code_file, compiled
-from cutjoint.emit.standalone import OF_INTERFACE, headers_of, prepare, render_header
+from cutjoint.emit.standalone import OF_INTERFACE, headers_of, prepare, render_header, render_interface
 from cutjoint.formulate.records import CLOSE
 from cutjoint.methods import STEPS, Steps
 
@@ -134,4 +134,4 @@ def _interface(parts: SimulationCode, classes: Sequence[_Placed], defaults: Defa
         "library/interface.cpp.jinja", standard=OF_INTERFACE, headers=[*runtime, *own],
         p=page.stem, header=view["header"],
         classes=[{"space": x.space, "code": x.made.sized(page, x.space)} for x in classes if x.made.layout],
-    ) + page.render("standalone/api.cpp.jinja", **view)  # fmt: skip
+    ) + render_interface(page, view)  # fmt: skip

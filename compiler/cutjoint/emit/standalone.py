@@ -122,6 +122,16 @@ def render_header(page: Page, view: Mapping[str, object]) -> str:
     return page.render("standalone/api.h.jinja", **_in_c(page), **view)
 
 
+def render_interface(page: Page, view: Mapping[str, object]) -> str:
+    """The C++ of the functions that the C header declares: those of a simulation, and names by index and indices by name."""
+    header, p = render_header(page, view), page.stem
+    of_sim = re.findall(rf"^([\w* ]+\b{p}_(\w+)\((?:const )?{p}_sim\* .*\));$", header, re.MULTILINE)
+    calls = [{"declaration": text, "name": name, "arguments": ", ".join(re.findall(r"(\w+)[,)]", text))} for text, name in of_sim]
+    texts = re.findall(rf"^const char\* {p}_(\w+)\(int (?:index|event)\);$", header, re.MULTILINE)
+    found = re.findall(rf"^int {p}_find_(\w+)\(const char\* name\);$", header, re.MULTILINE)
+    return page.render("standalone/api.cpp.jinja", calls=calls, texts=texts, found=found, **view)
+
+
 def _in_c(page: Page) -> dict[str, object]:
     return {"banner": "\n".join(f"/* {line} */" for line in page.banner[:1])}
 
@@ -153,7 +163,7 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
         *([core.top] if core.top.strip() else []), f"namespace {page.stem}_code {{\n", core.body,
         f"namespace {SPACE} {{\n", *code, f"}}  // namespace {SPACE}\n",
         "namespace cutjoint::sized {\n", *sized, "}  // namespace cutjoint::sized\n",
-        "namespace {\n", page.render("standalone/api.cpp.jinja", **view),
+        "namespace {\n", render_interface(page, view),
     ])  # fmt: skip
 
 
@@ -298,8 +308,8 @@ def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, A
         "parameter_names": [p.name for p in equations.parameters], "parameter_units": [p.unit for p in equations.parameters],
         "input_names": [p.name for p in equations.inputs], "input_units": [p.unit for p in equations.inputs],
         **_state_tables(equations, ""), **_state_tables(equations.mechanism, "start_"),
-        "indicator_names": [s.element for s in equations.indicators],
-        "indicator_places": [str(s["place"]) for s in indicators_of(equations)],
+        "event_names": [s.element for s in equations.indicators],
+        "event_locations": [str(s["place"]) for s in indicators_of(equations)],
         "guard_names": [guard.name for guard in guards], "guard_places": [quotable(guard.span.place) for guard in guards],
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
     }  # fmt: skip

@@ -370,7 +370,7 @@ class CheckedSimulation {
         break;
       case FaultList::guards: look_up(Model::guard_names, Model::guard_places); break;
       case FaultList::coordinates: look_up(Model::coordinate_names, Model::coordinate_places); break;
-      case FaultList::indicators: look_up(Model::indicator_names, Model::indicator_places); break;
+      case FaultList::indicators: look_up(Model::event_names, Model::event_locations); break;
       case FaultList::controllers:
         if constexpr (requires { Model::controller_names; }) look_up(Model::controller_names, Model::controller_places);
         break;
