@@ -43,7 +43,7 @@ static constexpr const char* equations[] = {
     "closure_2.axis_z",
 };
 
-static constexpr constants::Named columns[] = {
+static constexpr Named columns[] = {
     {"tip.x", "m"},
     {"tip.y", "m"},
     {"tip.vx", "m/s"},

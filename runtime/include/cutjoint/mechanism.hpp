@@ -5,51 +5,9 @@
 #include <vector>
 
 #include "cutjoint/any_mechanism.hpp"
-#include "cutjoint/core/mechanism/chart.hpp"
+#include "cutjoint/constants.hpp"
 
 namespace cutjoint {
-
-/// A name with its unit and default value; what it names depends on the list that it stands in.
-struct Named {
-  std::string_view name;
-  std::string_view unit;
-  double value = 0.0;
-};
-
-/// A force that was left out of the model because it does not act, or with `ends` a joint whose loops functions close on a range; and the line of
-/// the model's file where it stands.
-struct Guard {
-  std::string_view force;
-  std::string_view place;
-  bool ends = false, left_out = false;
-};
-
-/// A value at whose change of sign a force, a guide or a drive goes over to another formula, or a tyre at a break of its road; the element that it
-/// belongs to, and the line of the model's file.
-struct EventIndicator {
-  std::string_view element;
-  std::string_view place;
-  int road = -1;
-  int across = -1;
-};
-
-/// A function of an element's law that has a value in its domain alone, and the line of the model's file.  Its margin is not negative there,
-/// or positive if it is strict.  That of a load of friction has as its remedy the place among the margins of a factor, below which all coefficients
-/// of friction leave the loads of joints values.
-struct Domain {
-  std::string_view what;
-  std::string_view element;
-  std::string_view place;
-  bool strict;
-  int remedy = -1;
-};
-
-/// What holds values between samples: its name, the line of the model's file, and the times.
-struct Controller {
-  std::string_view name;
-  std::string_view place;
-  SampleTimes times;
-};
 
 /// Everything about a mechanism that does not change in a run.
 struct Description {

@@ -18,7 +18,7 @@ inline std::vector<std::string_view> read_names(const Json& list) {
 }
 
 /// A text in a document, which must outlive its use.
-inline std::string_view text(const Json& list, std::size_t i) { return list.at(i).get_ref<const std::string&>(); }
+inline const char* text(const Json& list, std::size_t i) { return list.at(i).get_ref<const std::string&>().c_str(); }
 
 /// Names with units and, of parameters and inputs, values.
 inline std::vector<Named> read_named(const Json& list) {

@@ -12,7 +12,7 @@ inline std::vector<std::string_view> views_of(const std::vector<std::string>& na
 
 inline std::vector<Named> views_of(const std::vector<Names::Item>& items) {
   std::vector<Named> named;
-  for (const Names::Item& item : items) named.push_back({item.name, item.unit, item.value});
+  for (const Names::Item& item : items) named.push_back({item.name.c_str(), item.unit.c_str(), item.value});
   return named;
 }
 
