@@ -24,8 +24,10 @@ from tests.reduce.test_guards import TEXT as HAMMER
 
 from .c_exports import (
     ALONE,
+    CXX,
     DEFINITIONS,
     HERE,
+    LIBRARIES,
     RANDOM_CALLS,
     C,
     compile_object,
@@ -57,6 +59,18 @@ def test_files_include_the_standard_library_alone(press: Path) -> None:
     included = {name for text in texts for name in re.findall(r"#include ([<\"][^>\"]+)", text)}
     assert '"press.h' in included
     assert not [name for name in included if "/" in name or "Eigen" in name or (name[0] == '"' and name != '"press.h')]
+
+
+def test_a_shared_library_shows_the_interface_alone(press: Path) -> None:
+    """GCC shares tables of inline functions and templates between libraries, though they are another model's: those that it may see."""
+    made = press / "libpress.so"
+    subprocess.run(["g++", *CXX, "-O0", "-fPIC", "-shared", "press.cpp", "-o", made, *LIBRARIES], cwd=press, check=True)
+    listed = subprocess.run(["nm", "-DC", "--defined-only", made], check=True, capture_output=True, text=True).stdout
+    shown = [line.split(maxsplit=2)[2] for line in listed.splitlines()]
+    header = (press / "press.h").read_text(encoding="utf-8")
+    declared = set(re.findall(r"^[a-z].*?\b(press_\w+)\(", header, re.MULTILINE))
+    assert {name for name in shown if name.startswith("press_")} >= declared - {"press_create"}
+    assert not [name for name in shown if name.startswith(("press_code", "cutjoint"))]
 
 
 @pytest.mark.parametrize(("name", "scene", "method"), FOLDERS)

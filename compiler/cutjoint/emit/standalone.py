@@ -72,7 +72,6 @@ _VECTORISED = (
     f"{_BY_GCC}\n#pragma GCC pop_options\n#endif\n",
 )
 
-
 #: The largest violation of a loop in exported code, as a share of the mechanism's extent or of a radian.
 LARGEST_VIOLATION = 0.01
 
@@ -160,7 +159,8 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
     return "\n".join([
         "\n".join(f"// {line}" for line in page.banner), page.render("standalone/demands.hpp.jinja", **view),
         *(f"#include <{name}>" for name in standard), "",
-        *([core.top] if core.top.strip() else []), f"namespace {page.stem}_code {{\n", core.body,
+        *([core.top] if core.top.strip() else []), page.render("standalone/hidden.hpp.jinja", **view),
+        f"namespace {page.stem}_code {{\n", core.body,
         f"namespace {SPACE} {{\n", *code, f"}}  // namespace {SPACE}\n",
         "namespace cutjoint::sized {\n", *sized, "}  // namespace cutjoint::sized\n",
         "namespace {\n", render_interface(page, view),

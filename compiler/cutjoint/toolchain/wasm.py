@@ -35,9 +35,6 @@ _WASM = ("-target", "wasm32-wasi", "-msimd128", "-fno-slp-vectorize", "-fno-vect
 #: The size of a module's stack, bytes: many times the need of a step of any model.
 _STACK = 1 << 20
 
-#: The file with the names that a library shows.
-_NAMES = "names.map"
-
 #: The name of the section of a module that has facts about its model.
 SECTION = "cutjoint"
 
@@ -73,9 +70,7 @@ def build_matching_library(name: str, files: Mapping[str, str], digest: str) -> 
         ToolchainError: there is no compiler, or it refused the code.
     """
     command = find_compiler().command
-    # names of the interface alone are seen from outside: another version of the model may be loaded beside it
-    files = {**files, _NAMES: f"{{ global: {name}_*; local: *; }};\n"}
-    return _build(f"lib{name}.so", files, digest, command, command, ("-fPIC",), ("-shared", f"-Wl,--version-script={_NAMES}"))
+    return _build(f"lib{name}.so", files, digest, command, command, ("-fPIC",), ("-shared",))
 
 
 def _build(
@@ -84,7 +79,7 @@ def _build(
     """Compile the C++ among files, and the mathematical library, and link both."""
     sources, library = [file for file in files if file.endswith(".cpp")], runtime_folder() / "libm"
     named = ("-include", str(library / "names.h"))
-    used = {file: text for file, text in files.items() if file.endswith((".cpp", ".h", _NAMES))}
+    used = {file: text for file, text in files.items() if file.endswith((".cpp", ".h"))}
     parts = [*map(without_mark, used.values()), tree_digest(library), ask_version(tuple(cxx)), *cxx[1:]]
     cached = cache_folder() / f"portable-{digest_of([digest, *parts, *_CXX, *_C, *flags, *linked])}" / made
 
