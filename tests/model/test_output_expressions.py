@@ -101,6 +101,7 @@ PROBLEMS = [
     ("{tilt: {value: 20, unit: §degC}}", "@: output 'tilt': unit degC does not begin at zero; write one that does, such as K"),
     ("{tilt: {value: §end.x + hinge.angle}}", "@: output 'tilt': value: m and 1 cannot be added or compared"),
     ("{§hinge: end.x}", "@: output 'hinge': duplicate name 'hinge', which an element has; rename one of them"),
+    ("{§t: end.x}", "@: output 't': the column 't' is the time; choose another name"),
     ("{tilt: end.x}, §{tilt: end.x}", "@: outputs: the output 'tilt' stands twice; remove one"),
     ("{tilt: end.x}, §{tilt: end.z}", "@: outputs: the output 'tilt' stands twice; remove one"),
     ("§{a: end.x, b: end.z}", "@: model: outputs: an output has one name, not 2; write an item for each: - name: {value: ..., unit: ...}"),

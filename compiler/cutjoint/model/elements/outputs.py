@@ -80,6 +80,8 @@ class OutputReader:
         if scope is None:
             return None  # of an instance whose problems are noted
         where = Element(scope, f"output '{name}'", name, (*path, local))
+        if name == "t":
+            where.fail("the column 't' is the time", "choose another name")
         term = where.term(part.value, (VALUE,), scope.reading("t"))
         value = where.scalar(part.value, None, (VALUE,), scope.reading("t"))
         own = "" if term.dimension in (None, NONE) else str(term.dimension)
