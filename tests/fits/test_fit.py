@@ -247,6 +247,7 @@ def test_a_linkage_is_calibrated_from_poses_alone(tmp_path: Path) -> None:
         ({"ties": {"nothing": "stiffness"}}, "is no number of the models"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.xx": {}}}}}, "slider.xx"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {"unit": "kg"}}}}}, "unit kg does not fit"),
+        ({"experiments": {"run": {"data": "d.csv", "signals": {"pin.angle_rate": {"unit": "Hz", "column": "slider.x"}}}}}, "Hz leaves"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {"column": "slide.x"}}}}}, "there is no column 'slide.x'"),
         ({"experiments": {"run": {"data": "none.csv", "signals": {"slider.x": {}}}}}, "none.csv"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {}}, "validation": True}}}, "for validation"),

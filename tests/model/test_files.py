@@ -128,7 +128,7 @@ CONTENTS = [
     ("rate,value\n0,1\n", "m.yaml:15:56: force 'drag': the table has 1 of rate and 1 of value; give as many of both, two or more"),
     ("rate,value\n", "t.csv:1:1: force 'drag': the table has no rows; write a line of names, and a row of numbers below it"),
     ("", "t.csv:1:1: force 'drag': the table has no rows; write a line of names, and a row of numbers below it"),
-    ("rate [m/s],value\n0,1\n1,1\n", "t.csv:1:1: force 'drag': law.table.rate needs 1/s, got m/s"),
+    ("rate [m/s],value\n0,1\n1,1\n", "t.csv:1:1: force 'drag': law.table.rate needs rad/s, got m/s"),
     ("rate,value [N]\n0,1\n1,1\n", "t.csv:1:6: force 'drag': law.table.value needs N*m, got N"),
     ("rate,value [N*ells]\n0,1\n1,1\n", "t.csv:1:6: force 'drag': unknown unit 'N*ells'; write for example [mm] or [N*s/m]"),
     ("rate,speed\n0,1\n1,1\n", "m.yaml:15:56: force 'drag': a table has the list of a variable, or of two, and 'value'; "

@@ -7,10 +7,13 @@ from typing import Any
 import pint
 import pytest
 
+from cutjoint.commands.options import read_parameters
 from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions import units
 from cutjoint.model.expressions.units import UnitError, measure
 from cutjoint.model.read import read_model_text
+from cutjoint.package.errors import RunError
+from cutjoint.run.run_file import parameter_values
 
 REGISTRY: Any = pint.UnitRegistry()
 NAMES = (
@@ -102,3 +105,37 @@ def test_hertz_are_no_angular_speed(rate: str, radians: float | None) -> None:
         return
     with pytest.raises(ModelError, match=r"m.yaml:17:\d+: scene 'run': rates: 'slide.angle_rate': Hz leaves open whether"):
         read_model_text(text, "m.yaml")
+
+
+@pytest.mark.parametrize(("added", "place"), [
+    ("rates: {slide.angle_rate: spin}", r"17:\d+: scene 'run': rates: 'slide.angle_rate': the parameter 'spin'"),
+    ("trim: {find: [slide.angle_rate], hold: {slide.angle_rate: 5 Hz}}", r"17:\d+: scene 'run': trim: 'slide.angle_rate'"),
+    ("trim: {find: [slide.angle_rate], bounds: {slide.angle_rate: [0, 5 Hz]}}", r"17:\d+: scene 'run': trim: 'slide.angle_rate'"),
+    ("outputs: [{turning: {value: a.wx, unit: Hz}}]", r"17:\d+: output 'turning'"),
+    ("rates: {slide.angle_rate: 2*pi*spin}, outputs: [{turning: {value: a.wx/(2*pi), unit: Hz}}]", None),
+])  # fmt: skip
+def test_hertz_beside_an_angular_speed(added: str, place: str | None) -> None:
+    text = CART.replace("output_step: 0.1", f"output_step: 0.1, {added}")
+    text = text.replace("  level:", "  spin: {value: 60, unit: Hz, binding: param}\n  level:")
+    if place is None:
+        assert read_model_text(text, "m.yaml").scenes["run"].rates["slide.angle_rate"].free_symbols
+        return
+    with pytest.raises(ModelError, match=rf"m.yaml:{place.replace('17', '18')}: Hz leaves open whether"):
+        read_model_text(text, "m.yaml")
+
+
+@pytest.mark.parametrize(("unit", "typed", "fault"), [
+    ("rad/s", "60Hz", "Hz leaves open"), ("Hz", "600rpm", "'600rpm' counts angles; write Hz"), ("1/s", "60Hz", None),
+    ("Hz", "60 1/s", None), ("rad/s", "60rpm", None),
+])  # fmt: skip
+def test_hertz_that_are_typed(unit: str, typed: str, fault: str | None) -> None:
+    """For a parameter in a unit, and a rate of the file as a parameter."""
+    text = CART.replace("  level:", f"  spin: {{value: 1, unit: {unit}, binding: param}}\n  level:")
+    text = text.replace("output_step: 0.1", "output_step: 0.1, rates: {slide.angle_rate: 3}")
+    model, (value,) = read_model_text(text, "m.yaml", tunable=["run.rates.*"]), read_parameters((f"spin={typed}",)).values()
+    for name in ("spin", *(["run.rates.slide.angle_rate"] if unit == "rad/s" else [])):
+        if fault is None:
+            assert parameter_values(model, {name: value})[name] == value
+            continue
+        with pytest.raises(RunError, match=f"parameter '{name}' is in {unit}: {fault}"):
+            parameter_values(model, {name: value})

@@ -226,6 +226,7 @@ def test_objectives_are_converted_to_their_units(objective: dict[str, object], f
     [
         ({"maximum": "pin.angle", "unit": "kg"}, "unit kg does not fit: it is in an angle or a plain number"),
         ({"maximum": "slider.x", "unit": "m/s"}, "unit m/s does not fit: it is in m"),
+        ({"maximum": "pin.angle_rate", "unit": "Hz"}, "Hz leaves open whether turns or radians"),
         ({"integral": "slider.vx", "unit": "m/s"}, "unit m/s does not fit: it is in m"),
         ({"crossing": "slider.x", "at": 0.1, "unit": "mm"}, "unit mm does not fit: it is in s"),
         ({"crossing": "slider.x", "at": "1 deg"}, "at needs m, got an angle or a plain number"),

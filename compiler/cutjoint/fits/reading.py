@@ -24,7 +24,7 @@ from cutjoint.model.errors import ModelError, Problems, nearest
 from cutjoint.model.expressions.operations import ExpressionError, Term
 from cutjoint.model.expressions.parse import Names, symbols_of
 from cutjoint.model.expressions.scope import Directory, Element, Scope
-from cutjoint.model.expressions.units import TIME, Dimension, measure
+from cutjoint.model.expressions.units import TIME, Dimension, fault_of_hertz, measure
 from cutjoint.model.records import Binding, Model, Scalar, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
@@ -145,6 +145,8 @@ class _Reading:
         def number(value: Any, key: tuple[str, ...], default: float) -> float:
             if value is None:
                 return default
+            if own is not None and (fault := fault_of_hertz(str(value), own.unit)):
+                self._fail((*keys, *key), fault)
             return replace(self.where, label=f"parameter '{name}'").number(value, dimension, (*keys, *key))
 
         start = number(part.start, ("start",), nan if own is None else own.value)
@@ -250,7 +252,7 @@ class _Reading:
             self._fail(keys, f"'{text}': {error.message}", error.hint, at_key=True)
             return Signal(text=text, unit="", value=sympy.S.Zero, times=data[0], values=data[1], deviation=nan, gain=1, bias=0, delay=0)
         free = part.gain is not None  # which has the quotient of the units
-        factor = self._factor(part.unit, (*keys, "unit"), None if free else dimension)
+        factor = self._factor(part.unit, (*keys, "unit"), None if free else dimension, "" if free else unit)
         at = replace(self.where, label=element_of(keys)[0])
         deviation = nan if part.deviation is None else at.number(part.deviation, None if free else dimension, (*keys, "deviation"))
         if deviation <= 0:
@@ -272,7 +274,7 @@ class _Reading:
         seconds = self._factor(of.time_unit, ("experiments",), TIME)
         t, values = self._column(self._data(part.data or of.data, str(part.time or of.time)), str(part.column or name), seconds)
         whole = np.isfinite(values)
-        factor = self._factor(part.unit, (*keys, "unit"), _dimension(own[name].unit) if own[name].unit else None)
+        factor = self._factor(part.unit, (*keys, "unit"), _dimension(own[name].unit) if own[name].unit else None, own[name].unit)
         return {"t": t[whole] - begin, "value": values[whole] * factor, "interpolation": part.interpolation}
 
     def _motions(self, keys: Keys, part: parts.Experiment, followed: Followed, inputs: dict[str, Any], begin: float) -> tuple[str, ...]:
@@ -303,12 +305,14 @@ class _Reading:
         t, values = data(name)
         return t * seconds, values
 
-    def _factor(self, unit: str | None, keys: Keys, dimension: Dimension | None) -> float:
+    def _factor(self, unit: str | None, keys: Keys, dimension: Dimension | None, own: str = "") -> float:
         if unit is None:
             return 1.0
         one = measure(1.0, unit)
         if dimension not in (None, one.dimension):
             self._fail(keys, f"unit {unit} does not fit what is measured, in {dimension}", "write a unit of that")
+        elif fault := fault_of_hertz(unit, own):
+            self._fail(keys, fault)
         return one.value
 
 

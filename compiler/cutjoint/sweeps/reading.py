@@ -20,7 +20,7 @@ from cutjoint.model.errors import ModelError, Problems, nearest
 from cutjoint.model.expressions.functions import supply
 from cutjoint.model.expressions.operations import ExpressionError
 from cutjoint.model.expressions.scope import Directory, Element, Scope
-from cutjoint.model.expressions.units import LENGTH, NONE, TIME, Dimension, Measure, described, measure
+from cutjoint.model.expressions.units import LENGTH, NONE, TIME, Dimension, Measure, described, fault_of_hertz, measure
 from cutjoint.model.ranges import SOLVER_TOLERANCE, fault_of_setting
 from cutjoint.model.records import Model, Scene
 from cutjoint.model.scenes.build import SETTINGS
@@ -227,11 +227,13 @@ class _Reading:
             self.at(keys).fail("the limits enclose nothing", "write the smaller one first", (*keys, "limits"))
         return low, high
 
-    def _fitting(self, where: Element, unit: str, dimension: Dimension | None, keys: Keys) -> Measure | None:
+    def _fitting(self, where: Element, unit: str, dimension: Dimension | None, keys: Keys, own: str = "") -> Measure | None:
         """The unit of an objective, which fits its dimension."""
         one = read_unit(where, unit, (*keys, "unit"))
         if one is not None and dimension not in (None, one.dimension):
             where.fail(f"unit {unit} does not fit: it is in {described(dimension)}", "write a unit of that", (*keys, "unit"))
+        elif fault := fault_of_hertz(unit, own):
+            where.fail(fault, "", (*keys, "unit"))
         return one
 
     def _factor(self, where: Element, part: ObjectivePart, unit: str, series: Series, keys: Keys) -> float:
@@ -239,7 +241,8 @@ class _Reading:
         dimension = {"crossing": TIME, "frequency": NONE / TIME}.get(part.reduction, series.dimension)
         if part.reduction == "integral" and dimension is not None:
             dimension *= TIME
-        if (one := self._fitting(where, unit, dimension, keys)) is None:
+        own = "" if part.reduction in ("crossing", "frequency", "integral") else series.unit
+        if (one := self._fitting(where, unit, dimension, keys, own)) is None:
             return 1.0
         value = sympy.factor_terms(series.value)
         written = value.as_independent(*value.free_symbols, as_Add=False)[0]

@@ -15,7 +15,7 @@ from cutjoint.model.document.source import Path as Keys
 from cutjoint.model.errors import nearest
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
 from cutjoint.model.expressions.scope import Element
-from cutjoint.model.expressions.units import measure
+from cutjoint.model.expressions.units import fault_of_hertz, measure
 from cutjoint.model.ranges import fault_of
 from cutjoint.model.records import COORDINATES, Binding, Model, Parameter, Scene, Span
 from cutjoint.model.scenes.starts import read_states
@@ -170,7 +170,7 @@ class Variables:
 
         def read(value: int | float | str, keys: Keys) -> float:
             number = self._at(keys).number(value, dimension, keys)
-            if not isnan(number) and (fault := fault_of(number)):
+            if not isnan(number) and (fault := fault_of(number) or fault_of_hertz(str(value), unit)):
                 self._fail(keys, fault)
             return number
 

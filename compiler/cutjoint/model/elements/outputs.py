@@ -12,9 +12,9 @@ from cutjoint.model.elements.expand import Expansion
 from cutjoint.model.elements.instances import find_uses
 from cutjoint.model.expressions.parse import quantity_symbol
 from cutjoint.model.expressions.quantities import Element as Quantified
-from cutjoint.model.expressions.quantities import QuantityError, find_quantity
+from cutjoint.model.expressions.quantities import QuantityError, find_quantity, is_angular_speed
 from cutjoint.model.expressions.scope import FAILED, Element
-from cutjoint.model.expressions.units import NONE, Measure, UnitError, described, measure
+from cutjoint.model.expressions.units import NONE, Measure, UnitError, described, fault_of_hertz, measure
 from cutjoint.model.records import VALUE, Output, Signal, Span
 
 _Entry: TypeAlias = str | dict[str, model_file.OutputExpression]
@@ -89,6 +89,8 @@ class OutputReader:
         if unit is not None and term.dimension not in (None, unit.dimension):
             message = f"unit {part.unit} does not fit: the expression is in {described(term.dimension)}"
             where.fail(message, "write a unit of that", ("unit",))
+        elif part.unit is not None and is_angular_speed(self.known, f"{prefix}{part.value}") and (fault := fault_of_hertz(part.unit)):
+            where.fail(fault, "", ("unit",))
         if value is FAILED or (unit is None and part.unit is not None):
             return None
         signal = Signal(

@@ -113,6 +113,12 @@ def find_quantity(
     return element, quantity
 
 
+def is_angular_speed(known: Mapping[str, Element], name: str) -> bool:
+    """Return whether ``name`` is the element.quantity of an angular speed."""
+    element, _, quantity = name.rpartition(".")
+    return element in known and quantities(known[element]).get(quantity) == "rad/s"
+
+
 def is_place(element: Element, quantity: str) -> bool:
     """Return whether a quantity follows from the pose of the bodies alone, and not from a road."""
     if isinstance(element, Force):

@@ -47,7 +47,7 @@ class TunableNumbers:
             return term
         known = self.parameters.get(name)
         if known is None or (known.span, known.value) != (span, term.number):
-            known = self._add(name if known is None else f"{name}_{len(self.parameters)}", term.number, term.dimension or expected, span)
+            known = self._add(name if known is None else f"{name}_{len(self.parameters)}", term.number, expected or term.dimension, span)
             values[known.symbol] = known.value
         return Term(known.symbol, term.dimension or expected)
 

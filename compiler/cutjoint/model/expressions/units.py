@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache
 from typing import Any
@@ -19,9 +19,10 @@ from cutjoint.model.text import UNSIGNED
 
 @dataclass(frozen=True)
 class Dimension:
-    """Exponents of kg, m, s, A, K, mol and cd."""
+    """Exponents of kg, m, s, A, K, mol and cd; ``text`` is the unit where these alone leave it open."""
 
     exponents: tuple[Fraction, ...]
+    text: str = field(default="", compare=False)
 
     def __mul__(self, other: Dimension) -> Dimension:
         return Dimension(tuple(a + b for a, b in zip(self.exponents, other.exponents, strict=True)))
@@ -34,7 +35,7 @@ class Dimension:
 
     def __str__(self) -> str:
         """The dimension's SI unit, such as "N/m"."""
-        return _SI_TEXT.get(self) or _spell(self)
+        return self.text or _SI_TEXT.get(self) or _spell(self)
 
 
 def described(dimension: Dimension | None) -> str:
@@ -58,7 +59,7 @@ FORCE = MASS * ACCELERATION
 TORQUE = FORCE * LENGTH
 INERTIA = MASS * LENGTH**2
 ANGLE = NONE
-ANGULAR_SPEED = NONE / TIME
+ANGULAR_SPEED = Dimension((NONE / TIME).exponents, "rad/s")
 
 _JOULE = FORCE * LENGTH
 _WATT = _JOULE / TIME
@@ -135,9 +136,23 @@ class Quantity(float):
 
 def fault_of_dimension(value: float, unit: str) -> str:
     """The fault in a number written with a unit in the place of one of ``unit``, "" for any; "" without a fault."""
-    if not isinstance(value, Quantity) or not unit or value.dimension == (own := measure(1.0, unit).dimension):
+    if not isinstance(value, Quantity) or not unit:
         return ""
-    return f"needs {described(own)}, got {described(value.dimension)}: {value.text}"
+    if value.dimension != (own := measure(1.0, unit).dimension):
+        return f"needs {described(own)}, got {described(value.dimension)}: {value.text}"
+    return f"is in {unit}: {fault}" if (fault := fault_of_hertz(value.text, unit)) else ""
+
+
+_ANGLES = re.compile(r"rad|deg|turn|rev|rpm")
+
+
+def fault_of_hertz(written: str, unit: str = "rad/s") -> str:
+    """The fault in a rate as ``written`` in the place of one of ``unit``: in Hz for an angular speed, or the reverse; "" without one."""
+    if "Hz" in written and _ANGLES.search(unit):
+        number = "".join(re.findall(rf"^{_NUMBER}", written))
+        hint = " or ".join(f"'{number} {one}/s'".replace("' ", "'") for one in ("turn", "rad"))
+        return f"Hz leaves open whether turns or radians per second are meant; write {hint}"
+    return f"'{written}' counts angles; write Hz" if unit == "Hz" and _ANGLES.search(written) else ""
 
 
 _NUMBER = rf"[-+]?{UNSIGNED}"

@@ -19,10 +19,10 @@ from cutjoint.model.elements.controllers import unit_text
 from cutjoint.model.errors import nearest
 from cutjoint.model.expressions.operations import Term, choice
 from cutjoint.model.expressions.parse import quantities_read
-from cutjoint.model.expressions.quantities import JOINT_QUANTITIES, is_place
+from cutjoint.model.expressions.quantities import JOINT_QUANTITIES, is_angular_speed, is_place
 from cutjoint.model.expressions.quantities import Element as Quantified
 from cutjoint.model.expressions.scope import FAILED, Element
-from cutjoint.model.expressions.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, Dimension, measure, unit_written
+from cutjoint.model.expressions.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, Dimension, fault_of_hertz, measure, unit_written
 from cutjoint.model.ranges import fault_of_state
 from cutjoint.model.records import COORDINATES, SPEEDS, Aim, Binding, FirstOrderState, Joint, Parameter, Scalar, Signal, Trim, Unknown
 
@@ -183,13 +183,19 @@ def _state(where: Element, joint: Joint, component: str, value: Any, keys: Path)
         return {f"{joint.name}.{name}": part for name, part in zip(ATTITUDE, quaternion, strict=True)}
     expected = _DIMENSIONS[JOINT_QUANTITIES[joint.kind][component]]
     state = where.scalar(value, expected, keys)
-    if expected == ANGULAR_SPEED and "Hz" in unit_written(str(value)):
-        number = str(value).split()[0].removesuffix("Hz")
-        hint = f"write '{number} turn/s' or '{number} rad/s'"
-        where.fail(f"{keys[0]}: '{keys[1]}': Hz leaves open whether turns or radians per second are meant", hint, keys)
+    if expected == ANGULAR_SPEED:
+        _refuse_hertz(where, value, keys, str(keys[1]))
     if fault := fault_of_state(where.value(state), is_angle=expected == NONE):
         where.fail(f"{keys[0]}: '{keys[1]}': {fault}", "", keys)
     return {f"{joint.name}.{component}": state}
+
+
+def _refuse_hertz(where: Element, value: Number, keys: Path, name: str) -> None:
+    """Note a number or a parameter in Hz in the place of an angular speed."""
+    given = where.scope.source.data.get("parameters", {}).get(str(value), value)
+    number, unit = (str(given.get("value")), given.get("unit")) if isinstance(given, dict) else (str(given), None)
+    if fault := fault_of_hertz(unit or (number if unit_written(number) else "")):
+        where.fail(f"{keys[0]}: '{name}'{'' if given is value else f': the parameter {value!r}'}: {fault}", "", keys)
 
 
 def read_near(where: Element, scene: model_file.Scene, positions: Mapping[str, Scalar]) -> tuple[str, ...]:
@@ -234,6 +240,8 @@ def read_trim(
             where.fail(f"trim: find: the scene's law of the input '{name}' is no number", hint, keys)
         ends, unit = trim.bounds.get(name, ()), measure(1.0, unknown.unit).dimension if unknown.unit else NONE
         bounds = tuple(where.scalar(end, unit, ("trim", "bounds", name, i)) for i, end in enumerate(ends))
+        for i, end in enumerate(ends if unknown.unit == "rad/s" else ()):
+            _refuse_hertz(where, end, ("trim", "bounds", name, i), name)
         if bounds and where.value(bounds[0]) >= where.value(bounds[1]):
             where.fail(f"trim: bounds: those of '{name}' do not ascend", "write [least, largest]", ("trim", "bounds", name))
         find.append(replace(unknown, bounds=bounds, span=where.scope.source.value_span((*where.path, *keys))))
@@ -285,6 +293,8 @@ def _aim(where: Element, keys: Path, number: Number, known: Mapping[str, Quantif
     else:
         term = where.term(key, keys, where.scope.reading())
     value = where.scalar(number, term.dimension, keys)
+    if is_angular_speed(known, key):
+        _refuse_hertz(where, number, keys, key)
     read = list(_quantities_below(term.value, known, signals))
     others = (f"{name}.{quantity}" for name, quantity in read if name in known and not is_place(known[name], quantity))
     if section == "assemble" and (other := next(others, None)):
