@@ -317,6 +317,7 @@ def test_the_run_is_the_same_and_goes_on() -> None:
 @pytest.mark.parametrize(
     ("name", "words"),
     [
+        ("pin.angl", "--by: no parameter, input or initial state 'pin.angl'; did you mean 'pin.angle'?"),
         ("stiffness,A.z", "--by takes one name and repeats: --by stiffness --by A.z"),
         ("stifness", "--by: no parameter or input 'stifness'; did you mean 'stiffness'?"),
         ("slider.mass", "--by: 'slider.mass' is a constant of the file; --tunable slider.mass makes a parameter of that name"),
@@ -325,6 +326,21 @@ def test_the_run_is_the_same_and_goes_on() -> None:
 def test_wrong_names_are_refused_before_compiling(name: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gradient, "load_scene", None)
     done = CliRunner().invoke(main, ["gradient", str(MODELS / "press.yaml"), "--by", name])
+    assert (done.exit_code, done.output) == (1, f"{words}\n")
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        *((command, "model 'press' has no parameter 'q'; it has stiffness") for command in (
+            ["gradient", "--set", "q=1"], ["modes", "--at", "1", "--set", "q=1"], ["realtime", "--set", "q=1"], ["reduce", "--set", "q=1"],
+        )),
+        (["gradient", "--output", "slidr.x"], "--output: 'slidr.x' is not among the scene's outputs; did you mean 'slider.x'?"),
+    ],
+)  # fmt: skip
+def test_other_wrong_names_too(command: list[str], words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    done = CliRunner().invoke(main, [command[0], str(MODELS / "press.yaml"), *command[1:]])
     assert (done.exit_code, done.output) == (1, f"{words}\n")
 
 

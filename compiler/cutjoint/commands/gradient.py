@@ -9,8 +9,10 @@ from rich.measure import Measurement
 from rich.table import Table
 
 from cutjoint.commands import options, table
+from cutjoint.elements.joint import ATTITUDE
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Formulation
 from cutjoint.model.errors import ModelError, nearest
+from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
 from cutjoint.model.records import Binding, Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import find_trim, parameter_values
@@ -40,18 +42,23 @@ def command(
     read, chosen = load_model(model, scene, tunable)
     values = options.read_parameters(changes)
     _require_numbers(model, read, by)
+    numbers = parameter_values(read, values)
     if objective == "start" and chosen.trim is not None:
         _print_trim(read, chosen, values, requested, by, check)
         return
     method = method or chosen.method or DEFAULT_METHOD
     if METHODS[method].formulation is Formulation.NATURAL:
         raise RunError(f"scene '{chosen.name}' has the method {method}, which has no derivatives of steps; use --method recursive")
+    columns = [output.column for output in chosen.outputs]
+    for name in requested:
+        if name not in columns:
+            raise RunError(f"--output: '{name}' is not among the scene's outputs; {nearest(name, columns, 'there is')}")
     with options.progress_bar(f"compiling {model.name}"):
         many = (len(by) or sum(p.binding is not Binding.CONST for p in read.parameters)) > (len(requested) or len(chosen.outputs))
         sim = load_scene(
             read, chosen, method=method, integrator=integrator, linearise=True, adjoint=many and objective in OBJECTIVES
         )  # fmt: skip
-    sim.parameters.update({name: value for name, value in parameter_values(read, values).items() if name in sim.parameters})
+    sim.parameters.update({name: value for name, value in numbers.items() if name in sim.parameters})
     for name in values:
         if name in sim.inputs:
             sim.inputs[name] = float(values[name])
@@ -91,8 +98,11 @@ def _require_numbers(path: Path, model: Model, by: Sequence[str]) -> None:
             raise RunError(f"--by: no parameter or input '{name}'; {nearest(name, known, 'there is')}")
         try:
             model_of(path, [name])
-        except ModelError:  # an initial state, or wrong: known after compiling
-            continue
+        except ModelError:
+            states = [f"{joint.name}.{name}" for joint in model.joints for name in (*JOINT_QUANTITIES[joint.kind], *ATTITUDE)]
+            if name in [*states, *(state.entry for state in model.states)]:
+                continue  # whether it is independent is known after compiling
+            raise RunError(f"--by: no parameter, input or initial state '{name}'; {nearest(name, [*known, *states], 'there is')}") from None
         raise RunError(f"--by: '{name}' is a constant of the file; --tunable {name} makes a parameter of that name")
 
 

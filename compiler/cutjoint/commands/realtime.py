@@ -7,6 +7,7 @@ from cutjoint.compile.pipeline import compile_model
 from cutjoint.report.tasks import time_tables
 from cutjoint.run.failures import describe_failure, describe_rest
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.run_file import parameter_values
 from cutjoint.tasks.realtime import run_in_real_time
 from cutjoint.topology.reading import read_model
 
@@ -19,8 +20,10 @@ def command(
     """Run one scene of MODEL by the trapezoidal rule against the wall clock: how long steps take, and how many miss their deadline."""
     require_apart({"the model": model}, tables={"--out": out})
     parameters = options.read_parameters(changes)
+    read = read_model(model, functions=functions)
+    parameter_values(read, parameters)
     with options.progress_bar(f"compiling {model.name}"):
-        artifact = compile_model(read_model(model, functions=functions), scene=scene, method=method)
+        artifact = compile_model(read, scene=scene, method=method)
     with options.progress_bar(f"running {artifact.scene.name}"):
         times = run_in_real_time(
             artifact, dt=dt, end=end, iterations=iterations, parameters=parameters, out=out, check=False, priority=priority,

@@ -8,6 +8,7 @@ from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.tasks import note_lines, reduction_table
 from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.run_file import parameter_values
 from cutjoint.run.scenes import find_case
 from cutjoint.topology.reading import read_model
 from cutjoint.view.states import show_reduction
@@ -24,6 +25,7 @@ def command(
     with options.progress_bar(f"reducing {model.name}"):
         checked, chosen = find_case(checked, scene)
         driven, parameters = with_constant_inputs(checked, chosen, options.read_parameters(changes))
+        parameter_values(checked, parameters)
         variants = reduction_sequence(checked, driven, method, approximate=approximate)
         costs = measure_reduced(variants, dt=dt, parameters=parameters)
     options.out.print(reduction_table(variants, costs))

@@ -57,6 +57,7 @@ def find_scene_linear_model(
 ) -> StateSpace | SampledStateSpace:  # fmt: skip
     """The linear model of a scene of a model that has been read, as of `find_linear_model`, with its errors."""
     require_settings(at=at)
+    parameter_values(model, parameters)
     chosen = _inputs(model, inputs)
     scene = replace(scene, outputs=tuple(_output(model, scene, name) for name in outputs) or scene.outputs)
     if not scene.outputs:

@@ -27,7 +27,7 @@ from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.failures import IncompleteError, describe_failure, is_impossible
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Array, Columns, FailureReport, MechanismState, read_locking_forces
-from cutjoint.run.run_file import find_trim, make_run_file
+from cutjoint.run.run_file import find_trim, make_run_file, parameter_values
 from cutjoint.run.scenes import ModelLike, load_model, with_closure, with_loops
 from cutjoint.run.settings import PLAIN_STEPS, require_settings
 from cutjoint.run.simulation import simulate
@@ -141,6 +141,7 @@ def find_scene_modes(
         SimulatorError: the simulator could not begin.
     """
     require_settings(at=at)
+    parameter_values(model, parameters or {})
     scene = with_loops(scene, Loops.EXACT)
     trim = None
     if at is None and scene.trim is not None:
