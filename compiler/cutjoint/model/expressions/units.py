@@ -147,7 +147,7 @@ _ANGLES = re.compile(r"rad|deg|turn|rev|rpm")
 
 
 def fault_of_hertz(written: str, unit: str = "rad/s") -> str:
-    """The fault in a rate as ``written`` in the place of one of ``unit``: in Hz for an angular speed, or the reverse; "" without one."""
+    """The fault in Hz in the place of an angular speed, or the reverse; "" without one.  ``written`` is a rate or its unit."""
     if "Hz" in written and _ANGLES.search(unit):
         number = "".join(re.findall(rf"^{_NUMBER}", written))
         hint = " or ".join(f"'{number} {one}/s'".replace("' ", "'") for one in ("turn", "rad"))
