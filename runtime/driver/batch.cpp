@@ -18,7 +18,7 @@
 #include "cutjoint/core/stepping/lane_steps.hpp"
 #include "cutjoint/core/mechanism/side_by_side.hpp"
 #include "cutjoint/domains.hpp"
-#include "cutjoint/failure_report.hpp"
+#include "cutjoint/state.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/initial_state.hpp"
 #include "cutjoint/json.hpp"
@@ -27,7 +27,6 @@
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
-#include "cutjoint/state.hpp"
 #include "cutjoint/stop.hpp"
 
 namespace cutjoint::batch {

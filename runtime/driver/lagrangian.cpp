@@ -13,7 +13,6 @@
 #include "cutjoint/core/newton/augmented.hpp"
 #include "cutjoint/core/newton/recursive_newton.hpp"
 #include "cutjoint/core/stepping/newton_steps.hpp"
-#include "cutjoint/perform.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/run.hpp"

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "cutjoint/core/newton/augmented.hpp"
-#include "cutjoint/core/newton/dense_solver.hpp"
 #include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/core/newton/recursive_newton.hpp"
 #include "cutjoint/core/newton/classical.hpp"

@@ -7,7 +7,6 @@
 #include "cutjoint/core/stepping/fixed_point_steps.hpp"
 #include "cutjoint/core/stepping/substeps.hpp"
 #include "cutjoint/core/stepping/trapezoidal_rule.hpp"
-#include "cutjoint/perform.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/run.hpp"

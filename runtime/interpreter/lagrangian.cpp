@@ -1,7 +1,6 @@
 // The simulator of systems whose programs are data: `simulator RUN.json`, where the run file has the system and the mechanism that
 // starts it.
 #include "cutjoint/interpreter/system.hpp"
-#include "cutjoint/perform.hpp"
 #include "cutjoint/program.hpp"
 
 int main(int argc, char** argv) {

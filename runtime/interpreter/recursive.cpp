@@ -1,6 +1,5 @@
 // The simulator of mechanisms whose programs are data: `simulator RUN.json`, where the run file has the mechanism.
 #include "cutjoint/interpreter/mechanism.hpp"
-#include "cutjoint/perform.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_json.hpp"
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "cutjoint/core/newton/complex_solver.hpp"
-#include "cutjoint/core/newton/dense_solver.hpp"
+#include "cutjoint/core/newton/guarded_solver.hpp"
 
 using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;

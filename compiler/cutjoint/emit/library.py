@@ -28,9 +28,7 @@ class _Number:
     functions: frozenset[str] = frozenset()
 
 
-_OF_INSTANCES = _Number(
-    unity=_SIDE, real=LANES, headers=("cutjoint/core/numbers/instances.hpp", "cutjoint/core/roads/lane_road.hpp")
-)  # fmt: skip
+_OF_INSTANCES = _Number(unity=_SIDE, real=LANES, headers=("cutjoint/core/mechanism/instances.hpp",))
 
 #: Functions of the earlier stages; those of loop fits belong to the parameters' stage.
 _STAGES = frozenset({"load", "load_values", "start_step", "begin_step", "scene_inputs"})

@@ -109,7 +109,7 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CurvedField:
-    """A surface along a line, as in runtime core/roads/curved_field.hpp."""
+    """A surface along a line, as in runtime core/roads/surface.hpp."""
 
     grid: CurvedGrid
 

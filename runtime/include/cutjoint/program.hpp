@@ -10,9 +10,19 @@
 #include <string_view>
 
 #include "cutjoint/json.hpp"
+#include "cutjoint/mechanism.hpp"
 #include "cutjoint/stop.hpp"
 
 namespace cutjoint {
+
+template <class Real>
+class AnySystem;
+
+/// Do the task of a run file and return its summary: `start` finds the initial state, `mechanism` continues.
+Json perform(const Json& file, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism);
+
+/// Do the task of a run file by a Lagrangian method.
+Json perform(const Json& file, AnyMechanism<double>& start, AnySystem<Precision>& system);
 
 /// A message on one line, with control characters escaped.
 inline std::string printable(std::string_view text) {

@@ -16,7 +16,6 @@
 #include "cutjoint/energy_balance.hpp"
 #include "cutjoint/examine.hpp"
 #include "cutjoint/guards.hpp"
-#include "cutjoint/impact_list.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/near_jumps.hpp"
 #include "cutjoint/read_settings.hpp"

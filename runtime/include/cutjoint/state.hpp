@@ -9,6 +9,7 @@
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/mechanism.hpp"
+#include "cutjoint/json.hpp"
 
 namespace cutjoint {
 
@@ -59,6 +60,18 @@ Failure failure_of(const Fault& fault, const Described& d, std::string_view meth
 template <class Described>
 void require_none(const Fault& fault, const Described& d, std::string_view method = "") {
   if (fault) throw failure_of(fault, d, method);
+}
+
+/// Put a failure into a summary.
+inline void report(const Failure& failure, Json& summary) {
+  summary["status"] = "failed";
+  summary["message"] = failure.what();
+  summary["time"] = number_or_null(failure.time);
+  summary["step"] = failure.step;
+  summary["element"] = failure.element;
+  summary["residual"] = number_or_null(failure.residual);
+  summary["advice"] = failure.advice;
+  if (!failure.guards.empty()) summary["guards"] = failure.guards;
 }
 
 }  // namespace cutjoint

@@ -7,8 +7,7 @@
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #endif
 
-#include "cutjoint/core/numbers/instances.hpp"
-#include "cutjoint/core/roads/lane_road.hpp"
+#include "cutjoint/core/mechanism/instances.hpp"
 
 namespace cutjoint::batch {
 

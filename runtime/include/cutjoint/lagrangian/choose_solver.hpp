@@ -7,7 +7,6 @@
 #include <string>
 #include <string_view>
 
-#include "cutjoint/core/newton/dense_solver.hpp"
 #include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/lagrangian/eigen_solvers.hpp"
 #include "cutjoint/lagrangian/solver.hpp"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "cutjoint/core/newton/closing.hpp"
+#include "cutjoint/core/newton/workspace.hpp"
 #include "cutjoint/core/newton/newton.hpp"
 #include "cutjoint/core/stepping/newton_steps.hpp"
 

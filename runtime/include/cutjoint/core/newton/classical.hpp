@@ -6,10 +6,8 @@
 #include <cstddef>
 #include <limits>
 
-#include "cutjoint/core/newton/dense_solver.hpp"
 #include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/core/newton/newton.hpp"
-#include "cutjoint/core/newton/scaled.hpp"
 #include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/core/stepping/newton_steps.hpp"
 

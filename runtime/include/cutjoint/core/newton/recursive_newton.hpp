@@ -6,7 +6,6 @@
 #include <cstddef>
 
 #include "cutjoint/core/newton/augmented.hpp"
-#include "cutjoint/core/newton/dense_solver.hpp"
 #include "cutjoint/core/newton/guarded_solver.hpp"
 
 namespace cutjoint {

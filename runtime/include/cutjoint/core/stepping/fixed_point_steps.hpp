@@ -5,7 +5,7 @@
 
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/stepping/crossed_impacts.hpp"
-#include "cutjoint/core/stepping/extrapolation.hpp"
+#include "cutjoint/core/stepping/fixed_point.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/constraints/impacts.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"

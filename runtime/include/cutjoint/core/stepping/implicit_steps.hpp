@@ -4,7 +4,6 @@
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
-#include "cutjoint/core/newton/dense_solver.hpp"
 #include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/core/radau/stages.hpp"

@@ -8,12 +8,10 @@
 #include <type_traits>
 
 #include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/damped_newton.hpp"
-#include "cutjoint/core/stepping/extrapolation.hpp"
+#include "cutjoint/core/stepping/fixed_point.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/numbers/largest.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
-#include "cutjoint/core/numbers/mixing.hpp"
 #include "cutjoint/core/constraints/projection.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/core/numbers/selection.hpp"
