@@ -285,10 +285,7 @@ class Projection {
     const Real left = measure(state, open);
     for (int k = 0; k < Instances::number; ++k) {
       if (!Instances::has(failed, k)) continue;
-      const auto size = [&](std::size_t i) { return std::abs(Instances::of(open[i], k)); };
-      std::size_t worst = 0;
-      for (std::size_t i = 0; i < open.size(); ++i)
-        if (size(i) > size(worst) || size(i) != size(i)) worst = i;
+      const std::size_t worst = index_of_largest(open.size(), [&](std::size_t i) { return std::abs(Instances::of(open[i], k)); });
       faults_[static_cast<std::size_t>(k)] = {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst),
                                               .t = Instances::of(state.t, k), .value = Instances::of(left, k)};
     }

@@ -328,10 +328,7 @@ class MinimalCoordinates {
   static Fault singular(const StateOf<M>& state) { return {.cause = Cause::pose_singular, .t = static_cast<double>(state.t)}; }
 
   static Fault open(Cause cause, const StateOf<M>& state, const Equations<M>& violation) {
-    std::size_t worst = 0;
-    for (std::size_t i = 1; i < m; ++i)
-      if (magnitude(violation[i]) > magnitude(violation[worst]) || violation[i] != violation[i]) worst = i;
-    return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst), .t = static_cast<double>(state.t),
+    return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(index_of_largest(violation, m)), .t = static_cast<double>(state.t),
             .value = static_cast<double>(largest(violation))};
   }
 

@@ -13,52 +13,6 @@ namespace cutjoint {
 /// It must be pure, since steps may be rejected and repeated.
 using Supplied = void (*)(const double* arguments, double* result, double* partials);
 
-/// Its value; for SIMD lanes with one call for each lane, for dual numbers with derivatives.
-template <class Real, std::size_t count>
-Real supplied(Supplied function, const Real (&x)[count]) {
-  if constexpr (requires { Real::size; }) {
-    typename Real::Vector values;
-    for (int k = 0; k < Real::size; ++k) {
-      typename Real::real_type lane[count];
-      for (std::size_t i = 0; i < count; ++i) lane[i] = x[i][k];
-      values[k] = supplied(function, lane);
-    }
-    return values;
-  } else if constexpr (requires { x[0].derivative; }) {
-    double arguments[count], value, partials[count];
-    for (std::size_t i = 0; i < count; ++i) arguments[i] = x[i].value;
-    function(arguments, &value, partials);
-    Real result(value);
-    for (std::size_t i = 0; i < count; ++i) result.derivative += along(partials[i], x[i].derivative);
-    return result;
-  } else {
-    double arguments[count], value;
-    for (std::size_t i = 0; i < count; ++i) arguments[i] = static_cast<double>(x[i]);
-    function(arguments, &value, nullptr);
-    return Real(value);
-  }
-}
-
-/// Its derivative with respect to one argument.
-template <class Real, std::size_t count>
-Real supplied_partial(Supplied function, int by, const Real (&x)[count]) {
-  if constexpr (requires { Real::size; }) {
-    typename Real::Vector values;
-    for (int k = 0; k < Real::size; ++k) {
-      typename Real::real_type lane[count];
-      for (std::size_t i = 0; i < count; ++i) lane[i] = x[i][k];
-      values[k] = supplied_partial(function, by, lane);
-    }
-    return values;
-  } else {
-    static_assert(!requires { x[0].derivative; }, "a supplied function has no second derivatives");
-    double arguments[count], value, partials[count];
-    for (std::size_t i = 0; i < count; ++i) arguments[i] = static_cast<double>(x[i]);
-    function(arguments, &value, partials);
-    return Real(partials[by]);
-  }
-}
-
 /// A function with several results, or one that reads a memory; `partials` has a row for each result.
 using SuppliedWithMemory = void (*)(const double* arguments, const void* memory, double* results, double* partials);
 
@@ -150,6 +104,18 @@ std::array<Real, results * (count - words)> supplied_partials(Function function,
     for (std::size_t i = 0; i < size; ++i) found[i] = Real(partials[i]);
     return found;
   }
+}
+
+/// The value of a function with one result; for SIMD lanes with one call for each lane, for dual numbers with derivatives.
+template <class Real, std::size_t count>
+Real supplied(Supplied function, const Real (&x)[count]) {
+  return supplied_results<Real, 1, 0>(function, x)[0];
+}
+
+/// Its derivative with respect to one argument.
+template <class Real, std::size_t count>
+Real supplied_partial(Supplied function, int by, const Real (&x)[count]) {
+  return supplied_partials<Real, 1, 0>(function, x)[static_cast<std::size_t>(by)];
 }
 
 /// The next values of a memory.

@@ -50,7 +50,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
       if (this->is_closed(state)) return {};
     }
     const bool open = left.position > left.velocity;
-    return this->fault_in_equation(open ? Cause::loops_not_closed : Cause::speeds_not_found, open ? this->worst_of(phi_) : this->worst_of(this->phid_),
+    return this->fault_in_equation(open ? Cause::loops_not_closed : Cause::speeds_not_found, index_of_largest(open ? phi_ : this->phid_, m_),
                                    Real(open ? left.position : left.velocity));
   }
 

@@ -45,7 +45,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     }
     const bool open = largest(phi_) > largest(this->phid_);
     const Equations<S>& violation = open ? phi_ : this->phid_;
-    const std::size_t worst = this->worst_of(violation);
+    const std::size_t worst = index_of_largest(violation, m_);
     return this->fault_in_equation(open ? Cause::loops_not_closed : Cause::speeds_not_found, worst, violation[worst]);
   }
 
@@ -118,9 +118,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
   /// A fault if a projection changes values strongly: an equation is nearly dependent, and the state would silently switch branch.
   Fault require_small(const Speeds<S>& values) const {
     using std::abs;
-    std::size_t worst = 0;
-    for (std::size_t i = 0; i < n_; ++i)
-      if (abs(x_[i]) > abs(x_[worst]) || x_[i] != x_[i]) worst = i;
+    const std::size_t worst = index_of_largest(x_, n_);
     if (abs(x_[worst]) <= Real(10) * (Real(1) + largest(values))) return {};
     return this->fault_in_row(Cause::pose_singular, static_cast<int>(worst), x_[worst]);
   }

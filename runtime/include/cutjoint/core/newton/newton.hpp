@@ -214,15 +214,6 @@ class Newton : public Workspace<S, Solver> {
     return largest(this->phi_) <= allowed * this->pose_size(state.q) && largest(this->phid_) <= allowed * this->speed_size(state.v);
   }
 
-  /// The equation with the largest violation, or with one that is no number.
-  static std::size_t worst_of(const Equations<S>& violation) {
-    using std::abs;
-    std::size_t worst = 0;
-    for (std::size_t i = 1; i < violation.size(); ++i)
-      if (abs(violation[i]) > abs(violation[worst]) || violation[i] != violation[i]) worst = i;
-    return worst;
-  }
-
   /// The tangents of the balls' rotations from the step's start to the iterate.
   void update_ball_tangents() { ball_tangents<Real>(this->charts(), delta_.data(), ball_tangents_.data()); }
 
@@ -288,7 +279,7 @@ class Newton : public Workspace<S, Solver> {
       this->constraint_residual(state);
       if (iteration > 0) own().correct_start(weight);
       if (converged) return {};
-      if (iteration == 200 || slow) return this->fault_in_row(Cause::start_not_converged, static_cast<int>(worst()), change_);
+      if (iteration == 200 || slow) return this->fault_in_row(Cause::start_not_converged, static_cast<int>(index_of_largest(x_, n_)), change_);
       this->dynamic_residual(state, Real(0));
       own().right_of_start(state, weight);
       if (const Fault fault = this->solve()) return fault;
@@ -517,15 +508,6 @@ class Newton : public Workspace<S, Solver> {
 
   Real largest_move() const { return largest(std::span<const Real>(x_.data(), n_), nominals_of(this->system_)); }
 
-  /// The unknown that the last solution changes most, or one without a number.
-  std::size_t worst() const {
-    using std::abs;
-    std::size_t worst = 0;
-    for (std::size_t i = 1; i < n_; ++i)
-      if (abs(x_[i]) > abs(x_[worst]) || x_[i] != x_[i]) worst = i;
-    return worst;
-  }
-
   bool start_converged(const StateOf<S>& state, int iteration) {
     const Real last = change_;
     change_ = largest_move();
@@ -560,7 +542,7 @@ class Newton : public Workspace<S, Solver> {
   }
 
   Fault give_up(Cause cause, int iteration) {
-    Fault fault = this->fault_in_row(cause, static_cast<int>(worst()), change_);
+    Fault fault = this->fault_in_row(cause, static_cast<int>(index_of_largest(x_, n_)), change_);
     fault.size = static_cast<double>(size_);
     fault.iterations = iteration;
     fault.closer = idle_ == 0;

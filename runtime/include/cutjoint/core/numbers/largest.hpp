@@ -55,6 +55,22 @@ template <class Numbers>
   return largest(std::span<const typename Numbers::value_type>(values.data(), values.size()));
 }
 
+/// The index of the largest of some sizes, or of one that is NaN; 0 if there are none.
+template <class Size>
+std::size_t index_of_largest(std::size_t length, Size size) {
+  std::size_t index = 0;
+  for (std::size_t i = 1; i < length; ++i)
+    if (size(i) > size(index) || size(i) != size(i)) index = i;
+  return index;
+}
+
+/// That of the largest absolute value among the first ones.
+template <class Numbers>
+std::size_t index_of_largest(const Numbers& values, std::size_t length) {
+  using std::abs;
+  return index_of_largest(length, [&](std::size_t i) { return abs(values[i]); });
+}
+
 /// The size of value i of so many, the last of which have `sizes`; 1 for the others.
 inline double size_at(std::span<const double> sizes, std::size_t i, std::size_t length) {
   return length - i <= sizes.size() ? sizes[sizes.size() - (length - i)] : 1.0;

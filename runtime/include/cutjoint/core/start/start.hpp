@@ -227,14 +227,6 @@ class Starter {
 
   static Real size_of(const Real* x, std::size_t length) { return largest(std::span<const Real>(x, length)); }
 
-  static std::size_t index_of_largest(const Real* x, std::size_t length) {
-    using std::abs;
-    std::size_t worst = 0;
-    for (std::size_t i = 1; i < length; ++i)
-      if (abs(x[i]) > abs(x[worst]) || x[i] != x[i]) worst = i;
-    return worst;
-  }
-
   void find_residual(const StateOf<M>& state) { mechanism_.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data()); }
 
   /// The Jacobian of the residual with respect to relative velocities, (equations, speeds), zero for prescribed columns; exact, since the rate is linear. phi_ is then the residual.
@@ -459,7 +451,7 @@ class Starter {
   }
 
   Fault open_loop(Cause cause, const StateOf<M>& state, const Equations<M>& violation) const {
-    const std::size_t worst = index_of_largest(violation.data(), m_);
+    const std::size_t worst = index_of_largest(violation, m_);
     return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst), .t = static_cast<double>(state.t),
             .value = static_cast<double>(largest(violation))};
   }

@@ -244,10 +244,7 @@ class Trapezoidal {
   void note(Mask lost, Real t, int iteration) {
     for (int k = 0; k < Instances::number; ++k) {
       if (!Instances::has(lost, k)) continue;
-      std::size_t worst = 0;
-      double most = -1;
-      for (std::size_t i = 0; i < difference_.size(); ++i)
-        if (const double change = std::abs(Instances::of(difference_[i], k)); change > most || change != change) most = change, worst = i;
+      const std::size_t worst = index_of_largest(difference_.size(), [&](std::size_t i) { return std::abs(Instances::of(difference_[i], k)); });
       faults_[static_cast<std::size_t>(k)] =
           not_reached(iteration, Instances::of(change_, k), Instances::of(size_, k), Instances::of(t, k), 0, worst);
     }
