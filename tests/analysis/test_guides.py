@@ -63,6 +63,19 @@ def test_guides_that_agree_are_not(scene: str) -> None:
     derive(scene)
 
 
+@pytest.mark.parametrize("law", ["sqrt(t)", "sqrt(-t)", "log(t)", "1/t", "asin(1 + t)", "0.1*t/t**2", "where(t < 1, sqrt(t), t)"])
+def test_guides_begin_with_a_finite_position_and_rate(law: str) -> None:
+    """NumPy's decomposition of a loop's Jacobian failed on these, and said no more."""
+    text = LOCKED.replace('"0.3*t**2"}', f'"{law}"}}').replace(", guide: other", "")
+    with pytest.raises(GuideError, match=r"locked.yaml:10:3: joint 'crank_pin': the guide has no finite position and rate at 0 s"):
+        derive("against", text)
+
+
+@pytest.mark.parametrize("law", ["t**1.5", "abs(t)", "where(t > 0.1, log(t + 0.9), 0)", "1/(t - 0.3)", "max(0, t - 0.2)**2"])
+def test_other_guides_may_begin(law: str) -> None:
+    derive("against", LOCKED.replace('"0.3*t**2"}', f'"{law}"}}').replace(", guide: other", ""))
+
+
 def test_a_guided_crank_may_start_in_a_singular_pose() -> None:
     """With all bars in line the loop's Jacobian has lost a direction, though the crank can turn."""
     flat = LOCKED.replace(", guide: other", "").replace("[0, 0.5, 0]", "[0.5, 0, 0]").replace("[0.5, 1, 0]", "[1.5, 0, 0]")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 import sympy
@@ -16,6 +17,8 @@ from cutjoint.analysis.closing import Array, Pose, close_loops, design_coordinat
 from cutjoint.analysis.inertia import require_inertia
 from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.functions import SuppliedCall
 from cutjoint.model.records import Joint
 from cutjoint.package.errors import EquationsError
 
@@ -81,13 +84,21 @@ class GuideError(EquationsError, ValueError):
 
 
 def require_guides(equations: RecursiveEquations) -> None:
-    """Refuse guides that contradict a loop or a gear in the equations' scene.
+    """Refuse guides that contradict a loop or a gear in the equations' scene, or begin without a finite position and rate.
 
-    They do if, at each of several times, the loops cannot be closed, and no speeds of other joints fit the guides' rates.
+    They contradict if, at each of several times, the loops cannot be closed, and no speeds of other joints fit the guides' rates.
 
     Raises:
         GuideError: they do; it names them and the loop.
     """
+    model = equations.topology.model
+    begin = {**{p.symbol: p.value for p in model.parameters}, TIME: 0.0}
+    for joint in model.joints:
+        laws = [sympy.sympify(law).subs(input_functions(model, equations.scene)) for law in joint.guide or ()]
+        known = [x for x in (*laws, *(law.diff(TIME) for law in laws)) if not x.has(SuppliedCall, sympy.Derivative, sympy.Subs)]
+        if not all(isfinite(evaluate(x, begin)) for x in known):
+            words = "the guide has no finite position and rate at 0 s; write a law that begins with both"
+            raise GuideError(f"{joint.span}: joint '{joint.name}': {words}")
     moving = _moving(equations)
     if not moving or not equations.closures:
         return
