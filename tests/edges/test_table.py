@@ -44,6 +44,8 @@ def test_a_file_has_the_ending_of_what_is_written(name: str, option: click.Optio
     for file in (tmp_path / "x.xlsx", tmp_path / "x.MAT"):
         with pytest.raises(click.BadParameter, match=r"x\.(xlsx|MAT): no such kind of file; write a name that ends in \."):
             option.type.convert(str(file), option, None)
+    with pytest.raises(click.BadParameter, match="- would be a file of that name; standard output is /dev/stdout"):
+        option.type.convert("-", option, None)
     os.symlink("/dev/null", tmp_path / "null.xlsx")
     assert option.type.convert(str(tmp_path / "null.xlsx"), option, None) == tmp_path / "null.xlsx"
 

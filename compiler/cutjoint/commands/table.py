@@ -156,6 +156,8 @@ class _File(click.Path):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path, converted for click."""
         path = Path(str(super().convert(value, param, ctx)))
+        if str(path) == "-":
+            self.fail("- would be a file of that name; standard output is /dev/stdout", param, ctx)
         ending = path.suffix.lower()
         takes_others = self._endings[0] == "" and (ending not in _FORMATS or ending == self._endings[1])
         if path.suffix not in self._endings and not takes_others and not is_stream(path):
