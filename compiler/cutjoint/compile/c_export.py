@@ -16,7 +16,7 @@ from cutjoint.analysis.mobility import find_mobility
 from cutjoint.compile.options import CompileOptions
 from cutjoint.emit.classes import Defaults, SimulationCode, System
 from cutjoint.emit.library import emit_library
-from cutjoint.emit.sizes import record_length, seed_rows, simulation_size
+from cutjoint.emit.sizes import simulation_size
 from cutjoint.emit.source import Generated, Page, Source
 from cutjoint.emit.standalone import digest_of, emit_standalone
 from cutjoint.formulate.events import guides_jump
@@ -130,16 +130,6 @@ class Standalone:
     def poses(self) -> tuple[str, ...]:
         """The names of elements whose poses it has."""
         return self.parts.poses
-
-    @property
-    def seed_rows(self) -> int:
-        """The number of rows of a matrix of directions, 0 without derivatives."""
-        return seed_rows(self.parts, self.steps)
-
-    @property
-    def record(self) -> int:
-        """The numbers of a record of a run, 0 without derivatives from its end."""
-        return record_length(self.parts, self.steps)
 
     @property
     def mark(self) -> str:

@@ -245,13 +245,13 @@ class Derivatives(Linear):
         """Let the next run record at most ``most`` events; returns a function that makes the record after the run."""
         found, which = ctypes.c_int(0), np.empty(most, dtype=np.intc)
         arrays = [np.empty(shape) for shape in ((most,), (most, seeds), (most, outputs), (most, outputs, seeds))]
-        if most and self.library.records_events:
+        if most and self.library.has("record_events"):
             self._call(self.library.record_events, most, ctypes.byref(found), which.ctypes.data, *(each.ctypes.data for each in arrays))
 
         def make() -> EventSensitivities:
             number = min(found.value, most)
             times, derivatives_of_times, values, derivatives = (each[:number] for each in arrays)
-            names = tuple(self.library.event_names[i] for i in which[:number])
+            names = tuple(self.library.names["event"][i] for i in which[:number])
             return EventSensitivities(names=names, times=times, derivatives_of_times=derivatives_of_times, values=values,
                 derivatives=derivatives)
 

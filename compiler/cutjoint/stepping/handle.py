@@ -37,9 +37,9 @@ class Handle:
         self.library = library
         size = library.size
         self._memory = np.zeros(size // 8)
-        self.address = library.create(self._memory.ctypes.data, size)
+        self.address = library.create_simulation(self._memory.ctypes.data, size)
         self.parameters = Values(library.names["parameter"], self._view("parameters", "parameter"), library.units["parameter"])
-        self.inputs = Values(library.names["input"], self._view("inputs", "input"), library.units.get("input"))
+        self.inputs = Values(library.names["input"], self._view("inputs", "input"), library.units["input"])
         self._is_started = False
         self._independent: ctypes.Array[ctypes.c_int] | None = None  # the speeds that the user chose
         self._limits: dict[str, float] = {}
@@ -55,7 +55,7 @@ class Handle:
 
     def _view(self, array: str, kind: str) -> Array:
         names = self.library.names[kind]
-        return np.ctypeslib.as_array(self.library.arrays[array](self.address), (len(names),)) if names else np.zeros(0)
+        return np.ctypeslib.as_array(getattr(self.library, array)(self.address), (len(names),)) if names else np.zeros(0)
 
     @property
     def time(self) -> float:

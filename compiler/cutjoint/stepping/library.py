@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,9 +36,16 @@ class TrajectoryRecord(ctypes.Structure):
     )  # fmt: skip
 
 
-#: Kinds of quantities with names in every library; coordinates and speeds of the start belong to joints of the spanning tree.
-_NAMED = ("parameter", "coordinate", "speed", "equation", "start_coordinate", "start_speed", "output")
+#: Kinds of quantities with names; coordinates and speeds of the start belong to joints of the spanning tree.
+_NAMED = ("parameter", "input", "coordinate", "speed", "equation", "start_coordinate", "start_speed", "output", "event", "pose")
 
+#: A function of a C header in a line of its own: result, name, arguments; a number: name, value.
+_FUNCTION, _NUMBER = r"^(?:const )?(\w+\*?) {}_(\w+)\((.*)\);$", r"^#define {}_(\w+) (\d+)$"
+
+#: C's numbers; results that are arrays or text.
+_NUMBERS: Mapping[str, Any] = {"int": ctypes.c_int, "long": ctypes.c_long, "size_t": ctypes.c_size_t, "double": ctypes.c_double}
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+_RESULTS = {**_NUMBERS, "double*": _DOUBLES, "pose*": _DOUBLES, "char*": ctypes.c_char_p}
 
 #: A callback of the C interface.
 _CALL = ctypes.CFUNCTYPE(
@@ -82,146 +90,78 @@ FindStart: TypeAlias = Callable[[Mapping[str, float]], tuple[Mapping[str, float]
 
 
 class Library:
-    """The C interface of one model; members have the names of its header without the model's prefix.
+    """The C interface of one model: its functions are members, with the names of the C header without the model's prefix.
 
-    ``equations``, ``dofs`` and ``states`` are the numbers of equations, degrees of freedom (with derivatives) and first-order states.
-    ``seed_rows`` is the number of rows of the seed matrix, ``record`` the size of a run's record.  ``has_poses``: whether poses of
-    bodies and markers are available.  ``steps`` are the properties of the integrator, ``settings`` those of a simulation's start.
-    ``lanes`` steps several simulations together, None if the method cannot.  ``functions`` are host functions by name.  ``begin``
-    computes the coordinates and speeds of the scene's start if they depend on changed parameters; the start ``is_trimmed`` once.
+    ``size`` (bytes), ``equations``, ``dofs`` (None without derivatives), ``states`` (of first order), ``seed_rows`` (of a seed matrix) and
+    ``record`` (of a run) are numbers of the ``header``.  ``steps`` are the properties of the integrator, ``settings`` those of a
+    simulation's start.  ``lanes`` steps several simulations together, None if the method cannot.  ``functions`` are host functions by
+    name.  ``find_start`` computes the coordinates and speeds of the scene's start if they depend on changed parameters; the start
+    ``is_trimmed`` once.
 
     Raises:
         OSError: the file is no library.
     """
 
     def __init__(
-        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, dofs: int | None, states: int,
-        seed_rows: int, record: int, has_poses: bool, steps: Steps, settings: StepSettings, lanes: "Lanes | None",
+        self, path: Path, model: str, header: str, *, steps: Steps, settings: StepSettings, lanes: "Lanes | None",
         functions: Mapping[str, HostFunction] | None = None, find_start: FindStart | None = None, is_trimmed: bool = False,
     ) -> None:  # fmt: skip
-        self._path = Path(path)
-        self._made_with = {
-            "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "dofs": dofs, "states": states,
-            "seed_rows": seed_rows, "record": record, "has_poses": has_poses, "steps": steps, "settings": settings,
-            "functions": functions, "find_start": find_start, "is_trimmed": is_trimmed,
-        }  # fmt: skip
-        self.model, self.size, self.equations, self.dofs, self.states = model, size, equations, dofs, states
-        self.seed_rows, self.record = seed_rows, record
-        self.steps, self.settings, self.lanes, self.has_poses, self.find_start = steps, settings, lanes, has_poses, find_start
-        self.is_trimmed = is_trimmed
+        more = {"steps": steps, "settings": settings, "functions": functions, "find_start": find_start, "is_trimmed": is_trimmed}
+        self._made_with = Path(path), model, header, more
+        declared = re.findall(_FUNCTION.format(model), header, re.MULTILINE)
+        self._declared = {name: (result, arguments) for result, name, arguments in declared}
+        numbers = {name: int(number) for name, number in re.findall(_NUMBER.format(model.upper()), header, re.MULTILINE)}
         self._library = ctypes.CDLL(os.fspath(path))
-        pointer = ctypes.POINTER(ctypes.c_double)
-        sim, index, text, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_double
-        self._create = self._function("create", sim, ctypes.c_void_p, ctypes.c_size_t)
+        self.model, self.size, self.equations, self.dofs = model, numbers["SIZE"], numbers["EQUATIONS"], numbers.get("DEGREES_OF_FREEDOM")
+        self.states = numbers.get("STATES", 0) - 2 * (self.dofs or 0)
+        self.seed_rows, self.record = numbers.get("SEED_ROWS", 0), numbers.get("TAPE_RECORD", 0)
+        self.steps, self.settings, self.lanes, self.find_start, self.is_trimmed = steps, settings, lanes, find_start, is_trimmed
         self.raised: list[BaseException] = []
         self._functions = {name: function.pointer(self.raised) for name, function in (functions or {}).items()}
-        if functions:
-            self._find_function = self._function("find_function", index, text)
-            self._set_function = self._function("set_function", index, sim, index, _CALL, ctypes.c_void_p)
-        self.start = self._function("start", index, sim)
-        self.step = self._function("step", index, sim)
-        self.advance = self._function("advance", index, sim, number)
-        self.run = self._function("run", index, sim, ctypes.c_long, ctypes.c_void_p)
-        self.time = self._function("time", number, sim)
-        self.outputs = self._function("outputs", pointer, sim)
-        self.constraint_violation = self._function("constraint_violation", number, sim, ctypes.POINTER(ctypes.c_int))
-        self.last_step = self._function("last_step", index, sim, ctypes.POINTER(StatisticsRecord))
-        self.set_limit = self._function("set_limit", index, sim, index, number)
-        self.set_step = self._function("set_step", index, sim, number)
-        if steps.is_iterated:
-            self.set_iterations = self._function("set_iterations", index, sim, index)
-        if steps.adaptive:
-            self.set_tolerance = self._function("set_tolerance", index, sim, number, number)
-        if steps.finds_events:
-            self.advance_to_event = self._function("advance_to_event", index, sim, number, ctypes.POINTER(ctypes.c_int))
-            self.event_names = self._table("event_name")
-        self.set_equilibrium = self._function("set_equilibrium", index, sim, index)
-        if hasattr(self._library, f"{model}_set_road"):
-            address = ctypes.c_void_p
-            self.set_road = self._function("set_road", index, address, index, address, address, index, index)
-        self.set_state = self._function("set_state", index, sim, number, ctypes.c_void_p, ctypes.c_void_p)
-        self.displace = self._function("displace", index, sim, ctypes.c_void_p)
-        self.constraint_jacobian = self._function("constraint_jacobian", index, sim, ctypes.c_void_p)
-        if dofs is not None:
-            self.choose_independent = self._function("choose_independent", index, sim)
-            self.is_ill_conditioned = self._function("is_ill_conditioned", index, sim)
-            self.choose_independent_speeds = self._function("choose_independent_speeds", index, sim, ctypes.POINTER(ctypes.c_int))
-            self.state_name = self._function("state_name", text, sim, index)
-            self.get_minimal_state = self._function("get_minimal_state", index, sim, ctypes.c_void_p)
-            self.set_minimal_state = self._function("set_minimal_state", index, sim, number, ctypes.c_void_p)
-            self.minimal_state_derivatives = self._function("minimal_state_derivatives", index, sim, ctypes.c_void_p)
-            self.linearise = self._function("linearise", index, sim, *[ctypes.c_void_p] * 4)
-            self.moves_joints = hasattr(self._library, f"{model}_linearise_rates")
-            if self.moves_joints:
-                self.linearise_rates = self._function("linearise_rates", index, sim, *[ctypes.c_void_p] * 4)
-            self.linearise_parameters = self._function("linearise_parameters", index, sim, *[ctypes.c_void_p] * 2)
-            self.step_derivatives = self._function("step_derivatives", index, sim, *[ctypes.c_void_p] * 3)
-            lists = (index, ctypes.c_void_p, ctypes.c_void_p), (index, ctypes.c_void_p, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p)
-            self.forward_sensitivities = self._function("forward_sensitivities", index, sim, ctypes.c_long, *lists[0], *lists[1])
-            if has_inputs:
-                self.set_input_trajectories = self._function("set_input_trajectories", index, sim, index, ctypes.POINTER(TrajectoryRecord))
-            self.records_events = hasattr(self._library, f"{model}_record_events")
-            if self.records_events:
-                places = (ctypes.POINTER(index), *[ctypes.c_void_p] * 5)
-                self.record_events = self._function("record_events", index, sim, index, *places)
-        if record:
-            rows, three = (index, ctypes.c_void_p, ctypes.c_long), (ctypes.c_void_p,) * 3
-            self.adjoint_sensitivities = self._function(
-                "adjoint_sensitivities", index, sim, ctypes.c_long, *rows, index, *three, ctypes.c_size_t, *three
-            )  # fmt: skip
-        if has_poses:
-            self.poses = self._function("poses", pointer, sim)
-            if dofs is not None:
-                self.equations_of_motion = self._function("equations_of_motion", index, sim, *[ctypes.c_void_p] * 2)
-                self.point_jacobian = self._function("point_jacobian", index, sim, index, *[ctypes.c_void_p] * 2)
-        self.reset_start = self._function("reset_start", index, sim)
-        self.set_start_coordinate = self._function("set_start_coordinate", index, sim, index, number)
-        self.set_start_speed = self._function("set_start_speed", index, sim, index, number)
-        self.snapshot_size = self._function("snapshot_size", ctypes.c_size_t)
-        self.save = self._function("save", index, sim, ctypes.c_void_p)
-        self.restore = self._function("restore", index, sim, ctypes.c_void_p, ctypes.c_size_t)
-        self.status_text = self._function("status_text", text, index)
-        self.failure_text = self._function("failure_text", index, sim, text, ctypes.c_size_t)
-        self.arrays = {name: self._function(name, pointer, sim) for name in ("coordinates", "speeds", "accelerations", "parameters")}
         self.names = {kind: self._table(f"{kind}_name") for kind in _NAMED}
-        self.names["pose"] = self._table("pose_name") if has_poses else ()
-        self.names["input"] = self._table("input_name") if has_inputs else ()
-        kinds = ("parameter", "output", *(["input"] if has_inputs else []))
-        self.units = {kind: dict(zip(self.names[kind], self._table(f"{kind}_unit"), strict=True)) for kind in kinds}
-        if has_inputs:
-            self.arrays["inputs"] = self._function("inputs", pointer, sim)
-            self.input = self._function("input", number, sim, index)
-            self.set_input = self._function("set_input", index, sim, index, number, number, number)
+        units = {kind: self._table(f"{kind}_unit") for kind in ("parameter", "input", "output")}
+        self.units = {kind: dict(zip(self.names[kind], of_kind, strict=True)) for kind, of_kind in units.items()}
 
-    def create(self, memory: int, size: int) -> int:
+    def has(self, function: str) -> bool:
+        """Return whether the interface has a function."""
+        return function in self._declared
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        """A function of the interface, with the types that the header declares; addresses are pointers of any type."""
+        if name not in self.__dict__.get("_declared", ()):
+            raise AttributeError(name)
+        result, arguments = self._declared[name]
+        function: Callable[..., Any] = getattr(self._library, f"{self.model}_{name}")
+        function.restype = _RESULTS.get(result.removeprefix(f"{self.model}_"), ctypes.c_void_p)  # type: ignore[attr-defined]
+        types = [argument.rpartition(" ")[0] for argument in arguments.split(", ") if argument != "void"]
+        function.argtypes = [_NUMBERS.get(each, ctypes.c_void_p) for each in types]  # type: ignore[attr-defined]
+        setattr(self, name, function)
+        return function
+
+    def create_simulation(self, memory: int, size: int) -> int:
         """Create a simulation in memory at an address; returns it with its functions."""
-        address: int = self._create(memory, size)
+        address: int = self.create(memory, size)
         for name, pointer in self._functions.items():
-            self._set_function(address, self._find_function(name.encode()), pointer, None)
+            self.set_function(address, self.find_function(name.encode()), pointer, None)
         return address
 
     def __deepcopy__(self, memo: object) -> "Library":
         return self
 
-    def __reduce__(self) -> "tuple[Callable[..., Library], tuple[Path, Mapping[str, object]]]":
+    def __reduce__(self) -> "tuple[Callable[..., Library], tuple[Path, str, str, Mapping[str, object]]]":
         """The library by its place; its steps of several together, which come from the model, are not compiled elsewhere."""
-        return _opened, (self._path, self._made_with)
-
-    def _function(self, name: str, result: Any, *arguments: Any) -> Callable[..., Any]:
-        function = getattr(self._library, f"{self.model}_{name}")
-        function.restype, function.argtypes = result, arguments
-        return function  # type: ignore[no-any-return]
+        return _opened, self._made_with
 
     def _table(self, name: str) -> tuple[str, ...]:
-        at = self._function(name, ctypes.c_char_p, ctypes.c_int)
+        """The texts by index that a function returns; none without it."""
         entries: list[str] = []
-        while (entry := at(len(entries))) is not None:
+        while self.has(name) and (entry := getattr(self, name)(len(entries))) is not None:
             entries.append(entry.decode())
         return tuple(entries)
 
 
-def _opened(path: Path, arguments: Mapping[str, Any]) -> Library:
-    return Library(path, **arguments, lanes=None)
+def _opened(path: Path, model: str, header: str, more: Mapping[str, Any]) -> Library:
+    return Library(path, model, header, **more, lanes=None)
 
 
 #: Indices into an array, and the values of the simulations there, (simulations, indices).

@@ -47,13 +47,13 @@ class Linear(States):
         A, B, C, D = matrices = [np.zeros((r, c)) for r in (n, len(outputs)) for c in (n, len(inputs))]
         self._call(self.library.linearise, *(matrix.ctypes.data for matrix in matrices))
         rates = [np.zeros_like(of) for of in (B, B, D, D)]
-        if self.library.moves_joints:
+        if self.library.has("linearise_rates"):
             self._call(self.library.linearise_rates, *(matrix.ctypes.data for matrix in rates))
         B_rate, B_acceleration, D_rate, D_acceleration = rates
         return StateSpace(
             A=A, B=B, B_rate=B_rate, B_acceleration=B_acceleration, C=C, D=D, D_rate=D_rate, D_acceleration=D_acceleration,
             x=states.array, states=tuple(states), inputs=inputs, outputs=outputs,
-            units={**self.library.units.get("input", {}), **self.library.units["output"]}, y=self.outputs.array,
+            units={**self.library.units["input"], **self.library.units["output"]}, y=self.outputs.array,
         )  # fmt: skip
 
     def equilibrium_sensitivities(self, outputs: Sequence[str], by: Sequence[str]) -> StateSensitivities:
@@ -162,7 +162,7 @@ class Linear(States):
             SimulationError: the pose is singular, or there was no `reset`.
         """
         dofs = self._require_dofs()
-        self._require(self.library.has_poses, WITHOUT_POSES)
+        self._require(self.library.has("poses"), WITHOUT_POSES)
         mass, force = np.zeros((dofs, dofs)), np.zeros(dofs)
         self._call(self.library.equations_of_motion, mass.ctypes.data, force.ctypes.data)
         return mass, force

@@ -75,18 +75,13 @@ def load_scene(
     changes = scene.trim is None and {"positions", "rates"} & set(changing_parts(model, scene))
     find_start = partial(_find_start, model, scene) if changes else None
     more = {"lanes": lanes, "functions": hosted, "find_start": find_start, "is_trimmed": scene.trim is not None}
-    return open_standalone(standalone, standalone.build_library(flags), **more)
+    return open_standalone(standalone, standalone.build_library(flags), standalone.library.files, **more)
 
 
-def open_standalone(standalone: Standalone, library: Path, **more: Any) -> Simulation:
-    """Open a simulation of a C export by its ``library``; ``more`` are arguments of `Library`."""
-    equations, mechanism = standalone.parts.stepped, standalone.parts.mechanism
-    return Simulation(Library(
-        library, standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
-        equations=len(equations.equation_names), dofs=standalone.dofs, states=len(mechanism.state.states),
-        seed_rows=standalone.seed_rows, record=standalone.record, has_poses=bool(standalone.poses), steps=standalone.steps,
-        settings=standalone.settings, **more,
-    ))  # fmt: skip
+def open_standalone(standalone: Standalone, library: Path, files: Mapping[str, str], **more: Any) -> Simulation:
+    """Open a simulation of a C export by its ``library``, with the header among ``files``; ``more`` are arguments of `Library`."""
+    header = next(text for name, text in files.items() if name.endswith(".h"))
+    return Simulation(Library(library, standalone.name, header, steps=standalone.steps, settings=standalone.settings, **more))
 
 
 def _find_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Mapping[str, float], Mapping[str, float]]:

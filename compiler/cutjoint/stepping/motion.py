@@ -95,7 +95,7 @@ class Motion(Handle):
         self._require(self.library.steps.finds_events, OVER_EVENTS)
         event = ctypes.c_int(-1)
         self._call(self.library.advance_to_event, time, ctypes.byref(event))
-        return None if event.value < 0 else self.library.event_names[event.value]
+        return None if event.value < 0 else self.library.names["event"][event.value]
 
     def run(self, steps: int) -> Array:
         """Take a number of steps and return the outputs at the end of each, (steps, outputs).

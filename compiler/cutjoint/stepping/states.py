@@ -74,7 +74,7 @@ class States(Motion):
         """
         self._require_start()
         names = self.library.names["speed"]
-        return Values(names, np.array(self.library.arrays["accelerations"](self.address)[: len(names)]))
+        return Values(names, np.array(self.library.accelerations(self.address)[: len(names)]))
 
     @property
     def poses(self) -> Poses:
@@ -84,7 +84,7 @@ class States(Motion):
             TypeError: the model was loaded without poses.
             SimulationError: there was no `reset`.
         """
-        self._require(self.library.has_poses, WITHOUT_POSES)
+        self._require(self.library.has("poses"), WITHOUT_POSES)
         self._require_start()
         self.library.poses(self.address)
         return self._poses

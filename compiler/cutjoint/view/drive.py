@@ -230,7 +230,7 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
             raise RunError(f"--replay {path}: {_unknown(model, escaped(name), moves)}")
     if drive.road and (drive.road not in ROADS or not standalone.lays_roads):
         raise RunError(f"--replay {path}: no road '{escaped(drive.road)}'; it has: {', '.join(ROADS)}")
-    sim = open_standalone(standalone, standalone.build_matching_library(), lanes=None)
+    sim = open_standalone(standalone, standalone.build_matching_library(), standalone.files, lanes=None)
     if drive.road:
         lines, (grid, heights) = np.array(ROADS[drive.road].lines), ROADS[drive.road].heights(drive.seed)
         sim.library.set_road(lines.ctypes.data, len(lines), grid.ctypes.data, heights.ctypes.data, *heights.shape)
