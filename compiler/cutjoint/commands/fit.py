@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from rich.table import Table
-
 from cutjoint.commands import options, table
+from cutjoint.report import tables
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
 
@@ -23,19 +22,19 @@ def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Pat
     require_apart({"the study": fit_study}, documents=[("--out", out), ("--model", model_out), ("--view", view)])
     found = fit(fit_study, note=lambda text: options.err.print(text, markup=False))
     write_whole(out, as_json(found))
-    shown = Table(title="parameters", title_justify="left", box=None)
-    for heading in ("parameter", "unit", "start", "value", "95 % interval"):
-        shown.add_column(heading, justify="right" if heading in ("start", "value") else "left", no_wrap=True)
-    for name, unit, start, value, (low, high) in zip(found.names, found.units, found.start, found.values, found.intervals, strict=True):
-        shown.add_row(name, unit, f"{start:.6g}", f"{value:.8g}", f"{low:.6g} to {high:.6g}")
-    options.out.print(shown)
-    fits = Table(title="signals, SI units", title_justify="left", box=None)
-    for heading in ("experiment", "signal", "samples", "RMS of residual", "explained", "white noise: p"):
-        fits.add_column(heading, justify="left" if heading in ("experiment", "signal") else "right", no_wrap=True)
-    for s in found.signals:
-        p = "-" if s.p_value is None else f"{s.p_value:.3g}"
-        fits.add_row(s.experiment + ", validation" * s.validation, s.signal, str(s.samples), f"{s.rms:.4g}", f"{s.explained:.4f}", p)
-    options.out.print(fits)
+    parameters = (
+        (name, unit, f"{start:.6g}", f"{value:.8g}", f"{low:.6g} to {high:.6g}")
+        for name, unit, start, value, (low, high) in zip(found.names, found.units, found.start, found.values, found.intervals, strict=True)
+    )
+    headings = ("parameter", "unit", "start", "value", "95 % interval")
+    options.out.print(tables.table("parameters", headings, parameters, numbers=("start", "value"), no_wrap=True))
+    signals = (
+        (s.experiment + ", validation" * s.validation, s.signal, str(s.samples), f"{s.rms:.4g}", f"{s.explained:.4f}",
+         "-" if s.p_value is None else f"{s.p_value:.3g}")
+        for s in found.signals
+    )  # fmt: skip
+    figures = ("samples", "RMS of residual", "explained", "white noise: p")
+    options.out.print(tables.table("signals, SI units", ("experiment", "signal", *figures), signals, numbers=figures, no_wrap=True))
     for number, model in enumerate({e.model.span.file: e.model for e in found.study.experiments}.values()):
         if model_out is not None:
             path = model_out if not number else model_out.with_name(f"{model_out.stem}-{number + 1}{model_out.suffix}")

@@ -15,6 +15,7 @@ from cutjoint.model.errors import ModelError, nearest
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
 from cutjoint.model.records import Binding, Model, Scene
 from cutjoint.package.errors import RunError
+from cutjoint.report import tables
 from cutjoint.run.run_file import find_trim, parameter_values
 from cutjoint.run.scenes import load_model, model_of
 from cutjoint.stepping.load import load_scene
@@ -242,13 +243,9 @@ def _fit_tables(found: _Result, names: Sequence[str], width: int) -> Iterator[Ta
 
 
 def _make_table(found: _Result, names: Sequence[str]) -> Table:
-    made = Table(title=found.title, title_justify="left", box=None)
-    for heading in ("by", *found.columns):
-        made.add_column(heading, justify="left" if heading == "by" else "right", no_wrap=True, overflow="ignore")
-    made.add_row("", *(f"{x + 0.0:.6g} {unit}" for x, unit in zip(found.values, found.units, strict=True)))
-    for name, row in zip(names, found.derivatives.T, strict=True):
-        made.add_row(name, *(f"{x + 0.0:.6g}" for x in row))
-    return made
+    values = (f"{x + 0.0:.6g} {unit}" for x, unit in zip(found.values, found.units, strict=True))
+    rows = ((name, *(f"{x + 0.0:.6g}" for x in row)) for name, row in zip(names, found.derivatives.T, strict=True))
+    return tables.table(found.title, ("by", *found.columns), [("", *values), *rows], numbers=found.columns, no_wrap=True, overflow="ignore")
 
 
 def _error(sim: Simulation, trajectory: Callable[[str, float], Array], names: Sequence[str], derivatives: Array) -> float:

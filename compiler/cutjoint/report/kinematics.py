@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from cutjoint.report.tables import facts
+from cutjoint.report.tables import facts, table
 from cutjoint.run.result_files import write_table, write_whole
 from cutjoint.tasks.kinematics.axles import SIDES, Axle
 from cutjoint.tasks.kinematics.figures import MOTION_RATIO, STEERING_RATIO
@@ -56,19 +56,15 @@ def _about(found: AxleKinematics) -> Iterator[tuple[str, str]]:
 
 def _design(found: AxleKinematics) -> Table:
     """The figures that are known in the design position only, one per row."""
-    table = Table(title="design position", title_justify="left", box=None)
-    for heading in ("", *SIDES):
-        table.add_column(heading, justify="right" if heading else "left")
-    columns = found.sweeps[TRAVEL]
+    design, columns = table("design position", ("", *SIDES), numbers=SIDES), found.sweeps[TRAVEL]
     here = int(np.abs(columns[LEADING[TRAVEL]]).argmin())
     names = dict.fromkeys(c.partition(".")[2] for c in columns if c.partition(".")[0] in SIDES and c.partition(".")[2] in _SHOWN_ONCE)
     for name in names:
         unit = found.units[f"{SIDES[0]}.{name}"]
-        table.add_row(_heading(name, unit).replace("\n", ", "), *(_number(columns[f"{side}.{name}"][here], unit) for side in SIDES))
+        design.add_row(_heading(name, unit).replace("\n", ", "), *(_number(columns[f"{side}.{name}"][here], unit) for side in SIDES))
     for spring in found.axle.springs:
-        column = f"{spring.name}.{MOTION_RATIO}"
-        table.add_row(f"motion ratio {spring.name}", _number(columns[column][here], "1"))
-    return table
+        design.add_row(f"motion ratio {spring.name}", _number(columns[f"{spring.name}.{MOTION_RATIO}"][here], "1"))
+    return design
 
 
 _SHOWN_ONCE = ("brake_support_angle", "drive_support_angle", "anti_brake", "anti_drive")
@@ -79,13 +75,9 @@ def _sweep(found: AxleKinematics, name: str) -> Table:
     leading = [LEADING[name]]
     wheels = [f"{SIDES[0]}.{c}" for c in _OF_ONE_WHEEL] if name == TRAVEL else [f"{s}.{c}" for c in _OF_BOTH for s in SIDES]
     shown = [c for c in (*leading, *wheels, *_OF_AXLE[name]) if c in columns]
-    table = Table(title=_TITLES[name], title_justify="left", box=None)
-    for column in shown:
-        table.add_column(_heading(column, found.units[column]).replace(" inclination", ""), justify="right")
-    rows = columns[leading[0]].size
-    for i in range(0, rows, max(1, -(-rows // _ROWS))):
-        table.add_row(*(_number(columns[c][i], found.units[c]) for c in shown))
-    return table
+    headings, rows = [_heading(c, found.units[c]).replace(" inclination", "") for c in shown], columns[leading[0]].size
+    cells = ([_number(columns[c][i], found.units[c]) for c in shown] for i in range(0, rows, max(1, -(-rows // _ROWS))))
+    return table(_TITLES[name], headings, cells, numbers=headings)
 
 
 def _heading(column: str, unit: str) -> str:
@@ -116,15 +108,12 @@ def compliance_tables(found: AxleCompliance) -> Iterator[Table]:
     """The axle, and a table a wheel: a row a load, by kN and kN m."""
     yield facts(f"axle {found.axle.name}, compliance", _about_wheels(found.axle))
     for side in SIDES:
-        table = Table(title=f"{side} wheel", title_justify="left", box=None)
-        table.add_column("")
-        for name, unit in CHANGES.items():
-            table.add_column(f"{name}\n{_FOR_PEOPLE[unit][1]}", justify="right")
+        headings, rows = [f"{name}\n{_FOR_PEOPLE[unit][1]}" for name, unit in CHANGES.items()], []
         for load, of in LOADS.items():
             changes = ((name, _FOR_PEOPLE[unit]) for name, unit in CHANGES.items())
             cells = (f"{round(1e3 * scale * found.figures[f'{side}.{load}.{name}'], 3) + 0.0:.3f}" for name, (scale, *_) in changes)
-            table.add_row(f"{load}, by k{of.replace('*', ' ')}", *cells)
-        yield table
+            rows.append((f"{load}, by k{of.replace('*', ' ')}", *cells))
+        yield table(f"{side} wheel", ("", *headings), rows, numbers=headings)
 
 
 def write_compliance(found: AxleCompliance, path: Path) -> Path:

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.table import Table
 
-from cutjoint.report.tables import facts
+from cutjoint.report.tables import facts, table
 from cutjoint.run.figures import Picture, as_png, labelled
 from cutjoint.run.result_files import write_table, write_whole
 from cutjoint.stepping.state_space import FrequencyResponse, LinearModel, SampledStateSpace
@@ -26,9 +26,8 @@ def response_tables(model: LinearModel, response: FrequencyResponse, about: str)
     """The state that the model is ``about``, its poles, and a row for each input and output with peak, margins and zeros."""
     yield facts("linear model", _about(model, about))
     sampled = isinstance(model, SampledStateSpace)
-    poles = Table(title="poles", title_justify="left", box=None)
-    for heading in ("z" if sampled else "pole\n1/s", "frequency\nHz", "damping\nratio"):
-        poles.add_column(heading, justify="right", no_wrap=True)
+    headings = ("z" if sampled else "pole\n1/s", "frequency\nHz", "damping\nratio")
+    poles = table("poles", headings, numbers=headings, no_wrap=True)
     largest = max(np.abs(model.poles), default=0.0)
     order = np.lexsort((model.poles.real, np.abs(model.rates)))
     for pole, rate in ((model.poles[i], model.rates[i]) for i in order if model.poles[i].imag >= 0.0 and len(poles.rows) < _POLES):
@@ -36,21 +35,20 @@ def response_tables(model: LinearModel, response: FrequencyResponse, about: str)
         rings = bool(rate.imag) and np.isfinite(size)
         poles.add_row(_complex(pole, largest), f"{size / (2 * np.pi):.4f}" if rings else "-", f"{-rate.real / size:.4f}" if rings else "-")
     yield poles
-    table = Table(title="responses, in SI units", title_justify="left", box=None)
-    for heading in ("output", "input", "peak gain", "at\nHz", "gain\nmargin", "at\nHz", "phase\nmargin deg", "at\nHz"):
-        table.add_column(heading, justify="left" if heading.endswith("put") else "right", no_wrap=True)
-    table.add_column("zeros\nz" if sampled else "zeros\n1/s")
+    figures = ("peak gain", "at\nHz", "gain\nmargin", "at\nHz", "phase\nmargin deg", "at\nHz")
+    responses = table("responses, in SI units", ("output", "input", *figures), numbers=figures, no_wrap=True)
+    responses.add_column("zeros\nz" if sampled else "zeros\n1/s")
     peaks = {(o, i): model.peak(o, i, response.frequencies) for o in model.outputs for i in model.inputs}
     for output in model.outputs:
         for name in model.inputs:
             peak, margins = peaks[output, name], model.margins(output, name, response.frequencies)
             alike = max(p.gain for (other, _), p in peaks.items() if model.units.get(other) == model.units.get(output))
             if peak.gain <= _ROUNDING * alike:
-                table.add_row(output, name, "0", *"------")
+                responses.add_row(output, name, "0", *"------")
                 continue
             numbers = (_number(x) for x in (peak.gain, peak.at, margins.gain, margins.gain_at, margins.phase, margins.phase_at))
-            table.add_row(output, name, *numbers, _zeros(model, output, name))
-    yield table
+            responses.add_row(output, name, *numbers, _zeros(model, output, name))
+    yield responses
 
 
 def _about(model: LinearModel, about: str) -> Iterator[tuple[str, str]]:
@@ -85,15 +83,12 @@ def _number(value: float) -> str:
 
 def vibration_table(found: RandomVibration, title: str, weight: str) -> Table:
     """A row for each output: root mean squares in the band of the road and without its limits, weighted, and over the mean."""
-    table = Table(title=f"{title}: root mean squares", title_justify="left", box=None)
-    for heading in ("output", "unit", "rms", "white noise\n(Lyapunov)", f"{weight} weighted\n(ISO 2631-1)", "over mean\n%"):
-        table.add_column(heading, justify="left" if heading in ("output", "unit") else "right", no_wrap=True)
-    rows = zip(found.outputs, found.rms, found.white, found.weighted, 100 * found.variation, strict=True)
-    for name, rms, *numbers in rows:
+    rows = []
+    for name, rms, *numbers in zip(found.outputs, found.rms, found.white, found.weighted, 100 * found.variation, strict=True):
         alike = max(r for other, r in zip(found.outputs, found.rms, strict=True) if found.units.get(other) == found.units.get(name))
-        shown = ["0", *"---"] if rms <= _ROUNDING * alike else map(_number, (rms, *numbers))
-        table.add_row(name, found.units.get(name, ""), *shown)
-    return table
+        rows.append((name, found.units.get(name, ""), *("0---" if rms <= _ROUNDING * alike else map(_number, (rms, *numbers)))))
+    figures = ("rms", "white noise\n(Lyapunov)", f"{weight} weighted\n(ISO 2631-1)", "over mean\n%")
+    return table(f"{title}: root mean squares", ("output", "unit", *figures), rows, numbers=figures, no_wrap=True)
 
 
 def write_response(response: FrequencyResponse, path: Path) -> Path:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from rich.console import RenderableType
 from rich.table import Table
 
 from cutjoint.methods import Implementation
@@ -31,12 +32,23 @@ def closing_equations(model: Model) -> str:
     return "equations of cut joints and gears" if model.gears else "cut-joint equations"
 
 
+def table(
+    title: str, headings: Sequence[str], rows: Iterable[Sequence[RenderableType]] = (), *, numbers: Collection[str] = (), **how: Any
+) -> Table:  # fmt: skip
+    """A table with headings; columns of ``numbers`` are aligned to the right, and ``how`` has further options of Rich's columns."""
+    made = Table(title=title, title_justify="left", box=None)
+    for heading in headings:
+        made.add_column(heading, justify="right" if heading in numbers else "left", **how)
+    for row in rows:
+        made.add_row(*row)
+    return made
+
+
 def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
     """A table of two columns: names and their values."""
-    table = Table(title=title, title_justify="left", show_header=False, box=None)
-    for name, value in rows:
-        table.add_row(name, value)
-    return table
+    made = table(title, ("", ""), rows)
+    made.show_header = False
+    return made
 
 
 def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") -> tuple[tuple[str, str], ...]:
@@ -112,27 +124,23 @@ _NEARLY_SINGULAR = 1e5
 
 def loop_table(topology: Topology) -> Table:
     """A table with one row for each loop."""
-    table = Table(title="loops", title_justify="left", box=None)
-    for heading in ("cut joint", "kind", "line", "base body", "bodies of the loop", "width"):
-        table.add_column(heading, overflow="fold")
-    kinds = {c.name: c for c in topology.cuts}
-    for loop in topology.loops:
-        cut = kinds[loop.cut]
-        chosen = "" if cut.cut else " (chosen)"
-        table.add_row(loop.cut, cut.kind + chosen, cut.span.place, loop.base, ", ".join(loop.bodies), str(loop.width))
-    return table
+    cuts = {c.name: c for c in topology.cuts}
+    rows = (
+        (cut.name, cut.kind + ("" if cut.cut else " (chosen)"), cut.span.place, loop.base, ", ".join(loop.bodies), str(loop.width))
+        for loop in topology.loops for cut in [cuts[loop.cut]]
+    )  # fmt: skip
+    return table("loops", ("cut joint", "kind", "line", "base body", "bodies of the loop", "width"), rows, overflow="fold")
 
 
 def redundancy_table(redundancy: Redundancy, model: Model) -> Table:
     """A table of redundant equations, one row for each cut joint or gear and kind."""
-    table = Table(title=f"redundant {closing_equations(model)}", title_justify="left", box=None)
-    for heading in ("cut joint or gear" if model.gears else "cut joint", "line", "equations", "redundant"):
-        table.add_column(heading, overflow="fold")
+    rows = []
     for when, found in (("in every pose", redundancy.structural), ("in the design position only", redundancy.momentary)):
         for joint in dict.fromkeys(r.joint for r in found):
-            rows = [r for r in found if r.joint == joint]
-            table.add_row(joint, rows[0].place, ", ".join(map(_redundant_equation, rows)), when)
-    return table
+            alike = [r for r in found if r.joint == joint]
+            rows.append((joint, alike[0].place, ", ".join(map(_redundant_equation, alike)), when))
+    headings = ("cut joint or gear" if model.gears else "cut joint", "line", "equations", "redundant")
+    return table(f"redundant {closing_equations(model)}", headings, rows, overflow="fold")
 
 
 def _redundant_equation(redundant: RedundantEquation) -> str:

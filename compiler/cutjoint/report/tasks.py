@@ -19,7 +19,7 @@ from cutjoint.package.errors import plural
 from cutjoint.reduce.choose import Candidate, Choice
 from cutjoint.reduce.measure import Cost
 from cutjoint.reduce.sequence import ReducedModel
-from cutjoint.report.tables import facts
+from cutjoint.report.tables import facts, table
 from cutjoint.run.result_files import write_table
 from cutjoint.run.results import MechanismState
 from cutjoint.run.settings import accuracy_of
@@ -34,27 +34,21 @@ _NOTHING = 1e-12
 
 def pose_table(state: MechanismState) -> Table:
     """The pose of each body, a row each."""
-    table = Table(title="poses, m and rad", title_justify="left", box=None, pad_edge=False, collapse_padding=True)
-    for heading in ("body", *POSE):
-        table.add_column(heading, justify="left" if heading == "body" else "right", overflow="fold")
     bodies = _posed(state)
     columns = [_decimals([state.values[f"{body}.{quantity}"] for body in bodies]) for quantity in POSE]
-    for body, *numbers in zip(bodies, *columns, strict=True):
-        table.add_row(body, *numbers)
-    return table
+    made = table("poses, m and rad", ("body", *POSE), zip(bodies, *columns, strict=True), numbers=POSE, overflow="fold")
+    made.pad_edge, made.collapse_padding = False, True
+    return made
 
 
 def force_table(state: MechanismState, hidden: Collection[str]) -> Table:
     """A table of all values except the poses of bodies and the ``hidden`` columns, a row a quantity."""
-    table = Table(title="forces", title_justify="left", box=None)
-    for heading in ("element", "quantity", "value", "unit"):
-        table.add_column(heading, justify="right" if heading == "value" else "left")
-    bodies = _posed(state)
+    bodies, rows = _posed(state), []
     for column, value in state.values.items():
         element, _, quantity = column.rpartition(".")
         if element not in bodies and column not in hidden:
-            table.add_row(element, quantity, "undefined" if isnan(value) else f"{value + 0.0:.7g}", state.units[column])
-    return table
+            rows.append((element, quantity, "undefined" if isnan(value) else f"{value + 0.0:.7g}", state.units[column]))
+    return table("forces", ("element", "quantity", "value", "unit"), rows, numbers=("value",))
 
 
 # Drives
@@ -62,14 +56,11 @@ def force_table(state: MechanismState, hidden: Collection[str]) -> Table:
 
 def drive_table(found: Drives) -> Table:
     """The largest force of each drive, and its root mean square over the samples."""
-    table = Table(title="drives", title_justify="left", box=None)
-    for heading in ("joint", "largest", "at, s", "root mean square", "unit"):
-        table.add_column(heading, justify="left" if heading in ("joint", "unit") else "right")
+    figures, rows = ("largest", "at, s", "root mean square"), []
     for name, force in found.forces.items():
-        row = int(np.abs(force).argmax())
-        mean = float(np.sqrt(np.mean(force**2)))
-        table.add_row(name, f"{force[row] + 0.0:.6g}", f"{found.t[row]:g}", f"{mean:.6g}", found.units[name])
-    return table
+        row, mean = int(np.abs(force).argmax()), float(np.sqrt(np.mean(force**2)))
+        rows.append((name, f"{force[row] + 0.0:.6g}", f"{found.t[row]:g}", f"{mean:.6g}", found.units[name]))
+    return table("drives", ("joint", *figures, "unit"), rows, numbers=figures)
 
 
 def write_drives(found: Drives, path: Path) -> Path:
@@ -103,22 +94,20 @@ _CLASSES = 5
 def time_tables(times: StepTimes) -> Iterator[Table]:
     """Percentiles and missed deadlines, and the histogram."""
     if times.durations.size:
-        yield _facts(times)
+        yield facts("step times", _facts(times))
         yield _histogram(times)
 
 
-def _facts(times: StepTimes) -> Table:
-    table = Table(title="step times", title_justify="left", show_header=False, box=None)
-    table.add_row("steps", f"{times.durations.size}, {times.period * 1e3:g} ms apart")
+def _facts(times: StepTimes) -> Iterator[tuple[str, str]]:
+    yield "steps", f"{times.durations.size}, {times.period * 1e3:g} ms apart"
     for share in _PERCENTILES:
-        table.add_row(f"p{share:g}", _share_of_period(times.percentile(share), times.period))
-    table.add_row("largest", _share_of_period(float(times.durations.max()), times.period))
+        yield f"p{share:g}", _share_of_period(times.percentile(share), times.period)
+    yield "largest", _share_of_period(float(times.durations.max()), times.period)
     latest = f" in {times.stalls} stalls, by {_short(float(times.lateness.max()))} at most" if times.missed else ""
-    table.add_row("missed deadlines", f"{times.missed}{latest}")
+    yield "missed deadlines", f"{times.missed}{latest}"
     if times.missed:
-        table.add_row("", f"{times.missed_by_steps} of them by the duration of the step, the others because it began late")
-    table.add_row("wake-up latency", _share_of_period(float(times.wakeup_latency.max()), times.period))
-    return table
+        yield "", f"{times.missed_by_steps} of them by the duration of the step, the others because it began late"
+    yield "wake-up latency", _share_of_period(float(times.wakeup_latency.max()), times.period)
 
 
 def _share_of_period(seconds: float, period: float) -> str:
@@ -133,14 +122,13 @@ def _histogram(times: StepTimes) -> Table:
     """Classes of equal width on a logarithmic scale; bars have logarithmic lengths, so that single late steps are visible."""
     classes = np.floor(_CLASSES * np.log10(np.maximum(times.durations, 1e-9))).astype(int)
     counts = np.bincount(classes - classes.min())
-    table = Table(title="histogram", title_justify="left", box=None)
-    for heading in ("from", "to", "steps"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("(logarithmic)", width=40)
+    headings = ("from", "to", "steps")
+    histogram = table("histogram", headings, numbers=headings, no_wrap=True)
+    histogram.add_column("(logarithmic)", width=40)
     for i, count in enumerate(counts):
         low, high = (_short(10 ** ((classes.min() + i + k) / _CLASSES)) for k in (0, 1))
-        table.add_row(low, high, str(count), Bar(float(np.log(1 + counts.max())), 0, float(np.log(1 + count))))
-    return table
+        histogram.add_row(low, high, str(count), Bar(float(np.log(1 + counts.max())), 0, float(np.log(1 + count))))
+    return histogram
 
 
 #: The smallest share of a mode's kinetic energy for which a coordinate is listed, and the largest number of listed coordinates.
@@ -203,14 +191,13 @@ def describe_stability(modes: Modes) -> str:
 
 
 def _table(title: str, modes: tuple[Mode, ...], *, damped: bool = True) -> Table:
-    table = Table(title=title, title_justify="left", box=None)
-    for heading in ("eigenvalue\n1/s", "frequency\nHz", *(("damping\nratio", "time\nconstant s") if damped else ())):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("moves\n(share of the kinetic energy)", overflow="fold")
+    headings = ("eigenvalue\n1/s", "frequency\nHz", *(("damping\nratio", "time\nconstant s") if damped else ()))
+    made = table(title, headings, numbers=headings, no_wrap=True)
+    made.add_column("moves\n(share of the kinetic energy)", overflow="fold")
     for mode in modes:
         value, frequency, *figures = (text for _, text in mode_figures(mode))
-        table.add_row(value, frequency, *(figures if damped else ()), _listed(mode.shape))
-    return table
+        made.add_row(value, frequency, *(figures if damped else ()), _listed(mode.shape))
+    return made
 
 
 def mode_figures(mode: Mode) -> tuple[tuple[str, str], ...]:
@@ -276,26 +263,21 @@ def _plain_shape(shape: Mapping[str, Participant]) -> dict[str, Any]:
 # Reductions
 
 
-def _reduced_table(title: str, headings: Sequence[str], left: int) -> Table:
-    table = Table(title=title, title_justify="left", box=None)
-    for i, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if i < left else "right", overflow="fold")
-    return table
-
-
 def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> Table:
     """A table with one row for each model: its size, its cost, and its distance from the full model."""
     full = variants[0]
-    headings = ("model", "motion", "unknowns", "equations", "ops", "share", "ms", "faster", "error")
-    table = _reduced_table(f"{full.model.name}, scene {full.scene.name}, method {full.method}", headings, 2)
-    for variant, cost in zip(variants, costs, strict=True):
-        table.add_row(
+    figures = ("unknowns", "equations", "ops", "share", "ms", "faster", "error")
+    rows = (
+        (
             variant.name, variant.motion, str(variant.unknowns), str(variant.equations), str(variant.operations),
             f"{100 * variant.operations / max(full.operations, 1):.0f} %", f"{1e3 * cost.seconds:.2f}",
             "-" if cost.failure else f"{costs[0].seconds / cost.seconds:.2f}",
             cost.failure or (f"{cost.error:.1e}" if variant is not full else "-"),
-        )  # fmt: skip
-    return table
+        )
+        for variant, cost in zip(variants, costs, strict=True)
+    )  # fmt: skip
+    title = f"{full.model.name}, scene {full.scene.name}, method {full.method}"
+    return table(title, ("model", "motion", *figures), rows, numbers=figures, overflow="fold")
 
 
 def note_lines(variant: ReducedModel) -> Iterator[str]:
@@ -306,10 +288,9 @@ def note_lines(variant: ReducedModel) -> Iterator[str]:
 def choice_table(choice: Choice, scene: Scene) -> Table:
     """A table of the choice and the other candidates."""
     title = f"scene {scene.name}: the fastest within {accuracy_of(scene):g} m and rad (reference solution: {choice.reference_change:.0e})"
-    table = _reduced_table(title, ("", "method", "model", "steps", "error", "ms", "of real time"), 3)
-    for candidate in choice.evidence:
-        table.add_row("chosen" if candidate == choice.chosen else "", candidate.method, candidate.variant, *_cells(candidate, scene))
-    return table
+    figures = ("steps", "error", "ms", "of real time")
+    rows = (("chosen" if c == choice.chosen else "", c.method, c.variant, *_cells(c, scene)) for c in choice.evidence)
+    return table(title, ("", "method", "model", *figures), rows, numbers=figures, overflow="fold")
 
 
 def _cells(candidate: Candidate, scene: Scene) -> tuple[str, ...]:

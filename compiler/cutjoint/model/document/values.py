@@ -83,28 +83,18 @@ def _unit(value: Any) -> str:
     raise shape_error("this is not a unit", "write for example N*s/m")
 
 
-def _three(value: Any) -> Any:
-    if isinstance(value, tuple) and len(value) == 3:
-        return value
-    raise shape_error("needs three numbers", "write [x, y, z]")
+def _list_of(*sizes: int, words: str, hint: str) -> BeforeValidator:
+    """The check of a list that must have one of some lengths, with the message for others."""
+
+    def checked(value: Any) -> Any:
+        if isinstance(value, tuple) and len(value) in sizes:
+            return value
+        raise shape_error(words, hint)
+
+    return BeforeValidator(checked)
 
 
-def _two(value: Any) -> Any:
-    if isinstance(value, tuple) and len(value) == 2:
-        return value
-    raise shape_error("needs two names", "write [one, other]")
-
-
-def _six(value: Any) -> Any:
-    if isinstance(value, tuple) and len(value) == 6:
-        return value
-    raise shape_error("needs six values", "write [along x, y, z, about x, y, z]")
-
-
-def _four(value: Any) -> Any:
-    if isinstance(value, tuple) and len(value) == 4:
-        return value
-    raise shape_error("needs four numbers", "write [w, x, y, z], the scalar first")
+_SIX = _list_of(6, words="needs six values", hint="write [along x, y, z, about x, y, z]")
 
 
 def _word_of(words: Sequence[str], message: str) -> Callable[[str], str]:
@@ -118,37 +108,30 @@ def _word_of(words: Sequence[str], message: str) -> Callable[[str], str]:
     return checked
 
 
-def _checked_name(name: str) -> str:
-    problem = name_problem(name)
-    if problem:
-        raise shape_error(*problem)
-    return name
+def _without(problem: Callable[[str], tuple[str, str] | None]) -> AfterValidator:
+    """The check of a name that must have no problem."""
 
+    def checked(name: str) -> str:
+        if found := problem(name):
+            raise shape_error(*found)
+        return name
 
-def _checked_term(name: str) -> str:
-    problem = term_name_problem(name)
-    if problem:
-        raise shape_error(*problem)
-    return name
-
-
-def _checked_parameter(name: str) -> str:
-    problem = parameter_name_problem(name)
-    if problem:
-        raise shape_error(*problem)
-    return name
+    return AfterValidator(checked)
 
 
 _NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "maxLength": MAX_NAME_LENGTH}
-Name = Annotated[StrictStr, AfterValidator(_checked_name), WithJsonSchema(_NAME_SCHEMA)]
-TermName = Annotated[StrictStr, AfterValidator(_checked_term), WithJsonSchema(_NAME_SCHEMA)]
-ParameterName = Annotated[StrictStr, AfterValidator(_checked_parameter), WithJsonSchema(_NAME_SCHEMA)]
+Name = Annotated[StrictStr, _without(name_problem), WithJsonSchema(_NAME_SCHEMA)]
+TermName = Annotated[StrictStr, _without(term_name_problem), WithJsonSchema(_NAME_SCHEMA)]
+ParameterName = Annotated[StrictStr, _without(parameter_name_problem), WithJsonSchema(_NAME_SCHEMA)]
 Number = Annotated[int | float | str, PlainValidator(_number), WithJsonSchema({"type": ["number", "string"]})]
 Unit = Annotated[str, PlainValidator(_unit), WithJsonSchema({"type": ["string", "integer"]})]
-Triple = Annotated[tuple[Number, ...], Field(min_length=3, max_length=3), BeforeValidator(_three)]
-Pair = Annotated[tuple[StrictStr, ...], Field(min_length=2, max_length=2), BeforeValidator(_two)]
-Six = Annotated[tuple[Number, ...], Field(min_length=6, max_length=6), BeforeValidator(_six)]
-Four = Annotated[tuple[Number, ...], Field(min_length=4, max_length=4), BeforeValidator(_four)]
+Triple = Annotated[tuple[Number, ...], Field(min_length=3, max_length=3), _list_of(3, words="needs three numbers", hint="write [x, y, z]")]
+Pair = Annotated[tuple[StrictStr, ...], Field(min_length=2, max_length=2), _list_of(2, words="needs two names", hint="write [one, other]")]
+Six = Annotated[tuple[Number, ...], Field(min_length=6, max_length=6), _SIX]
+Four = Annotated[
+    tuple[Number, ...], Field(min_length=4, max_length=4),
+    _list_of(4, words="needs four numbers", hint="write [w, x, y, z], the scalar first"),
+]  # fmt: skip
 Ends = Annotated[tuple[Number, ...], Field(min_length=2, max_length=2)]
 Coefficients = Annotated[tuple[Number, ...], Field(min_length=1, max_length=MAX_COEFFICIENTS)]
 
@@ -290,13 +273,10 @@ class AxialInertia(Part):
     axis: Direction
 
 
-def _three_or_six(value: Any) -> Any:
-    if isinstance(value, tuple) and len(value) in (3, 6):
-        return value
-    raise shape_error("needs three or six numbers", "write [Ixx, Iyy, Izz] or [Ixx, Iyy, Izz, Ixy, Ixz, Iyz]")
-
-
-_Matrix = Annotated[tuple[Number, ...], Field(min_length=3, max_length=6), BeforeValidator(_three_or_six)]
+_Matrix = Annotated[
+    tuple[Number, ...], Field(min_length=3, max_length=6),
+    _list_of(3, 6, words="needs three or six numbers", hint="write [Ixx, Iyy, Izz] or [Ixx, Iyy, Izz, Ixy, Ixz, Iyz]"),
+]  # fmt: skip
 
 
 class FramedMatrix(Part):
@@ -441,6 +421,6 @@ Law: TypeAlias = Annotated[
         "needs a number, an expression, or a mapping with polynomial, piecewise, sum, let, table, stop or stiffness",
     ),
 ]
-Laws = Annotated[tuple[Law, ...], Field(min_length=6, max_length=6), BeforeValidator(_six)]
+Laws = Annotated[tuple[Law, ...], Field(min_length=6, max_length=6), _SIX]
 Sum.model_rebuild()
 Let.model_rebuild()
