@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from cutjoint.run.failures import FailedBatchError, FailedRunError, IncompleteError
     from cutjoint.run.outputs import OutputError
     from cutjoint.run.simulator import SimulatorError
-    from cutjoint.sparse.ordering import MissingLibraryError
+    from cutjoint.sparse.plan import MissingLibraryError
     from cutjoint.stepping.handle import SimulationError
     from cutjoint.stepping.load import load
     from cutjoint.stepping.response import find_linear_model
@@ -52,8 +52,7 @@ if TYPE_CHECKING:
     from cutjoint.tasks.inverse import inverse_dynamics
     from cutjoint.tasks.kinematics.sweep import find_compliance, find_kinematics
     from cutjoint.tasks.realtime import FailedRealTimeError, run_in_real_time
-    from cutjoint.tasks.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes
-    from cutjoint.tasks.trims import find_trim
+    from cutjoint.tasks.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes, find_trim
     from cutjoint.topology.build import build_topology
     from cutjoint.topology.reading import read_model, read_model_text
     from cutjoint.topology.spanning_tree import TopologyError
@@ -85,9 +84,8 @@ _HOMES = {
     "cutjoint.run.failures": ("FailedBatchError", "FailedRunError", "IncompleteError"),
     "cutjoint.run.outputs": ("OutputError",),
     "cutjoint.run.simulator": ("SimulatorError",),
-    "cutjoint.sparse.ordering": ("MissingLibraryError",),
-    "cutjoint.tasks.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes"),
-    "cutjoint.tasks.trims": ("find_trim",),
+    "cutjoint.sparse.plan": ("MissingLibraryError",),
+    "cutjoint.tasks.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes", "find_trim"),
     "cutjoint.stepping.load": ("load",),
     "cutjoint.stepping.response": ("find_linear_model",),
     "cutjoint.stepping.rollout": ("rollout",),

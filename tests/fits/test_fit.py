@@ -216,7 +216,7 @@ def test_an_inertia_of_three_numbers_has_six_in_a_fit(tmp_path: Path) -> None:
 
 
 def test_a_narrow_prior_leaves_nothing_else_open() -> None:
-    from cutjoint.fits.identify import identify
+    from cutjoint.fits.fit import identify
 
     jacobian = np.vstack([np.random.default_rng(0).normal(size=(500, 2)), [1e9, 0.0]])
     found = identify(jacobian, ["known", "fitted"], np.ones(2), 500)

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.sparse.ordering import LIBRARIES
+from cutjoint.sparse.plan import LIBRARIES
 from cutjoint.toolchain.build import build_interpreter
 from cutjoint.toolchain.drivers import INTERPRETING, shipped_simulator
 from tests.conftest import MODELS, ROOT, needs_cpp, with_heavy

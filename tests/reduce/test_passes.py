@@ -13,11 +13,10 @@ from cutjoint.methods import METHODS
 from cutjoint.model.outcome import Note, Outcome, Pass
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, RodForce, Scene
-from cutjoint.reduce.approximations import lighten_links
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.planar import drop_idle_equations
 from cutjoint.reduce.reach import drop_unreached
-from cutjoint.reduce.sequence import Step, cheapest_by, reduction_sequence
+from cutjoint.reduce.sequence import Step, cheapest_by, lighten_links, reduction_sequence
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate

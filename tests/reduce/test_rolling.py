@@ -13,8 +13,8 @@ from cutjoint.methods import METHODS
 from cutjoint.model.outcome import Outcome
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
-from cutjoint.reduce.approximations import SMALL, roll_straight
 from cutjoint.reduce.guards import guard_forces
+from cutjoint.reduce.sequence import SMALL, roll_straight
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp

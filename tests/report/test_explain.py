@@ -19,9 +19,7 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.program.blocks import Section
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
-from cutjoint.report.explain.document import explain
-from cutjoint.report.explain.equations import explain_equations, printed
-from cutjoint.report.explain.operations import derive, parameter_costs
+from cutjoint.report.explain.document import derive, explain, explain_equations, parameter_costs, printed
 from cutjoint.report.explain.views import find_counterparts
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology

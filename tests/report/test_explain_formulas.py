@@ -23,9 +23,7 @@ from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.report.explain import views
-from cutjoint.report.explain.document import explain
-from cutjoint.report.explain.equations import printed
-from cutjoint.report.explain.operations import derive
+from cutjoint.report.explain.document import derive, explain, printed
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
 from tests.conftest import MODELS

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.sparse.ordering import MissingLibraryError, order_columns, order_symmetric
 from cutjoint.sparse.pattern import make_pattern
-from cutjoint.sparse.plan import plan_definite, plan_unsymmetric
+from cutjoint.sparse.plan import MissingLibraryError, order_columns, order_symmetric, plan_definite, plan_unsymmetric
 from cutjoint.sparse.symbolic import eliminate
 from tests.sparse.matrices import kkt_matrix, pattern_of, spd_matrix
 
@@ -77,6 +76,6 @@ def test_a_missing_library_is_named_with_its_packages(monkeypatch: pytest.Monkey
 def test_libraries_of_the_package_come_first(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A file that is no library shows that it was tried, before that of the system."""
     (tmp_path / "libamd.so").write_bytes(b"no library")
-    monkeypatch.setattr("cutjoint.sparse.ordering.binaries_folder", lambda: tmp_path)
+    monkeypatch.setattr("cutjoint.sparse.plan.binaries_folder", lambda: tmp_path)
     with pytest.raises(OSError, match=str(tmp_path / "libamd.so")):
         plan_definite(pattern_of(spd_matrix(1, 1, 1), symmetric=True))

@@ -15,7 +15,7 @@ from distributed import LocalCluster
 
 from cutjoint.cli import main
 from cutjoint.package.errors import RunError
-from cutjoint.sweeps import scheduler
+from cutjoint.sweeps import cluster as module
 
 from .studies import study
 
@@ -72,26 +72,26 @@ def _server(speak: Speaker) -> Iterator[int]:
 
 def _refused(address: str, reason: str) -> None:
     with pytest.raises(RunError, match=f"--scheduler {address}: no scheduler answers: .*({reason}).*; start one with `dask scheduler`"):
-        scheduler.require_scheduler(address)
+        module.require_scheduler(address)
 
 
 @pytest.mark.parametrize("name", SPEAKERS)
 def test_what_answers_is_no_scheduler(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     speak, reason = SPEAKERS[name]
-    monkeypatch.setattr(scheduler, "_PATIENCE", 0.5 if name == "silent" else 20.0)
+    monkeypatch.setattr(module, "_PATIENCE", 0.5 if name == "silent" else 20.0)
     with _server(speak) as port:
         _refused(f"tcp://127.0.0.1:{port}", reason)
 
 
 @pytest.mark.parametrize("scheme", ["tls", "wss", "ucx"])
 def test_other_protocols_are_reported(scheme: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scheduler, "_PATIENCE", 20.0)
+    monkeypatch.setattr(module, "_PATIENCE", 20.0)
     with _server(_http) as port:
         _refused(f"{scheme}://127.0.0.1:{port}", "Dask has not what this kind of address needs|SSL|another protocol")
 
 
 def test_nothing_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scheduler, "_PATIENCE", 0.5)
+    monkeypatch.setattr(module, "_PATIENCE", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = listening.getsockname()[1]
     _refused(f"tcp://127.0.0.1:{port}", "Connection refused|no answer in")
@@ -104,17 +104,17 @@ _ODD = ["http://127.0.0.1:8786", "127.0.0.1:8786", "tcp://127.0.0.1:0", "tcp://1
 @pytest.mark.parametrize("address", _ODD)
 def test_what_is_no_address(address: str) -> None:
     with pytest.raises(RunError, match="not an address; write for example tcp://"):
-        scheduler.require_scheduler(address)
+        module.require_scheduler(address)
 
 
 def test_the_wait_is_bounded() -> None:
     """The longest of all is within the ten seconds that are promised."""
-    assert 2 * scheduler._PATIENCE < 10
+    assert 2 * module._PATIENCE < 10
 
 
 def test_a_scheduler_passes_and_a_worker_does_not() -> None:
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
-        scheduler.require_scheduler(cluster.scheduler_address)
+        module.require_scheduler(cluster.scheduler_address)
         (worker,) = cluster.scheduler_info["workers"]
         _refused(worker, "a worker of Dask is there")
 

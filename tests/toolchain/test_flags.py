@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cutjoint.package.errors import ToolchainError
-from cutjoint.toolchain import flags as module
+from cutjoint.toolchain import cmake as module
 from cutjoint.toolchain.build import build_files
 from cutjoint.toolchain.cache import cache_folder
 from tests.toolchain.test_locks import Site, output, pytestmark, site

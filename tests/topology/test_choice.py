@@ -10,8 +10,7 @@ from cutjoint.kernels.closures import derive_closure
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import SPEEDS, JointKind
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.cuts import reasons_not_to_cut
-from cutjoint.topology.search import rank_cuts
+from cutjoint.topology.search import rank_cuts, reasons_not_to_cut
 from cutjoint.topology.spanning_tree import cost_of
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text

@@ -15,9 +15,8 @@ from cutjoint.model.expressions.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import GROUND, Model, Output
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.cuts import find_rules
 from cutjoint.topology.records import Topology
-from cutjoint.topology.search import Spanning, span
+from cutjoint.topology.search import Spanning, find_rules, span
 from cutjoint.topology.spanning_tree import TopologyError, cost_of
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text

@@ -13,12 +13,11 @@ from cutjoint.commands import options, table
 from cutjoint.package.errors import RunError, plural
 from cutjoint.run.outputs import OutputError, require_apart
 from cutjoint.run.result_files import write_whole
-from cutjoint.sweeps.designs import find_indices, has_indices
+from cutjoint.sweeps.designs import QUANTILES, find_indices, find_tolerance, has_indices, has_tolerances
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Progress as OnProgress
 from cutjoint.sweeps.run import Sweep, perform_study, steps_of
-from cutjoint.sweeps.tolerances import QUANTILES, find_tolerance, has_tolerances
 from cutjoint.view.views import read_ghost
 
 #: Number of reasons of failures to print, and the pattern of numbers, by which similar reasons may differ.

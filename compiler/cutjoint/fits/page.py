@@ -6,8 +6,7 @@ from collections.abc import Iterator
 import jinja2
 import numpy as np
 
-from cutjoint.fits.fit import Fit, SignalResult
-from cutjoint.fits.identify import describe
+from cutjoint.fits.fit import Fit, SignalResult, describe
 from cutjoint.package.locations import templates_folder
 from cutjoint.run.figures import Line, as_png, draw
 

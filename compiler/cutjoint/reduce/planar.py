@@ -1,20 +1,39 @@
 """Planar mechanisms: joints are replaced by planar ones, and constraints of cut joints normal to the plane are dropped.
 
 Joints that rotate about the plane's normal or slide normal to it confine bodies to the plane under any load.  Other bodies, such as a rod
-between balls, stay there if they and everything attached to them are symmetric about the plane.
+between balls, stay there if they and everything attached to them are symmetric about the plane: each part is
+its own reflection, and nothing pushes it out of the plane.  Columns of the mechanism in its plane stand for those of the whole one.
 """
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 
 import sympy
 
+from cutjoint.elements.joint import ATTITUDE, Direction, JointElement
+from cutjoint.formulate.quantities import needs_place
+from cutjoint.model.elements.build import Elements
+from cutjoint.model.elements.mirror import ANGLES, coordinate_signs, mirror_elements, reflected_law
 from cutjoint.model.expressions.evaluate import evaluate
+from cutjoint.model.expressions.quantities import JOINT_QUANTITIES, reaction_component, reported_element
 from cutjoint.model.outcome import Note, Outcome
-from cutjoint.model.records import COORDINATES, GROUND, Binding, Joint, JointKind, Model, Scene, Vector
-from cutjoint.reduce.in_plane import PlaneModel
-from cutjoint.reduce.own_images import require_own_images
-from cutjoint.reduce.plane import AsymmetryError, InPlane, Plane, is_zero, restrict
+from cutjoint.model.records import (
+    COORDINATES,
+    GROUND,
+    Binding,
+    Body,
+    Force,
+    Joint,
+    JointForce,
+    JointKind,
+    Model,
+    Output,
+    Reaction,
+    Scalar,
+    Scene,
+    Vector,
+)
+from cutjoint.reduce.plane import AsymmetryError, InPlane, Plane, is_same, is_zero, restrict, substitute
 from cutjoint.topology.build import build_topology
 
 #: Sine of the angle within which directions given in digits count as parallel.
@@ -143,3 +162,208 @@ def _notes(model: Model, in_plane: Mapping[str, InPlane], plane: Plane) -> Itera
         if kind is not joint.kind:
             text = f"moves in the plane {plane} alone: a {kind} joint in place of a {joint.kind} one"
             yield Note(element=joint.name, text=text, span=joint.span)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaneModel:
+    """A model whose tree joints have the motions in a plane alone, ``in_plane`` by name."""
+
+    model: Model
+    plane: Plane
+    in_plane: Mapping[str, InPlane]
+
+    def scene(self, scene: Scene) -> Scene:
+        """A scene of it.
+
+        Raises:
+            AsymmetryError: the scene leaves the plane, or asks for what a plane model does not determine.
+        """
+        tyres = any(f.has_road and scene.switches.get(f.name, f.active) for f in self.model.forces)
+        if tyres and scene.road.parts:
+            what = "a surface" if "surface" in scene.road.parts else "patches of friction"
+            raise AsymmetryError(scene.name, f"has {what} on its road, which need not be symmetric", scene.span)
+        return replace(
+            scene, positions=self._states(scene.positions), rates=self._states(scene.rates),
+            switches={name: is_on for name, is_on in scene.switches.items() if name not in self._idle},
+            outputs=tuple(self._output(o) for o in scene.outputs),
+        )  # fmt: skip
+
+    def flat(self, scene: Scene) -> Model:
+        """The model, with its ``scene`` alone."""
+        joints = tuple(self.in_plane[j.name].joint if j.name in self.in_plane else j for j in self.model.joints)
+        return replace(self.model, joints=joints, forces=tuple(self._forces()), scenes={scene.name: scene})
+
+    @property
+    def _idle(self) -> frozenset[str]:
+        """The forces on coordinates that would leave the plane."""
+        forces = (f for f in self.model.forces if f.joint_of in self.in_plane)
+        return frozenset(f.name for f in forces if f.coordinate_of not in self.in_plane[f.joint_of].kept)
+
+    def _forces(self) -> Iterator[Force]:
+        idle = self._idle
+        for force in (f for f in self.model.forces if f.name not in idle):
+            if isinstance(force, JointForce) and force.joint in self.in_plane:
+                name, sign = self.in_plane[force.joint].kept[force.coordinate]
+                yield replace(force, coordinate=name, law=reflected_law(force.law, sign))
+            else:
+                yield force
+
+    def _states(self, states: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """Initial coordinates or speeds by "joint.component"."""
+        found: dict[str, Scalar] = {}
+        for key, value in states.items():
+            name, _, component = key.rpartition(".")
+            joint = next(j for j in self.model.joints if j.name == name)
+            if component in ATTITUDE:
+                raise AsymmetryError(name, "starts with an attitude, which the pass does not compare", joint.span)
+            if name not in self.in_plane:
+                found[key] = value
+            elif component in (kept := self.in_plane[name].kept):
+                found[f"{name}.{kept[component][0]}"] = kept[component][1] * value
+            elif not is_zero(value):
+                raise AsymmetryError(name, f"starts with a {component} that leaves the plane {self.plane}", joint.span)
+        return found
+
+    def _output(self, output: Output) -> Output:
+        match reported_element(self.model, output):
+            case Reaction() as reaction if reaction.joint in self.in_plane:
+                return self._reaction_output(reaction, output)
+            case Joint() as joint if joint.name in self.in_plane:
+                return self._joint_output(joint, output)
+            case Force() as force:
+                return self._force_output(force, output)
+        return output
+
+    def _reaction_output(self, reaction: Reaction, output: Output) -> Output:
+        is_moment, direction = reaction_component(reaction, output.quantity)
+        if self.plane.along_normal(direction) if is_moment else self.plane.within(direction):
+            return output
+        text = f"has the output {output.quantity}, which a model in the plane {self.plane} does not determine"
+        raise AsymmetryError(reaction.name, text, output.span)
+
+    def _joint_output(self, joint: Joint, output: Output) -> Output:
+        found = self.in_plane[joint.name]
+        if output.quantity in found.kept:
+            quantity, factor = found.kept[output.quantity]
+            return _scaled(output, factor, joint.name, quantity)
+        if output.quantity in found.unknown:
+            raise AsymmetryError(joint.name, f"has the output {output.quantity}, which a plane model does not determine", output.span)
+        return self._zero(joint, output)
+
+    def _zero(self, joint: Joint, output: Output) -> Output:
+        """A coordinate that would leave the plane: a quantity of the same unit of a body of the joint, times zero."""
+        plane = self.plane
+        by_unit = {"m": plane.axis, "m/s": f"v{plane.axis}", "rad": ANGLES[plane.across], "rad/s": f"w{plane.across}"}
+        quantity = by_unit[JOINT_QUANTITIES[joint.kind][output.quantity]]
+        body = next(b.name for b in self.model.bodies if b.name in (joint.base, joint.follower))
+        return _scaled(output, 0, body, quantity)
+
+    def _force_output(self, force: Force, output: Output) -> Output:
+        if force.name in self._idle:
+            raise AsymmetryError(force.name, "is an output, but acts on bodies that rest in the plane", output.span)
+        joint = self.in_plane.get(force.joint_of) if output.quantity == "force" else None
+        return _scaled(output, joint.kept[force.coordinate_of][1] if joint else 1, force.name)
+
+
+def _scaled(output: Output, factor: float, element: str, quantity: str = "") -> Output:
+    """An output that is read from another column, or from another multiple of its own."""
+    read = replace(output, element=element, quantity=quantity or output.quantity, factor=factor * output.factor)
+    return read if read.column == output.column else replace(read, stands_for=output.column)
+
+
+#: Fields of a force that say who it is and what it acts on.
+_NAMING = frozenset({"name", "span", "active", "base", "follower", "body"})
+
+
+def require_own_images(model: Model, scene: Scene, plane: Plane, loose: Collection[str]) -> None:
+    """Check that bodies which no joint holds in a plane, and all that touches them, are their own images; forces may be in pairs.
+
+    Raises:
+        AsymmetryError: one is not, or gravity pulls out of the plane.
+    """
+    if not plane.within(model.gravity):
+        raise AsymmetryError(model.name, f"has gravity that pulls out of the plane {plane}", model.span)
+    elements = _fix_inputs(model, scene)
+    joints = tuple(j for j in elements.joints if {j.base, j.follower} & set(loose))
+    names = {j.name for j in joints}
+    forces = tuple(f for f in elements.forces if f.active and (f.joint_of in names or set(f.bodies) & set(loose)))
+    touched = Elements(tuple(b for b in elements.bodies if b.name in loose), joints, forces, (), ())
+    mirrored = mirror_elements(touched, plane.axis)
+    for body, reflection in zip(touched.bodies, mirrored.bodies, strict=True):
+        _require_body(body, reflection, plane)
+    signs = {j.name: _joint_signs(j, reflection, plane) for j, reflection in zip(joints, mirrored.joints, strict=True)}
+    _require_forces(forces, mirrored.forces, signs, plane)
+
+
+def _fix_inputs(model: Model, scene: Scene) -> Elements:
+    """The elements as the scene has them, with functions of time in place of inputs."""
+    inputs = {
+        p.symbol: scene.inputs.get(p.name, sympy.Integer(0) if p.value == 0 else sympy.Float(p.value))
+        for p in model.parameters if p.binding is Binding.INPUT
+    }  # fmt: skip
+    forces = (replace(f, active=needs_place(f, model, scene, scene.outputs)) for f in model.forces)
+    return Elements(
+        tuple(substitute(b, inputs) for b in model.bodies), tuple(substitute(j, inputs) for j in model.joints),
+        tuple(substitute(f, inputs) for f in forces), (), (),
+    )  # fmt: skip
+
+
+def _require_body(body: Body, reflection: Body, plane: Plane) -> None:
+    names = {"mass": "mass", "centre_of_mass": "centre of mass", "inertia": "inertia"}
+    differ = [text for name, text in names.items() if not is_same(getattr(reflection, name), getattr(body, name))]
+    if differ and not body.is_massless:
+        raise AsymmetryError(body.name, f"is not symmetric about the plane {plane}: its {differ[0]} is not", body.span)
+
+
+def _joint_signs(joint: Joint, reflection: Joint, plane: Plane) -> Mapping[str, int]:
+    """1 for each coordinate that the reflection leaves unchanged, -1 for each that it reverses."""
+    alike = all(is_same(getattr(reflection, name), getattr(joint, name)) for name in ("at", "to", "pitch"))
+    of_axes = [_axis_sign(a, b) for a, b in zip(reflection.axes, joint.axes, strict=True)]
+    if not alike or 0 in of_axes:
+        raise AsymmetryError(joint.name, f"is not symmetric about the plane {plane}", joint.span)
+    mirrored, by_axes = coordinate_signs(plane.mirror, joint), _flips(joint.element, of_axes)
+    signs = {name: mirrored[name] * by_axes.get(name, 1) for name in joint.element.coordinates}
+    for coordinate, guide in zip(joint.element.coordinates, joint.guide or (), strict=False):
+        if not is_same(signs[coordinate] * guide, guide):
+            text = f"has a guide of its {coordinate} that moves it out of the plane {plane}, and is not zero in this scene"
+            raise AsymmetryError(joint.name, text, joint.span)
+    return signs
+
+
+def _axis_sign(a: Vector, b: Vector) -> int:
+    """1 of equal directions, -1 of opposite ones, else 0."""
+    return 1 if is_same(a, b) else -1 if is_same(a, (-b[0], -b[1], -b[2])) else 0
+
+
+def _flips(element: JointElement, of_axes: Sequence[int]) -> Mapping[str, int]:
+    """The signs of coordinates when axes are reversed; the second transverse direction is a product with two of them."""
+    signs = dict(zip((Direction.AXIS, Direction.AXIS_2), of_axes, strict=False))
+    if of_axes:
+        signs[Direction.ACROSS_1] = of_axes[0]
+    return {m.coordinate: signs.get(m.direction, 1) for m in element.scalar_motions}
+
+
+def _require_forces(forces: Sequence[Force], mirrored: Iterable[Force], signs: Mapping[str, Mapping[str, int]], plane: Plane) -> None:
+    """Check that each force equals its own reflection or that of another force."""
+    free = list(forces)
+    for force, reflection in zip(forces, mirrored, strict=True):
+        image = next((f for f in free if _is_image(force, reflection, f, signs)), None)
+        if image is None:
+            raise AsymmetryError(force.name, f"is not symmetric about the plane {plane}, nor has it an image there", force.span)
+        free.remove(image)
+
+
+def _is_image(force: Force, reflection: Force, candidate: Force, signs: Mapping[str, Mapping[str, int]]) -> bool:
+    if type(force) is not type(candidate):
+        return False
+    if force.joint_of:
+        if (force.joint_of, force.coordinate_of) != (candidate.joint_of, candidate.coordinate_of):
+            return False
+        sign = signs[force.joint_of][force.coordinate_of]
+        return is_same(tuple(reflected_law(law, sign) for law in force.expressions), candidate.expressions)
+    shown = {f.name: getattr(reflection, f.name) for f in fields(reflection) if f.name not in _NAMING}
+    if force.bodies != candidate.bodies:
+        if not force.swapped or force.bodies[::-1] != candidate.bodies:
+            return False
+        shown |= reflection.swapped
+    return all(is_same(value, getattr(candidate, name)) for name, value in shown.items())

@@ -27,16 +27,15 @@ from cutjoint.package.locations import AnyPath, __version__
 from cutjoint.package.system import processors
 from cutjoint.run.settings import StepSettings, require_settings
 from cutjoint.run.stopping import StopRequest, stop_requests
+from cutjoint.sweeps.cluster import Cluster, require_address, require_scheduler
 from cutjoint.sweeps.code import build_kernels
-from cutjoint.sweeps.designs import Indices, Masses, find_indices
+from cutjoint.sweeps.designs import Indices, Masses, Tolerance, find_indices, find_tolerance
 from cutjoint.sweeps.kernel import Kernel, find_target
 from cutjoint.sweeps.parts import Parts, count_runs, missing
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Kind, Study
-from cutjoint.sweeps.scheduler import require_address, require_scheduler
 from cutjoint.sweeps.table import MANIFEST, Layout, arrow, is_whole, require_file, require_room
 from cutjoint.sweeps.tasks import Tasks
-from cutjoint.sweeps.tolerances import Tolerance, find_tolerance
 from cutjoint.sweeps.work import Chunk, Threads, Work, Workers, in_lanes
 
 #: Seconds of work that a chunk has, if there are runs enough: at least, and usually.  By Dask a chunk costs 10 to 20 ms besides.
@@ -188,8 +187,6 @@ def perform_study(
 def _workers(work: Work, scheduler: str | None, threads: int | None, say: Callable[[str], None]) -> Workers:
     if scheduler is None:
         return Threads(work, threads or processors())
-    from cutjoint.sweeps.cluster import Cluster
-
     cluster = Cluster(work, scheduler, say)
     say(f"{cluster.number} threads of workers at {scheduler}; Dask's dashboard: {cluster.dashboard}")
     return cluster

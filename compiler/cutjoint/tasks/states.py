@@ -14,6 +14,7 @@ import numpy as np
 from cutjoint.analysis.linearise import NoMassError, linearise
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.modes import Modes, find_mode_shapes
+from cutjoint.analysis.trims import Trimmed
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
@@ -27,7 +28,8 @@ from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.failures import IncompleteError, describe_failure, is_impossible
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Array, Columns, FailureReport, MechanismState, read_locking_forces
-from cutjoint.run.run_file import find_trim, make_run_file, parameter_values
+from cutjoint.run.run_file import find_trim as find_scene_trim
+from cutjoint.run.run_file import make_run_file, parameter_values
 from cutjoint.run.scenes import ModelLike, load_model, with_closure, with_loops
 from cutjoint.run.settings import PLAIN_STEPS, require_settings
 from cutjoint.run.simulation import simulate
@@ -69,7 +71,7 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
     """
     outputs = _everything(model)
     if scene.trim is not None:
-        model, start, found = find_trim(model, with_loops(scene, Loops.EXACT), parameters or {})
+        model, start, found = find_scene_trim(model, with_loops(scene, Loops.EXACT), parameters or {})
         return replace(_find_start(model, start, outputs, {}), trim=found)
     artifact = compile_interpreted(model, with_loops(scene, Loops.EXACT), outputs=outputs)
     run_file = make_run_file(model, replace(scene, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
@@ -145,7 +147,7 @@ def find_scene_modes(
     scene = with_loops(scene, Loops.EXACT)
     trim = None
     if at is None and scene.trim is not None:
-        model, scene, trim = find_trim(model, scene, parameters or {})
+        model, scene, trim = find_scene_trim(model, scene, parameters or {})
     # Model -> Binary: an equilibrium is found by interpretation, a motion goes on by the method of the linearisation
     artifact = compile_interpreted(model, scene) if at is None else compile_scene(model, scene, CompileOptions(method=LINEARISED))
     equations = formulate_implicit(artifact.mechanism, ())
@@ -193,3 +195,22 @@ def _everything(model: Model) -> list[Output]:
 
 def _outputs(elements: Iterable[Element], names: Iterable[str]) -> Iterator[Output]:
     yield from (Output(element=e.name, quantity=q, span=e.span) for e in elements for q in names)
+
+
+def find_trim(
+    model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), parameters: Mapping[str, float] | None = None,
+    by: Sequence[str] = (),
+) -> Trimmed:  # fmt: skip
+    """Unknowns of a scene's trim, with gradients by tunable parameters.
+
+    * ``tunable``: as of `compile_model`.
+    * ``parameters``: values (SI units) of parameters and inputs.
+    * ``by``: names of parameters.  The gradients follow from the conditions by the implicit function theorem; nothing is solved again.
+
+    Raises:
+        RunError: the scene has no trim, there is no such start, or it is not determined.
+    """
+    read, of = load_model(model, scene, tunable)
+    if of.trim is None:
+        raise RunError(f"{of.span}: scene '{of.name}' has no 'trim'; write one, or use find_equilibrium")
+    return find_scene_trim(read, of, parameters or {}, by)[2]

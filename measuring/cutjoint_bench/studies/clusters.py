@@ -13,7 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 
-from cutjoint.sweeps.scheduler import dask
+from cutjoint.sweeps.cluster import dask
 
 #: Settings of Dask that keep its processes from waking up 50 times a second: docs/how-to/cluster.md recommends them.
 QUIET: Mapping[str, str | bool] = {

@@ -27,12 +27,12 @@ from rich.console import Console
 from rich.table import Table
 
 from cutjoint.package.system import processors
+from cutjoint.sweeps.cluster import dask
 from cutjoint.sweeps.code import build_kernels
 from cutjoint.sweeps.parts import Parts
 from cutjoint.sweeps.reading import read_study_text
 from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Sweep, make_manifest, perform_study
-from cutjoint.sweeps.scheduler import dask
 from cutjoint.sweeps.table import Layout
 from cutjoint.sweeps.work import Chunk, Work
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch

@@ -8,8 +8,8 @@ from typing import Any
 
 import sympy
 
-from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, require_force, share, slide_forces
 from cutjoint.formulate.natural.nodes import Node, Use, Uses
+from cutjoint.formulate.natural.outputs import FreeBody, find_free_body, require_force, share, slide_forces
 from cutjoint.formulate.recursive.kinematics import ATTITUDE
 from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.expressions.quantities import reaction_component, reported_element, unit_of
@@ -92,7 +92,7 @@ class Reports:
     def _reaction(self, reaction: Reaction, quantity: str) -> Json:
         """The force of a joint on its follower along a direction.
 
-        A joint whose equations hold the way between its points pulls with their multipliers; else see formulate/natural/free_bodies.py.
+        A joint whose equations hold the way between its points pulls with their multipliers; else see formulate/natural/outputs.py.
         """
         model, layout = self.trees.model, self.table.layout
         joint = next(j for j in model.joints if j.name == reaction.joint)
