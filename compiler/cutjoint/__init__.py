@@ -70,7 +70,6 @@ __all__ = [
 ]  # fmt: skip
 
 if not TYPE_CHECKING:
-
     #: The module of each public name.
     _homes: dict[str, str] = {}
 

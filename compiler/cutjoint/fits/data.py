@@ -10,6 +10,7 @@ import numpy as np
 from cutjoint.fits.records import Array
 from cutjoint.model.errors import nearest
 from cutjoint.package.errors import RunError, plural
+from cutjoint.package.extensions import find_package
 from cutjoint.run.binary_tables import WRITERS, read_columns
 
 #: From the name of a column to its times, as they stand in the file, and its values, NaN where one is missing.
@@ -71,11 +72,8 @@ def _is_number(cell: str) -> bool:
 
 
 def _mdf(path: Path) -> Columns:
-    try:
-        from asammdf import MDF
-    except ImportError:
-        raise RunError(f"{path}: MDF files need the package asammdf: pip install 'cutjoint[mdf]'") from None
-    file = MDF(path)
+    words = f"{path}: MDF files need the package asammdf: pip install 'cutjoint[mdf]'"
+    file = find_package("asammdf", otherwise=RunError(words)).MDF(path)
 
     def column(name: str) -> tuple[Array, Array]:
         if name not in file:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar, cast
@@ -33,6 +34,19 @@ BENCH = "cutjoint-bench"
 
 class MissingPackageError(CutjointError, RuntimeError):
     """An addition is asked for whose package is not installed."""
+
+
+def find_package(*modules: str, otherwise: Exception) -> Any:
+    """The first of the ``modules`` of a package that is an extra; all are imported.
+
+    Raises:
+        the error ``otherwise``: it is not installed.
+    """
+    try:
+        first, *_ = map(import_module, modules)
+    except ImportError:
+        raise otherwise from None
+    return first
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cutjoint.package.extensions import find_package
 from cutjoint.run.outputs import OutputError
 
 Array = NDArray[np.float64]
@@ -61,15 +62,9 @@ def _write_arrow(path: Path, units: Mapping[str, str], rows: Array, file: BytesI
 
 
 def _arrow(path: Path) -> Any:
-    try:
-        import pyarrow
-        import pyarrow.feather
-        import pyarrow.ipc
-        import pyarrow.parquet
-    except ImportError:
-        raise OutputError(f"{path}: tables in {path.suffix} need PyArrow, which is not installed; pip install 'cutjoint[data]', or write "
-                          "a table in .csv or .npy") from None  # fmt: skip
-    return pyarrow
+    advice = "pip install 'cutjoint[data]', or write a table in .csv or .npy"
+    error = OutputError(f"{path}: tables in {path.suffix} need PyArrow, which is not installed; {advice}")
+    return find_package("pyarrow", "pyarrow.feather", "pyarrow.ipc", "pyarrow.parquet", otherwise=error)
 
 
 #: What writes a table, by its ending.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.model.errors import nearest
-from cutjoint.package.extensions import MissingPackageError
+from cutjoint.package.extensions import MissingPackageError, find_package
 from cutjoint.package.renamed import accept_old_names, with_old_members
 from cutjoint.run.binary_tables import WRITERS, read_columns
 from cutjoint.run.outputs import OutputError
@@ -264,12 +264,10 @@ class Trajectory(Columns[Array]):
         Raises:
             MissingPackageError: xarray is not installed.
         """
-        try:
-            from xarray import Dataset
-        except ImportError:
-            raise MissingPackageError("to_xarray needs the package xarray, which is not installed; pip install 'cutjoint[data]'") from None
+        words = "to_xarray needs the package xarray, which is not installed; pip install 'cutjoint[data]'"
+        xarray = find_package("xarray", otherwise=MissingPackageError(words))
         arrays = {name: (TIME, column, {"units": self.units[name]}) for name, column in self.columns.items()}
-        return Dataset(arrays, coords={TIME: (TIME, self.t, {"units": "s"})})
+        return xarray.Dataset(arrays, coords={TIME: (TIME, self.t, {"units": "s"})})
 
     @cached_property
     def error(self) -> ErrorEstimate:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.package.extensions import MissingPackageError
+from cutjoint.package.extensions import MissingPackageError, find_package
 from cutjoint.stepping.values import Array, find_place
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
@@ -29,12 +29,8 @@ def need(module: str) -> Any:
     Raises:
         MissingPackageError: it is not installed.
     """
-    from importlib import import_module
-
-    try:
-        return import_module(module)
-    except ImportError:
-        raise MissingPackageError(f"this needs {module.partition('.')[0]}: pip install 'cutjoint[control]'") from None
+    words = f"this needs {module.partition('.')[0]}: pip install 'cutjoint[control]'"
+    return find_package(module, otherwise=MissingPackageError(words))
 
 
 class Margins(NamedTuple):

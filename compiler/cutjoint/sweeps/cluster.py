@@ -17,6 +17,7 @@ from time import monotonic
 from typing import Any
 
 from cutjoint.package.errors import RunError
+from cutjoint.package.extensions import find_package
 from cutjoint.package.locations import __version__
 from cutjoint.sweeps.kernel import require_loadable
 from cutjoint.sweeps.work import Chunk, Rows, Work
@@ -37,11 +38,7 @@ def dask() -> Any:
     Raises:
         RunError: it is not installed.
     """
-    try:
-        import distributed
-    except ImportError:
-        raise RunError("--scheduler needs Dask: pip install 'cutjoint[dask]'") from None
-    return distributed
+    return find_package("distributed", otherwise=RunError("--scheduler needs Dask: pip install 'cutjoint[dask]'"))
 
 
 def require_address(address: str) -> tuple[str, int]:

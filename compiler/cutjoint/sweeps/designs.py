@@ -16,6 +16,7 @@ from cutjoint.model.elements.mass import can_exist
 from cutjoint.model.expressions.evaluate import evaluate_runs
 from cutjoint.model.records import Binding
 from cutjoint.package.errors import RunError
+from cutjoint.package.extensions import find_package
 from cutjoint.run.run_file import MASSES, find_dependent_parts, parameter_values
 from cutjoint.sweeps.document import Design, LatinHypercube, Listed, Sobol, SobolIndices, Tolerances
 from cutjoint.sweeps.records import Array, Kind, Study, of_kind
@@ -167,7 +168,7 @@ def _beside_means(design: Tolerances, extents: Sequence[Extent], names: Sequence
 
 
 def _shares(design: LatinHypercube | Sobol | SobolIndices, dimensions: int) -> Array:
-    qmc = _qmc()
+    qmc = _stats().qmc
     if isinstance(design, SobolIndices):
         return _mixed(qmc.Sobol(2 * dimensions, rng=design.seed).random(design.sobol_indices))
     if isinstance(design, LatinHypercube):
@@ -184,16 +185,8 @@ def _mixed(shares: Array) -> Array:
     return np.concatenate([first, second, *mixed])
 
 
-def _qmc() -> Any:
-    return _stats().qmc
-
-
 def _stats() -> Any:
-    try:
-        from scipy import stats
-    except ImportError:
-        raise RunError("sequences and distributions need SciPy: pip install 'cutjoint[sweep]'") from None
-    return stats
+    return find_package("scipy.stats", otherwise=RunError("sequences and distributions need SciPy: pip install 'cutjoint[sweep]'"))
 
 
 # Sobol' indices: the share of each variable in the variance of an objective, by itself and with all that it does together with others.

@@ -18,6 +18,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from cutjoint.package.errors import RunError
+from cutjoint.package.extensions import find_package
 from cutjoint.run.outputs import OutputError, is_stream, resolved
 from cutjoint.sweeps.records import Kind, Study
 from cutjoint.sweeps.work import Rows
@@ -35,12 +36,8 @@ def arrow() -> Any:
     Raises:
         RunError: it is not installed.
     """
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        raise RunError("tables of sweeps need PyArrow: pip install 'cutjoint[sweep]'") from None
-    return pyarrow
+    words = "tables of sweeps need PyArrow: pip install 'cutjoint[sweep]'"
+    return find_package("pyarrow", "pyarrow.parquet", otherwise=RunError(words))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ import numpy as np
 from cutjoint.analysis.closing import Array
 from cutjoint.formulate.recursive.embedding.open_geometry import joints_of, loop_residual
 from cutjoint.model.records import EmbeddedLoop, Model
-from cutjoint.package.extensions import MissingPackageError
+from cutjoint.package.extensions import MissingPackageError, find_package
 from cutjoint.program.blocks import Builder
 from cutjoint.program.lower import Lowering
 from cutjoint.program.scalars import Scalar
@@ -57,10 +57,7 @@ def prove_loops(model: Model) -> tuple[LoopProof, ...]:
     Raises:
         MissingPackageError: python-flint is not installed.
     """
-    try:
-        import flint  # noqa: F401
-    except ImportError:
-        raise MissingPackageError("proofs need the package python-flint: pip install 'cutjoint[proof]'") from None
+    find_package("flint", otherwise=MissingPackageError("proofs need the package python-flint: pip install 'cutjoint[proof]'"))
     return tuple(_prove(model, embedded_loop) for embedded_loop in model.embedded_loops)
 
 
