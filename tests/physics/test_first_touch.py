@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -172,3 +174,20 @@ def test_lagrangian_steps_go_on_over_the_first_touch(name: str, method: str) -> 
     for dt, bounds in BOUNDS[name].items():
         run = simulate(_artifact(name, method), integrator="trapezoidal", dt=dt, error=False)
         assert (np.abs(_rows(run) - _known(name)).max(axis=0) < bounds).all(), dt
+
+
+@pytest.mark.parametrize(("rate", "method", "settings"), [
+    (0.13, "recursive", {"integrator": "dormand-prince", "tolerance": 1e-10}),  # the spring's relaxation near flight divided by zero
+    (0.2, "recursive", {"integrator": "trapezoidal", "dt": 1e-4, "events": "located"}),
+    (0.45, "recursive-newton", {"integrator": "trapezoidal", "dt": 7e-5, "events": "located"}),  # rounding was an event
+    (0.7, "recursive", {"integrator": "trapezoidal", "dt": 7e-5, "events": "located"}),
+])  # fmt: skip
+def test_a_foot_slides_to_a_halt_from_any_speed(rate: float, method: str, settings: Mapping[str, Any]) -> None:
+    row = 143 * settings.get("dt", 7e-5)
+    text = FOOT.replace("rate: 0.4", f"rate: {rate}").replace("end: 0.5, output_step: 0.01", f"end: {50 * row}, output_step: {row}")
+    model = read_model_text(text, "foot.yaml")
+    rows = {}
+    for way, how in ((method, settings), ("recursive", {"integrator": "dop853", "tolerance": 1e-10})):
+        rows[str(how)] = _rows(simulate(compile_interpreted(model, find_scene(model, None), method=way), error=False, **how))
+    run, known = rows.values()
+    assert np.abs(run - known).max() < 3e-6
