@@ -16,7 +16,6 @@
 #include <vector>
 
 #include "cutjoint/core/stepping/lane_steps.hpp"
-#include "cutjoint/core/mechanism/side_by_side.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/state.hpp"
 #include "cutjoint/guards.hpp"

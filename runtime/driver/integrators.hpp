@@ -3,7 +3,6 @@
 
 #include "cutjoint/core/constraints/projection.hpp"
 #include "cutjoint/core/mechanism/relative.hpp"
-#include "cutjoint/core/runge_kutta/formula.hpp"
 #include "cutjoint/core/runge_kutta/scheme.hpp"
 #include "cutjoint/core/runge_kutta/tables.hpp"
 #include "cutjoint/core/runge_kutta/closed_loop_dynamics.hpp"

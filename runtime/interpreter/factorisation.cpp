@@ -1,5 +1,5 @@
 // Factorisations by index data, compiled as the operations are.
-#include "cutjoint/interpreter/factorisation.hpp"
+#include "cutjoint/interpreter/system.hpp"
 
 namespace cutjoint::interpreter {
 

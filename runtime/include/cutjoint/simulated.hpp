@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/numbers/vectors.hpp"
 #include "cutjoint/core/simulation/simulation.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/energy_balance.hpp"
@@ -22,7 +22,6 @@
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
-#include "cutjoint/stepping/summarise.hpp"
 #include "cutjoint/stop.hpp"
 
 namespace cutjoint {
@@ -158,7 +157,7 @@ class Simulated {
     list_.summarise(summary);
     if (Integrator::knows_residuals || !measured_.empty() || energy_) summarise_residuals(summary);
     if constexpr (finds_events) {
-      stepping::summarise(steps().stepper().counts(), subject_.description().indicators, summary);
+      summarise_steps(steps().stepper().counts(), summary);
       if constexpr (requires { steps().stepper().scheme().stiff(); }) summary["stiff_steps"] = steps().stepper().scheme().stiff();
     }
   }
@@ -329,6 +328,20 @@ class Simulated {
       subject_.constraint_residual(state.q.data(), state.v.data(), residual_.data(), rate_.data());
       return {static_cast<double>(largest(residual_)), static_cast<double>(largest(rate_)), 0.0};
     }
+  }
+
+  template <class Counts>
+  void summarise_steps(const Counts& counts, Json& summary) const {
+    summary["steps"] = counts.steps;
+    summary["rejected"] = counts.rejected;
+    summary["events"] = counts.events;
+    Json by_element = Json::object();
+    for (std::size_t i = 0; i < counts.by_indicator.size(); ++i)
+      if (const long n = counts.by_indicator[i]; n > 0) {
+        Json& known = by_element[subject_.description().indicators[i].element];
+        known = known.is_null() ? n : known.template get<long>() + n;
+      }
+    summary["events_by_element"] = by_element;
   }
 
   void summarise_newton(Json& summary) const {

@@ -9,14 +9,12 @@
 #include <span>
 
 #include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/dot.hpp"
+#include "cutjoint/core/numbers/vectors.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/numbers/selection.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/numbers/largest.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/core/mechanism/sizes.hpp"
 
 namespace cutjoint {
 

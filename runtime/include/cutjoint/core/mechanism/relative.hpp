@@ -8,10 +8,9 @@
 #include <utility>
 
 #include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/numbers/vectors.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/core/mechanism/sizes.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {

@@ -8,13 +8,11 @@
 #include <span>
 
 #include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/dot.hpp"
+#include "cutjoint/core/numbers/vectors.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/numbers/largest.hpp"
 #include "cutjoint/core/newton/static_solver.hpp"
 #include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/core/mechanism/sizes.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
@@ -179,7 +177,7 @@ class Workspace {
     return heaviest > Real(0) ? heaviest : Real(1);
   }
 
-  // Reference sizes (mechanism/sizes.hpp).
+  // Reference sizes (mechanism/state.hpp).
   Real pose_size(const Coordinates<S>& q) const { return cutjoint::pose_size(q, arm_of(system_), charts(), nominals_of(system_)); }
   Real speed_size(const Speeds<S>& v) const { return cutjoint::speed_size(v, arm_of(system_), nominals_of(system_)); }
   Real acceleration_size(const Speeds<S>& vdot) const { return cutjoint::acceleration_size(vdot, nominals_of(system_)); }

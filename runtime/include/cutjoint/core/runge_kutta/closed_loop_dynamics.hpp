@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/numbers/vectors.hpp"
 #include "cutjoint/core/constraints/projection.hpp"
 #include "cutjoint/core/mechanism/relative.hpp"
 #include "cutjoint/core/mechanism/state.hpp"

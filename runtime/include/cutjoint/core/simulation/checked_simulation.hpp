@@ -11,7 +11,6 @@
 
 #include "cutjoint/core/stepping/step_statistics.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/constraints/constraint_violation.hpp"
 #include "cutjoint/core/simulation/simulation.hpp"
 #include "cutjoint/core/simulation/simulation_settings.hpp"
 

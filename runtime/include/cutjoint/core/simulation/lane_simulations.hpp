@@ -8,7 +8,6 @@
 
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/stepping/lane_steps.hpp"
-#include "cutjoint/core/mechanism/side_by_side.hpp"
 #include "cutjoint/core/simulation/simulation.hpp"
 
 namespace cutjoint {

@@ -11,7 +11,6 @@
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/stepping/step_statistics.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/constraints/constraint_violation.hpp"
 #include "cutjoint/core/inputs/host_inputs.hpp"
 #include "cutjoint/core/start/initialisation.hpp"
 #include "cutjoint/core/inputs/input_trajectories.hpp"

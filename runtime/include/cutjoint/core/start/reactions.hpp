@@ -7,7 +7,7 @@
 
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/numbers/dense.hpp"
-#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/numbers/vectors.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 

@@ -9,10 +9,9 @@
 #include <span>
 
 #include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/numbers/vectors.hpp"
 #include "cutjoint/core/numbers/selection.hpp"
 #include "cutjoint/core/mechanism/contract.hpp"
-#include "cutjoint/core/numbers/dot.hpp"
 #include "cutjoint/core/numbers/dense.hpp"
 
 namespace cutjoint {

@@ -7,7 +7,7 @@
 #include <span>
 
 #include "cutjoint/core/mechanism/mechanism.hpp"
-#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/numbers/vectors.hpp"
 
 namespace cutjoint::stepping {
 

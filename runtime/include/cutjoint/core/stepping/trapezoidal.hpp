@@ -10,7 +10,7 @@
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/stepping/fixed_point.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/numbers/vectors.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/constraints/projection.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/numbers/largest.hpp"
+#include "cutjoint/core/numbers/vectors.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/relative.hpp"
 #include "cutjoint/core/simulation/simulation_settings.hpp"
