@@ -3,8 +3,6 @@
 from pathlib import Path
 
 from cutjoint.analysis.closing import explore
-from cutjoint.analysis.embedding.embed import embed_loops
-from cutjoint.analysis.embedding.proof import certificate_of, prove_loops
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.redundancy import find_indeterminate, find_redundancy, reaction_outputs
@@ -13,21 +11,16 @@ from cutjoint.analysis.skew import describe_geometry, rate_choices
 from cutjoint.commands import options, table
 from cutjoint.formulate.events import describe_guide_jumps
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.importing.document import is_foreign, name_of
+from cutjoint.importing.formats import is_foreign, name_of
 from cutjoint.methods import Loops
 from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError
 from cutjoint.report import tables
 from cutjoint.run.outputs import require_apart
-from cutjoint.run.run_file import find_assemblies
 from cutjoint.run.settings import accuracy_of
-from cutjoint.toolchain.build import write_text
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model
 from cutjoint.topology.search import rank_cuts
-from cutjoint.view.graph import draw_graph
-from cutjoint.view.states import find_notes, show_directions
-from cutjoint.view.views import write_shown
 
 
 @table.command("check")
@@ -53,6 +46,8 @@ def command(
     if topology.loops:
         options.out.print(tables.loop_table(topology))
     if chosen.numerics.loops == Loops.EMBEDDED or proof is not None:
+        from cutjoint.analysis.embedding.embed import embed_loops
+
         with options.progress_bar(f"closing loops of {model.name}"):
             outcome = embed_loops(checked, chosen, measure=True)
         for note in (*outcome.done, *outcome.left):
@@ -77,6 +72,8 @@ def command(
     if topology.loops:
         options.out.print(tables.cut_choices(rate_choices(topology, rank_cuts(topology)), mobility.redundant), markup=False)
     if assemblies:
+        from cutjoint.run.run_file import find_assemblies
+
         with options.progress_bar(f"assemblies of {model.name}"):
             lines = tables.assembly_lines(find_assemblies(checked, chosen))
         for line in lines:
@@ -87,6 +84,10 @@ def command(
         options.out.print(words, markup=False)
     options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)
     if view is not None:
+        from cutjoint.view.graph import draw_graph
+        from cutjoint.view.states import find_notes, show_directions
+        from cutjoint.view.views import write_shown
+
         with options.progress_bar(f"drawing {model.name}"):
             notes = find_notes(equations, poses)
             write_shown(view, show_directions(checked, chosen, equations, poses[0], draw_graph(topology, facts, notes)))
@@ -95,6 +96,9 @@ def command(
 
 def _prove(model: Model, file: Path) -> None:
     """Print the proofs of embedded loops, and write the certificate."""
+    from cutjoint.analysis.embedding.proof import certificate_of, prove_loops
+    from cutjoint.toolchain.build import write_text
+
     if not model.embedded_loops:
         raise RunError("--proof: no loop of the model is embedded, for the reasons above")
     with options.progress_bar(f"proving loops of {model.name}"):

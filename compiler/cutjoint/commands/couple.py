@@ -17,7 +17,6 @@ from cutjoint.model.errors import nearest
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError, plural
 from cutjoint.report import tables
-from cutjoint.report.plots import plot_run
 from cutjoint.run.inputs import require_unit
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error
@@ -26,7 +25,6 @@ from cutjoint.run.settings import Options, require_settings, with_options
 from cutjoint.stepping.handle import SimulationError
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation
-from cutjoint.view.views import show_run, write_shown
 
 
 @table.command("couple")
@@ -63,9 +61,13 @@ def command(
         _report(plan, read, chosen, run, out, error)
         faults = [fault for fmu in controllers if (fault := fmu.fault)]
     if view is not None:
+        from cutjoint.view.views import show_run, write_shown
+
         shown = show_run(read, replace(chosen, end=plan.end), by, parameters, run)
         options.message_console(out).print(f"view: {write_shown(view, shown)}", markup=False)
     if plots is not None:
+        from cutjoint.report.plots import plot_run
+
         console = options.message_console(out)
         pictures = plot_run(run, f"{read.name}, {chosen.name}", plots, chosen.plots)
         console.print(f"plots: {', '.join(map(str, pictures))}", markup=False)

@@ -10,8 +10,6 @@ from cutjoint.report.tasks import describe_stability, force_table, pose_table
 from cutjoint.run.outputs import require_apart
 from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes
 from cutjoint.topology.reading import read_model
-from cutjoint.view.states import show_equilibrium
-from cutjoint.view.views import write_shown
 
 
 @table.command("equilibrium")
@@ -38,6 +36,9 @@ def command(
         with options.progress_bar(f"linearising {model.name}"):
             options.out.print(describe_stability(find_scene_modes(checked, chosen, parameters=parameters)), markup=False)
     if view is not None:
+        from cutjoint.view.states import show_equilibrium
+        from cutjoint.view.views import write_shown
+
         with options.progress_bar(f"drawing {model.name}"):
             write_shown(view, show_equilibrium(checked, chosen, parameters, found))
         options.message_console(view).print(f"view: {view}", markup=False)

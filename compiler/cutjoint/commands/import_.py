@@ -5,7 +5,8 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options, table
-from cutjoint.importing.document import READERS, import_file, is_foreign, name_of
+from cutjoint.importing.document import import_file
+from cutjoint.importing.formats import READERS, is_foreign, name_of
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
 from cutjoint.topology.reading import read_model_text

@@ -9,8 +9,6 @@ from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import find_case
 from cutjoint.tasks.states import find_scene_modes
 from cutjoint.topology.reading import read_model
-from cutjoint.view.states import show_modes
-from cutjoint.view.views import write_shown
 
 
 @table.command("modes")
@@ -33,6 +31,9 @@ def command(
     if out is not None:
         write_whole(out, modes_json(found, checked.name, chosen.name))
     if view is not None:
+        from cutjoint.view.states import show_modes
+        from cutjoint.view.views import write_shown
+
         with options.progress_bar(f"drawing {model.name}"):
             write_shown(view, show_modes(checked, chosen, parameters, found))
         options.message_console(out, view).print(f"view: {view}", markup=False)

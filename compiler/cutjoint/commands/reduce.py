@@ -11,8 +11,6 @@ from cutjoint.run.outputs import require_apart
 from cutjoint.run.run_file import parameter_values
 from cutjoint.run.scenes import find_case
 from cutjoint.topology.reading import read_model
-from cutjoint.view.states import show_reduction
-from cutjoint.view.views import write_shown
 
 
 @table.command("reduce")
@@ -32,5 +30,8 @@ def command(
     for line in note_lines(variants[-1]):
         options.out.print(line, markup=False)
     if view is not None:
+        from cutjoint.view.states import show_reduction
+        from cutjoint.view.views import write_shown
+
         write_shown(view, show_reduction(checked, driven, parameters, variants))
         options.message_console(view).print(f"view: {view}", markup=False)

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from cutjoint.importing.closing import Closed, Relation, close, solve_couplings
+from cutjoint.importing.formats import READERS
 from cutjoint.importing.mjcf import read_mjcf
 from cutjoint.importing.robot import POINT, Array, Drive, Joint, Link, Loop, Robot, Spring, excess, forward, lump, short
 from cutjoint.importing.sdf import read_sdf
 from cutjoint.importing.urdf import read_urdf
 from cutjoint.model.names import MAX_NAME_LENGTH, RESERVED_EVERYWHERE, name_problem
 from cutjoint.model.text import escaped
-from cutjoint.package.locations import AnyPath
 
 #: Parts of vectors and matrices that are smaller, as a share of the largest or in m, are rounding of the file's own frames.
 _NOISE = 1e-12
@@ -429,10 +429,6 @@ def _flow(value: Any) -> str:
     return repr(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
 
 
-#: The formats that are read, by the endings of files.
-READERS = {".urdf": "URDF", ".sdf": "SDF", ".world": "SDF", ".xml": "MJCF", ".mjcf": "MJCF"}
-
-
 @dataclass(frozen=True)
 class Imported:
     """The ``text`` of a model file; ``notes`` are sentences of decisions, ``left_out`` counts tags and attributes that were not taken.
@@ -447,16 +443,6 @@ class Imported:
     bodies: Mapping[str, str]
     joints: Mapping[str, str]
     zero: Mapping[str, Array]
-
-
-def is_foreign(path: AnyPath) -> bool:
-    """Return whether a file is one of another program, by its ending."""
-    return Path(path).suffix.lower() in READERS
-
-
-def name_of(path: Path) -> Path:
-    """The name of the model file that a file becomes: robot.urdf.yaml of robot.urdf."""
-    return path.with_name(f"{path.name}.yaml")
 
 
 def import_file(path: Path, *, free: bool = False, folder: Path | None = None, model: str = "") -> Imported:

@@ -1,13 +1,11 @@
 """Kinematics of an axle: for people tables in mm and degrees and plots, for programs a CSV file in SI units."""
 
 from collections.abc import Iterator
-from io import BytesIO, StringIO
+from io import StringIO
 from math import degrees
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from rich.table import Table
 
 from cutjoint.report.tables import facts, table
@@ -132,6 +130,10 @@ def plot_kinematics(found: AxleKinematics, title: str, folder: Path) -> list[Pat
 
 
 def _picture(found: AxleKinematics, name: str, title: str, path: Path) -> Path:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from cutjoint.run.figures import Picture, as_png
+
     columns, leading = found.sweeps[name], LEADING[name]
     panels: dict[str, list[str]] = {}
     for column in columns:
@@ -139,7 +141,7 @@ def _picture(found: AxleKinematics, name: str, title: str, path: Path) -> Path:
             panels.setdefault(column.rpartition(".")[2], []).append(column)
     panels = {figure: names for figure, names in panels.items() if any(_varies(columns[c]) for c in names)}
     rows = -(-len(panels) // 3)
-    drawing = Figure(figsize=(13, 1 + 2.6 * rows), layout="constrained")
+    drawing = Picture(figsize=(13, 1 + 2.6 * rows), layout="constrained")
     FigureCanvasAgg(drawing)
     axes = drawing.subplots(max(rows, 1), 3, sharex=True, squeeze=False).ravel()
     for ax, (figure, names) in zip(axes, panels.items(), strict=False):
@@ -156,9 +158,7 @@ def _picture(found: AxleKinematics, name: str, title: str, path: Path) -> Path:
         ax.set_visible(False)
     drawing.supxlabel(_heading(leading, found.units[leading]).replace("\n", ", "))
     drawing.suptitle(title)
-    picture = BytesIO()
-    drawing.savefig(picture, format="png", dpi=110, metadata={"Software": None})
-    return write_whole(path, picture.getvalue())
+    return write_whole(path, as_png(drawing))
 
 
 def _varies(values: np.ndarray) -> bool:

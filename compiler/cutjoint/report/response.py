@@ -1,19 +1,22 @@
 """Frequency responses and random vibration: tables for people, CSV files for programs, plots."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.table import Table
 
 from cutjoint.report.tables import facts, table
-from cutjoint.run.figures import Picture, as_png, labelled
 from cutjoint.run.result_files import write_table, write_whole
 from cutjoint.stepping.state_space import FrequencyResponse, LinearModel, SampledStateSpace
 from cutjoint.stepping.values import Array
 from cutjoint.stepping.vibration import RandomVibration
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: The largest numbers of poles and zeros in a table.
 _POLES, _ZEROS = 40, 3
@@ -124,6 +127,8 @@ def _write(path: Path, units: Mapping[str, str], columns: Sequence[Array]) -> Pa
 
 def plot_response(response: FrequencyResponse, title: str, folder: Path) -> list[Path]:
     """Write a Bode and a Nyquist plot of each output as PNG files, a line for each input, and return their paths."""
+    from cutjoint.run.figures import labelled
+
     written = []
     for i, output in enumerate(response.outputs):
 
@@ -165,6 +170,10 @@ def plot_densities(found: RandomVibration, title: str, folder: Path) -> list[Pat
 
 
 def _draw(path: Path, title: str, rows: int, draw: Callable[[Sequence[Axes]], None]) -> Path:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from cutjoint.run.figures import Picture, as_png
+
     figure = Picture(figsize=(9, 1 + 2.6 * max(rows, 2)), layout="constrained")
     FigureCanvasAgg(figure)
     axes = list(figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])

@@ -11,10 +11,7 @@ from rich.table import Table
 
 from cutjoint.methods import Implementation
 from cutjoint.model.ranges import count_steps
-from cutjoint.run.results import Batch, EnergyBalance, ErrorEstimate, Residuals, RunStatistics, Trajectory
-from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
-from cutjoint.toolchain.build import SHIPPED
-from cutjoint.toolchain.compiler import ADVICE
+from cutjoint.toolchain.compiler import ADVICE, SHIPPED
 
 if TYPE_CHECKING:
     from cutjoint.analysis.assemblies import Assemblies
@@ -23,6 +20,8 @@ if TYPE_CHECKING:
     from cutjoint.analysis.skew import RatedChoice, RatedOption
     from cutjoint.analysis.trims import Trimmed
     from cutjoint.model.records import Model
+    from cutjoint.run.results import Batch, EnergyBalance, ErrorEstimate, Residuals, RunStatistics, Trajectory
+    from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
     from cutjoint.tasks.batch import BatchArtifact
     from cutjoint.topology.records import Topology
 

@@ -12,7 +12,7 @@ from cutjoint.methods import PRECISIONS
 from cutjoint.package.locations import without_mark
 from cutjoint.toolchain.cache import cache_folder, digest_of, find_or_make, is_sound, runtime_digest, store
 from cutjoint.toolchain.cmake import build_project, plain_runtime
-from cutjoint.toolchain.compiler import Compiler, find_compiler, must_interpret, resolve
+from cutjoint.toolchain.compiler import SHIPPED, Compiler, find_compiler, must_interpret, resolve
 from cutjoint.toolchain.drivers import Kind, driver_parts, interpreter_part, make_drivers, parts_for, shipped_interpreter, store_parts
 from cutjoint.toolchain.objects import fetch_objects, find_objects, store_objects
 from cutjoint.toolchain.platforms import Platform
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 
 #: Default flags for generated code, unless $CUTJOINT_FLAGS is set; measured on the Iltis, see docs/evidence/performance.md.
 FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3 -march=native").split())
-
-#: The displayed name of the compiler of the package's own simulators.
-SHIPPED = "no C++ compiler"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,8 @@ from cutjoint.package.system import IS_WINDOWS
 TOOLS = "g++ cmake ninja-build"
 PACKAGES = f"{TOOLS} libeigen3-dev libsuitesparse-dev nlohmann-json3-dev"
 
+#: The displayed name of the compiler of the package's own simulators.
+SHIPPED = "no C++ compiler"
 #: How to install the tools: by Debian's packages, or by those of PyPI, which need no administrator rights.
 ADVICE = (
     "run it on Linux, or in the Windows Subsystem for Linux"

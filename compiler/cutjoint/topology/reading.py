@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from cutjoint.importing.document import import_file, is_foreign, name_of
+from cutjoint.importing.formats import is_foreign, name_of
 from cutjoint.model import read
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.expressions.functions import supply
@@ -40,6 +40,8 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, tuna
 
 def _read_foreign(path: Path, tunable: Sequence[str]) -> Model:
     """A file of another program; places in messages about the model that it becomes are those of the file that `cutjoint import` writes."""
+    from cutjoint.importing.document import import_file
+
     return read.read_model_text(import_file(path).text, str(name_of(path)), folder=path.parent, tunable=tunable)
 
 
