@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <cstring>
-#include <utility>
 
 #include "cutjoint/core/numbers/functions.hpp"
 

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cstddef>
 #include <memory>
 #include <string>
@@ -16,7 +15,6 @@
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/read_json.hpp"
 #include "cutjoint/core/roads/road.hpp"
-#include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {

@@ -5,7 +5,6 @@
 #include <array>
 #include <cstddef>
 #include <limits>
-#include <span>
 #include <type_traits>
 
 #include "cutjoint/core/numbers/arrays.hpp"

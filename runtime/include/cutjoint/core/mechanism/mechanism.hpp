@@ -1,7 +1,6 @@
 // The contract of a mechanism between generated code (or the generic solver) and the integrators.
 #pragma once
 
-#include <concepts>
 #include <cstddef>
 #include <span>
 #include <type_traits>

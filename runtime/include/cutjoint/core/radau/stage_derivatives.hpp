@@ -9,7 +9,6 @@
 #include "cutjoint/core/numbers/bordered.hpp"
 #include "cutjoint/core/numbers/dense.hpp"
 #include "cutjoint/core/numbers/dual.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/radau/table.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/core/mechanism/transposed_charts.hpp"

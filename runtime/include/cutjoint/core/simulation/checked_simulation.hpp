@@ -6,13 +6,11 @@
 #include <cstring>
 #include <limits>
 #include <new>
-#include <span>
 #include <type_traits>
 
 #include "cutjoint/core/stepping/step_statistics.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/simulation/simulation.hpp"
-#include "cutjoint/core/simulation/simulation_settings.hpp"
 
 namespace cutjoint {
 

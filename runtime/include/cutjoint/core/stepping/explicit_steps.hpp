@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <optional>
 
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"

@@ -1,13 +1,11 @@
 // Interpolated states within a step.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <span>
 
 #include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 
