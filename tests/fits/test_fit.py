@@ -13,7 +13,9 @@ from scipy.integrate import solve_ivp
 
 import cutjoint
 from cutjoint.cli import main
+from cutjoint.fits.data import read_data
 from cutjoint.model.read import read_model
+from cutjoint.sweeps.reading import read_study
 from tests.conftest import MODELS
 
 PRESS = str(MODELS / "press.yaml")
@@ -236,6 +238,29 @@ def test_a_linkage_is_calibrated_from_poses_alone(tmp_path: Path) -> None:
     found = cutjoint.fit(study)
     assert found["A.z"] == pytest.approx(length, rel=1e-9)
     assert found["zero"] == pytest.approx(zero, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "it cannot be read: it is empty; write a line of names, then a line of numbers"),
+        ("time,x\n0,1\n\n1,a\n", "line 4: 'a' is no number; below its first line of names it has numbers alone"),
+        ("time;x\n0,5;1,5\n", "line 2: '0,5' is no number"),
+        ("time,x\n0,1,2\n", "line 2 has 3 values for 2 names"),
+    ],
+)
+def test_what_is_wrong_with_data_has_its_line(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "d.csv").write_text(text)
+    with pytest.raises(cutjoint.CutjointError, match=rf"d\.csv: .*{words}"):
+        read_data(tmp_path / "d.csv", "time")
+
+
+def test_an_empty_study_is_no_model(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text("")
+    with pytest.raises(cutjoint.CutjointError, match="study.yaml:1:1: file: the file is empty; a fit starts with 'cutjoint_fit: 1'"):
+        cutjoint.fit(tmp_path / "study.yaml")
+    with pytest.raises(cutjoint.CutjointError, match="the file is empty; a study starts with 'cutjoint_study: 1'"):
+        read_study(tmp_path / "study.yaml")
 
 
 @pytest.mark.parametrize(

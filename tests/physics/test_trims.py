@@ -484,6 +484,7 @@ def nearest_rates(crank: float, rocker: float) -> tuple[float, float]:
         ("trim: {hold: {a.angle: 1, d.angle: 1}}", f"; with the others met, 'd.angle' = {four_bar_by_hand(1.0)[0]:.6g} is possible"),
         ("positions: {a.angle: 1}, trim: {hold: {d.angle: 50 deg}}", f"; with the others met, 'd.angle' = "
          f"{np.degrees(four_bar_by_hand(1.0)[0]):.6g} deg is possible"),
+        ("trim: {hold: {coupler.z: 2 m}}", " in place of 2 m, the loop of 'c.x' open"),
         ("trim: {find: [d.angle], bounds: {d.angle: [3, 3.1]}}", "with 'd.angle' = 3.1 at the bound; the nearest has "),
     ],
 )  # fmt: skip

@@ -312,7 +312,10 @@ class _Search(TrimEquations):
         missed = np.flatnonzero(shares > max(_MET, _NAMED * shares.max()))
         aims = missed[missed >= len(shares) - len(self._targets)]
         conditions = [*self._conditions(at)]
-        words = [conditions[i] for i in (aims if aims.size and not self._counts.all() else missed)]
+        if aims.size and not self._counts.all():  # open loops count against distances to targets, however small their shares
+            opened = np.flatnonzero(shares[: len(shares) - len(self._targets)] * self._counts[: len(shares) - len(self._targets)] > _MET)
+            missed = np.concatenate([aims, opened])
+        words = [conditions[i] for i in missed]
         stopped = [(n, i) for n, i in self._listed.items() if at.y[i] in (self._lower[i], self._upper[i])]
         at_bounds = [f"'{n}' = {at.y[i] + self._begins.get(n, 0.0):.6g}" for n, i in stopped]
         bound = f", with {join_and(at_bounds)} at the bound" if at_bounds else ""

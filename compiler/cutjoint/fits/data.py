@@ -52,14 +52,15 @@ def _csv(path: Path) -> dict[str, Array]:
         stream.seek(0)
         rows = csv.reader(stream, skipinitialspace=True, delimiter=next((mark for mark in ",;\t" if mark in first), " "))
         read = [(rows.line_num, [cell.strip() for cell in row]) for row in rows if row]
-    names = read.pop(0)[1] if read and not all(map(_is_number, read[0][1])) else [str(i + 1) for i in range(len(read[0][1]) if read else 0)]
+    if not read:
+        raise ValueError("it is empty; write a line of names, then a line of numbers for each sample")
+    names = read.pop(0)[1] if not all(map(_is_number, read[0][1])) else [str(i + 1) for i in range(len(read[0][1]))]
     for line, row in read:
         if len(row) != len(names):
             raise ValueError(f"line {line} has {plural(len(row), 'value')} for {plural(len(names), 'name')}")
-    try:
-        numbers = np.array([[float(cell) if cell else np.nan for cell in row] for _, row in read]).reshape(-1, len(names))
-    except ValueError as error:
-        raise ValueError(f"{error}; below its first line of names it has numbers alone") from None
+        if wrong := [cell for cell in row if not _is_number(cell)]:
+            raise ValueError(f"line {line}: '{wrong[0]}' is no number; below its first line of names it has numbers alone, as in 0.5")
+    numbers = np.array([[float(cell) if cell else np.nan for cell in row] for _, row in read]).reshape(-1, len(names))
     return dict(zip(names, numbers.T, strict=True))
 
 

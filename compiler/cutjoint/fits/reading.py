@@ -53,7 +53,7 @@ def read_fit(study: AnyPath | Mapping[str, Any]) -> Study:
     named = isinstance(study, Mapping)
     text, file = (json.dumps(dict(study)), "fit") if isinstance(study, Mapping) else (read_text(Path(study)), str(study))
     problems = Problems()
-    source = parse_yaml(text, file)
+    source = parse_yaml(text, file, "a fit starts with 'cutjoint_fit: 1'")
     document = check_part(source, problems, parts.Document, element_of)
     if document is None or problems:
         raise problems.error()

@@ -67,7 +67,7 @@ def read_study(path: AnyPath, *, functions: AnyPath | None = None) -> Study:
 def read_study_text(text: str, file: str) -> Study:
     """Read a study from its text; ``file`` is the name in messages, and paths in the study start from its folder."""
     problems = Problems()
-    source, notes = rename_fields(parse_yaml(text, file), problems, STUDY)
+    source, notes = rename_fields(parse_yaml(text, file, "a study starts with 'cutjoint_study: 1'"), problems, STUDY)
     document = check_part(source, problems, Document, element_of)
     if document is None:
         raise problems.error()

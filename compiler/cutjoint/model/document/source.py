@@ -120,8 +120,8 @@ def read_text(path: pathlib.Path, encoding: str = "utf-8") -> str:
         raise _error(Span(file=str(path), line=line, column=1), "the file is not UTF-8 text") from None
 
 
-def parse_yaml(text: str, file: str) -> Source:
-    """Read ``text`` as one YAML document; ``file`` is the name that places in it carry.
+def parse_yaml(text: str, file: str, starts: str = "a model starts with 'cutjoint: 1'") -> Source:
+    """Read ``text`` as one YAML document; ``file`` is the name that places in it carry, ``starts`` the advice on an empty one.
 
     Raises ModelError for text that is not YAML, for tags, duplicate keys, recursive aliases, numbers that are
     not finite, and for documents beyond the bounds of this module.
@@ -130,7 +130,7 @@ def parse_yaml(text: str, file: str) -> Source:
         raise _error(Span(file=file, line=1, column=1), f"the file is larger than {MAX_BYTES} bytes")
     node = _compose(text, file)
     if node is None:
-        raise _error(Span(file=file, line=1, column=1), "the file is empty", "a model starts with 'cutjoint: 1'")
+        raise _error(Span(file=file, line=1, column=1), "the file is empty", starts)
     converter = _Converter(file)
     data = converter.convert(node, ())
     if converter.problems:
