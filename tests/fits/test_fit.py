@@ -257,7 +257,7 @@ def test_what_is_wrong_with_data_has_its_line(tmp_path: Path, text: str, words: 
 
 def test_an_empty_study_is_no_model(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text("")
-    with pytest.raises(cutjoint.CutjointError, match="study.yaml:1:1: file: the file is empty; a fit starts with 'cutjoint_fit: 1'"):
+    with pytest.raises(cutjoint.CutjointError, match=r"study.yaml:1:1: file: the file is empty; a fit starts with 'cutjoint_fit: 1'"):
         cutjoint.fit(tmp_path / "study.yaml")
     with pytest.raises(cutjoint.CutjointError, match="the file is empty; a study starts with 'cutjoint_study: 1'"):
         read_study(tmp_path / "study.yaml")
