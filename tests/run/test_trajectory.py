@@ -66,6 +66,7 @@ def test_a_notebook_has_a_row_for_each_column_with_the_error_where_it_is_known()
     assert "<b>" not in html
     known = replace(run, estimator=lambda _: ErrorEstimate(max_error=dict.fromkeys(UNITS, 1e-5), units=UNITS, converged=True))
     assert known.error.converged
+    assert ([*known.error], "tip.q" in known.error) == ([*UNITS], False)  # by numbers from 0, as Python reads what has no iterator
     assert "<td>2</td><td>0</td><td>2</td><td>1e-05</td></tr>" in known._repr_html_()
     assert "<td>" not in replace(run, t=T[:0], columns=Columns(dict.fromkeys(UNITS, T[:0])))._repr_html_()
 

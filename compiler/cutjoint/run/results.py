@@ -1,6 +1,6 @@
 """The results of a simulator."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
@@ -185,6 +185,9 @@ class ErrorEstimate:
 
     def __getitem__(self, column: str) -> float:
         return self.max_error[column]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.max_error)
 
     def __repr__(self) -> str:
         worst = ", ".join(f"{name} {value:.1e}" for name, value in sorted(self.max_error.items(), key=lambda x: -x[1])[:_NAMED])
