@@ -198,3 +198,19 @@ def test_guides_and_inputs_are_laws_of_time() -> None:
     assert evaluate(model.scenes["fall"].inputs["swing"], {T: 0.5}) == pytest.approx(1.5)
     guided = read("axis: [0, 1, 0]", 'axis: [0, 1, 0], guide: "swing*sin(t)"')
     assert guided.joints[0].guide[0] == sympy.Symbol("p_swing", real=True) * sympy.sin(T)
+
+
+@pytest.mark.parametrize(
+    ("times", "values", "words"),
+    [
+        ("[0, 1]", "[0, 3]", ": inputs.swing: its table ends at 1 s and goes on in a line, the scene takes 0 to 2 s; extend the table"),
+        ("[0.5, 2]", "[0, 3]", ": its table begins at 0.5 s and goes on in a line, the scene takes 0 to 2 s; extend the table"),
+        ("[0, 2]", "[0, 3]", ""),
+        ("[0, 0.5, 1]", "[0, 3, 3]", ""),
+    ],
+)
+def test_a_table_over_part_of_a_scene_is_a_warning(times: str, values: str, words: str) -> None:
+    model = read("end: 2", f"end: 2, inputs: {{swing: {{table: {{t: {times}, value: {values}}}}}}}")
+    notes = [note for note in model.notes if "its table" in note]
+    assert len(notes) == bool(words)
+    assert not words or notes[0].endswith(words)

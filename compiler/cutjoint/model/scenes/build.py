@@ -11,6 +11,7 @@ import sympy
 from cutjoint.methods import AUTO, PLAIN_CLOSURE, START
 from cutjoint.model.document import model_file
 from cutjoint.model.document.source import Path
+from cutjoint.model.document.values import Table
 from cutjoint.model.elements.build import GUIDES
 from cutjoint.model.elements.expand import Expansion
 from cutjoint.model.elements.outputs import OutputReader
@@ -75,6 +76,9 @@ def _read_scene(where: Element, scene: model_file.Scene, stage: _Stage) -> Scene
         step = _positive(where, where.number(scene.output_step, TIME, ("output_step",)), ("output_step",))
     _require_steps(where, scene, end, step, numerics)
     inputs, reporting = _inputs(where, scene.inputs, stage), replace(where, scope=stage.expansion.reporting[""])
+    for section, laws in (("inputs", scene.inputs), ("drive", scene.drive)):
+        for name, law in laws.items():
+            _note_short_table(where, section, name, law, end)
     if scene.outputs is not None:
         outputs = stage.reader.outputs(where, scene.outputs, (*where.path, "outputs"), "")
     return Scene(
@@ -238,6 +242,20 @@ def _inputs(where: Element, laws: Mapping[str, Any], stage: _Stage) -> dict[str,
     functions = {name: _input(where, name, laws[name], names) for name in inputs if name in laws}
     _check_guides(where, {inputs[name].symbol: measure(function) for name, function in functions.items()}, stage)
     return functions
+
+
+def _note_short_table(where: Element, section: str, name: str, law: Any, end: float) -> None:
+    """Warn of a table over time that covers part of the scene alone and does not end level.  It goes on in a line."""
+    table = law.table if isinstance(law, Table) else {}
+    times, values = table.get("t", ()), table.get("value", ())
+    if len(times) < 2 or not all(isinstance(x, int | float) for x in (*times, *values)):
+        return
+    sides = ((times[0] > 0, values[0] - values[1], "begins", times[0]), (times[-1] < end, values[-1] - values[-2], "ends", times[-1]))
+    for is_short, change, verb, time in sides:
+        if is_short and change:
+            words = f"its table {verb} at {time:g} s and goes on in a line, the scene takes 0 to {end:g} s; extend the table"
+            span = where.scope.source.key_span((*where.path, section, name))
+            where.scope.problems.note(span, f"{where.label}: {section}.{name}: {words}")
 
 
 def _check_guides(where: Element, extents: Mapping[Scalar, Extent], stage: _Stage) -> None:
