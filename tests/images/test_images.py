@@ -109,7 +109,7 @@ def test_equal_steps_are_the_same_in_all_units_of_length(method: str, length: fl
     assert of_image.evaluations < 2 * run.evaluations
 
 
-@pytest.mark.parametrize("length", [1e-5, 1e4])
+@pytest.mark.parametrize("length", [1e-5, 100, 1e4])
 @pytest.mark.parametrize("subject", ["gantry", "light rods"])
 def test_adaptive_steps_are_the_same_in_all_units_of_length(subject: str, length: float) -> None:
     """Absolute tolerances, the first step, multipliers that end passes and closed loops follow the mechanism's arm."""

@@ -222,3 +222,37 @@ def test_a_stiff_contact_within_a_step(integrator: str, tmp_path: Path) -> None:
     assert run["mass.z"][flight] == pytest.approx(0.5 - GRAVITY * run.t[flight] ** 2 / 2, abs=1e-6)
     assert run["mass.z"][-1] == pytest.approx(-MASS * GRAVITY / stiffness, abs=1e-6)
     assert np.abs(run["mass.z"][~flight]).max() < 1e-4
+
+
+def _slide(law: str, start: str = "") -> str:
+    return f"""
+cutjoint: 1
+name: slide
+gravity: [0, 0, 0]
+bodies: {{block: {{mass: 1, centre_of_mass: [0, 0, 0]}}}}
+joints: {{s: {{kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: x}}}}
+forces: {{push: {{kind: joint_force, joint: s, law: "{law}"}}}}
+outputs: [block.x, block.vx]
+scenes: {{run: {{end: 2, output_step: 0.1{start}}}}}
+"""
+
+
+@pytest.mark.parametrize(("integrator", "most"), [("dormand-prince", 3.0), ("dop853", 0.5)])
+def test_a_force_that_jumps_at_the_start_is_no_part_of_the_first_step(integrator: str, most: float, tmp_path: Path) -> None:
+    """A first stage before the jump adds 10 times the tolerance by dormand-prince, whose estimate sees an eightieth of it."""
+    artifact = compiled(tmp_path, _slide("where(t > 0, 10, 0) - 40*position"), "recursive")
+    for tolerance in (1e-6, 1e-8):
+        run = simulate(artifact, integrator=integrator, tolerance=tolerance, error=False)
+        assert np.abs(run["block.x"] - 0.25 * (1 - np.cos(np.sqrt(40) * run.t))).max() < most * tolerance
+
+
+@pytest.mark.parametrize(("integrator", "method", "how"), [
+    ("trapezoidal", "recursive", {"dt": 1e-3, "events": "located"}), ("generalised-alpha", "recursive-newton", {"dt": 1e-3, "events": "located"}),
+    ("dormand-prince", "recursive", {"tolerance": 1e-6}), ("radau5", "recursive-newton", {"tolerance": 1e-6}),
+])  # fmt: skip
+def test_a_force_that_fades_out_is_no_event(integrator: str, method: str, how: dict[str, Any], tmp_path: Path) -> None:
+    """The argument of `max` approaches zero and stays there but for rounding: steps end nowhere near (868 attempts before)."""
+    artifact = compiled(tmp_path, _slide("max(1 - tanh(14*position), 0)", ", rates: {s.displacement_rate: 1}"), method)
+    run = simulate(artifact, integrator=integrator, error=False, **how)
+    assert run["block.vx"][-1] == pytest.approx(np.sqrt(1 + 2 * np.log(2) / 14), abs=1e-5)  # by the work of the force
+    assert run.statistics.rejected < 30 and run.statistics.events == 0

@@ -47,6 +47,9 @@ class IndicatorCells {
   /// Where the mechanism stores the values for a state.
   Real* values() { return now_.values.data(); }
 
+  /// Whether a value stands on a level, and has no cell yet.
+  bool is_undecided() const { return std::find(now_.cells.begin(), now_.cells.end(), undecided) != now_.cells.end(); }
+
   /// Begin the mode of the present values.
   void adopt() {
     for (std::size_t i = 0; i < now_.cells.size(); ++i) {
@@ -193,11 +196,12 @@ class IndicatorCells {
   bool is_above(std::size_t i, Real by) const { return now_.values[i] - now_.upper[i] > by; }
   bool is_out(std::size_t i, Real by) const { return is_above(i, by) || now_.lower[i] - now_.values[i] > by; }
 
-  /// Whether a stage reaches the end of its cell: from a start well inside, as soon as rounding may place it outside.
+  /// Whether a stage reaches the end of its cell: from a start well inside, as soon as rounding may place it outside.  A value that has come near
+  /// is not well inside: it may approach the level without end.
   bool is_reached(std::size_t i) {
     if (!is_out(i, -now_.noise[i])) return false;
     std::swap(now_.values[i], now_.start[i]);
-    const bool clear = !is_out(i, -now_.noise[i]);
+    const bool clear = !is_out(i, -4 * now_.noise[i]);
     std::swap(now_.values[i], now_.start[i]);
     return clear || is_out(i, now_.noise[i]);
   }

@@ -167,6 +167,7 @@ class Stepper {
     if (!now_.begun) {
       const Real first = scheme_.begin(t, y, now_.limit - t);
       if (scheme_.adaptive()) now_.h = first;
+      if (scheme_.adaptive() && scheme_.cells().is_undecided()) now_.soon = Real(0);  // a shortest step precedes a jump at the start
       now_.begun = true;
     }
     if (!scheme_.adaptive()) now_.h = until - time();
