@@ -17,10 +17,9 @@ from functools import cache
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cutjoint.methods import DEFAULT_PRECISION, IMPLEMENTATIONS, Implementation, find_additions
-from cutjoint.model.records import Plot
 from cutjoint.package.errors import CutjointError, ToolchainError
 from cutjoint.package.locations import binaries_folder, code_folders
 from cutjoint.run.record import RunFile, Settings
@@ -30,6 +29,9 @@ from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record
 from cutjoint.toolchain.compiler import find_compiler, must_interpret, resolve
 from cutjoint.toolchain.drivers import Kind
+
+if TYPE_CHECKING:
+    from cutjoint.model.records import Plot
 
 #: The largest number of bytes that are read of a model file: above the limit of models, so that a truncated file never matches.
 _LARGEST = 8_000_000
@@ -73,7 +75,7 @@ class PreparedRun:
     units: Mapping[str, str]
     run: SimulatorRun
     files: Mapping[str, str]
-    plots: tuple[Plot, ...] = ()
+    plots: "tuple[Plot, ...]" = ()
 
     def accepts(self, parameters: Mapping[str, float]) -> bool:
         """Return whether parameters can be changed, and inputs set to constants, without the model."""
@@ -186,6 +188,12 @@ def _as_json(prepared: PreparedRun) -> dict[str, Any]:
     return {**asdict(prepared), "run": {**asdict(prepared.run), "simulator": prepared.run.simulator.parent.name}}
 
 
+def _plot(data: Mapping[str, Any]) -> "Plot":
+    from cutjoint.model.records import Plot
+
+    return Plot(**{**data, "y": tuple(data["y"])})
+
+
 def _from_json(data: Mapping[str, Any]) -> PreparedRun:
     run, compilation = data["run"], data["compilation"]
     if not re.fullmatch(r"[\w-]+", run["simulator"]):
@@ -194,7 +202,7 @@ def _from_json(data: Mapping[str, Any]) -> PreparedRun:
         model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
         compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"]), "start": Start(**compilation["start"])}),
         dependent_parts=tuple(data["dependent_parts"]), inputs=tuple(data["inputs"]), units=data["units"], files=data["files"],
-        plots=tuple(Plot(**{**plot, "y": tuple(plot["y"])}) for plot in data["plots"]),
+        plots=tuple(_plot(plot) for plot in data["plots"]),
         run=SimulatorRun(**{
             **run, "simulator": cache_folder() / run["simulator"] / "simulator", "run_file": RunFile.of(run["run_file"]),
             "others": [Settings.of(other) for other in run["others"]],

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cutjoint.model.records import Span
+from cutjoint.elements.terms import Span
 from cutjoint.model.text import printable
 from cutjoint.package.errors import CutjointError
 

@@ -1,14 +1,18 @@
 """The model of a run, as callers in Python give it, and its scene: their choice and the scene's settings."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
 
 from cutjoint.methods import DEFAULT_INTEGRATOR, DEFAULT_METHOD, INTEGRATORS, METHODS
-from cutjoint.model.records import Model, Numerics, Road, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.package.locations import AnyPath
+
+if TYPE_CHECKING:
+    from cutjoint.model.records import Model, Scene
+    from cutjoint.package.locations import AnyPath
 
 
 def find_scene(model: Model, name: str | None) -> Scene:
@@ -41,6 +45,8 @@ def find_case(model: Model, name: str | None) -> tuple[Model, Scene]:
 
 
 def _empty_scene(model: Model) -> Scene:
+    from cutjoint.model.records import Numerics, Road, Scene
+
     return Scene(
         name="rest", end=1.0, output_step=1e-3, pose="design", positions={}, rates={}, inputs={}, switches={}, road=Road(),
         numerics=Numerics(), outputs=(), span=model.span,
@@ -86,7 +92,7 @@ class Compiled(Protocol):
         """The scene."""
 
 
-ModelLike: TypeAlias = AnyPath | Model | Compiled
+ModelLike: TypeAlias = "AnyPath | Model | Compiled"
 
 
 def model_of(source: ModelLike, tunable: Sequence[str] = ()) -> Model:
@@ -100,6 +106,8 @@ def model_of(source: ModelLike, tunable: Sequence[str] = ()) -> Model:
         from cutjoint.topology.reading import read_model  # cached runs do not need it
 
         return read_model(source, tunable=tunable)
+    from cutjoint.model.records import Model
+
     if not isinstance(source, Model | Compiled):
         raise TypeError(f"a model is its file, what read_model has made of it, or an artifact, not {type(source).__name__}")
     if tunable:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil
+from typing import TYPE_CHECKING
 
 from cutjoint.methods import (
     CLOSURES,
@@ -23,10 +24,12 @@ from cutjoint.methods import (
     names_of,
 )
 from cutjoint.model.ranges import MOST_STEPS, SOLVER_TOLERANCE, fault_of_setting
-from cutjoint.model.records import STEP, Numerics, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.record import Settings, Stabilisation
 from cutjoint.run.scenes import with_settings
+
+if TYPE_CHECKING:
+    from cutjoint.model.records import Numerics, Scene
 
 #: Default target error of positions and angles (m, rad), if the scene gives none.
 GOAL = 1e-4
@@ -166,7 +169,7 @@ def find_goal(scene: Scene, method: str, integrator: str, options: Options) -> f
         _require_accuracy(options)
         return options.accuracy
     if chosen.adaptive:
-        is_free = settings.tolerance == Numerics.tolerance and settings.absolute_tolerance is None and options.tolerance is None
+        is_free = settings.tolerance == type(settings).tolerance and settings.absolute_tolerance is None and options.tolerance is None
     else:
         is_free = integrator in INTEGRATORS and options.iterations is None
     if not is_free or settings.dt is not None or options.dt is not None:
@@ -203,6 +206,8 @@ def find_tolerance(scene: Scene, method: str, integrator: str) -> float | None:
 
 def _step(scene: Scene, dt: float | None, integrator: Integrator) -> float:
     """The step size (s): for adaptive integrators the sample interval, else the given one, or by default one that divides it."""
+    from cutjoint.model.records import STEP
+
     row = min(scene.output_step, scene.end or scene.output_step)
     if integrator.adaptive:
         return row
