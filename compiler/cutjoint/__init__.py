@@ -69,21 +69,47 @@ __all__ = [
     "run_in_real_time", "simulate", "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
+_HOMES = {
+    "cutjoint.analysis.mobility": ("GuideError",),
+    "cutjoint.analysis.inertia": ("NoInertiaError",),
+    "cutjoint.tasks.batch": ("compile_batch", "simulate", "simulate_batch"),
+    "cutjoint.package.errors": ("CutjointError", "EquationsError", "MissingToolsError", "RunError", "ToolchainError"),
+    "cutjoint.package.extensions": ("MissingPackageError",),
+    "cutjoint.model.errors": ("ModelError",),
+    "cutjoint.compile.pipeline": ("compile_model",),
+    "cutjoint.program.blocks": ("ConstantError",),
+    "cutjoint.tasks.kinematics.sweep": ("find_compliance", "find_kinematics"),
+    "cutjoint.tasks.inverse": ("inverse_dynamics",),
+    "cutjoint.tasks.realtime": ("FailedRealTimeError", "run_in_real_time"),
+    "cutjoint.run.failures": ("FailedBatchError", "FailedRunError", "IncompleteError"),
+    "cutjoint.run.outputs": ("OutputError",),
+    "cutjoint.run.simulator": ("SimulatorError",),
+    "cutjoint.sparse.plan": ("MissingLibraryError",),
+    "cutjoint.tasks.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes", "find_trim"),
+    "cutjoint.stepping.load": ("load",),
+    "cutjoint.stepping.response": ("find_linear_model",),
+    "cutjoint.stepping.rollout": ("rollout",),
+    "cutjoint.stepping.handle": ("SimulationError",),
+    "cutjoint.stepping.simulation": ("Simulation",),
+    "cutjoint.stepping.values": (
+        "EventSensitivities", "EigenvalueSensitivities", "StateSensitivities", "AdjointSensitivities", "ForwardSensitivities",
+        "StepDerivatives",
+    ),
+    "cutjoint.stepping.state_space": ("FrequencyResponse", "SampledStateSpace", "StateSpace"),
+    "cutjoint.stepping.vibration": ("RandomVibration", "random_vibration"),
+    "cutjoint.sweeps.run": ("Sweep", "sweep"),
+    "cutjoint.fits.fit": ("Fit", "fit"),
+    "cutjoint.topology.build": ("build_topology",),
+    "cutjoint.topology.reading": ("read_model", "read_model_text"),
+    "cutjoint.topology.spanning_tree": ("TopologyError",),
+    "cutjoint.view.views": ("write_view",),
+}
+
+
 if not TYPE_CHECKING:
-    #: The module of each public name.
-    _homes: dict[str, str] = {}
-
-    def _find_home(name: str) -> str:
-        """The module of a public name, by the imports above, which only type checkers follow."""
-        if not _homes:
-            import ast
-
-            nodes = ast.walk(ast.parse(__spec__.loader.get_source(__name__)))
-            _homes.update({each.name: node.module for node in nodes if isinstance(node, ast.ImportFrom) for each in node.names})
-        return _homes[name]
 
     def __getattr__(name: str) -> Any:
-        """Import a public name at its first use: SymPy takes longer to import than a cached run takes to run."""
+        """Import a name of the list above at its first use: SymPy takes longer to import than a cached run takes to run."""
         if name.startswith("__"):
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         from types import FunctionType
@@ -92,14 +118,15 @@ if not TYPE_CHECKING:
 
         if name in NAMES:
             return __getattr__(renamed(name, NAMES))
-        if name not in __all__:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        found = getattr(import_module(_find_home(name)), name)
-        if isinstance(found, FunctionType):
-            found = accept_old_names(found)
-            found.__module__ = __name__
-        globals()[name] = found
-        return found
+        for home, names in _HOMES.items():
+            if name in names:
+                found = getattr(import_module(home), name)
+                if isinstance(found, FunctionType):
+                    found = accept_old_names(found)
+                    found.__module__ = __name__
+                globals()[name] = found
+                return found
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
     def __dir__() -> list[str]:
         return __all__
