@@ -203,8 +203,8 @@ def test_guides_and_inputs_are_laws_of_time() -> None:
 @pytest.mark.parametrize(
     ("times", "values", "words"),
     [
-        ("[0, 1]", "[0, 3]", ": inputs.swing: its table ends at 1 s and goes on in a line, the scene takes 0 to 2 s; extend the table"),
-        ("[0.5, 2]", "[0, 3]", ": its table begins at 0.5 s and goes on in a line, the scene takes 0 to 2 s; extend the table"),
+        ("[0, 1]", "[0, 3]", "its table ends at 1 s and is extrapolated linearly; the scene takes 0 to 2 s; extend the table"),
+        ("[0.5, 2]", "[0, 3]", "its table begins at 0.5 s and is extrapolated linearly; the scene takes 0 to 2 s; extend the table"),
         ("[0, 2]", "[0, 3]", ""),
         ("[0, 0.5, 1]", "[0, 3, 3]", ""),
     ],

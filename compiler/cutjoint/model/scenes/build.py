@@ -245,7 +245,7 @@ def _inputs(where: Element, laws: Mapping[str, Any], stage: _Stage) -> dict[str,
 
 
 def _note_short_table(where: Element, section: str, name: str, law: Any, end: float) -> None:
-    """Warn of a table over time that covers part of the scene alone and does not end level.  It goes on in a line."""
+    """Warn of a table over time that covers part of the scene alone and does not end level.  It is extrapolated linearly."""
     table = law.table if isinstance(law, Table) else {}
     times, values = table.get("t", ()), table.get("value", ())
     if len(times) < 2 or not all(isinstance(x, int | float) for x in (*times, *values)):
@@ -253,7 +253,7 @@ def _note_short_table(where: Element, section: str, name: str, law: Any, end: fl
     sides = ((times[0] > 0, values[0] - values[1], "begins", times[0]), (times[-1] < end, values[-1] - values[-2], "ends", times[-1]))
     for is_short, change, verb, time in sides:
         if is_short and change:
-            words = f"its table {verb} at {time:g} s and goes on in a line, the scene takes 0 to {end:g} s; extend the table"
+            words = f"its table {verb} at {time:g} s and is extrapolated linearly; the scene takes 0 to {end:g} s; extend the table"
             span = where.scope.source.key_span((*where.path, section, name))
             where.scope.problems.note(span, f"{where.label}: {section}.{name}: {words}")
 
