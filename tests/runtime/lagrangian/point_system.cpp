@@ -61,11 +61,11 @@ void PointSystem::read(const Json& definition) {
 void PointSystem::name() {
   const std::size_t n = at_.size(), m = equations_.size();
   names_.reserve(3 * n + 2 * m);
-  const auto keep = [&](std::string text) -> std::string_view { return names_.emplace_back(std::move(text)); };
+  const auto keep = [&](std::string text) { return names_.emplace_back(std::move(text)).c_str(); };
   const auto point = [](std::size_t i, const char* rate) { return "p" + std::to_string(i / 3) + "." + rate + "xyz"[i % 3]; };
   for (std::size_t i = 0; i < n; ++i) d_.coordinates.push_back(keep(point(i, "")));
   for (std::size_t i = 0; i < m; ++i) d_.equations.push_back(keep("e" + std::to_string(i)));
-  for (const std::string_view coordinate : d_.coordinates) d_.columns.push_back({coordinate, "m"});
+  for (const std::string_view coordinate : d_.coordinates) d_.columns.push_back({coordinate.data(), "m"});
   for (std::size_t i = 0; i < n; ++i) d_.columns.push_back({keep(point(i, "v")), "m/s"});
   for (std::size_t i = 0; i < n; ++i) d_.columns.push_back({keep(point(i, "a")), "m/s^2"});
   for (std::size_t i = 0; i < m; ++i) d_.columns.push_back({keep("lambda" + std::to_string(i)), "N/m"});
