@@ -22,8 +22,9 @@ LARGE = 40_000
 
 #: Names of the runtime that generated code uses, and of the generated class's own members.
 _TAKEN = frozenset((
-    "Chart", "Column", "Description", "FixedPattern", "InputSource", "Loaded", "Mask", "Parameter", "Precision", "Real", "Road", "Sizes",
-    "Stabilisation", "Step", "StepInputs", "IndicatorPlace", "SystemDescription", "Weights",
+    "Chart", "Column", "Controller", "Description", "Domain", "EventIndicator", "FixedPattern", "Guard", "IndicatorPlace", "InputSource",
+    "Loaded", "Mask", "Named", "Parameter", "Precision", "Real", "Road", "Sizes", "Stabilisation", "Step", "StepInputs",
+    "SystemDescription", "Weights",
 ))  # fmt: skip
 
 #: The header of a factorisation, without its ending.
