@@ -121,14 +121,17 @@ def render_header(page: Page, view: Mapping[str, object]) -> str:
     return page.render("standalone/api.h.jinja", **_in_c(page), **view)
 
 
-def render_interface(page: Page, view: Mapping[str, object]) -> str:
-    """The C++ of the functions that the C header declares: those of a simulation, and names by index and indices by name."""
+def render_interface(page: Page, view: Mapping[str, object], *, hides: bool = False) -> str:
+    """The C++ of the functions that the C header declares: those of a simulation, and names by index and indices by name.
+
+    ``hides``: what stands before is hidden, and ends before the interface.
+    """
     header, p = render_header(page, view), page.stem
     of_sim = re.findall(rf"^([\w* ]+\b{p}_(\w+)\((?:const )?{p}_sim\* .*\));$", header, re.MULTILINE)
     calls = [{"declaration": text, "name": name, "arguments": ", ".join(re.findall(r"(\w+)[,)]", text))} for text, name in of_sim]
     texts = re.findall(rf"^const char\* {p}_(\w+)\(int (?:index|event)\);$", header, re.MULTILINE)
     found = re.findall(rf"^int {p}_find_(\w+)\(const char\* name\);$", header, re.MULTILINE)
-    return page.render("standalone/api.cpp.jinja", calls=calls, texts=texts, found=found, **view)
+    return page.render("standalone/api.cpp.jinja", calls=calls, texts=texts, found=found, hides=hides, **view)
 
 
 def _in_c(page: Page) -> dict[str, object]:
@@ -163,7 +166,7 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
         f"namespace {page.stem}_code {{\n", core.body,
         f"namespace {SPACE} {{\n", *code, f"}}  // namespace {SPACE}\n",
         "namespace cutjoint::sized {\n", *sized, "}  // namespace cutjoint::sized\n",
-        "namespace {\n", render_interface(page, view),
+        "namespace {\n", render_interface(page, view, hides=True),
     ])  # fmt: skip
 
 
