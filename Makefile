@@ -72,6 +72,7 @@ results/figures/%.txt: | setup
 pictures: setup
 	$(BIN)/python docs/pictures/simul1.py
 	$(BIN)/python -m docs.pictures.models
+	$(BIN)/python -m docs.pictures.rotor
 	$(BIN)/cutjoint simulate models/press.yaml --out results/press.csv --plots results/press
 	cp results/press/position.png docs/pictures/press.png
 

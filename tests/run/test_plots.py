@@ -16,6 +16,7 @@ from cutjoint.model.records import Plot
 from cutjoint.package.errors import RunError
 from cutjoint.report import plots
 from cutjoint.report.plots import plot_run, read_others
+from cutjoint.run.display import in_units
 from cutjoint.run.figures import Line, draw
 from cutjoint.run.results import Columns, Trajectory
 from tests.conftest import needs_cpp
@@ -123,3 +124,42 @@ def test_a_file_that_is_no_table_is_named(tmp_path: Path) -> None:
             read_others([file])
     words = ["simulate", str(file), "--out", "run.csv", "--compare", str(file)]
     assert "--compare: its runs are drawn in plots; add --plots FOLDER" in CliRunner().invoke(main, words).output
+
+
+def test_display_units_convert_columns_of_their_quantity_alone(drawn: list[Figure], tmp_path: Path) -> None:
+    """Millimetres for lengths, also of another run, km/h for speeds; a ratio is no angle, and a torque no energy."""
+    columns = {"bob.x": T, "bob.vx": T, "ratio": T, "pin.torque": T, "bob.roll": T, "work": T}
+    units = {"bob.x": "m", "bob.vx": "m/s", "ratio": "", "pin.torque": "N*m", "bob.roll": "rad", "work": "J"}
+    values, named = in_units(columns, units, ["mm", "km/h", "deg", "kJ"])
+    assert named == {"bob.x": "mm", "bob.vx": "km/h", "ratio": "", "pin.torque": "N*m", "bob.roll": "deg", "work": "kJ"}
+    expected = {"bob.x": 1000, "bob.vx": 3.6, "ratio": 1, "pin.torque": 1, "bob.roll": 180 / np.pi, "work": 1e-3}
+    for name, factor in expected.items():
+        np.testing.assert_allclose(values[name], factor * T, rtol=4e-16)
+    written = plot_run(RUN, "swing", tmp_path, beside=OTHERS, display=["mm"])
+    assert [path.name for path in written] == ["position.png", "velocity.png"]
+    assert lines(drawn[0])[0][1][2] == [0.0, 500.0]
+    assert drawn[0].axes[0].get_ylabel() == "x [mm]"
+
+
+def test_yaw_in_plots_has_no_jumps_of_a_turn() -> None:
+    angles = np.linspace(0, 20, 50)
+    columns = {"bob.yaw": np.arctan2(np.sin(angles), np.cos(angles)), "pin.angle": 10 * T}
+    values, _ = in_units(columns, dict.fromkeys(columns, "rad"), [])
+    np.testing.assert_allclose(values["bob.yaw"], angles, atol=1e-14)
+    np.testing.assert_array_equal(values["pin.angle"], 10 * T)
+
+
+@pytest.mark.parametrize(
+    ("units", "fault"),
+    [(["foo"], "unknown unit 'foo'"), (["deg", "mrad"], "'deg' and 'mrad' are units of one quantity"), (["degC"], "'degC' has an offset")],
+)
+def test_wrong_display_units_are_refused(units: list[str], fault: str) -> None:
+    with pytest.raises(RunError, match=fault):
+        in_units({}, {}, units)
+
+
+def test_display_units_without_plots_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "swing.yaml").write_text(TEXT, encoding="utf-8")
+    done = CliRunner().invoke(main, ["simulate", str(tmp_path / "swing.yaml"), "--scene", "fall", "--display", "deg"])
+    assert done.exit_code == 1
+    assert "--display: plots and pages have these units" in done.output

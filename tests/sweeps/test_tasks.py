@@ -12,7 +12,7 @@ import pytest
 from cutjoint import find_kinematics, sweep
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import RunError
-from tests.conftest import MODELS
+from tests.conftest import MODELS, ROOT
 from tests.physics.test_trims import SLED
 
 _POST = """
@@ -61,6 +61,25 @@ def test_modes(tmp_path: Path) -> None:
     assert np.allclose(done["slowest"], -120.0, rtol=1e-9)
     assert done.units == {"stiffness": "N/m", "failure_time": "s", "f": "Hz", "slowest": "1/min"}
 
+
+def test_modes_over_the_speed_of_a_rotor(tmp_path: Path) -> None:
+    """A Campbell diagram: forward and backward whirl of a disc in an anisotropic bearing, and translations that it crosses."""
+    page = (ROOT / "docs/how-to/rotating-machines.md").read_text(encoding="utf-8")
+    model, _, _ = page.partition('title="rotor.yaml"\n')[2].partition("```")
+    (tmp_path / "rotor.yaml").write_text(model, encoding="utf-8")
+    speeds = [0.0, 150.0, 400.0]
+    objectives = {f"{name}_{i}": {"value": f"{i}.{name}", "of": "modes"} for i in range(1, 5) for name in ("frequency", "real")}
+    study = {"cutjoint_study": 1, "model": str(tmp_path / "rotor.yaml"), "scenes": ["steady"], "parameters": {"speed": speeds}}
+    done = sweep({**study, "objectives": objectives}, tmp_path / "table.parquet")
+    for row, speed in enumerate(speeds):
+        damping = np.array([[2.0, 0.7 * speed], [-0.7 * speed, 2.0]])
+        stiffness = np.diag([4e4, 6e4])
+        whirl = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness / 0.4, -damping / 0.4]])
+        slow, fast = sorted((e for e in np.linalg.eigvals(whirl) if e.imag > 0), key=lambda e: e.imag)
+        along, across = (complex(-5.0, np.sqrt(k / 20 - 25.0)) for k in (1e6, 2e6))
+        for mode, expected in enumerate((along, slow, across, fast), 1):
+            assert done[f"frequency_{mode}"][row] == pytest.approx(expected.imag / (2 * np.pi), rel=1e-9)
+            assert done[f"real_{mode}"][row] == pytest.approx(expected.real, rel=1e-7)
 
 def test_modes_that_cross(tmp_path: Path) -> None:
     second = (

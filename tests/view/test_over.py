@@ -14,7 +14,9 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from cutjoint.view.ghost import read_page
+from cutjoint.view.ghost import GhostRun, read_page
+from cutjoint.view.page import PlotColumn
+from cutjoint.view.views import ViewSpec, _displayed
 from tests.conftest import MODELS, needs_cpp
 from tests.view.browser import Page
 from tests.view.conftest import Shown, call, show
@@ -157,3 +159,16 @@ def test_refusals(view: str | None, message: str, tmp_path: Path, monkeypatch: p
     result = CliRunner().invoke(main, ["simulate", str(PRESS), "--out", "x.csv", *options, "--ghost", "run.html"])
     assert result.exit_code == 1
     assert message in result.output
+
+
+def test_a_ghost_shows_columns_in_the_units_of_the_page_alone(tmp_path: Path) -> None:
+    """A page in degrees under one in radians: its angles have no values there, its speeds have; both in degrees have all."""
+    columns = {"bob.roll": np.array([0.0, 1.0]), "bob.vx": np.array([0.0, 2.0])}
+    ghost = GhostRun(name="old", drawing=None, columns=columns, units={"bob.roll": "deg", "bob.vx": "m/s"})  # type: ignore[arg-type]
+    of = {"bob.roll": "rad", "bob.vx": "m/s"}
+    own = tuple(PlotColumn(name=name, unit=of[name], bodies=(), values=values) for name, values in columns.items())
+    for display, shown in (((), ["bob.vx"]), (("deg",), ["bob.roll", "bob.vx"])):
+        spec = ViewSpec(model=None, scene=None, parameters={}, t=np.zeros(2), poses={}, columns=own, display=display)  # type: ignore[arg-type]
+        _, kept = _displayed(spec, ghost)
+        assert kept is not None
+        assert list(kept.columns) == shown

@@ -33,7 +33,7 @@ def require_replay(request: Request, parameters: Mapping[str, float], view: Path
 
 def write_replay(
     request: Request, ran: FinishedRun | None, view: Path, ghost: Path | None, parameters: Mapping[str, float], plan: SimulatorRun,
-    run: Trajectory,
+    run: Trajectory, display: tuple[str, ...] = (),
 ) -> Path:  # fmt: skip
     """Write a run as a page or a glTF file, over the run of an earlier page (``ghost``); a failed run with its last steps.
 
@@ -48,7 +48,7 @@ def write_replay(
     steps = with_each_step(replace(plan, with_coordinates=True), run)
     model = with_requested_loops(ran.model, scene, ran.method)
     shown = show_run(model, scene, ran.method, ran.parameters, steps, variant=ran.variant)
-    return write_shown(view, shown, ghost=read_ghost(ghost, view))
+    return write_shown(view, replace(shown, display=display), ghost=read_ghost(ghost, view))
 
 
 #: Runs of more steps are not repeated for their last ones; an adaptive integrator gets this many samples.

@@ -38,8 +38,8 @@ def command(
     model: Path, scene: str | None, method: str | None, accuracy: float | None, tolerance: float | None, implementation: str,
     solver: str | None, integrator: str | None, events: str | None, precision: str, closure: str | None, loops: str, dt: float | None,
     end: float | None, iterations: int | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None, steps: Path | None,
-    error: bool, verbose: bool, plots: Path | None, compare: tuple[Path, ...], view: Path | None, ghost_page: Path | None,
-    functions: Path | None,
+    error: bool, verbose: bool, plots: Path | None, compare: tuple[Path, ...], display: tuple[str, ...], view: Path | None,
+    ghost_page: Path | None, functions: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
@@ -49,6 +49,7 @@ def command(
     if out is not None:
         require_writer(out)
     others = _read_others(compare, plots)
+    _require_display(display, plots, view)
     parameters = options.read_parameters(changes)
     requested = Options(
         dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events,
@@ -100,11 +101,11 @@ def command(
             console.print(f"{name}: {value}", markup=False)
         console.print(tables.summary_line(prepared.compilation, run), markup=False)
     if plots is not None and run.t.size:
-        console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots, others))}", markup=False)
+        console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots, others, display))}", markup=False)
     if view is not None and run.t.size:
         from cutjoint.commands.replay import write_replay
 
-        console.print(f"view: {write_replay(request, ran, view, ghost_page, parameters, prepared.run, run)}", markup=False)
+        console.print(f"view: {write_replay(request, ran, view, ghost_page, parameters, prepared.run, run, display)}", markup=False)
     if run.failure is not None:
         where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model, parameters)
         options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)
@@ -197,7 +198,17 @@ def _read_others(compare: tuple[Path, ...], plots: Path | None) -> Others:
     return read_others(compare)
 
 
-def _plot(prepared: PreparedRun, run: Trajectory, folder: Path, others: Others) -> list[Path]:
+def _require_display(display: tuple[str, ...], plots: Path | None, view: Path | None) -> None:
+    if not display:
+        return
+    if plots is None and view is None:
+        raise RunError("--display: plots and pages have these units; add --plots FOLDER or --view FILE")
+    from cutjoint.run.display import read_units
+
+    read_units(display)
+
+
+def _plot(prepared: PreparedRun, run: Trajectory, folder: Path, others: Others, display: tuple[str, ...]) -> list[Path]:
     from cutjoint.report.plots import plot_run
 
-    return plot_run(run, f"{prepared.model}, {prepared.compilation.scene}", folder, prepared.plots, others)
+    return plot_run(run, f"{prepared.model}, {prepared.compilation.scene}", folder, prepared.plots, others, display)

@@ -1,11 +1,13 @@
 """Plots of a run and of other runs as files: those that its scene defines, else one file for each dimension."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from cutjoint.model.records import Plot
 from cutjoint.package.errors import RunError
 from cutjoint.run.binary_tables import WRITERS
+from cutjoint.run.display import in_units
 from cutjoint.run.figures import Line, as_png, draw, labelled
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import TIME, Array, Trajectory, read_table
@@ -17,19 +19,30 @@ _DIMENSIONS = {"m": "position", "m/s": "velocity", "m/s^2": "acceleration", "rad
 Others = Mapping[str, Mapping[str, Array]]
 
 
-def plot_run(run: Trajectory, title: str, folder: Path, plots: Sequence[Plot] = (), beside: Others | None = None) -> list[Path]:
+def plot_run(
+    run: Trajectory, title: str, folder: Path, plots: Sequence[Plot] = (), beside: Others | None = None, display: Sequence[str] = ()
+) -> list[Path]:  # fmt: skip
     """Write the pictures of a run as PNG files and return their paths; other runs have lines ``beside`` its own.
 
+    Axes have the units of ``display`` where these fit, else those of the columns.
     Without ``plots`` there is a picture for each dimension, a panel a quantity; elements of one name in several instances share a panel.
     """
+    beside = {name: in_units(other, _units_of(run, other), display)[0] for name, other in (beside or {}).items()}
+    columns, units = in_units(run.columns, run.units, display)
+    own, run = run.units, replace(run, columns=columns, units=units)
     if plots:
-        return [_chosen(run, title, plot, folder, beside or {}) for plot in plots]
+        return [_chosen(run, title, plot, folder, beside) for plot in plots]
     groups: dict[str, dict[str, list[str]]] = {}
-    for column, unit in run.units.items():
+    for column, unit in own.items():
         *_, instance_or_element, quantity = ["", *column.rsplit(".", 2)]  # an input's name has no dot
         panel = f"{instance_or_element}.{quantity}" if column.count(".") > 1 else quantity
         groups.setdefault(unit, {}).setdefault(panel, []).append(column)
-    return [_picture(run, title, unit, quantities, folder, beside or {}) for unit, quantities in groups.items()]
+    return [_picture(run, title, unit, quantities, folder, beside) for unit, quantities in groups.items()]
+
+
+def _units_of(run: Trajectory, other: Mapping[str, Array]) -> Mapping[str, str]:
+    """The units of those columns of a table that a run has too."""
+    return {name: unit for name, unit in run.units.items() if name in other}
 
 
 def read_others(paths: Iterable[Path]) -> Others:

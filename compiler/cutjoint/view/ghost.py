@@ -22,11 +22,12 @@ _LARGEST = 60_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class GhostRun:
-    """A run of a page: its ``name`` for people, what was drawn of it, and columns over the drawing's times by name."""
+    """A run of a page: its ``name`` for people, what was drawn of it, and columns over the drawing's times with units, by name."""
 
     name: str
     drawing: Drawing
     columns: Mapping[str, Array]
+    units: Mapping[str, str]
 
 
 def read_page(path: Path, option: str) -> GhostRun:
@@ -53,7 +54,10 @@ def _read(file: str, text: str) -> GhostRun:
     if about["motions"] or rows.shape[1] < 2 or not np.isfinite(rows[0]).all() or not (np.diff(rows[0]) > 0).all():
         raise ValueError
     what = ", ".join(str(about[key]) for key in ("title", "scene", "note") if about[key])
-    return GhostRun(name=f"{file}: {what}", drawing=_drawing(read_glb(glb), rows[0]), columns=dict(zip(names, rows[1:], strict=True)))
+    return GhostRun(
+        name=f"{file}: {what}", drawing=_drawing(read_glb(glb), rows[0]), columns=dict(zip(names, rows[1:], strict=True)),
+        units={name: str(column["unit"]) for name, column in zip(names, about["columns"], strict=True)},
+    )  # fmt: skip
 
 
 def _element(text: str, name: str) -> str:

@@ -18,6 +18,7 @@ from cutjoint.model.records import COORDINATES, GROUND, Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.artifact import Artifact
+from cutjoint.run.display import in_units
 from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import write_whole
@@ -51,7 +52,7 @@ class ViewSpec:
 
     ``poses`` are those of its bodies at times ``t`` (times,), s, ``columns`` those of a table at these times, ``failure`` the reason of the
     run's stop, ``motions`` are about the pose of the first time.  ``note`` is said beside the scene, ``graph`` is the topology, ``sliders``
-    change the pose.
+    change the pose.  Columns are shown in the units of ``display`` where these fit.
     """
 
     model: Model
@@ -65,6 +66,7 @@ class ViewSpec:
     note: str = ""
     graph: Graph | None = None
     sliders: Sliders | None = None
+    display: tuple[str, ...] = ()
 
 
 def read_ghost(ghost: Path | None, view: Path | None) -> GhostRun | None:
@@ -183,9 +185,9 @@ def _content(
 ) -> str | bytes:  # fmt: skip
     placed = _placed(shown, shown.poses, shown.t)
     outputs = {o.column: (o.element, o.quantity) for o in shown.scene.outputs}
-    columns = {outputs[c.name]: c.values for c in shown.columns if c.name in outputs and c.values.size == shown.t.size}
+    values = {outputs[c.name]: c.values for c in shown.columns if c.name in outputs and c.values.size == shown.t.size}
     has_arrows = kind == PAGE and not shown.motions  # forces are known for runs only
-    drawing = draw(placed, shown.t, failed=shown.failure.element if shown.failure else "", columns=columns if has_arrows else {})
+    drawing = draw(placed, shown.t, failed=shown.failure.element if shown.failure else "", columns=values if has_arrows else {})
     camera = find_camera(placed, drawing)
     if drive:  # the page draws the road that it lays
         drawing = replace(drawing, nodes=tuple(node for node in drawing.nodes if "road" not in node.about))
@@ -195,11 +197,21 @@ def _content(
     glb = write_gltf(drawing, moving or None)
     if kind == GLTF:
         return glb
+    columns, ghost = _displayed(shown, ghost)
     return make_page(
         title=shown.model.name, scene=shown.scene.name, note=shown.note, bodies=[b.name for b in shown.model.bodies], glb=glb, t=shown.t,
-        columns=shown.columns, camera=camera, failure=shown.failure, motions=shown.motions,
+        columns=columns, camera=camera, failure=shown.failure, motions=shown.motions,
         ghost=ghost, graph=shown.graph, sliders=shown.sliders, is_live=is_live, plots=() if drive else shown.scene.plots, drive=drive,
     )  # fmt: skip
+
+
+def _displayed(shown: ViewSpec, ghost: GhostRun | None) -> tuple[list[PlotColumn], GhostRun | None]:
+    """The columns of a page in its units, and a ghost with its columns of these units."""
+    values, units = in_units({c.name: c.values for c in shown.columns}, {c.name: c.unit for c in shown.columns}, shown.display)
+    if ghost is not None:
+        others, named = in_units(ghost.columns, ghost.units, shown.display)
+        ghost = replace(ghost, columns={name: others[name] for name in others if units.get(name, named[name]) == named[name]})
+    return [replace(c, values=values[c.name], unit=units[c.name]) for c in shown.columns], ghost
 
 
 def _in_reach(path: Path, shown: ViewSpec) -> ViewSpec:
