@@ -109,6 +109,7 @@ class Document(Part):
     loss: Literal["linear", "soft_l1", "huber", "cauchy", "arctan"] = "linear"
     starts: Starts | None = None
     bootstrap: Starts | None = None
+    windows: Annotated[StrictInt, Field(ge=1, le=20)] = 1
 
 
 def fit_schema() -> str:

@@ -206,7 +206,7 @@ class Solver:
             begins += list(self.low + points * (self.high - self.low))
         tries = []
         for number, begin in enumerate(begins):
-            found = self.least_squares(begin)
+            found = self._through_windows(begin)
             self.note(f"start {number + 1} of {len(begins)}: cost {found.cost:.6g} after {found.njev} iterations")
             tries.append(found)
         best = min(tries, key=lambda found: float(found.cost))
@@ -235,10 +235,10 @@ class Solver:
 
     def residuals(self, theta: Array) -> tuple[Array, Array]:
         """Residuals in units of standard deviations, those of priors last, and their derivatives."""
-        key = theta.tobytes() + self.deviations.tobytes() + b"".join(noise.tobytes() for noise in self.noise)
+        key = theta.tobytes() + bytes(np.float64(self.runs.share)) + self.deviations.tobytes() + b"".join(noise.tobytes() for noise in self.noise)
         if key != self.kept[0]:
             found = self.runs.predict(theta)
-            rows = [(p.values - p.signal.values - noise) / s for p, s, noise in zip(found, self.deviations, self.noise, strict=True)]
+            rows = [(p.values - p.signal.values - noise[: len(p.values)]) / s for p, s, noise in zip(found, self.deviations, self.noise, strict=True)]
             derivatives = [p.derivatives / s for p, s in zip(found, self.deviations, strict=True)]
             known = self.known
             rows.append(((theta - self.mean)[known]) / self.prior[known])
@@ -246,11 +246,21 @@ class Solver:
             self.kept = key, (np.concatenate(rows), np.vstack(derivatives))
         return self.kept[1]
 
+    def _through_windows(self, begin: Array) -> Any:
+        """The result over the whole time from those over shorter windows, in which phases of an oscillation cannot differ by turns."""
+        iterations = 0
+        for window in range(self.study.windows):
+            self.runs.share = 0.5 ** (self.study.windows - 1 - window)
+            found = self.least_squares(begin)
+            begin, iterations = found.x, iterations + found.njev
+        found.njev = iterations
+        return found
+
     def least_squares(self, begin: Array) -> Any:
         """SciPy's result from a start, whose unknowns are shares of sizes."""
         from scipy.optimize import least_squares
 
-        sizes, count = self.sizes, 0
+        sizes, count, size = self.sizes, 0, len(self.residuals(begin)[0])
 
         def function(x: Array) -> Array:
             nonlocal count
@@ -258,7 +268,7 @@ class Solver:
                 rows = self.residuals(x * sizes)[0]
             except CutjointError as error:  # the trust region shrinks
                 self.note(f"  a run failed, with a smaller step again: {error}")
-                return np.full(sum(len(s.values) for s in self.signals) + int(self.known.sum()), np.nan)
+                return np.full(size, np.nan)
             count += 1
             self.best = min(self.best, (float(np.mean(rows**2)), tuple(x * sizes)))
             self.note(f"  run {count}: residual {np.sqrt(np.mean(rows**2)):.6g} of the standard deviations")

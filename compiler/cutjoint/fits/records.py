@@ -68,7 +68,7 @@ class Experiment:
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """A fit: parameters, ``ties`` of numbers of models to them, and experiments."""
+    """A fit: parameters, ``ties`` of numbers of models to them, and experiments, fitted over ``windows``, each twice as long as the last."""
 
     file: str
     method: str
@@ -80,3 +80,4 @@ class Study:
     starts: int
     seed: int
     resamples: int
+    windows: int

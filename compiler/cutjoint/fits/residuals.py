@@ -1,7 +1,7 @@
 """Residuals of experiments, with exact derivatives by the parameters of the fit."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,7 @@ class Runs:
 
     def __init__(self, study: Study, note: Callable[[str], None]) -> None:
         self.study, self.count = study, 0
+        self.share = 1.0
         sims: dict[tuple[object, ...], Simulation] = {}
         self._cases = []
         for e in study.experiments:
@@ -46,12 +47,13 @@ class Runs:
 
     def predict(self, theta: Array, *, validation: bool = False) -> list[Prediction]:
         """What the model says of all signals with these parameters: of the experiments for the fit, or of those for validation.
+        Each lasts a ``share`` of its time.
 
         Raises:
             SimulationError, RunError: a run failed.
         """
         self.count += 1
-        return [p for case in self._cases if case.experiment.validation == validation for p in case.predict(theta)]
+        return [p for case in self._cases if case.experiment.validation == validation for p in case.predict(theta, self.share)]
 
 
 class _Case:
@@ -108,9 +110,10 @@ class _Case:
 
         return call
 
-    def predict(self, theta: Array) -> Iterator[Prediction]:
-        """What the model says of each signal."""
+    def predict(self, theta: Array, share: float) -> Iterator[Prediction]:
+        """What the model says of each signal in this share of its time."""
         e, sim = self.experiment, self.sim
+        signals = [s if share == 1.0 or e.is_pose else _first(s, share) for s in e.signals]
         numbers, by_theta = self.numbers(theta)
         own = len(self.names)
         for name, number in zip(self.names, numbers, strict=False):
@@ -119,8 +122,8 @@ class _Case:
             sim.inputs[name] = np.interp(0.0, table["t"], table["value"])  # type: ignore[call-overload]
         sim.reset(dt=e.dt, equilibrium=True if e.at_rest else None)
         lags = numbers[own:].reshape(-1, 3)[:, 2]
-        t, y, dy = self._poses(theta, by_theta[:own]) if e.is_pose else self._run(theta, by_theta[:own], lags)
-        for i, (signal, evaluate) in enumerate(zip(e.signals, self.signals, strict=True)):
+        t, y, dy = self._poses(theta, by_theta[:own]) if e.is_pose else self._run(theta, by_theta[:own], signals, lags)
+        for i, (signal, evaluate) in enumerate(zip(signals, self.signals, strict=True)):
             (gain, bias, lag), (by_gain, by_bias, by_lag) = numbers[own + 3 * i : own + 3 * i + 3], by_theta[own + 3 * i : own + 3 * i + 3]
             values, derivatives = evaluate(t, y, dy, by_theta[:own])
             if not e.is_pose:
@@ -129,10 +132,10 @@ class _Case:
             total = gain * derivatives + values[:, np.newaxis] * by_gain + by_bias
             yield Prediction(experiment=e, signal=signal, values=gain * values + bias, derivatives=total)
 
-    def _run(self, theta: Array, by_theta: Array, lags: Array) -> tuple[Array, Array, Array]:
+    def _run(self, theta: Array, by_theta: Array, signals: Sequence[Signal], lags: Array) -> tuple[Array, Array, Array]:
         """Times, outputs and derivatives (samples, outputs, parameters) of a run as long as the samples ask for."""
         e, sim = self.experiment, self.sim
-        end = max(float(s.times[-1] - lag) for s, lag in zip(e.signals, lags, strict=True))
+        end = max(float(s.times[-1] - lag) for s, lag in zip(signals, lags, strict=True))
         steps = max(3, int(np.ceil(end / e.dt - _ROUNDING)))
         initial, by_start = self._begin(theta)
         inputs = {name: _covering(table, (steps + 1) * e.dt) for name, table in e.inputs.items()}
@@ -181,6 +184,12 @@ class _Case:
             values.append(found.values[0])
             derivatives.append(found.derivatives[0] @ np.vstack([by_theta, by_start[1]]))
         return np.arange(float(rows)), np.array(values), np.array(derivatives)
+
+
+def _first(signal: Signal, share: float) -> Signal:
+    """The samples of a signal in the first share of its time, one at least."""
+    kept = max(1, int(np.searchsorted(signal.times, share * signal.times[-1], "right")))
+    return replace(signal, times=signal.times[:kept], values=signal.values[:kept])
 
 
 def _covering(table: Any, end: float) -> dict[str, object]:
