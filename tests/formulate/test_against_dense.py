@@ -1,7 +1,7 @@
 """The recursive formulation against the dense oracle: accelerations, corrections, residuals and their rates.
 
 Both solve the same penalty system, so that what they may differ by is rounding times its condition (the oracle's
-differences lose 1e-13 of a velocity over their step of 1e-3 s); residual and rate need no solution and agree to rounding.
+differences lose 1e-15 of a velocity over their step of 4e-3 s); residual and rate need no solution and agree to rounding.
 """
 
 from __future__ import annotations

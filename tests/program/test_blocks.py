@@ -220,6 +220,21 @@ def test_operation(operation: str, seed: int) -> None:
         assert elements == [list(column) for column in zip(*elements, strict=True)]
 
 
+@pytest.mark.parametrize("direction", ["forward", "backward"])
+def test_units_of_rows_change_no_digit_of_a_substitution(direction: str) -> None:
+    """Rows in other units, by powers of two, have the same solution to the last bit; pivots that compare rows would not."""
+    rng, b = np.random.default_rng(2), Builder()
+    L, y, units = np.eye(7) + np.tril(rng.normal(size=(7, 7)), -1), rng.normal(size=(7, 2)), 2.0 ** rng.integers(-12, 12, size=(7, 1))
+    if direction == "backward":
+        units = 1 / units
+    found = []
+    for each in (np.ones((7, 1)), units):
+        of = each * L / each.T if direction == "forward" else L * each.T / each  # its transpose has the rows
+        block = getattr(b, direction)(b.const(of.tolist()), b.const((each * y).tolist()))
+        found.append(interpret_blocks([block], {}, {})[block] / each)
+    assert (found[0] == found[1]).all()
+
+
 def test_every_operation_is_tried() -> None:
     """The operations of the grammar, as the module's docstring has it."""
     grammar = blocks.__doc__.split("Equal expressions")[0]

@@ -129,8 +129,13 @@ def _ldl(m: Array) -> tuple[Array, Array]:
     return c / diagonal[..., None, :], (1.0 / diagonal**2)[..., None]
 
 
-def _solve(a: Array, b: Array) -> Array:
-    return np.asarray(np.linalg.solve(*_over_one_batch([a, b])), dtype=np.float64)
+def _substitute(lower: Array, b: Array) -> Array:
+    """The solution of L x = b, whose rounding grows with the condition of L with rows scaled to one; pivots of LU would mix its rows."""
+    lower, x = _over_one_batch([lower, b])
+    x = x.copy()
+    for k in range(1, x.shape[-2]):
+        x[..., k : k + 1, :] -= lower[..., k : k + 1, :k] @ x[..., :k, :]
+    return x
 
 
 _MATRIX: dict[str, Callable[..., Array]] = {
@@ -148,6 +153,6 @@ _MATRIX: dict[str, Callable[..., Array]] = {
     "skew": skewed,
     "ldl_factor": lambda m: _ldl(m)[0],
     "ldl_pivots": lambda m: _ldl(m)[1],
-    "forward": lambda lower, b: _solve(lower, b),
-    "backward": lambda lower, b: _solve(transposed(lower), b),
+    "forward": _substitute,
+    "backward": lambda lower, b: _substitute(transposed(lower)[..., ::-1, ::-1], b[..., ::-1, :])[..., ::-1, :],
 }
