@@ -71,3 +71,11 @@ def test_zig_is_looked_for_before_work(words: tuple[str, ...], tmp_path: Path, m
     out = tmp_path / ("page.html" if words[0] == "drive" else "out")
     result = CliRunner().invoke(main, [*words, str(PENDULUM), "--out", str(out)])
     assert (result.exit_code, "missing: ziglang" in result.output, out.exists()) == (1, True, False)
+
+
+@pytest.mark.parametrize("more", [("--method", "augmented", "--integrator", "radau5"), ("--integrator", "generalised-alpha")], ids=" ".join)
+def test_integrators_of_other_methods_are_refused_before_work(more: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.commands.preparing.compile_scene", _no_work)
+    result = CliRunner().invoke(main, ["simulate", str(PENDULUM), *more])
+    assert result.exit_code == 1, result.output
+    assert "is for the method recursive-newton, not for" in result.output

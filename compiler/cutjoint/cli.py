@@ -18,6 +18,7 @@ import click
 from cutjoint.commands.renamed import rename_arguments
 from cutjoint.model.text import escaped_lines
 from cutjoint.package.extensions import COMMANDS, MissingPackageError
+from cutjoint.package.locations import OUTPUTS
 from cutjoint.run.stopping import Terminated, ended_by_signals
 
 _COMMANDS = ("batch", "check", "compile", "couple", "drive", "equilibrium", "explain", "export", "fit", "gradient", "import", "inverse",
@@ -137,6 +138,7 @@ def _is_utf_8(text: str) -> bool:
 @click.version_option(package_name="cutjoint")
 def main() -> None:
     """A model compiler for multibody dynamics: from one YAML file to case-specific C++."""
+    OUTPUTS.clear()
 
 
 if __name__ == "__main__":

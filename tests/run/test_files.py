@@ -87,6 +87,33 @@ def test_nothing_beside_an_output_is_the_model(name: str, folder: Path) -> None:
     assert (folder / name).read_text(encoding="utf-8") == DRIVEN
 
 
+@pytest.mark.parametrize(("command", "other", "read"), [
+    (("explain", "driven.yaml", "--out"), "other", "part.yaml"), (("simulate", "driven.yaml", "--out"), "other.csv", "part.yaml"),
+    (("fit", "fit.yaml", "--out"), "other.json", "part.yaml"), (("fit", "fit.yaml", "--out"), "other.json", "measured.csv"),
+    (("fit", "fit.yaml", "--model"), "other.yaml", "driven.yaml"), (("fit", "fit.yaml", "--model"), "other.yaml", "measured.csv"),
+])  # fmt: skip
+def test_no_output_is_a_file_that_an_input_names(
+    command: tuple[str, ...], other: str, read: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A submodel's file, or the model or the data of a fit."""
+    monkeypatch.setenv("PATH", "")  # nothing can be compiled
+    Path("part.yaml").write_text("cutjoint: 1\nconnectors: []\nparameters: []\n", encoding="utf-8")
+    Path("driven.yaml").write_text(DRIVEN + "submodels: {part: {include: part.yaml}}\n", encoding="utf-8")
+    Path("measured.csv").write_text("t,output.position\n0.1,0\n0.2,0\n", encoding="utf-8")
+    Path("fit.yaml").write_text(dedent("""
+        cutjoint_fit: 1
+        model: driven.yaml
+        parameters: {load: {from: 0, to: 2}}
+        experiments: {run: {data: measured.csv, from: 0, signals: {rail.position: {deviation: 1}}}}
+    """), encoding="utf-8")  # fmt: skip
+    os.link(read, other)
+    before = Path(read).read_bytes()
+    done = call(*command, other)
+    words = f"{command[-1]} {other}: that is {read}, which the command reads; write the results elsewhere"
+    assert (done.exit_code, " ".join(done.output.split())) == (1, words)
+    assert Path(read).read_bytes() == before
+
+
 def test_no_output_is_the_table_of_a_batch(folder: Path) -> None:
     Path("cases.csv").write_text("load\n1\n", encoding="utf-8")
     os.symlink("cases.csv", "other.csv")

@@ -38,7 +38,7 @@ from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing_parts
 from cutjoint.run.scenes import find_case, with_closure, with_default_closure, with_loops
-from cutjoint.run.settings import Options
+from cutjoint.run.settings import Options, find_integrator
 from cutjoint.toolchain.background import BuildPending
 from cutjoint.toolchain.compiler import find_compiler, must_interpret
 from cutjoint.topology.reading import read_model
@@ -157,6 +157,8 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
     if solver is not None and not METHODS[method].has_system:
         others = join_or(names_of(METHODS, SOLVERS[solver].suits))
         raise RunError(f"--solver {solver}: the {method} method has no linear solver; use --method {others}")
+    by = Implementation.GENERATED if request.implementation == AUTO else Implementation(request.implementation)
+    find_integrator(scene.numerics.of_method(method), METHODS[method], by, request.options)  # refused before minutes of compiling
     with options.progress_bar(f"compiling {request.model.name}"):
         if request.implementation == Implementation.GENERIC:
             return _compile_generic(request, model, scene, method)

@@ -30,6 +30,7 @@ from cutjoint.methods import (
 from cutjoint.model.ranges import LENGTHS, PLACES, RANGES, TIMES, WHOLE, fault_of, fault_of_setting
 from cutjoint.model.text import is_number, is_whole
 from cutjoint.package.extensions import EXPORTERS, ExtensionPoint
+from cutjoint.package.locations import OUTPUTS
 from cutjoint.run.outputs import ENDINGS, is_stream
 
 Row = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -162,6 +163,8 @@ class _File(click.Path):
         takes_others = self._endings[0] == "" and (ending not in _FORMATS or ending == self._endings[1])
         if path.suffix not in self._endings and not takes_others and not is_stream(path):
             self.fail(f"{path}: no such kind of file; write a name that ends in {join_or(filter(None, self._endings))}", param, ctx)
+        if param is not None:
+            OUTPUTS[path] = param.opts[0]
         return path
 
 

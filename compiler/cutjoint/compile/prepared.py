@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from cutjoint.methods import DEFAULT_PRECISION, IMPLEMENTATIONS, Implementation, find_additions
 from cutjoint.package.errors import CutjointError, ToolchainError
-from cutjoint.package.locations import binaries_folder, code_folders
+from cutjoint.package.locations import binaries_folder, code_folders, require_input
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
@@ -117,6 +117,7 @@ def digests_of(files: Iterable[str]) -> dict[str, str]:
     """
     found = {}
     for file in files:
+        require_input(Path(file))
         with Path(file).open("rb") as stream:
             found[file] = sha256(stream.read(_LARGEST).removeprefix(codecs.BOM_UTF8)).hexdigest()
     return found

@@ -11,6 +11,7 @@ from cutjoint.fits.records import Array
 from cutjoint.model.errors import nearest
 from cutjoint.package.errors import RunError, plural
 from cutjoint.package.extensions import find_package
+from cutjoint.package.locations import require_input
 from cutjoint.run.binary_tables import WRITERS, read_columns
 
 #: From the name of a column to its times, as they stand in the file, and its values, NaN where one is missing.
@@ -25,6 +26,7 @@ def read_data(path: Path, time: str) -> Columns:
     Raises:
         RunError: it cannot be read, or has no such column; the message names the file.
     """
+    require_input(path)
     try:
         columns = _mdf(path) if path.suffix.lower() in _MDF else _table(path, time)
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:

@@ -7,10 +7,22 @@ from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
 
+from cutjoint.package.errors import RunError
+
 #: A path as a caller gives it.
 AnyPath: TypeAlias = str | PathLike[str]
 
 _PACKAGE = Path(__file__).resolve().parent.parent
+
+#: Files that the present command writes, with their options.
+OUTPUTS: dict[Path, str] = {}
+
+
+def require_input(path: Path) -> None:
+    """Raises RunError if a file that is read is one that the present command writes."""
+    for output, option in OUTPUTS.items():
+        if path.is_file() and output.is_file() and output.samefile(path):
+            raise RunError(f"{option} {output}: that is {path.name}, which the command reads; write the results elsewhere")
 
 
 def path_of(path: AnyPath | None) -> Path | None:

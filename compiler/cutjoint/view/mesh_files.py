@@ -10,6 +10,7 @@ from cutjoint.export.laws import Numbers
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import Body, Model, Visual
 from cutjoint.model.text import printable
+from cutjoint.package.locations import require_input
 from cutjoint.view.glb import GlbError, read_glb
 from cutjoint.view.records import Array, Mesh
 from cutjoint.view.sizes import point_of
@@ -111,6 +112,7 @@ def _content(body: Body, visual: Visual) -> bytes:
         raise _problem(body, visual, "is a link that leaves the model file's folder", "put the file itself there")
     if not path.is_file() or path.stat().st_size > _BYTES:
         raise _problem(body, visual, f"is no file of {_BYTES // 1_000_000} MB at most", "name another")
+    require_input(path)
     try:
         return path.read_bytes()
     except OSError:

@@ -16,6 +16,7 @@ import yaml
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import Span
 from cutjoint.model.text import UNSIGNED, printable
+from cutjoint.package.locations import require_input
 
 #: Keys and indices from the root of the document to a value.
 Path: TypeAlias = tuple[str | int, ...]
@@ -104,6 +105,7 @@ for _name, _pattern, _first in (
 def read_text(path: pathlib.Path, encoding: str = "utf-8") -> str:
     """The text of a file, in UTF-8 or else in ``encoding``.  Raises ModelError when it cannot be read, is too large or in none of them."""
     start = Span(file=str(path), line=1, column=1)
+    require_input(path)
     try:
         with path.open("rb") as stream:
             content = stream.read(MAX_BYTES + 1)
