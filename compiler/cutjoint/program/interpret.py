@@ -130,7 +130,7 @@ def _ldl(m: Array) -> tuple[Array, Array]:
 
 
 def _substitute(lower: Array, b: Array) -> Array:
-    """The solution of L x = b, whose rounding grows with the condition of L with rows scaled to one; pivots of LU would mix its rows."""
+    """The solution of L x = b by substitution, whose rounding does not depend on units of rows; that of LU with pivots does."""
     lower, x = _over_one_batch([lower, b])
     x = x.copy()
     for k in range(1, x.shape[-2]):
