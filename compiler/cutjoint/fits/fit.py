@@ -235,10 +235,11 @@ class Solver:
 
     def residuals(self, theta: Array) -> tuple[Array, Array]:
         """Residuals in units of standard deviations, those of priors last, and their derivatives."""
-        key = theta.tobytes() + bytes(np.float64(self.runs.share)) + self.deviations.tobytes() + b"".join(noise.tobytes() for noise in self.noise)
+        key = b"".join(part.tobytes() for part in (theta, np.array(self.runs.share), self.deviations, *self.noise))
         if key != self.kept[0]:
             found = self.runs.predict(theta)
-            rows = [(p.values - p.signal.values - noise[: len(p.values)]) / s for p, s, noise in zip(found, self.deviations, self.noise, strict=True)]
+            kept = [noise[: len(p.values)] for p, noise in zip(found, self.noise, strict=True)]
+            rows = [(p.values - p.signal.values - noise) / s for p, s, noise in zip(found, self.deviations, kept, strict=True)]
             derivatives = [p.derivatives / s for p, s in zip(found, self.deviations, strict=True)]
             known = self.known
             rows.append(((theta - self.mean)[known]) / self.prior[known])

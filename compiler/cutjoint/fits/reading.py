@@ -109,7 +109,8 @@ class _Reading:
         return Study(
             file=self.source.file, method=document.method, integrator=document.integrator, parameters=tuple(fitted), ties=ties,
             experiments=tuple(experiments), loss=document.loss, starts=1 if starts is None else starts.count,
-            seed=(starts or resamples or parts.Starts(count=1)).seed, resamples=0 if resamples is None else resamples.count, windows=document.windows,
+            seed=(starts or resamples or parts.Starts(count=1)).seed, resamples=0 if resamples is None else resamples.count,
+            windows=document.windows,
         )  # fmt: skip
 
     def _fail(self, keys: Keys, message: str, hint: str = "", *, at_key: bool = False) -> None:

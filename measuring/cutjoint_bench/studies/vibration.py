@@ -44,7 +44,8 @@ def half_car() -> str:
     heave = "\n  heave: {kind: prismatic, bodies: [ground, sledge], at: [0, 0, 0.8], axis: z}"
     pitch = "\n  pitch: {kind: revolute, bodies: [sledge, body], at: [0, 0, 0.8], axis: [0, 1, 0]}"
     return (
-        f"cutjoint: 1\nname: half_car\ngravity: [0, 0, 0]\nparameters:{posts}\nbodies:{_both(AXLE)}{body}\njoints:{_both(JOINTS)}{heave}{pitch}\n"
+        f"cutjoint: 1\nname: half_car\ngravity: [0, 0, 0]\nparameters:{posts}\n"
+        f"bodies:{_both(AXLE)}{body}\njoints:{_both(JOINTS)}{heave}{pitch}\n"
         f"forces:{_both(FORCES)}\noutputs: [{', '.join(OUTPUTS)}]\nscenes: {{stand: {{end: 1}}}}\n"
     )
 
@@ -76,7 +77,9 @@ def main() -> None:
     asked = parser.parse_args()
     model = cutjoint.read_model_text(half_car(), "half_car.yaml")
     begin = process_time()
-    found = cutjoint.random_vibration(cutjoint.find_linear_model(model), road="C", speed=SPEED)
+    near = cutjoint.find_linear_model(model)
+    assert isinstance(near, cutjoint.StateSpace)
+    found = cutjoint.random_vibration(near, road="C", speed=SPEED)
     spent = process_time() - begin
     simulation = cutjoint.load(model, integrator="trapezoidal")
     steps, settling = round(asked.seconds / asked.dt), round(5.0 / asked.dt)
@@ -86,7 +89,8 @@ def main() -> None:
     simulation.reset(dt=asked.dt)
     start = simulation.snapshot()
     for run, (front, rear) in enumerate(roads(asked.runs, t)):
-        rows = cutjoint.rollout(simulation, t.size, inputs={"front_post": front[None], "rear_post": rear[None]}, snapshots=[start], threads=1)
+        inputs = {"front_post": front[None], "rear_post": rear[None]}
+        rows = cutjoint.rollout(simulation, t.size, inputs=inputs, snapshots=[start], threads=1)
         squares[run] = np.var(rows[0, settling:], axis=0)
     by_runs = process_time() - begin
     for i, name in enumerate(OUTPUTS):
