@@ -68,7 +68,7 @@ class Experiment:
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """A fit: parameters, ``ties`` of numbers of models to them, and experiments; each of the ``windows`` of a fit is twice as long as the last."""
+    """A fit: parameters, ``ties`` of numbers of models to them, experiments, and ``windows``, each twice as long as the last."""
 
     file: str
     method: str
