@@ -161,6 +161,26 @@ scenes: {s: {end: 1, SCENE}}
     assert np.allclose(found, by_circles, atol=5e-6)  # positions have digits of 1e-4 deg
 
 
+@pytest.mark.heavy
+def test_four_loops() -> None:
+    """Four pairs of links from a slide to the ground, of which each has two poses."""
+    text = ["cutjoint: 1\nname: dyads\ngravity: [0, 0, -9.81]\nbodies:\n  slide: {mass: 1, centre_of_mass: [0, 0, 0]}\n"]
+    text += [f"  a{x}: {{massless: true, centre_of_mass: [{x}.3, 0, 0.4]}}\n"
+             f"  b{x}: {{mass: 1, centre_of_mass: [{x}.3, 0, 0.4], inertia: [0.01, 0.01, 0.01]}}\n" for x in range(4)]  # fmt: skip
+    text += ["joints:\n  way: {kind: prismatic, bodies: [ground, slide], at: [0, 0, 0], axis: z}\n"]
+    text += [f"  p{x}: {{kind: revolute, bodies: [slide, a{x}], at: [{x}, 0, 0], axis: y}}\n"
+             f"  q{x}: {{kind: revolute, bodies: [a{x}, b{x}], at: [{x}.3, 0, 0.4], axis: y}}\n"
+             f"  r{x}: {{kind: revolute, bodies: [b{x}, ground], at: [{x}.6, 0, 0.1], axis: y, cut: true}}\n"
+             for x in range(4)]  # fmt: skip
+    text += ["scenes: {s: {end: 1, SCENE}}\n"]
+    one, other, knee = np.array([0, 0.05]), np.array([0.6, 0.1]), np.array([0.3, 0.4])
+    both = meet(one, far(knee, np.zeros(2)), other, far(knee, other))
+    by_circles = in_order([x for i, point in enumerate(points) for x in (i + point[0], point[1])] for points in product(both, repeat=4))
+    names = [f"b{x}.{axis}" for x in range(4) for axis in "xz"]
+    found = starts("".join(text), "positions: {way.displacement: 0.05}", names, kept=("way.displacement",))
+    assert np.allclose(found, by_circles, atol=5e-6)  # positions have digits of 1e-4 deg
+
+
 def test_the_command_lists_them(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(_SLIDER_CRANK.replace("SCENE", "positions: {turn.angle: 30 deg}"), encoding="utf-8")
     lines = CliRunner().invoke(main, ["check", str(tmp_path / "m.yaml"), "--assemblies"]).output.splitlines()

@@ -17,7 +17,7 @@ from cutjoint.topology.geometry import TOLERANCE
 @dataclass(frozen=True, kw_only=True)
 class Linearisation:
     """The matrices ``M``, ``C``, ``K``, ``W`` (speeds, speeds) and ``J``, ``G`` (equations, speeds).
-    ``names`` are those of the coordinates."""
+    ``names`` are those of the coordinates. Those of a ``steady`` motion are constant, in axes that turn with it."""
 
     names: tuple[str, ...]
     M: Array
@@ -29,6 +29,7 @@ class Linearisation:
     q: Array
     at_rest: bool
     states: int = 0
+    steady: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +103,10 @@ def _kept_rates(of: Linearisation, N: Array) -> Array:
 
 # Interpretation
 
+#: A time (s) in which guides and inputs hardly move; the share of a motion's changes, or of a unit of inertia, that is rounding.
+_SOON, _STEADY = 1e-6, 1e-6
+
+
 @dataclass(frozen=True, kw_only=True)
 class Point:
     """A state at time ``t`` (s): coordinates ``q``, speeds ``v``, accelerations ``vdot``; zero of a mechanism at rest.
@@ -129,10 +134,30 @@ def linearise(equations: ImplicitEquations, at: Point, *, at_rest: bool) -> Line
     if len(J) and at.v.any() and not at_rest:
         G = _tangents(equations, "constraint_residual", "rate", here, at)[:, : len(at.v)] @ free @ free.T
     K, C, M = np.split(forces, 3, axis=1)
+    S = _turning(equations, at)
+    later, now = (_call(equations, "dynamic_residual", {**here, "t": here["t"] + dt}, at).get("force_residual", 0) for dt in (_SOON, 0))
+    moves = np.where(np.arange(len(at.v)) < equations.state.speeds, at.v, 0.0)
+    changes = np.array([(later - now) / _SOON, K @ moves, C @ at.vdot, M @ S @ at.vdot])
+    steady = np.abs(free.T @ changes.sum(axis=0)).max(initial=0.0) <= _STEADY * max(np.abs([*changes, *M]).max(initial=0.0), 1e-300)
+    S *= steady
     return Linearisation(
-        names=coordinate_names(equations), M=M, C=C, K=K, W=_is_angular(equations, at.v), J=J, G=G,
-        q=at.q, at_rest=at_rest, states=len(equations.state.states),
+        names=coordinate_names(equations), M=M, C=C + M @ S, K=K, W=_is_angular(equations, at.v) - S, J=J, G=G,
+        q=at.q, at_rest=at_rest, states=len(equations.state.states), steady=bool(steady),
     )  # fmt: skip
+
+
+def _turning(equations: ImplicitEquations, at: Point) -> Array:
+    """The matrix S of v' = S v where free bodies turn steadily, with velocities in the axes of the ground."""
+    S, ground = np.zeros((len(at.v), len(at.v))), equations.start.topology.tree[0].parent
+    on_ground = {tree.joint.name for tree in equations.start.topology.tree if tree.parent == ground}
+    starts = [c.v + i for c in equations.start.charts if c.joint in on_ground and c.ball for i in range(0, c.scalars + 1, 3)]
+    parts = [slice(i, i + 3) for i in starts]
+    if parts:
+        crossed = np.concatenate([np.cross(np.eye(3), at.v[part]).T for part in parts])
+        rate = np.linalg.lstsq(crossed, np.concatenate([at.vdot[part] for part in parts]), rcond=TOLERANCE)[0]
+        for part in parts:
+            S[part, part] = np.cross(rate, np.eye(3)).T
+    return S
 
 
 def _arrays(equations: ImplicitEquations, at: Point, at_rest: bool) -> dict[str, Array]:

@@ -99,7 +99,7 @@ def require_guides(equations: RecursiveEquations) -> None:
         if not all(isfinite(evaluate(x, begin)) for x in known):
             words = "the guide has no finite position and rate at 0 s; write a law that begins with both"
             raise GuideError(f"{joint.span}: joint '{joint.name}': {words}")
-    moving = _moving(equations)
+    moving = moving_joints(equations)
     if not moving or not equations.closures:
         return
     violations = np.zeros(len(equations.equation_names))
@@ -116,7 +116,7 @@ def require_guides(equations: RecursiveEquations) -> None:
         raise GuideError(_words(equations, moving, violations))
 
 
-def _moving(equations: RecursiveEquations) -> list[Joint]:
+def moving_joints(equations: RecursiveEquations) -> list[Joint]:
     """The tree joints whose guides move in the scene."""
     topology = equations.topology
     return [t.joint for t in topology.tree if any(rate != 0 for rate in _rates(equations, t.joint))]

@@ -71,7 +71,8 @@ class Modes:
     coordinates without spring; those in which a first-order state changes are named by the state. ``zeros`` counts the eigenvalues of
     zero, two for a direction with constant drift, one where a damper stops it. ``undamped`` are the modes of mass and stiffness alone,
     of a state at rest; a positive real one there means that the state is unstable. ``q`` are the tree's coordinates of the state.
-    ``frozen_controllers`` names controllers; their discrete states are frozen. A ``steady`` state is trimmed without accelerations.
+    ``frozen_controllers`` names controllers; their discrete states are frozen. A ``steady`` state has constant coefficients, in axes
+    that turn with free bodies.
     """
 
     time: float

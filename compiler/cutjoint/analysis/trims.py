@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cutjoint.analysis.closing import Array
-from cutjoint.analysis.linearise import Point
+from cutjoint.analysis.linearise import Point, linearise
 from cutjoint.analysis.natural import evaluate_results
 from cutjoint.analysis.trim_equations import (
     MOVES,
@@ -59,7 +59,7 @@ class Trimmed:
     * ``unsteady``: rates with units, of those that may change
     * ``residual``: the largest share to which a condition is not met
     * ``redundant``: targets that follow from other conditions
-    * ``steady``: no condition depends on values that change
+    * ``steady``: the conditions stay met in the motion
     * ``from_random_start``: found from random coordinates, because no solution was near the given ones
     * ``gradients``: derivatives of the unknowns, by parameter
     """
@@ -119,8 +119,18 @@ class _Search(TrimEquations):
         found = self._nearest(self.begin)
         if found.worst <= _MET:
             self._counts = np.ones_like(self._counts)
-            found = self._nearest(found.y)
+            found = self._nearest(self._balanced(found.y))
         return found
+
+    def _balanced(self, y: Array) -> Array:
+        """The point with the multipliers that balance forces best: derivatives by coordinates depend on them."""
+        at, forces, free = self.evaluated(y), self._forces == 1, np.flatnonzero(self._free)
+        ties = (self._first[MULTIPLIERS] <= free) & (free < self._first[PARAMETERS])
+        if ties.any() and np.isfinite(at.left).all():
+            x = np.linalg.lstsq(at.A[forces][:, ties], -(at.left / at.rows)[forces], rcond=_SINGULAR)[0]
+            y = y.copy()
+            y[free[ties]] += x * at.columns[ties]
+        return y
 
     def _nearest(self, begin: Array) -> Evaluated:
         best, rng, alike = self._approach(begin), np.random.default_rng(0), 0
@@ -336,7 +346,7 @@ class _Search(TrimEquations):
         counts, first = self._counts, len(self._forces) - len(self._targets)
         for i in aims:
             self._counts = counts & (np.arange(len(counts)) != i)
-            found = self._approach(self.begin)
+            found = self._approach(self._balanced(self.begin))
             self._counts = counts
             rows = self._columns(self.evaluated(found.y))
             ranks = [np.linalg.matrix_rank(rows[of], tol=_SINGULAR) for of in (counts, counts & (np.arange(len(counts)) != i))]
@@ -374,8 +384,10 @@ class _Search(TrimEquations):
         left, values, _ = np.linalg.svd(at.A)
         follows = (np.abs(left[len(at.left) - len(self._targets) :, int(np.sum(values > _SINGULAR)) :]) > _SINGULAR).any(axis=1)
         q, speeds = self._of._with_reversed_attitudes(arrays["q"]), self._start.speeds
-        changing = self._of._at(SPEEDS, [u.entry for u in self._of._trim.unsteady if at.y[self._of._at(RATES, [u.entry])[0]] != 0.0])
-        varies = changing and np.abs((self.residuals(at.y + 1e-3 * np.diag(self._sizes)[changing]) - at.left) / at.rows).max() > _MET
+        point = Point(
+            t=0.0, q=arrays["q"], v=arrays["v"], vdot=arrays["vdot"], parameters=arrays["parameters"], roads=self._inputs.roads,
+            held={name: float(value) for name, value in held.items()},
+        )  # fmt: skip
         rates = dict(zip(self._names[SPEEDS], arrays["v"].tolist(), strict=True))
         coordinates = dict(zip(self._start.coordinate_names, q.tolist(), strict=True))
         numbers = dict(zip(self._listed, at.y[[*self._listed.values()]].tolist(), strict=True))
@@ -388,10 +400,6 @@ class _Search(TrimEquations):
                 unknown.name: (float(at.y[i]), f"{unknown.unit or '1'}/s".replace("/s/s", "/s^2"))
                 for unknown in self._of._trim.unsteady for i in self._of._at(RATES, [unknown.entry])
             },
-            steady=not varies, from_random_start=self._is_random,
+            steady=linearise(self._system, point, at_rest=False).steady, point=point, from_random_start=self._is_random,
             redundant=tuple(aim.name for aim, is_so in zip(self._of._scene.assemble, follows, strict=True) if is_so),
-            point=Point(
-                t=0.0, q=arrays["q"], v=arrays["v"], vdot=arrays["vdot"], parameters=arrays["parameters"], roads=self._inputs.roads,
-                held={name: float(value) for name, value in held.items()},
-            ),
         )  # fmt: skip

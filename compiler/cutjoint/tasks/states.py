@@ -12,7 +12,7 @@ from math import nan
 import numpy as np
 
 from cutjoint.analysis.linearise import NoMassError, linearise
-from cutjoint.analysis.mobility import find_mobility
+from cutjoint.analysis.mobility import find_mobility, moving_joints
 from cutjoint.analysis.modes import Modes, find_mode_shapes
 from cutjoint.analysis.trims import Trimmed
 from cutjoint.compile.interpreted import compile_interpreted
@@ -157,8 +157,9 @@ def find_scene_modes(
         if trim is None:
             time, linearised = linearise_at(artifact, equations, at, parameters or {}, progress)
         else:
-            time, linearised = 0.0, linearise(equations, trim.point, at_rest=not any(trim.rates.values()))
-        steady, held = trim is not None and trim.steady, tuple(controller.name for controller in model.controllers)
+            at_rest = not (any(trim.rates.values()) or moving_joints(artifact.mechanism))
+            time, linearised = 0.0, linearise(equations, trim.point, at_rest=at_rest)
+        steady, held = trim is not None and linearised.steady, tuple(controller.name for controller in model.controllers)
         modes = replace(find_mode_shapes(linearised, time), frozen_controllers=held, steady=steady)
     except NotReachedError as error:
         report = error.report
