@@ -14,6 +14,8 @@ from scipy.optimize import fsolve
 from cutjoint import find_equilibrium, find_initial_state, find_modes, find_trim, read_model_text
 from cutjoint.analysis.trim_equations import TrimEquations
 from cutjoint.cli import main
+from cutjoint.compile.c_export import make_standalone
+from cutjoint.compile.pipeline import generate
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.run.results import Trajectory
@@ -247,6 +249,16 @@ def test_a_start_that_is_frozen() -> None:
     assert scene.trim is None
     assert float(scene.inputs["throttle"]) == pytest.approx(280 / 900)
     assert simulate(compile_scene(frozen, scene), error=False)["way.displacement"][-1] == pytest.approx(20, rel=1e-9)
+
+
+def test_exports_say_that_the_start_is_trimmed_once(tmp_path: Path) -> None:
+    """At compiling and in the header; a scene without a trim has no such words."""
+    model = read_model_text(SLED.replace("scenes:", "scenes:\n  plain: {end: 1}"), "m.yaml")
+    headers = {name: make_standalone(generate(model, model.scenes[name], ())).files["sled.h"] for name in ("plain", "steady")}
+    assert [name for name, header in headers.items() if "trim was solved once, with the parameters" in header] == ["steady"]
+    (tmp_path / "m.yaml").write_text(SPRING)
+    said = CliRunner().invoke(main, ["compile", str(tmp_path / "m.yaml"), "--language", "c99", "--out", str(tmp_path / "code")]).output
+    assert "the start is trimmed once, with the parameters of the file: preload = -492.4 N" in said
 
 
 def test_modes_about_a_steady_motion() -> None:

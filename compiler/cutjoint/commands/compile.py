@@ -13,7 +13,7 @@ from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import tunable_parameters
 from cutjoint.model.expressions.functions import leave_to_host
 from cutjoint.model.expressions.tunable import with_inputs
-from cutjoint.model.records import Model
+from cutjoint.model.records import Model, Scene
 from cutjoint.report.tables import trim_facts
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.outputs import require_apart
@@ -59,11 +59,13 @@ def command(
         if language == C99:
             stepped = with_inputs(read, external_wrenches=external_wrenches, terrain=terrain)
             options.out.print(_write_c99(stepped, scene, method, out, integrator, iterations), markup=False)
+            _print_start(*find_case(stepped, scene))
             return
         if target == WASM:
             stepped = with_inputs(read, external_wrenches=external_wrenches, terrain=terrain)
             said = _write_module(stepped, scene, method, out, integrator, linearise=linearise, adjoint=adjoint, poses=poses)
             options.out.print(said, markup=False)
+            _print_start(*find_case(stepped, scene))
             return
         artifact = compile_model(
             read, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, adjoint=adjoint, poses=poses,
@@ -72,11 +74,16 @@ def command(
         price = _tunable_cost(artifact, model) if tunable else ""
     operations = artifact.program.operations(artifact.iteration)
     options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}", markup=False)
-    if artifact.scene.trim is not None:
-        (_, found), *_ = trim_facts(find_trim(artifact.topology.model, artifact.scene, {})[2])
-        options.out.print(f"the start is trimmed once, with the parameters of the file: {found}", markup=False)
+    _print_start(artifact.topology.model, artifact.scene)
     if frozen := describe_frozen(freeze_start_parameters(artifact.topology.model, artifact.scene)):
         options.out.print(f"interface {frozen}", markup=False)
+
+
+def _print_start(model: Model, scene: Scene) -> None:
+    """Print what the scene's trim finds, with which exported code starts."""
+    if scene.trim is not None:
+        (_, found), *_ = trim_facts(find_trim(model, scene, {})[2])
+        options.out.print(f"the start is trimmed once, with the parameters of the file: {found}", markup=False)
 
 
 def _write_module(

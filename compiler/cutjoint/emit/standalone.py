@@ -216,7 +216,7 @@ def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, o
         "settings": _settings(defaults), "by_step": _by_step(equations.scene), "tables": tables,
         "violation_limits": _violation_limits(equations, defaults.parameters),
         "end": repr(float(defaults.end)), "output_step": repr(float(defaults.output_step)),
-        "frozen": model.frozen,
+        "frozen": model.frozen, "trimmed": equations.scene.is_trimmed,
         "parameters": [repr(float(defaults.parameters[p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(defaults.parameters[p.name]))) for p in equations.parameters],
         "columns": equations.columns, "steered": _free_input(equations),

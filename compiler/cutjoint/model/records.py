@@ -654,7 +654,8 @@ class Scene:
 
     * ``pose``: "design" or "equilibrium"; ``positions``, ``rates``: by ``joint.coordinate``; an attitude by ``joint.e0`` to ``joint.e3``,
       the quaternion from the follower's axes to the base's, of length one within `UNIT_BOUND`; ``near``: positions that are initial guesses
-    * ``assemble``: conditions on the start with closed loops, after which ``positions`` are all coordinates; ``trim``: the steady start
+    * ``assemble``: conditions on the start with closed loops, after which ``positions`` are all coordinates; ``trim``: the steady start,
+      ``is_trimmed`` once it is found
     * ``starts``: initial values of first-order states by their places; ``entries``: places by "section.joint.coordinate"
     * ``inputs``: expressions of ``t``, parameters' values by default; ``switches``: forces on or off; ``guides``: of joints that the scene
       locks or drives, None of released ones
@@ -685,6 +686,7 @@ class Scene:
     assemble: tuple[Aim, ...] = ()
     near: tuple[str, ...] = ()
     trim: Trim | None = None
+    is_trimmed: bool = field(default=False, compare=False)
 
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"

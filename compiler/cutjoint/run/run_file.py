@@ -142,7 +142,7 @@ def find_trim(
     inputs = {u.name: found.unknowns[u.name] for u in scene.trim.find if u.kind == "input"}
     parameters = tuple(replace(p, value=found.unknowns.get(p.name, problem.parameters.get(p.name, p.value))) for p in model.parameters)
     start = replace(
-        begun, trim=None, assemble=(), near=(), positions=_numbers(found.coordinates), rates=_numbers(found.rates),
+        begun, trim=None, is_trimmed=True, assemble=(), near=(), positions=_numbers(found.coordinates), rates=_numbers(found.rates),
         starts=_numbers(found.states), inputs={**begun.inputs, **_numbers(inputs)},
     )  # fmt: skip
     return replace(model, parameters=parameters), start, found

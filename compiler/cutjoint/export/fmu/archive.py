@@ -132,7 +132,7 @@ def make_fmu(
         name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=(), kind=kind,
         stops_at_events=stops, steps=", ".join(filter(None, (
             str(standalone.settings) if KINDS[kind][0] else "", describe_frozen(model),
-            "" if scene.trim is None else "its start trimmed once",
+            "" if scene.trim is None else "its start trimmed once, with the parameters of the file",
         ))),
     )  # fmt: skip
     return Fmu(
