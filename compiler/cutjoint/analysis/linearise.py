@@ -17,7 +17,8 @@ from cutjoint.topology.geometry import TOLERANCE
 @dataclass(frozen=True, kw_only=True)
 class Linearisation:
     """The matrices ``M``, ``C``, ``K``, ``W`` (speeds, speeds) and ``J``, ``G`` (equations, speeds).
-    ``names`` are those of the coordinates. Those of a ``steady`` motion are constant, in axes that turn with it."""
+    ``names`` are those of the coordinates, ``sizes`` those of first-order states: the larger of value and nominal value.
+    Those of a ``steady`` motion are constant, in axes that turn with it."""
 
     names: tuple[str, ...]
     M: Array
@@ -28,8 +29,13 @@ class Linearisation:
     G: Array
     q: Array
     at_rest: bool
-    states: int = 0
     steady: bool = False
+    sizes: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def states(self) -> int:
+        """The number of first-order states."""
+        return len(self.sizes)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +43,7 @@ class ReducedSystem:
     """The linearised equations in independent unknowns.
 
     ``basis`` N (speeds, dofs), ``stiffness`` and ``damping`` (dofs, dofs) for a unit mass matrix, and ``first_order``, the matrix
-    of (z, w, x)' with the first-order states x.
+    of (z, w, x)' with the first-order states x over their sizes.
     """
 
     basis: Array
@@ -69,12 +75,12 @@ def reduce_system(of: Linearisation) -> ReducedSystem:
     joints = replace(of, **{name: getattr(of, name)[:n, :n] for name in "MCKW"}, **{name: getattr(of, name)[:, :n] for name in "JG"})
     N = _of_unit_mass(joints, free_directions(joints.J))
     P = _kept_rates(joints, N)
-    C, K = of.C[n:], of.K[n:]
+    C, K, over = of.C[n:], of.K[n:], of.sizes[:, np.newaxis]
     stiffness, damping, turning = N.T @ (joints.K @ N + joints.C @ P), N.T @ joints.C @ N, N.T @ joints.M @ joints.W @ N
     first_order = np.block([
         [turning, np.eye(N.shape[1]), np.zeros((N.shape[1], of.states))],
-        [-stiffness, -damping, -N.T @ of.C[:n, n:]],
-        [-(C[:, :n] @ P + K[:, :n] @ N), -C[:, :n] @ N, -C[:, n:]],
+        [-stiffness, -damping, -N.T @ of.C[:n, n:] * of.sizes],
+        [-(C[:, :n] @ P + K[:, :n] @ N) / over, -C[:, :n] @ N / over, -C[:, n:] * of.sizes / over],
     ])  # fmt: skip
     return ReducedSystem(basis=N, stiffness=stiffness, damping=damping, first_order=first_order)
 
@@ -140,9 +146,11 @@ def linearise(equations: ImplicitEquations, at: Point, *, at_rest: bool) -> Line
     changes = np.array([(later - now) / _SOON, K @ moves, C @ at.vdot, M @ S @ at.vdot])
     steady = np.abs(free.T @ changes.sum(axis=0)).max(initial=0.0) <= _STEADY * max(np.abs([*changes, *M]).max(initial=0.0), 1e-300)
     S *= steady
+    nominal = np.array([state.nominal for state in equations.state.states])
     return Linearisation(
         names=coordinate_names(equations), M=M, C=C + M @ S, K=K, W=_is_angular(equations, at.v) - S, J=J, G=G,
-        q=at.q, at_rest=at_rest, states=len(equations.state.states), steady=bool(steady),
+        q=at.q, at_rest=at_rest, steady=bool(steady),
+        sizes=np.maximum(np.abs(at.v[len(at.v) - len(nominal) :]), nominal),
     )  # fmt: skip
 
 

@@ -32,7 +32,7 @@ class Participant:
 
     ``amplitude`` is relative to that of the coordinate with the largest share, in SI units (m, rad), its phase that by which the
     coordinate is ahead; ``share`` is its part of the mode's kinetic energy, coordinate times momentum, to which squares of first-order
-    states are added: shares add up to one, and one may be negative.
+    states over their sizes are added: shares add up to one, and one may be negative.
     """
 
     amplitude: complex
@@ -110,16 +110,17 @@ def find_mode_shapes(of: Linearisation, time: float) -> Modes:
     values, vectors, null, zeros = eigenpairs(_scaled(system))
     scale = _rate(system)
     modes = [
-        Mode(eigenvalue=_cleaned(scale * v), shape=_shape(of, _speeds(system, z, scale))) for v, z in zip(values, vectors.T, strict=True)
+        Mode(eigenvalue=_cleaned(scale * v), shape=_shape(of, _speeds(of, system, z, scale), abs(scale * v)))
+        for v, z in zip(values, vectors.T, strict=True)
     ]
     undamped: list[Mode] = []
     if of.at_rest:
         squares, shapes, _, _ = eigenpairs(system.stiffness)
         undamped = [
-            Mode(eigenvalue=_cleaned(np.sqrt(-square + 0j)), shape=_shape(of, _speeds(system, z, scale, states=of.states)))
+            Mode(eigenvalue=_cleaned(np.sqrt(-square + 0j)), shape=_shape(of, _speeds(of, system, z, scale)))
             for square, z in zip(squares, shapes.T, strict=True)
         ]
-    speeds = np.array([_speeds(system, z, scale) for z in null.T]).reshape(null.shape[1], len(of.M))
+    speeds = np.array([_speeds(of, system, z, scale) for z in null.T]).reshape(null.shape[1], len(of.M))
     return Modes(
         time=time, at_rest=of.at_rest, degrees_of_freedom=n, modes=_ordered(modes), undamped=_ordered(undamped), zeros=zeros,
         rigid_body_modes=dict(_rigid_body_modes(of, speeds.T)), q=of.q,
@@ -151,10 +152,10 @@ def _rate(system: ReducedSystem) -> float:
     return springs if springs > _SPRINGS * fastest else fastest or 1.0
 
 
-def _speeds(system: ReducedSystem, z: Array | Complex, rate: float, *, states: int = 0) -> Array | Complex:
-    """The speeds of independent unknowns (z, w/rate, x/rate), states last; of z alone, ``states`` do not move."""
+def _speeds(of: Linearisation, system: ReducedSystem, z: Array | Complex, rate: float) -> Array | Complex:
+    """The speeds of independent unknowns (z, w/rate, x/rate), states last; of z alone, states do not move."""
     n = system.basis.shape[1]
-    return np.concatenate([system.basis @ z[:n], rate * z[2 * n :] if len(z) > n else np.zeros(states)])
+    return np.concatenate([system.basis @ z[:n], rate * of.sizes * (z[2 * n :] if len(z) > n else 0.0)])
 
 
 def _scaled(system: ReducedSystem) -> Array:
@@ -177,8 +178,8 @@ def _ordered(modes: list[Mode]) -> tuple[Mode, ...]:
     )
 
 
-def _shape(of: Linearisation, x: Complex | Array) -> Mapping[str, Participant]:
-    shares = np.real(np.conj(x) * (of.M @ x))
+def _shape(of: Linearisation, x: Complex | Array, rate: float = 1.0) -> Mapping[str, Participant]:
+    shares = np.real(np.conj(x) * (of.M @ x)) / np.concatenate([np.ones(len(of.M) - of.states), (rate * of.sizes) ** 2])
     followed = np.where(_followed(of), shares, 0.0)
     shares = followed if followed.any() else shares
     shares /= shares.sum()
@@ -199,6 +200,7 @@ def _rigid_body_modes(of: Linearisation, x: Array) -> Iterator[tuple[str, Mappin
     """Combinations of the columns of x (speeds, directions) of which each has a coordinate of its own, or a state where states change."""
     directions, first = x.shape[1], len(of.M) - of.states
     sizes, rest, dominants = np.sqrt(of.M.diagonal().clip(0.0)), x.copy(), []
+    sizes[first:] /= of.sizes
     for _ in range(directions):
         lengths = np.linalg.norm(rest, axis=1) * sizes
         with_states = lengths[first:].max(initial=0.0) > _PART * lengths.max()
