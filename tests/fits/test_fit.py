@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
 import cutjoint
 from cutjoint.cli import main
 from cutjoint.fits.data import read_data
+from cutjoint.fits.fit import _spread
+from cutjoint.fits.records import Signal
 from cutjoint.model.read import read_model
 from cutjoint.sweeps.reading import read_study
 from tests.conftest import MODELS
@@ -247,12 +250,24 @@ def test_a_linkage_is_calibrated_from_poses_alone(tmp_path: Path) -> None:
         ("time,x\n0,1\n\n1,a\n", "line 4: 'a' is no number; below its first line of names it has numbers alone"),
         ("time;x\n0,5;1,5\n", "line 2: '0,5' is no number"),
         ("time,x\n0,1,2\n", "line 2 has 3 values for 2 names"),
+        ("time,x,y,x\n0,1,2,3\n", "two columns are named 'x'; rename or remove one"),
     ],
 )
 def test_what_is_wrong_with_data_has_its_line(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "d.csv").write_text(text)
     with pytest.raises(cutjoint.CutjointError, match=rf"d\.csv: .*{words}"):
         read_data(tmp_path / "d.csv", "time")
+
+
+def test_a_constant_column_has_the_size_of_its_value() -> None:
+    """The standard deviation of 0.9 thirty times is that of its sum's rounding, not 0."""
+    values = np.full(30, 0.9)
+    assert 0 < np.std(values) < 1e-15
+    one, none = sympy.Integer(1), sympy.Integer(0)
+    signal = Signal(
+        text="a", unit="m", value=one, times=np.arange(30.0), values=values, deviation=np.nan, gain=one, bias=none, delay=none
+    )  # fmt: skip
+    assert _spread(signal) == 0.9
 
 
 def test_an_empty_study_is_no_model(tmp_path: Path) -> None:
@@ -268,6 +283,7 @@ def test_an_empty_study_is_no_model(tmp_path: Path) -> None:
     [
         ({"parameters": {"stifness": {}}}, "no model has a number of this name"),
         ({"parameters": {"stiffness": {"start": 5, "from": 6}}}, "is not between its bounds"),
+        ({"parameters": {"stiffness": {"from": 6, "to": 5}}}, "its bounds 6 and 5 enclose nothing; write the smaller one under 'from'"),
         ({"parameters": {"stiffness": {"start": "5 kg"}}}, "needs"),
         ({"ties": {"nothing": "stiffness"}}, "is no number of the models"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.xx": {}}}}}, "slider.xx"),

@@ -57,6 +57,8 @@ def _csv(path: Path) -> dict[str, Array]:
     if not read:
         raise ValueError("it is empty; write a line of names, then a line of numbers for each sample")
     names = read.pop(0)[1] if not all(map(_is_number, read[0][1])) else [str(i + 1) for i in range(len(read[0][1]))]
+    if twice := [name for i, name in enumerate(names) if name and name in names[:i]]:
+        raise ValueError(f"two columns are named '{twice[0]}'; rename or remove one")
     for line, row in read:
         if len(row) != len(names):
             raise ValueError(f"line {line} has {plural(len(row), 'value')} for {plural(len(names), 'name')}")

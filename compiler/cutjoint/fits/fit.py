@@ -342,8 +342,9 @@ def _open(found: Identifiability) -> list[str]:
 
 
 def _spread(signal: Signal) -> float:
-    """The size of a signal's changes, or of itself where it is constant."""
-    return float(np.std(signal.values) or np.abs(signal.values).max() or 1.0)
+    """The size of a signal's changes, or of itself where it is constant but for rounding."""
+    changes, size = float(np.std(signal.values)), float(np.abs(signal.values).max())
+    return changes if changes > 1e-14 * size else size or 1.0
 
 
 def _result(p: Prediction, deviation: float) -> SignalResult:

@@ -154,6 +154,8 @@ class _Reading:
         low, high = number(part.from_, ("from",), -inf), number(part.to, ("to",), inf)
         if isnan(start) and part.start is None:
             self._fail(keys, "no model has a number of this name, and it has no start", "write start: and a number", at_key=True)
+        elif low > high:
+            self._fail(keys, f"its bounds {low:g} and {high:g} enclose nothing", "write the smaller one under 'from'", at_key=True)
         elif not low <= start <= high or low == high:
             self._fail(keys, f"its start {start:g} is not between its bounds {low:g} and {high:g}", "change one of them", at_key=True)
         mean = deviation = inf
