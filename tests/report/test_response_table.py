@@ -26,3 +26,20 @@ def test_rounding_is_shown_as_zero() -> None:
     assert ["near", "u", "0", *"------"] in rows
     assert ["0", "-", "-"] in rows
     assert next(row for row in rows if row[:1] == ["far"])[2] == f"{1 / abs(40 + 0.2j * np.pi):.4g}"
+
+
+def test_narrow_terminals_fold_names_and_keep_each_number() -> None:
+    """At 80 columns a long name and a row of six numbers are printed whole."""
+    none, name = np.zeros((1, 1)), "a_very_long_name_of_a_joint.displacement"
+    model = StateSpace(
+        A=np.array([[-1.0, 0.0], [0.0, -2.0]]), B=np.array([[1.0], [1.0]]), B_rate=np.zeros((2, 1)), B_acceleration=np.zeros((2, 1)),
+        C=np.array([[1e5, 3e5]]), D=none, D_rate=none, D_acceleration=none, x=np.zeros(2), y=np.zeros(1), states=("a", "b"),
+        inputs=("an_input_with_a_name",), outputs=(name,), units={name: "m", "an_input_with_a_name": "N"},
+    )  # fmt: skip
+    console = Console(width=80, record=True)
+    *_, table = response_tables(model, model.frequency_response([0.1, 1.0, 10.0]), "rest")
+    console.print(table)
+    text = console.export_text()
+    assert "…" not in text
+    first = "".join(line[1:].split(" ", 1)[0] for line in text.splitlines()[3:])
+    assert first.endswith(name)

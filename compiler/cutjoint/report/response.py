@@ -40,7 +40,7 @@ def response_tables(model: LinearModel, response: FrequencyResponse, about: str)
     yield poles
     figures = ("peak gain", "at\nHz", "gain\nmargin", "at\nHz", "phase\nmargin deg", "at\nHz")
     responses = table("responses, in SI units", ("output", "input", *figures), numbers=figures, no_wrap=True)
-    responses.add_column("zeros\nz" if sampled else "zeros\n1/s")
+    responses.add_column("zeros\nz" if sampled else "zeros\n1/s", overflow="fold")
     peaks = {(o, i): model.peak(o, i, response.frequencies) for o in model.outputs for i in model.inputs}
     for output in model.outputs:
         for name in model.inputs:

@@ -34,10 +34,15 @@ def closing_equations(model: Model) -> str:
 def table(
     title: str, headings: Sequence[str], rows: Iterable[Sequence[RenderableType]] = (), *, numbers: Collection[str] = (), **how: Any
 ) -> Table:  # fmt: skip
-    """A table with headings; columns of ``numbers`` are aligned to the right, and ``how`` has further options of Rich's columns."""
+    """A table with headings; columns of ``numbers`` are aligned to the right, and ``how`` has further options of Rich's columns.
+
+    Texts fold where the terminal is narrow, so that no character is lost; ``no_wrap`` is for numbers.
+    """
     made = Table(title=title, title_justify="left", box=None)
     for heading in headings:
-        made.add_column(heading, justify="right" if heading in numbers else "left", **how)
+        right, whole = heading in numbers, heading in numbers and how.get("no_wrap", False)
+        options = {"overflow": "ellipsis" if whole else "fold", **how, "no_wrap": whole}
+        made.add_column(heading, justify="right" if right else "left", **options)
     for row in rows:
         made.add_row(*row)
     return made
@@ -128,7 +133,7 @@ def loop_table(topology: Topology) -> Table:
         (cut.name, cut.kind + ("" if cut.cut else " (chosen)"), cut.span.place, loop.base, ", ".join(loop.bodies), str(loop.width))
         for loop in topology.loops for cut in [cuts[loop.cut]]
     )  # fmt: skip
-    return table("loops", ("cut joint", "kind", "line", "base body", "bodies of the loop", "width"), rows, overflow="fold")
+    return table("loops", ("cut joint", "kind", "line", "base body", "bodies of the loop", "width"), rows)
 
 
 def redundancy_table(redundancy: Redundancy, model: Model) -> Table:
@@ -139,7 +144,7 @@ def redundancy_table(redundancy: Redundancy, model: Model) -> Table:
             alike = [r for r in found if r.joint == joint]
             rows.append((joint, alike[0].place, ", ".join(map(_redundant_equation, alike)), when))
     headings = ("cut joint or gear" if model.gears else "cut joint", "line", "equations", "redundant")
-    return table(f"redundant {closing_equations(model)}", headings, rows, overflow="fold")
+    return table(f"redundant {closing_equations(model)}", headings, rows)
 
 
 def _redundant_equation(redundant: RedundantEquation) -> str:

@@ -36,7 +36,7 @@ def pose_table(state: MechanismState) -> Table:
     """The pose of each body, a row each."""
     bodies = _posed(state)
     columns = [_decimals([state.values[f"{body}.{quantity}"] for body in bodies]) for quantity in POSE]
-    made = table("poses, m and rad", ("body", *POSE), zip(bodies, *columns, strict=True), numbers=POSE, overflow="fold")
+    made = table("poses, m and rad", ("body", *POSE), zip(bodies, *columns, strict=True), numbers=POSE)
     made.pad_edge, made.collapse_padding = False, True
     return made
 
@@ -277,7 +277,7 @@ def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> 
         for variant, cost in zip(variants, costs, strict=True)
     )  # fmt: skip
     title = f"{full.model.name}, scene {full.scene.name}, method {full.method}"
-    return table(title, ("model", "motion", *figures), rows, numbers=figures, overflow="fold")
+    return table(title, ("model", "motion", *figures), rows, numbers=figures)
 
 
 def note_lines(variant: ReducedModel) -> Iterator[str]:
@@ -290,7 +290,7 @@ def choice_table(choice: Choice, scene: Scene) -> Table:
     title = f"scene {scene.name}: the fastest within {accuracy_of(scene):g} m and rad (reference solution: {choice.reference_change:.0e})"
     figures = ("steps", "error", "ms", "of real time")
     rows = (("chosen" if c == choice.chosen else "", c.method, c.variant, *_cells(c, scene)) for c in choice.evidence)
-    return table(title, ("", "method", "model", *figures), rows, numbers=figures, overflow="fold")
+    return table(title, ("", "method", "model", *figures), rows, numbers=figures)
 
 
 def _cells(candidate: Candidate, scene: Scene) -> tuple[str, ...]:
