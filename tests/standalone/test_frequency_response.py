@@ -330,3 +330,11 @@ def test_the_command_writes_tables_plots_and_errors(tmp_path: Path) -> None:
     assert run("--output", "front_tyre.farce")[1].endswith("'front_tyre' has no quantity 'farce'; did you mean 'force'?\n")
     assert "go together" in run("--road", "C")[1]
     assert "is empty" in run("--from", "5", "--to", "2")[1]
+
+
+def test_a_position_that_a_force_holds_is_no_equilibrium_to_linearise_about() -> None:
+    """A scene that sets a height starts there, but nothing holds it: 300 kg 10 mm above the height of rest on 20 kN/m."""
+    text = car(("front", 0.0)).replace("end: 1", "end: 1, positions: {heave.displacement: 10 mm}")
+    assert "positions" in text
+    with pytest.raises(cutjoint.RunError, match=r"scene 'stand': .* hold 'heave.displacement', so that small motions have no equilibrium"):
+        linear(text)

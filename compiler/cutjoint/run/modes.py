@@ -54,7 +54,7 @@ def linearise_at(
     sampled = zip(artifact.topology.model.discrete_states, state.get("discrete_states") or [], strict=False)
     held = {discrete_state_name(value): number for value, number in sampled if number is not None}
     if at is None:
-        _require_free(equations, read_locking_forces(summary))
+        require_free(equations.scene, read_locking_forces(summary))
     point = Point(
         t=state["t"], q=np.array(state["q"]), v=np.array(state["v"]), vdot=np.array(state["vdot"]),
         parameters=np.array([run_file.parameters[p.name] for p in equations.parameters]), held={**(run_file.inputs or {}), **held},
@@ -84,11 +84,11 @@ def _with_step_ending_at(scene: Scene, at: float) -> Scene:
     return replace(with_settings(scene, LINEARISED, {"dt": at / steps}), output_step=at)
 
 
-def _require_free(equations: ImplicitEquations, held: Mapping[str, tuple[float, str]]) -> None:
+def require_free(scene: Scene, held: Mapping[str, tuple[float, str]]) -> None:
     """Check that no coordinate that the scene locks has a constraint force: the linear model would have no equilibrium."""
     if not held:
         return
-    scene, (name, (force, unit)) = equations.scene, max(held.items(), key=lambda item: abs(item[1][0]))
+    name, (force, unit) = max(held.items(), key=lambda item: abs(item[1][0]))
     raise RunError(
         f"{scene.span}: scene '{scene.name}': {force:.3g} {unit} hold '{name}', so that small motions have no "
         "equilibrium; leave its coordinate out of positions, guide its joint, or linearise about a motion with --at"

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import sympy
 
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.formulate.inputs import discrete_state_name
 from cutjoint.model.errors import nearest
 from cutjoint.model.expressions.parse import parameter_symbol, quantity_symbol
@@ -18,9 +19,12 @@ from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import VALUE, Binding, DiscreteState, Model, Output, Parameter, Scalar, Scene, Signal
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import with_constant_inputs
-from cutjoint.run.run_file import find_trim, parameter_values
+from cutjoint.run.modes import require_free
+from cutjoint.run.results import read_locking_forces
+from cutjoint.run.run_file import find_trim, make_run_file, parameter_values
 from cutjoint.run.scenes import ModelLike, load_model
-from cutjoint.run.settings import require_settings
+from cutjoint.run.settings import PLAIN_STEPS, require_settings
+from cutjoint.run.simulator import call_simulator
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.stepping.state_space import SampledStateSpace, Sampler, StateSpace
@@ -69,7 +73,7 @@ def find_scene_linear_model(
         parameters = {name: value for name, value in parameters.items() if name not in of_inputs}
     else:
         scene, parameters = with_constant_inputs(model, scene, parameters)
-        scene = scene if at is not None else replace(scene, pose="equilibrium", rates={})
+        scene = scene if at is not None else _at_rest(model, scene, parameters)
     if not model.controllers:
         return replace(_begin(model, scene, parameters, at).linearise(), places=places).choose(chosen)
     if any(function.memory for function in model.functions):
@@ -87,6 +91,16 @@ def find_scene_linear_model(
     plant = replace(sim.linearise(), places=places).choose((*chosen, *held), outputs=requested)
     samplers = tuple(Sampler(every=c.every, offset=c.offset, number=len(c.discrete_states)) for c in model.controllers)
     return SampledStateSpace(plant=plant, samplers=samplers, held=np.array([sim.get_input(name) for name in held]))
+
+
+def _at_rest(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Scene:
+    """The scene at the static equilibrium, which no force on its positions holds."""
+    found = replace(scene, pose="equilibrium", rates={})
+    if found.positions:
+        artifact = compile_interpreted(model, found)
+        plan = make_run_file(model, found, parameters, task="equilibrium", options=PLAIN_STEPS)
+        require_free(scene, read_locking_forces(call_simulator(artifact.binary.path, plan.entries(), description=artifact.description)))
+    return found
 
 
 def _begin(model: Model, scene: Scene, parameters: Mapping[str, float], at: float | None) -> Simulation:
