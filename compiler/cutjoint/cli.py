@@ -56,6 +56,8 @@ class _Commands(click.Group):
         except (KeyboardInterrupt, Terminated) as stop:
             click.echo("\n".join([str(stop) or "interrupted", *getattr(stop, "__notes__", ())]), err=True)
             raise SystemExit(stop.code if isinstance(stop, Terminated) else 130) from None
+        finally:
+            OUTPUTS.clear()
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in _COMMANDS:
@@ -138,7 +140,6 @@ def _is_utf_8(text: str) -> bool:
 @click.version_option(package_name="cutjoint")
 def main() -> None:
     """A model compiler for multibody dynamics: from one YAML file to case-specific C++."""
-    OUTPUTS.clear()
 
 
 if __name__ == "__main__":
