@@ -217,7 +217,7 @@ class Starter {
 
   Real arm() const { return Real(arm_of(mechanism_)); }
   /// That of a rate; a first-order state moves by its nominal value as a length by the arm.
-  Real nominal(std::size_t speed) const { return Real(size_at(scaled_nominals_of(mechanism_), speed, n_)) / (speed < sizes_.joint_speeds() ? Real(1) : arm()); }
+  Real nominal(std::size_t speed) const { return Real(size_at(nominals_of(mechanism_), speed, n_)) / (speed < sizes_.joint_speeds() ? Real(1) : arm()); }
 
   /// The part of step_ that moves by a length relative to the arm at most.
   Real part_of_step(double most) const { return std::min(Real(1), Real(most) * arm() / std::max(largest(step_), Real(1e-30))); }
