@@ -274,6 +274,7 @@ def _explicit(name: str, table: str, *, order: str, stages: int, about: str, ada
     return Integrator(
         name=name, methods=("recursive",), order=order, about=about, steps={"recursive": steps},
         closures=_ALL_CLOSURES, closure="solved", adaptive=adaptive, settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY,
+        c99=not adaptive,
     )  # fmt: skip
 
 

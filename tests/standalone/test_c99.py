@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from shutil import which
 from typing import Any
 
 import numpy as np
@@ -115,8 +116,8 @@ class Code:
         return found
 
 
-#: The ending of names of models whose loops are embedded.
-EMBEDDED = " embedded"
+#: Endings of names: of models whose loops are embedded, and of integrators other than the trapezoidal rule.
+EMBEDDED, RK4 = " embedded", " rk4"
 
 #: The statistics of a step in C99: real and whole numbers.
 OWN = ("violation", "change"), ("iterations",)
@@ -125,15 +126,17 @@ OWN = ("violation", "change"), ("iterations",)
 @cache
 def exported(name: str, scene: str | None = None) -> tuple[Mapping[str, str], Standalone]:
     """The C99 files of a model, and its C++ export."""
+    integrator = "rk4" if name.endswith(RK4) else None
+    name = name.removesuffix(RK4)
     text = PUSHED if name == "pushed" else (MODELS / f"{name.removesuffix(EMBEDDED)}.yaml").read_text(encoding="utf-8")
     if name.endswith(EMBEDDED):
         text = text.replace("{end: 2,", "{end: 2, numerics: {loops: embedded},")
     case, found = find_case(read_model_text(text, f"{name}.yaml"), scene)
-    chosen = with_default_closure(found, "recursive", None)
-    files = make_c99(case, chosen, method="recursive").files
+    chosen = with_default_closure(found, "recursive", integrator)
+    files = make_c99(case, chosen, method="recursive", integrator=integrator).files
     case = freeze_start_parameters(case, chosen)
     generated = generate(case, chosen, chosen.outputs, method="recursive", lanes=False)
-    return files, make_standalone(generated, equal_steps=True, lanes=False)
+    return files, make_standalone(generated, integrator=integrator, equal_steps=True, lanes=False)
 
 
 def compile_c99(files: Mapping[str, str], place: Path, name: str, by: str = "gcc") -> Path:
@@ -162,11 +165,13 @@ def codes(name: str, place: Path) -> tuple[Code, Code]:
 
 
 @needs_cpp
-@pytest.mark.parametrize("name", with_heavy(["pushed", "press", "press embedded", "four_bar", "delta"], "four_bar", "delta"))
+@pytest.mark.parametrize("name", with_heavy(["pushed", "pushed rk4", "press", "press embedded", "press embedded rk4", "four_bar", "delta"],
+    "press embedded rk4", "four_bar", "delta"))
 def test_steps_have_the_bits_of_the_cpp_export(name: str, tmp_path: Path) -> None:
     runs: list[NDArray[np.float64]] = []
     for code in codes(name, tmp_path):
-        assert code.call("set_iterations", 6) == code.call("start") == 0
+        assert name.endswith(RK4) or code.call("set_iterations", 6) == 0
+        assert code.call("start") == 0
         rows = [code.row()]
         for step in range(1000):
             if step == 300 and code.count["PARAMETERS"]:
@@ -180,7 +185,7 @@ def test_steps_have_the_bits_of_the_cpp_export(name: str, tmp_path: Path) -> Non
             rows.append(code.row())
         runs.append(np.array(rows))
     assert np.isfinite(runs[0]).all()
-    assert not name.endswith(EMBEDDED) or code.count["EQUATIONS"] == 0
+    assert EMBEDDED not in name or code.count["EQUATIONS"] == 0
     assert np.ptp(runs[0], axis=0)[1] > 1e-3
     assert (runs[0].view(np.uint64) == runs[1].view(np.uint64)).all()
 
@@ -284,7 +289,7 @@ REFUSED: dict[str, tuple[Callable[[str], str], list[str], str]] = {
         ": language c99 has no scene with located events, which 'swing' is; set events: crossed",
     ),
     "method": (str, ["--method", "augmented"], "language c99: method 'augmented' has no C99; use recursive"),
-    "integrator": (str, ["--integrator", "rk4"], ": language c99: integrator 'rk4' has no C99; use --integrator trapezoidal"),
+    "integrator": (str, ["--integrator", "dop853"], ": language c99: integrator 'dop853' has no C99; use --integrator trapezoidal or rk4"),
     "iterations": (str, ["--iterations", "101"], "Invalid value for '--iterations': 101 is above 100; write a smaller number"),
     "step": (str, ["--dt", "0.5ms"], "no option --dt: write numerics: {dt: 0.5ms} into the scene; C++ code also has NAME_set_step"),
     "poses": (str, ["--poses"], "--poses does not apply to --language c99, which has steps and outputs alone"),
@@ -301,3 +306,89 @@ def test_what_it_has_not_is_refused_before_work(what: str, tmp_path: Path, monke
     assert result.exit_code != 0
     assert said in " ".join(result.output.split())
     assert not (tmp_path / "made").exists()
+
+
+@needs_cpp
+def test_the_error_of_floats_is_the_one_that_the_readme_has(tmp_path: Path) -> None:
+    case, found = find_case(read_model_text(PUSHED, "pushed.yaml"), None)
+    chosen, rows = with_default_closure(found, "recursive", None), []
+    for precision, kind in (("double", ctypes.c_double), ("single", ctypes.c_float)):
+        files, place = make_c99(case, chosen, method="recursive", precision=precision).files, tmp_path / precision
+        if precision == "double":
+            library = compile_c99(files, place, "pushed")
+        else:
+            place.mkdir()
+            for file in ("pushed.c", "pushed.h"):
+                (place / file).write_text(files[file], encoding="utf-8")
+            assert "libm/names.h" not in files
+            subprocess.run(["gcc", *C, "-ffp-contract=off", "-O1", "-fPIC", "-shared", "pushed.c", "-lm", "-o", "made.so"], cwd=place, check=True)
+            library = place / "made.so"
+        code = Code(library, "pushed", files["pushed.h"])
+        outputs = code._library["pushed_outputs"]
+        outputs.restype = ctypes.POINTER(kind)
+        assert code.call("start") == 0
+        assert code.call("set_parameter", 7, 1.0) == -2
+        rows.append(np.array([(code.call("step"), *outputs(code.sim)[:5]) for _ in range(1000)], dtype=float))
+    assert not rows[0][:, 0].any()
+    error, size = abs(rows[1] - rows[0])[:, 1:].max(axis=0), abs(rows[0])[:, 1:].max(axis=0)
+    said = np.array([row.split(" | ")[1:] for row in re.findall(r"^\| ((?:cart|bob|spring)\.\w+ \| .*) \|$", files["README.md"], re.MULTILINE)], dtype=float)
+    assert (error > 0).all()
+    assert (error < 1000 * 2.0**-24 * size).all()  # at most a rounding in each step
+    assert said.T == pytest.approx(np.array([error, size]), rel=0.05)  # two digits
+
+
+#: A program that makes calls of any order with any arguments in any state.
+ANY_CALLS = """
+#include "{p}.h"
+#include "__fc_builtin.h"
+static {p}_sim memory;
+static double any(void) {{ return Frama_C_double_interval(-1e300, 1e300); }}
+int main(void) {{
+  {p}_sim* sim = Frama_C_interval(0, 1) ? {p}_create(&memory, sizeof memory) : 0;
+  int i, status = {p}_start(sim);
+  while (Frama_C_interval(0, 1)) {{
+    {p}_set_parameter(sim, Frama_C_interval(-2, 9), any());
+    {more}
+    for (i = 0; status == 0 && i < {P}_COORDINATES; ++i) {{ sim->q[i] = any(); }}
+    for (i = 0; status == 0 && i < {P}_SPEEDS; ++i) {{ sim->v[i] = any(); sim->vdot[i] = any(); }}
+    {p}_step(sim);
+    {p}_outputs(sim); {p}_coordinates(sim); {p}_speeds(sim); {p}_accelerations(sim); {p}_multipliers(sim); {p}_parameters(sim);
+    {p}_status_text({p}_time(sim) > 1.0 ? 1 : Frama_C_interval(-10, 50));
+    status = {p}_start(sim);
+  }}
+  return status;
+}}
+"""
+ITERATED = (
+    "{p}_step_statistics s; {p}_last_step(sim, &s); {p}_last_step(sim, 0); {p}_set_limit(sim, Frama_C_interval(-2, 5), any()); "
+    "{p}_set_iterations(sim, Frama_C_interval(-5, 200));"
+)
+WITH_INPUTS = "{p}_set_input(sim, Frama_C_interval(-2, 9), any(), any(), any()); {p}_release_input(sim, Frama_C_interval(-2, 9));"
+
+
+@needs_cpp
+@pytest.mark.heavy
+@pytest.mark.skipif(which("frama-c") is None, reason="needs Frama-C")
+@pytest.mark.parametrize("name", ["press", "four_bar", "pushed rk4"])
+def test_no_call_has_undefined_behaviour(name: str, tmp_path: Path) -> None:
+    files, standalone = exported(name)
+    p = standalone.name
+    for file in (f"{p}.c", f"{p}.h"):
+        (tmp_path / file).write_text(files[file], encoding="utf-8")
+    more = (WITH_INPUTS if "_set_input" in files[f"{p}.h"] else "") + (ITERATED if not name.endswith(RK4) else "")
+    (tmp_path / "main.c").write_text(ANY_CALLS.format(p=p, P=p.upper(), more=more.format(p=p)), encoding="utf-8")
+    options = ("-eva", "-eva-no-print", "-warn-special-float", "none", "-eva-precision", "2", "-eva-split-return", "auto")
+    said = subprocess.run(["frama-c", *options, tmp_path / "main.c", tmp_path / f"{p}.c"], check=False, capture_output=True, text=True).stdout
+    assert re.search(r"statements reached \(out of \d+\): 100% coverage", said), said[-3000:]
+    assert "0 alarms generated by the analysis" in said
+
+
+@pytest.mark.parametrize(("name", "said"), {
+    "press": "integrator 'rk4' has no loop equations; set loops: embedded, or use --integrator trapezoidal",
+    "pushed": "integrator 'rk4' has no iterations; omit --iterations",
+}.items())  # fmt: skip
+def test_explicit_steps_refuse_what_they_cannot_do(name: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / f"{name}.yaml"
+    path.write_text(PUSHED if name == "pushed" else (MODELS / "press.yaml").read_text(encoding="utf-8"), encoding="utf-8")
+    call = ["compile", str(path), "--language", "c99", "--integrator", "rk4", "--iterations", "3", "--out", str(tmp_path / "made")]
+    assert said in " ".join(CliRunner().invoke(main, call).output.split())

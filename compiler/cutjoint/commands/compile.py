@@ -42,7 +42,7 @@ def command(
     model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, adjoint: bool, poses: bool,
     external_wrenches: tuple[str, ...], terrain: tuple[str, ...], tunable: tuple[str, ...], functions: Path | None, hosted: bool,
     target: str,
-    reproducible: bool, language: str, iterations: int | None,
+    reproducible: bool, language: str, iterations: int | None, precision: str,
 ) -> None:  # fmt: skip
     """Generate and compile the C++ of MODEL for one scene, or write it as C99."""
     if language == C99:
@@ -51,6 +51,8 @@ def command(
             raise click.UsageError(f"--{unfit[0]} does not apply to --language {C99}, which has steps and outputs alone")
     elif iterations is not None:
         raise click.UsageError(f"--iterations is for --language {C99}: exports in C++ have the call NAME_set_iterations")
+    elif precision != DEFAULT_PRECISION:
+        raise click.UsageError(f"--precision {precision} is for --language {C99}")
     if hosted and functions is not None:
         raise click.UsageError("--functions and --host-functions exclude each other: the code is compiled in or left to the host")
     with options.progress_bar(f"compiling {model.name}"):
@@ -58,7 +60,7 @@ def command(
         read = leave_to_host(read) if hosted else read
         if language == C99:
             stepped = with_inputs(read, external_wrenches=external_wrenches, terrain=terrain)
-            options.out.print(_write_c99(stepped, scene, method, out, integrator, iterations), markup=False)
+            options.out.print(_write_c99(stepped, scene, method, out, integrator, iterations, precision), markup=False)
             _print_start(*find_case(stepped, scene))
             return
         if target == WASM:
@@ -105,10 +107,13 @@ def _write_module(
     return f"{module}, {len(made) / 1000:.0f} kB, with its calls in JavaScript ({standalone.name}.mjs) in {folder}"
 
 
-def _write_c99(model: Model, scene: str | None, method: str, folder: Path, integrator: str | None, iterations: int | None) -> str:
+def _write_c99(
+    model: Model, scene: str | None, method: str, folder: Path, integrator: str | None, iterations: int | None, precision: str
+) -> str:  # fmt: skip
     """Write the C99 code; what was written, in words."""
     case, found = find_case(model, scene)
-    made = make_c99(case, with_default_closure(found, method, integrator), method=method, integrator=integrator, iterations=iterations)
+    chosen = with_default_closure(found, method, integrator)
+    made = make_c99(case, chosen, method=method, integrator=integrator, iterations=iterations, precision=precision)
     require_apart({"the model": Path(model.span.file)}, documents=[(f"--out {folder}: file", folder / name) for name in made.files])
     write_files(folder, made.files)
     return f"{made.operations} operations an evaluation; {made.name}.h and {made.name}.c in {folder}; README.md says how to compile them"

@@ -306,6 +306,8 @@ OPTIONS: Mapping[str, Row] = {
     "language": click.option("--language", type=click.Choice(["c++", "c99"]), default="c++", show_default=True,
         help="c99: a header and a C file for controllers, with a fixed number of iterations in each step and a constant initial state."),
     "compile.iterations": click.option("--iterations", type=Setting("c99_iterations"), help="Iterations of each step in C99. Default: 6."),
+    "compile.precision": click.option("--precision", type=click.Choice(["double", "single"]), default=DEFAULT_PRECISION, show_default=True,
+        help="Number type of C99. single: float; README.md has its error against double over the scene."),
     "cases": click.argument("cases", type=_READ),
     "fmus": click.argument("fmus", metavar="FMU...", type=_READ, nargs=-1, required=True),
     "threads": click.option("--threads", type=Setting("threads"), help="Number of threads. Default: all processors."),

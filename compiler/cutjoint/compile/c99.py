@@ -1,10 +1,15 @@
 """A mechanism as C99 for controllers: what it cannot be, and its start, which the C++ export finds."""
 
 import ctypes
+import subprocess
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+
+import numpy as np
 
 from cutjoint.compile.c_export import Standalone, choose_steps, freeze_start_parameters, make_standalone
 from cutjoint.compile.pipeline import generate
@@ -19,6 +24,10 @@ from cutjoint.toolchain.wasm import build_matching_library, mathematics
 
 #: The function by which the library of a C export shows the penalties of its cut joints.
 _PENALTIES = 'extern "C" const double* {p}_penalties({p}_sim* sim) {{ return sim->sim.penalties().data(); }}\n'
+
+
+#: Steps over which the error of floats is measured at most.
+_MOST_MEASURED = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,11 +64,14 @@ class C99Export:
     operations: int
 
 
-def make_c99(model: Model, scene: Scene, *, method: str, integrator: str | None = None, iterations: int | None = None) -> C99Export:
+def make_c99(
+    model: Model, scene: Scene, *, method: str, integrator: str | None = None, iterations: int | None = None, precision: str = "double"
+) -> C99Export:  # fmt: skip
     """The C99 code of a model in a scene.
 
     Raises:
-        RunError: the method, the integrator or an element of the model has no C99, or the start fails; others as of `compile_scene`.
+        RunError: the method, the integrator or an element of the model has no C99, or the start or a step with floats fails; others as of
+            `compile_scene`.
         ToolchainError: there is no C++ compiler, which the start needs.
     """
     require_c99(model, scene, method, integrator)
@@ -74,11 +86,63 @@ def make_c99(model: Model, scene: Scene, *, method: str, integrator: str | None 
             f"{loop.span}: language c99: the embedded loop of '{loop.independent}' depends on parameters; make them constants, or set "
             "loops: exact"
         )
-    files = emit_c99(
-        standalone.parts, standalone.defaults, standalone.digest, find_start(standalone), mathematics(),
-        iterations=ITERATIONS if iterations is None else iterations,
+    if not (iterated := standalone.steps.is_iterated):
+        _require_explicit(standalone, scene, iterations)
+    iterations = ITERATIONS if iterations is None else iterations
+    emit = partial(
+        emit_c99, standalone.parts, standalone.defaults, standalone.digest, find_start(standalone), mathematics(), iterations=iterations,
+        precision=precision,
     )  # fmt: skip
+    files = emit()
+    if precision != "double":
+        files = emit(errors=_measure_floats(standalone, files, iterations * iterated))
     return C99Export(name=standalone.name, files=files, operations=standalone.parts.program.operations(METHODS[method].iteration))
+
+
+def _require_explicit(standalone: Standalone, scene: Scene, iterations: int | None) -> None:
+    """Check that explicit steps have no loops to close, no events to find and no iterations."""
+    chosen, equations = standalone.integrator, standalone.parts.mechanism
+    faults = {
+        "loop equations; set loops: embedded, or use --integrator trapezoidal": equations.equation_names,
+        "events; set events: crossed": standalone.defaults.events is not False and equations.indicators,
+        "iterations; omit --iterations": iterations is not None,
+    }  # fmt: skip
+    if found := [what for what, there in faults.items() if there]:
+        raise RunError("\n".join(f"{scene.span}: language c99: integrator '{chosen}' has no {what}" for what in found))
+
+
+def _measure_floats(standalone: Standalone, files: Mapping[str, str], iterations: int) -> list[dict[str, object]]:
+    """For each output its largest difference between float and double over the scene, and its largest value.
+
+    Raises:
+        RunError: a step fails.
+    """
+    name, defaults = standalone.name, standalone.defaults
+    with TemporaryDirectory() as folder:
+        for file in (f"{name}.h", f"{name}.c"):
+            (Path(folder) / file).write_text(files[file], encoding="utf-8")
+        call = [*find_compiler().command, "-x", "c", "-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared", f"{name}.c", "-lm", "-o", "made.so"]
+        subprocess.run(call, cwd=folder, check=True)
+        libraries = [(Path(folder) / "made.so", ctypes.c_float), (build_start(standalone), ctypes.c_double)]
+        columns = standalone.parts.mechanism.columns
+        tables = []
+        for path, kind in libraries:
+            library = ctypes.CDLL(str(path))
+            memory = (ctypes.c_double * (standalone.size // 8 + 1000))()
+            sim, rows = _create(library, name, memory), []
+            outputs = library[f"{name}_outputs"]
+            outputs.restype = ctypes.POINTER(kind)
+            statuses = [library[f"{name}_set_iterations"](sim, iterations)] if iterations else []
+            statuses.append(library[f"{name}_start"](sim))
+            for _ in range(min(_MOST_MEASURED, round(defaults.end / defaults.dt))):
+                statuses.append(library[f"{name}_step"](sim))
+                rows.append(outputs(sim)[: len(columns)])
+            if any(statuses):
+                step = next(k for k, status in enumerate(statuses) if status)
+                raise RunError(f"language c99: step {step} of the scene fails with {kind.__name__[2:]}, status {statuses[step]}")
+            tables.append(np.array(rows))
+    errors, sizes = abs(tables[0] - tables[1]).max(axis=0), abs(tables[1]).max(axis=0)
+    return [{"name": c.name, "error": e, "size": s} for c, e, s in zip(columns, errors, sizes, strict=True)]
 
 
 def require_c99(model: Model, scene: Scene, method: str, integrator: str | None) -> None:
@@ -118,9 +182,7 @@ def find_start(standalone: Standalone) -> Start:
     p, size = standalone.name, standalone.size
     library = ctypes.CDLL(str(build_start(standalone)))
     memory = (ctypes.c_double * (size // 8 + 1))()
-    create = library[f"{p}_create"]
-    create.restype, create.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t]
-    sim = ctypes.c_void_p(create(memory, size))
+    sim = _create(library, p, memory)
     if library[f"{p}_start"](sim):
         text = ctypes.create_string_buffer(1000)
         library[f"{p}_failure_text"](sim, text, ctypes.c_size_t(1000))
@@ -133,6 +195,13 @@ def find_start(standalone: Standalone) -> Start:
     }  # fmt: skip
     found = [_numbers(library[f"{p}_{name}"], sim, length) for name, length in lengths.items()]
     return Start(q=found[0], v=found[1], vdot=found[2], multipliers=found[3], penalties=found[4])
+
+
+def _create(library: ctypes.CDLL, name: str, memory: ctypes.Array[Any]) -> ctypes.c_void_p:
+    """A simulation in memory, which has to outlive it."""
+    create = library[f"{name}_create"]
+    create.restype, create.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t]
+    return ctypes.c_void_p(create(memory, ctypes.sizeof(memory)))
 
 
 def _numbers(call: Any, sim: ctypes.c_void_p, length: int) -> list[float]:

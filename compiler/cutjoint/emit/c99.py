@@ -5,20 +5,32 @@ from bisect import bisect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from cutjoint.emit.classes import Defaults, SimulationCode, describe_function, records_of, sizes_of
 from cutjoint.emit.printer import C99
 from cutjoint.emit.standalone import Mathematics, prepare
 from cutjoint.emit.statuses import STATUSES
 from cutjoint.emit.view import FunctionView, Viewer
-from cutjoint.methods import CLOSURES
+from cutjoint.methods import CLOSURES, STEPS
 from cutjoint.model.ranges import RANGES
+from cutjoint.ops import STANDARD
+from cutjoint.package.errors import RunError
 from cutjoint.package.locations import licence
 
 #: The functions of a mechanism that steps of fixed cost call, with loops and where these are projected.
 _CALLED, _WITH_LOOPS, _PROJECTED = ("scene_inputs", "evaluate", "report"), ("constraint_residual",), ("project",)
 
-#: The statuses of such steps.
-_CAUSES = ("diverged", "loops_violated", "limit_exceeded")
+#: The statuses of steps that iterate, and of others; the first one's step failed.
+_CAUSES = {True: ("diverged", "loops_violated", "limit_exceeded"), False: ("accelerations_not_finite",)}
+
+#: The C types of the precisions.
+TYPES = {"double": "double", "single": "float"}
+
+#: In code of C: comments and includes, functions of the mathematical library that have a version for floats, and numbers that are not whole.
+_IN_CODE = re.compile(
+    rf"/\*.*?\*/|\b(?:{'|'.join((*STANDARD, 'fabs'))})(?=\()|(?<![\w.])\d+(?:\.\d*(?:e[+-]?\d+)?|e[+-]?\d+)(?!\w)", re.DOTALL
+)  # fmt: skip
 
 #: The iterations of a step unless others are given.
 ITERATIONS = 6
@@ -41,15 +53,23 @@ class Start:
 
 
 def emit_c99(
-    parts: SimulationCode, defaults: Defaults, digest: str, start: Start, libm: Mathematics, *, iterations: int = ITERATIONS
+    parts: SimulationCode, defaults: Defaults, digest: str, start: Start, libm: Mathematics, *, iterations: int = ITERATIONS,
+    precision: str = "double", errors: Sequence[Mapping[str, object]] = (),
 ) -> dict[str, str]:  # fmt: skip
-    """The files by name; arguments as of `emit_standalone`, for a program without lanes."""
+    """The files by name; arguments as of `emit_standalone`, for a program without lanes.
+
+    ``errors`` are those of floats, for the README: rows of an output's name, its largest error and its range.
+
+    Raises:
+        RunError: a number of the model is too large for a float.
+    """
     parts, view = prepare(parts, defaults, digest)
     page, equations = parts.page, parts.mechanism
     viewer = Viewer(parts.program, equations, dialect=C99)
     has_loops, projected = bool(equations.equation_names), CLOSURES[defaults.closure].penalty_of_each_cut
     wanted = (*_CALLED, *(_WITH_LOOPS * has_loops), *(_PROJECTED * (has_loops and projected)))
     called = [f.name for f in equations.functions if f.name in wanted]
+    iterated = STEPS[parts.method][defaults.integrator].is_iterated
     views = {viewer.load_name: viewer.load(), viewer.step_name: viewer.step(), **{name: viewer.function(name) for name in called}}
     functions = [_function(describe_function(name, parts.program), page.stem, found) for name, found in views.items()]
     bodies = [line for f in views.values() for line in _lines(f)]
@@ -59,17 +79,29 @@ def emit_c99(
         "banner": f"/* {page.banner[0]} */", "functions": functions, "records": records_of(viewer), "start": start.texts,
         "input_values": equations.input_values, "iterations": iterations, "most_iterations": RANGES["c99_iterations"]["most"],
         "projected": projected, "charts": equations.charts, "libm": libm,
-        "balls": any(chart.ball for chart in equations.charts), "statuses": [STATUSES[cause] for cause in _CAUSES],
+        "balls": any(chart.ball for chart in equations.charts), "statuses": [STATUSES[cause] for cause in _CAUSES[iterated]], "iterated": iterated,
+        "real": TYPES[precision], "errors": errors, "single": precision == "single",
         "chooses": any("choose(" in line for line in bodies),
         "stabilised": any("stabilisation." in line for line in bodies) or (has_loops and equations.inputs),
         "cut_of": [max(0, bisect([c.first for c in equations.closures], i) - 1) for i in range(len(equations.equation_names))],
         "many": {name: max(1, sizes[name]) for name in ("equations", "parameters", "columns")},  # arrays of C have an element
     }  # fmt: skip
-    header = str(view["header"])
+    header, code = str(view["header"]), page.render("c99/model.c.jinja", **view)
     return {
-        f"{header}.h": page.render("c99/api.h.jinja", **view), f"{header}.c": page.render("c99/model.c.jinja", **view),
-        "README.md": page.render("c99/README.md.jinja", **view), "LICENSE": licence(), **libm.files,
+        f"{header}.h": page.render("c99/api.h.jinja", **view), f"{header}.c": _IN_CODE.sub(_in_floats, code) if view["single"] else code,
+        "README.md": page.render("c99/README.md.jinja", **view), "LICENSE": licence(), **({} if view["single"] else libm.files),
     }  # fmt: skip
+
+
+def _in_floats(found: re.Match[str]) -> str:
+    """A number as the nearest float, or a function's name as that of its version for floats."""
+    text = found.group()
+    if not text[0].isdigit():
+        return text if text.startswith("/*") else f"{text}f"
+    number = np.float32(min(float(text), 1e300))
+    if not np.isfinite(number):
+        raise RunError(f"language c99: {text} is too large for --precision single")
+    return f"{number!s}f"
 
 
 def _function(about: str, stem: str, view: FunctionView) -> dict[str, object]:

@@ -1,0 +1,270 @@
+"""A bound on the instructions of a step of C99 code, from the control flow of its binary, beside the largest count of an emulated run.
+
+The bound is the longest path through each function of an aarch64 object: a loop counts as often as its `for` statement in C allows.
+Excluded: the reduction of angles beyond 1e6 rad, and square roots of negative numbers.  The count is that of qemu-aarch64, which logs each
+instruction; parameters and inputs change before each step.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from cutjoint.compile.c99 import make_c99
+from cutjoint.model.read import read_model_text
+from cutjoint.run.scenes import find_case, with_default_closure
+from cutjoint.toolchain.wasm import mathematics
+from cutjoint_bench.studies.checkout import MODELS
+
+PREFIX = "aarch64-linux-gnu-"
+FLAGS = ("-g", "-O2", "-fno-tree-vectorize", "-fno-tree-loop-distribute-patterns", "-fno-math-errno")
+NEVER = float("-inf")
+
+#: Calls that no step within the stated limits makes.
+EXCLUDED = frozenset({"cutjoint_k_rem_pio2_large", "sqrt"})
+
+#: Model, integrator, and its text changed.
+CASES = (("press", None), ("four_bar", None), ("press", "rk4"), ("pendulum", "rk4"), ("pendulum", None))
+
+MAIN = """
+#include "{p}.h"
+static {p}_sim memory;
+int main(void) {{
+  {p}_sim* sim = {p}_create(&memory, sizeof memory);
+  int status = {p}_start(sim), k;
+  for (k = 0; status == 0 && k < {steps}; ++k) {{
+    {p}_set_parameter(sim, 0, {p}_parameters(sim)[0] * (1.0 + 1e-6 * (k % 3)));
+    {inputs}
+    status = {p}_step(sim);
+  }}
+  return status;
+}}
+"""
+
+
+@dataclass
+class Code:
+    """The functions of an object file, and the largest numbers of rounds of its loops by source line."""
+
+    functions: dict[str, list[tuple[int, str, str, tuple[str, int]]]]
+    rounds: Mapping[tuple[str, int], int]
+    known: dict[str, float] = field(default_factory=dict)
+
+    def bound(self, name: str) -> float:
+        """The most instructions of a call."""
+        if name in EXCLUDED:
+            return NEVER
+        if name not in self.known:
+            self.known[name] = Function(self, self.functions[name]).bound
+        return self.known[name]
+
+
+@dataclass
+class Function:
+    """The basic blocks of a function by the addresses of their first instructions."""
+
+    code: Code
+    instructions: Sequence[tuple[int, str, str, tuple[str, int]]]
+
+    @cached_property
+    def bound(self) -> float:
+        """The longest path from the entry."""
+        self._find_blocks()
+        entry = self.instructions[0][0]
+        found = self._longest(set(self.next), entry, frozenset())
+        return max(found.get(block, NEVER) for block in self.ends)
+
+    def _find_blocks(self) -> None:
+        places = {a: i for i, (a, *_) in enumerate(self.instructions)}
+        first, jumps = {self.instructions[0][0]}, {}
+        for i, (address, name, operands, _) in enumerate(self.instructions):
+            if re.fullmatch(r"b|b\.\w+|cbn?z|tbn?z", name):
+                jumps[address] = int(re.findall(r"\b([0-9a-f]+) <", operands)[0], 16)
+                first |= {jumps[address]} & set(places)
+            elif name not in ("ret", "udf"):
+                assert name != "br", "a jump by a table"
+                continue
+            if i + 1 < len(self.instructions):
+                first.add(self.instructions[i + 1][0])
+        starts = sorted(first)
+        self.next: dict[int, list[int]] = {}
+        self.price: dict[int, float] = {}
+        self.last: dict[int, int] = {}
+        self.ends: list[int] = []
+        for start, end in zip(starts, [*starts[1:], 1 << 62], strict=True):
+            block = [row for row in self.instructions if start <= row[0] < end]
+            address, name, operands, _ = block[-1]
+            self.last[start] = places[address]
+            called = [re.findall(r"<([\w.]+)>", row[2])[0] for row in block if row[1] == "bl"]
+            self.next[start] = []
+            if address in jumps and jumps[address] in places:
+                self.next[start].append(jumps[address])
+            elif address in jumps:  # a call in place of a return
+                called.append(re.findall(r"<([\w.]+)>", operands)[0])
+            if name not in ("b", "ret", "udf") and end < 1 << 62:
+                self.next[start].append(end)
+            elif name == "ret" or (name == "b" and not self.next[start]):
+                self.ends.append(start)
+            self.price[start] = len(block) + sum(map(self.code.bound, called))
+
+    def _longest(self, blocks: set[int], entry: int, cut: frozenset[tuple[int, int]]) -> dict[int, float]:
+        """The most instructions from an entry to the end of each block, over blocks without the edges that are cut."""
+        parts = _components(blocks, entry, lambda b: [n for n in self.next[b] if n in blocks and (b, n) not in cut])
+        found: dict[int, float] = {}
+        reached = {entry: 0.0}
+        for part in parts:
+            (heads,) = [[b for b in part if b in reached]]
+            loops = len(part) > 1 or any(n == b and (b, n) not in cut for b in part for n in self.next[b])
+            if not loops:
+                here = {heads[0]: self.price[heads[0]]}
+            else:
+                assert len(heads) == 1, "a loop with two entries"
+                here = self._loop(part, heads[0], cut)
+            for block, length in here.items():
+                found[block] = reached[heads[0]] + length
+                for after in self.next[block]:
+                    if after in blocks and after not in part and (block, after) not in cut:
+                        reached[after] = max(reached.get(after, NEVER), found[block])
+        return found
+
+    def _loop(self, part: set[int], head: int, cut: frozenset[tuple[int, int]]) -> dict[int, float]:
+        back = frozenset((b, head) for b in part if head in self.next[b])
+        once = self._longest(part, head, cut | back)
+        latches = [b for b, _ in back]
+        tested_below = any(n not in part for b in latches for n in self.next[b])
+        rounds = max(self._rounds(b) for b in latches)
+        before = (rounds - tested_below) * max(once.get(b, NEVER) for b in latches)
+        return {block: before + length for block, length in once.items()}
+
+    def _rounds(self, latch: int) -> int:
+        """The number of rounds that the `for` statement of a loop's last branch allows."""
+        file, line = self.instructions[self.last[latch]][3]
+        while (file, line) not in self.code.rounds:
+            line -= 1
+            assert line > 0, f"no loop in {file} ends at {self.instructions[self.last[latch]]}"
+        return self.code.rounds[file, line]
+
+
+def _components(blocks: set[int], entry: int, after: object) -> list[set[int]]:
+    """The strongly connected components that an entry reaches, in topological order (Tarjan 1972)."""
+    index: dict[int, int] = {}
+    low: dict[int, int] = {}
+    stack: list[int] = []
+    found: list[set[int]] = []
+
+    def visit(b: int) -> None:
+        index[b] = low[b] = len(index)
+        stack.append(b)
+        for n in after(b):  # type: ignore[operator]
+            if n not in index:
+                visit(n)
+                low[b] = min(low[b], low[n])
+            elif n in stack:
+                low[b] = min(low[b], index[n])
+        if low[b] == index[b]:
+            part = set()
+            while b not in part:
+                part.add(stack.pop())
+            found.append(part)
+
+    visit(entry)
+    return found[::-1]
+
+
+def read_code(binary: Path, sources: Mapping[str, str], rounds: Mapping[str, int]) -> Code:
+    """The code of an object file; ``rounds`` are the values of limits of loops that are no numbers."""
+    said = subprocess.run([f"{PREFIX}objdump", "-dl", "--no-show-raw-insn", binary], check=True, capture_output=True, text=True).stdout
+    functions: dict[str, list[tuple[int, str, str, tuple[str, int]]]] = {}
+    rows, place = [], ("", 0)
+    for line in said.splitlines():
+        if start := re.match(r"[0-9a-f]+ <([\w.]+)>:", line):
+            rows = functions.setdefault(start[1], [])
+        elif source := re.match(r"\S*?([\w.]+\.[ch]):(\d+)", line):
+            place = source[1], int(source[2])
+        elif row := re.match(r" +([0-9a-f]+):\t(\S+)\s*(.*)", line):
+            rows.append((int(row[1], 16), row[2], row[3], place))
+    return Code({name: [row for row in body if row[1] != "nop"] for name, body in functions.items()}, _limits(sources, rounds))
+
+
+def _limits(sources: Mapping[str, str], rounds: Mapping[str, int]) -> dict[tuple[str, int], int]:
+    limits = {}
+    for file, text in sources.items():
+        names = {**{name: int(value) for name, value in re.findall(r"\b([A-Z_]+) = (\d+)", text)}, **rounds}
+        names["STATES"] = names["COORDINATES"] + names["SPEEDS"]
+        for number, line in enumerate(text.splitlines(), 1):
+            if found := re.search(r"for \((\w+) = (\d+); .*?\b\1 (<=?) ([\w>-]+)", line):
+                limit = int(found[4]) if found[4].isdigit() else names[found[4]]
+                limits[file, number] = limit - int(found[2]) + (found[3] == "<=")
+    return limits
+
+
+def measure(binary: Path, name: str, code: Code, folder: Path) -> int:
+    """The largest number of instructions of a step in an emulated run."""
+    log = folder / "log"
+    subprocess.run(["qemu-aarch64", "-singlestep", "-d", "exec,nochain", "-D", log, binary], check=True)
+    entry = code.functions[f"{name}_step"][0][0]
+    calls = [i for i, row in enumerate(code.functions["main"]) if row[1] == "bl" and f"<{name}_step>" in row[2]]
+    back = code.functions["main"][calls[0] + 1][0]
+    counts, since = [], None
+    with log.open(encoding="utf-8") as lines:
+        for n, line in enumerate(lines):
+            at = int(line.split("/")[1], 16) if line.startswith("Trace") else -1
+            if at == entry:
+                since = n
+            elif at == back and since is not None:
+                counts.append(n - since)
+                since = None
+    return max(counts)
+
+
+def compare(name: str, integrator: str | None, steps: int = 100) -> tuple[int, int]:
+    """The bound on the instructions of a step of a model, and the largest count of a run."""
+    text = (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
+    text = text.replace("{end: 2,", "{end: 2, numerics: {loops: embedded},") if integrator and name == "press" else text
+    case, scene = find_case(read_model_text(text, f"{name}.yaml"), None)
+    scene = with_default_closure(scene, "recursive", integrator)
+    files = make_c99(case, scene, method="recursive", integrator=integrator).files
+    inputs = f"{name}_set_input(sim, 0, 0.01 * k, 0.1 * (k % 7), 0.0);" if "_set_input" in files[f"{name}.h"] else ""
+    with TemporaryDirectory() as made:
+        folder, own = Path(made), mathematics()
+        (folder / "libm").mkdir()
+        for file, content in {**files, "main.c": MAIN.format(p=name, steps=steps, inputs=inputs)}.items():
+            (folder / file).write_text(content, encoding="utf-8")
+        named = ("-include", "libm/names.h")
+        sources = [f"libm/{path.name}" for path in sorted((folder / "libm").glob("*.c"))]
+        calls = [(*own.cxx, "-std=c99", "main.c"), (*own.cxx, "-std=c99", *named, f"{name}.c")]
+        calls += [(*own.c, *named, source) for source in sources]
+        for i, call in enumerate(calls):
+            subprocess.run([f"{PREFIX}gcc", *FLAGS, "-c", *call, "-o", f"{i}.o"], cwd=folder, check=True)
+        objects = [f"{i}.o" for i in range(len(calls))]
+        subprocess.run([f"{PREFIX}gcc", "-static", *objects, "-lm", "-o", "all"], cwd=folder, check=True)
+        read = {f"{name}.c": files[f"{name}.c"]}
+        iterations = re.search(r"_ITERATIONS (\d+)", files[f"{name}.h"])
+        rounds = dict.fromkeys(("self->iterations", f"{name.upper()}_ITERATIONS"), int(iterations[1]) if iterations else 0)
+        code = read_code(folder / "all", read, rounds)
+        return int(code.bound(f"{name}_step")), measure(folder / "all", name, code, folder)
+
+
+@click.command(help=__doc__)
+@click.option("--only", default="", help="Models whose name has this text.")
+def command(only: str) -> None:
+    """Print the table."""
+    table = Table("model", "integrator", "bound", "count", "bound/count")
+    for name, integrator in CASES:
+        if only in name:
+            bound, count = compare(name, integrator)
+            table.add_row(name, integrator or "trapezoidal", str(bound), str(count), f"{bound / count:.2f}")
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    command()
