@@ -11,6 +11,7 @@ from cutjoint.compile.c99 import make_c99
 from cutjoint.compile.c_export import describe_frozen, freeze_start_parameters, make_standalone, needs_load_events
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import tunable_parameters
+from cutjoint.methods import DEFAULT_PRECISION
 from cutjoint.model.expressions.functions import leave_to_host
 from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model, Scene

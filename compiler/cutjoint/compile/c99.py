@@ -121,8 +121,8 @@ def _measure_floats(standalone: Standalone, files: Mapping[str, str], iterations
     with TemporaryDirectory() as folder:
         for file in (f"{name}.h", f"{name}.c"):
             (Path(folder) / file).write_text(files[file], encoding="utf-8")
-        call = [*find_compiler().command, "-x", "c", "-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared", f"{name}.c", "-lm", "-o", "made.so"]
-        subprocess.run(call, cwd=folder, check=True)
+        flags = ("-x", "c", "-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared")
+        subprocess.run([*find_compiler().command, *flags, f"{name}.c", "-lm", "-o", "made.so"], cwd=folder, check=True)
         libraries = [(Path(folder) / "made.so", ctypes.c_float), (build_start(standalone), ctypes.c_double)]
         columns = standalone.parts.mechanism.columns
         tables = []
