@@ -24,9 +24,6 @@ _CALLED, _WITH_LOOPS, _PROJECTED = ("scene_inputs", "evaluate", "report"), ("con
 #: The statuses of steps that iterate, and of others; the first one's step failed.
 _CAUSES = {True: ("diverged", "loops_violated", "limit_exceeded"), False: ("accelerations_not_finite",)}
 
-#: The C types of the precisions.
-TYPES = {"double": "double", "single": "float"}
-
 #: In code of C: comments, functions of the mathematical library that have a version for floats, and numbers that are not whole.
 _IN_CODE = re.compile(
     rf"/\*.*?\*/|\b(?:{'|'.join((*STANDARD, 'fabs'))})(?=\()|(?<![\w.])\d+(?:\.\d*(?:e[+-]?\d+)?|e[+-]?\d+)(?!\w)", re.DOTALL
@@ -80,7 +77,7 @@ def emit_c99(
         "input_values": equations.input_values, "iterations": iterations, "most_iterations": RANGES["c99_iterations"]["most"],
         "projected": projected, "charts": equations.charts, "libm": libm,
         "balls": any(chart.ball for chart in equations.charts), "statuses": [STATUSES[cause] for cause in _CAUSES[iterated]],
-        "iterated": iterated, "real": TYPES[precision], "errors": errors, "single": precision == "single",
+        "iterated": iterated, "real": "float" if precision == "single" else "double", "errors": errors, "single": precision == "single",
         "chooses": any("choose(" in line for line in bodies),
         "stabilised": any("stabilisation." in line for line in bodies) or (has_loops and equations.inputs),
         "cut_of": [max(0, bisect([c.first for c in equations.closures], i) - 1) for i in range(len(equations.equation_names))],
