@@ -559,3 +559,30 @@ def test_a_wheel_without_torque_rolls(kind: str, v: float) -> None:
         q = q1 + q3 * abs(v) / v0 + q4 * (v / v0) ** 4
         assert pulled.unknowns["pull"] == pytest.approx(way * R0 * Fz * q / (R0 - Fz / Cz + way * R0 * Fz / Fz0 * q2), rel=1e-6)
         assert found.states == pytest.approx(dict(pulled.states), rel=1e-6, abs=1e-9)
+
+
+RESTING = """
+cutjoint: 1
+name: rest
+gravity: [0, 0, -9.81]
+bodies:
+  mass: {mass: 0.45, centre_of_mass: [0, 0, 1.3], inertia: [1, 1, 1]}
+  bob: {mass: 80, centre_of_mass: [5, 0, 1.3], inertia: [1, 1, 1]}
+joints:
+  slide: {kind: prismatic, bodies: [ground, mass], at: [0, 0, 1], axis: z}
+  arm: {kind: revolute, bodies: [ground, bob], at: [4, 0, 1.3], axis: y}
+forces:
+  foot: {kind: contact, bodies: [ground, mass], at: [0, 0, 0], normal: z, centre: [0, 0, 1.3], radius: 1, force: [0, 0, 1e5*deflection]}
+  heel: {kind: contact, bodies: [ground, bob], at: [0, 0, 0], normal: z, centre: [5, 0, 1.3], radius: 1, force: [0, 0, 2e4*deflection]}
+scenes: {run: {end: 1, trim: {find: [slide.displacement], hold: {mass.z: 2 m}}}}
+"""
+
+
+def test_a_target_that_the_other_conditions_determine_is_refused_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mass rests on the ground, wherever it is wanted: one search with the target, one without; further ones took 259 evaluations."""
+    count, evaluated = [], TrimEquations.evaluated
+    monkeypatch.setattr(TrimEquations, "evaluated", lambda self, y: count.append(y) or evaluated(self, y))
+    model = read_model_text(RESTING, "m.yaml")
+    with pytest.raises(RunError, match=r"no start meets all conditions; the nearest has 'mass\.z' = 1 in place of 2 m"):
+        find_equilibrium(model)
+    assert len(count) < 60

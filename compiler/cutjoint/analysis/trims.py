@@ -35,7 +35,7 @@ from cutjoint.program.blocks import Block
 _MET = 1e-9
 #: Singular values where columns have length one that are rounding.
 _SINGULAR = 1e-6
-_ITERATIONS, _SLOW, _TRIALS = 60, 4, 5
+_ITERATIONS, _SLOW, _IDLE, _TRIALS = 60, 4, 8, 5
 #: The share of the distance to the targets that the first step of the continuation covers.
 _SHARE = 0.25
 #: A step that is rounding, in sizes of unknowns.
@@ -134,6 +134,8 @@ class _Search(TrimEquations):
 
     def _nearest(self, begin: Array) -> Evaluated:
         best, rng, alike = self._approach(begin), np.random.default_rng(0), 0
+        if best.worst > _MET and (apart := self._without_targets()) is not None:
+            return min(best, apart, key=lambda evaluated: evaluated.worst)
         if best.worst <= _MET and self._is_still() and self._closed(begin) != self._closed(best.y):
             best = sunk if (sunk := self._by_relaxation(begin)).worst <= _MET else best  # not balanced on two feet of three
         for search in (self._by_relaxation, self._from_engaged_contacts, self._by_continuation):
@@ -151,6 +153,18 @@ class _Search(TrimEquations):
             alike += abs(found.worst - best.worst) <= _ALIKE * best.worst
             best = min(best, found, key=lambda evaluated: evaluated.worst)
         return best
+
+    def _without_targets(self) -> Evaluated | None:
+        """The point that the conditions besides targets determine as far as it changes targets: other tries meet these by chance only."""
+        counts, others = self._counts, np.arange(len(self._counts)) < len(self._forces) - len(self._targets)
+        if others.all() or not counts.all():
+            return None
+        self._counts = counts & others
+        found = self._by_relaxation(self.begin)
+        self._counts = counts
+        at = self.evaluated(found.y)
+        ranks = [np.linalg.matrix_rank(self._columns(at)[of], tol=_SINGULAR) for of in (counts, others)]
+        return at if found.worst <= _MET and ranks[0] == ranks[1] else None
 
     def _from_engaged_contacts(self, begin: Array) -> Evaluated:
         """Start with all contacts engaged, pulling where they are open; then release those that pull, until none does."""
@@ -254,13 +268,17 @@ class _Search(TrimEquations):
     def _approach(self, y: Array) -> Evaluated:
         """The least-squares solution by damped steps within the bounds. A step is accepted if the next one with the same derivatives is
         shorter, which does not depend on the weights of residuals (Deuflhard, Newton Methods for Nonlinear Problems, 2011, ch. 3)."""
-        at, damping, slow = self.evaluated(np.clip(y, self._lower, self._upper)), 0.0, 0
-        for _ in range(_ITERATIONS):
+        at, damping, slow, least, last = self.evaluated(np.clip(y, self._lower, self._upper)), 0.0, 0, np.full(2, np.inf), 0
+        for n in range(_ITERATIONS):
             if not np.isfinite(at.left).all() or not at.left.any():
                 break
             moving, step = self._step(at, damping)
             if (length := float(np.linalg.norm(step))) <= _ROUNDED and at.worst <= _MET:
                 break
+            size = np.array([length, np.linalg.norm(at.left / at.rows)])
+            least, last = np.minimum(least, size), n if (size < 0.99 * least).any() else last
+            if n - last > _IDLE and at.worst > _MET:
+                break  # it circles about a point that meets no conditions
             y, share = self._after_step(at, step)
             left = self.residuals(y)
             after = np.linalg.norm(at.shortest(moving, left, damping)) if np.isfinite(left).all() else np.inf
