@@ -65,6 +65,8 @@ def in_order(roots: tuple[Block, ...]) -> tuple[dict[Block, Array], list[Block]]
 
 
 def evaluate_block(block: Block, args: list[Array], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]) -> Array:
+    if (matrix := _MATRIX.get(block.op)) is not None:
+        return matrix(*args)
     data: Any = block.data
     if block.op in ("const", "lane_const"):
         return np.array(data, dtype=float)
@@ -81,9 +83,8 @@ def evaluate_block(block: Block, args: list[Array], inputs: Mapping[str, Array],
         return np.stack(_over_one_batch(args), axis=-3)
     if block.op == "lane":
         return args[0][..., data, :, :]
-    if block.op == "lane_sum":
-        return np.asarray(args[0].sum(axis=-3))
-    return _MATRIX[block.op](*args)
+    assert block.op == "lane_sum"
+    return np.asarray(args[0].sum(axis=-3))
 
 
 def call_function(function: str, table: str | None, args: list[Any], roads: Mapping[str, RoadTable]) -> Array:
@@ -118,9 +119,10 @@ def transposed(a: Array) -> Array:
 
 
 def skewed(p: Array) -> Array:
-    x, y, z = p[..., 0, 0], p[..., 1, 0], p[..., 2, 0]
-    o = np.zeros_like(x)
-    return np.stack([np.stack(row, axis=-1) for row in ([o, -z, y], [z, o, -x], [-y, x, o])], axis=-2)
+    found = np.zeros((*p.shape[:-2], 3, 3))
+    for row, column, part in ((2, 1, 0), (0, 2, 1), (1, 0, 2)):
+        found[..., row, column], found[..., column, row] = p[..., part, 0], -p[..., part, 0]
+    return found
 
 
 def _ldl(m: Array) -> tuple[Array, Array]:
