@@ -42,8 +42,9 @@ _SHARE = 0.25
 _ROUNDED = 1e-13
 #: The factor by which implicit steps grow at most, and the least damping.
 _LONGER, _DAMPING = 10.0, 1e-10
-#: Implicit steps: how many, the longest first one, s or s^2, the share of a singular value that counts, refinements where contacts close.
-_STEPS, _FIRST, _RANK, _REFINED = 100, 1.0, 1e-14, 12
+#: Implicit steps: how many, the longest first one, s or s^2, the share of a singular value that counts, refinements where contacts close,
+#: residuals below which steps that hardly reduce them end.
+_STEPS, _FIRST, _RANK, _REFINED, _CREEPING = 100, 1.0, 1e-14, 12, 1e-3
 #: The search ends after so many trials whose residuals equal the best one within this share.
 _ALIKE, _ENOUGH = 1e-2, 2
 #: The farthest step, random start and find from one, rad or extents; the share of the worst below which conditions are not named.
@@ -200,10 +201,13 @@ class _Search(TrimEquations):
         if not self._is_still():
             self._engaged, self._free = self._gates, np.isin(np.arange(len(every)), own[rows])
         at = np.searchsorted(np.flatnonzero(self._free), own[rows])
-        for _ in range(_STEPS):
+        least, last = np.inf, 0
+        for n in range(_STEPS):
             here = self.evaluated(y)
             fastest = np.abs(inverse @ here.left / sizes).max()
-            if here.worst <= _MET / 100 or not fastest or fastest * span > 1 / ROUNDING:
+            least, last = (here.worst, n) if here.worst < 0.99 * least else (least, last)
+            creeps = n - last > _IDLE and least < _CREEPING  # along a direction that hardly anything restores
+            if here.worst <= _MET / 100 or not fastest or fastest * span > 1 / ROUNDING or creeps:
                 break
             span = min(_FARTHEST / fastest, span)
             A = here.A.copy()
