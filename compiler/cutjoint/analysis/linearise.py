@@ -141,7 +141,8 @@ def linearise(equations: ImplicitEquations, at: Point, *, at_rest: bool) -> Line
         G = _tangents(equations, "constraint_residual", "rate", here, at)[:, : len(at.v)] @ free @ free.T
     K, C, M = np.split(forces, 3, axis=1)
     S = _turning(equations, at)
-    later, now = (_call(equations, "dynamic_residual", {**here, "t": here["t"] + dt}, at).get("force_residual", 0) for dt in (_SOON, 0))
+    none = np.zeros(len(at.v))
+    later, now = (_call(equations, "dynamic_residual", {**here, "t": here["t"] + dt}, at).get("force_residual", none) for dt in (_SOON, 0))
     moves = np.where(np.arange(len(at.v)) < equations.state.speeds, at.v, 0.0)
     changes = np.array([(later - now) / _SOON, K @ moves, C @ at.vdot, M @ S @ at.vdot])
     steady = np.abs(free.T @ changes.sum(axis=0)).max(initial=0.0) <= _STEADY * max(np.abs([*changes, *M]).max(initial=0.0), 1e-300)
