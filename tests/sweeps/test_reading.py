@@ -77,6 +77,10 @@ _WRONG = {
         ["s:4:1: design: needs the word grid (with a list or a count for each parameter), {latin_hypercube: runs}, {sobol: runs}, "
          "{sobol_indices: points}, {tolerances: runs}, {csv: file} or {list: [...]}"],
     ),
+    "no run": (
+        f"{_HEAD}parameters: {{stiffness: {{from: 1, to: 2}}}}\ndesign: {{sobol: 0}}\n{_END}",
+        ["s:4:17: design: sobol: must be at least 1, not 0"],
+    ),
     "no variable": (f"{_HEAD}{_END}", ["s:1:1: design: there is no variable; write for example parameters: {stiffness: {from: 1, to: 2}}"]),
     "nothing asked": (
         f"{_HEAD}parameters: {{stiffness: [1, 2]}}\n",

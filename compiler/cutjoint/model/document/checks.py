@@ -168,6 +168,9 @@ def _words(flaw: _Flaw) -> tuple[str, str]:
             return _unknown_kind(flaw.element_of(path)[0].split()[0], str(context["tag"]), context["expected_tags"])
         case "literal_error":
             return f"must be {context['expected']}, not {str(detail['input'])[:40]!r}", ""
+        case "greater_than_equal" | "less_than_equal" | "greater_than" | "less_than":
+            ((name, bound),) = context.items()
+            return f"must be {_BOUNDS[name]} {bound}, not {detail['input']}", ""
         case "too_short":
             least = context["min_length"]
             return f"needs at least {least} item{'s' * (least > 1)}, got {context['actual_length']}", ""
@@ -189,6 +192,8 @@ _MISSING: Mapping[tuple[Path, str | int], str] = {
     (("memory",), "start"): "write its value before the first sample, such as start: 0",
     (("memory",), "next"): "write an expression for its value from a sample on, such as next: sum + error",
 }
+
+_BOUNDS = {"ge": "at least", "le": "at most", "gt": "above", "lt": "below"}
 
 _EXPECTATIONS = {
     "dict_type": "needs a mapping",
