@@ -148,7 +148,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::too_many_steps: return "allow more steps or a larger tolerance; or the motion may have grown without bound";
     case Cause::guard_violated: return "use the full model";
     case Cause::no_equilibrium:
-      if (fault.list == FaultList::states) return "the rate of this state does not vanish at rest, as of an integral or a cost: leave the state out of the model, or linearise about a motion";
+      if (fault.list == FaultList::states) return "the rate of this state does not vanish at rest, as of an integral or a cost: give a state far from 1 its nominal value, leave the state out of the model, or linearise about a motion";
       return "check that springs carry the weight near this pose, that no wheel stands far in the road, that every free coordinate has a spring or a given value, and which coordinates are given";
     case Cause::newton_not_converged:
     case Cause::newton_diverging:
