@@ -224,7 +224,7 @@ def test_the_command_says_what_there_is(tmp_path: Path) -> None:
     os.link(path, tmp_path / "study.parquet")
     clash = CliRunner().invoke(main, ["sweep", str(path), "--out", str(tmp_path / "study.parquet")])
     assert clash.exit_code == 1
-    assert "is the study" in clash.output
+    assert "that is study.yaml, which the command reads" in clash.output
 
 
 def test_failures_are_reported_by_their_reasons(tmp_path: Path) -> None:
