@@ -214,7 +214,8 @@ def one_coordinate(angle: float) -> tuple[float, float]:
 @needs_cpp
 @pytest.mark.parametrize(("law", "leads"), [("-32*position", False), ("-32*position - 1e-9*way", True)])
 def test_a_state_that_nothing_follows_leads_no_mode(law: str, leads: bool) -> None:
-    """A block of 2 kg on a spring of 32 N/m, and a state that counts its way in tenths of a millimetre: 1e4 in units of the block's way."""
+    """A block of 2 kg on a spring of 32 N/m, and a state that counts its way in tenths of a millimetre: 1e4 in units of the block's way.
+    At 4 rad/s and an amplitude of 1 m the block has 2*4**2, the state the square of its value over its size of 1."""
     text = f"""
 cutjoint: 1
 name: block
@@ -229,7 +230,7 @@ scenes: {{go: {{end: 1}}}}
     modes = find_scene_modes(model, model.scenes["go"])
     swing = next(mode for mode in modes.modes if mode.eigenvalue.imag)
     assert abs(swing.eigenvalue) == pytest.approx(4, rel=1e-5)
-    assert swing.shape["slide.displacement"].share == pytest.approx(2 / (2 + 1e8) if leads else 1)
+    assert swing.shape["slide.displacement"].share == pytest.approx(2 * 4**2 / (2 * 4**2 + 1e8) if leads else 1)
     assert abs(swing.shape["way.value"].amplitude) == pytest.approx(1 if leads else 1e4, rel=1e-5)
 
 
