@@ -9,7 +9,7 @@ from pathlib import Path
 from scripts.derived.element_tables import DOCS, table, written
 
 from cutjoint.compile.c_export import linearised_methods
-from cutjoint.methods import INTEGRATORS, METHODS, STEPS, Integrator
+from cutjoint.methods import INTEGRATORS, METHODS, Integrator
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -30,7 +30,6 @@ def pages() -> Mapping[Path, str]:
     return {
         ROOT / "runtime/include/cutjoint/integrator_table.hpp": header(),
         DOCS / "reference/integrators.md": written("reference/integrators.md", rules()),
-        DOCS / "how-to/gradients.md": written("how-to/gradients.md", table("method", "integrators", rows=differentiable())),
     }
 
 
@@ -94,11 +93,6 @@ def rule(i: Integrator) -> tuple[str, ...]:
         f"`{i.name}`", methods, "adaptive" if i.adaptive else "`dt`", i.order, str(i.events),
         "no" if not derived else "yes" if derived == i.methods else derivatives, "yes" if i.batch else "no", i.about,
     )  # fmt: skip
-
-
-def differentiable() -> Iterable[tuple[str, ...]]:
-    """The rows of methods with integrators whose steps have derivatives."""
-    return [(f"`{method}`", marked(STEPS[method])) for method in linearised_methods()]
 
 
 def marked(names: Iterable[str]) -> str:
