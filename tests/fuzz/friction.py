@@ -15,7 +15,7 @@ from cutjoint.elements.joints import JOINTS
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import EquationsError, RunError
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator import SimulatorError
@@ -55,7 +55,7 @@ def check(text: str) -> tuple[str, ...]:
     try:
         artifact = compile_interpreted(model, model.scenes["run"], method=case["method"])
         plan = make_simulator_run(artifact, Options(**case["settings"]))
-    except (ModelError, RunError) as error:
+    except (EquationsError, ModelError, RunError) as error:
         return tuple(str(error).splitlines())
     try:
         run = start(plan, seconds=SECONDS)

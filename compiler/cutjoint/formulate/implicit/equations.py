@@ -80,6 +80,7 @@ from cutjoint.methods import DEFAULT_CLOSURE
 from cutjoint.model.expressions.dependencies import seeing_forces
 from cutjoint.model.expressions.quantities import unit_of
 from cutjoint.model.records import GROUND, EmbeddedLoop, Output
+from cutjoint.package.errors import EquationsError
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.program.indicators import find_domains, find_indicators
 
@@ -320,7 +321,11 @@ class _System:
                 keys = dict.fromkeys(m.key for m in own)
                 for j in {m.index: m for m in own}.values():
                     for key in is_embedded if seeing else keys:
-                        change = b.element(variations[key].of(force), j.index)
+                        try:
+                            change = b.element(variations[key].of(force), j.index)
+                        except ValueError:
+                            words = "friction by its loads depends on the attitude of its ball, and has no derivative by that"
+                            raise EquationsError(f"the joint of body '{body}': {words}; use --method recursive") from None
                         if key in keys or not is_zero(change):
                             yield j, is_embedded[key][0], b.neg(times(b, j.derivative, change))
         for body, own in motions.of_body.items():
