@@ -324,8 +324,9 @@ class _System:
                         try:
                             change = b.element(variations[key].of(force), j.index)
                         except ValueError:
+                            joint = next(t.joint for t in self.start.topology.tree if t.child == body)
                             words = "friction by its loads depends on the attitude of its ball, and has no derivative by that"
-                            raise EquationsError(f"the joint of body '{body}': {words}; use --method recursive") from None
+                            raise EquationsError(f"{joint.span}: joint '{joint.name}': {words}; use --method recursive") from None
                         if key in keys or not is_zero(change):
                             yield j, is_embedded[key][0], b.neg(times(b, j.derivative, change))
         for body, own in motions.of_body.items():
