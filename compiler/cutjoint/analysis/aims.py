@@ -205,11 +205,8 @@ class PoseSearch:
         return _Reached(q=found[0], left=np.where(np.abs(left) <= _REACHED * np.maximum(1.0, np.abs(self._wanted)), 0.0, left))
 
     def by_continuation(self, q: Array) -> _Reached | None:
-        """The pose near given coordinates whose other coordinates move least.
-        It comes from a direct search or from continuation from the design position.
-
-        As runtime core/start/start.hpp: a direct search from far away may end in another configuration.
-        """
+        """The pose near given coordinates whose other coordinates move least. It comes from a direct search or from continuation from the
+        design position. As runtime core/start/start.hpp: a direct search from far away may end in another configuration."""
         direct, design = self.reach(q), design_coordinates(self._equations)
         if self._free.all() or (direct is not None and np.array_equal(direct.q, q)):
             return direct

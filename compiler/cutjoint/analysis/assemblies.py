@@ -34,9 +34,7 @@ class Assembly:
 @dataclass(frozen=True, kw_only=True)
 class Assemblies:
     """The assemblies that random ``starts`` found, the one that is nearest to the scene's own positions first.
-
-    ``kept`` are the independent coordinates, which stay; those that ``follow`` differ.
-    """
+    ``kept`` are the independent coordinates, which stay; those that ``follow`` differ."""
 
     assemblies: tuple[Assembly, ...]
     starts: int

@@ -76,9 +76,7 @@ def find_dependent_joints(
 
 def find_spanned_poses(equations: SpanEquations, q: Array, parameters: Mapping[str, float]) -> Mapping[str, BodyPose]:
     """The poses of all bodies that move, from natural coordinates ``q`` (times, coordinates) and tunable ``parameters``, SI units.
-
-    A body that two points span, such as a massless rod, has no attitude about its line; here it does not rotate about that line.
-    """
+    A body that two points span, such as a massless rod, has no attitude about its line; here it does not rotate about that line."""
     inputs = {"parameters": np.array([parameters[p.name] for p in equations.parameters])}
     first = 0
     for name, size in equations.coordinates:

@@ -134,11 +134,8 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
 
 
 def evaluate_scene_inputs(equations: Equations, parameters: Array, t: float) -> dict[str, Array]:
-    """Values (..., length), by symbol, of a scene's laws at ``t`` (s), and the initial discrete states.
-    ``parameters`` are (..., length).
-
-    They are what a step reads; none of a model without inputs and controllers.
-    """
+    """Values (..., length), by symbol, of a scene's laws at ``t`` (s), and the initial discrete states. ``parameters`` are (..., length).
+    They are what a step reads; none of a model without inputs and controllers."""
     if not equations.input_values:
         return {}
     results = equations.function("scene_inputs").results
@@ -265,9 +262,7 @@ class Pose:
 
 def explore(equations: RecursiveEquations) -> tuple[Pose, ...]:
     """The design position, closed again where guides have moved it, then up to four poses that random steps along free motions reach.
-
-    The steps have a fixed seed.  A rigid mechanism has no other pose, and one that cannot be closed is left in its design position.
-    """
+    The steps have a fixed seed. A rigid mechanism has no other pose, and one that cannot be closed is left in its design position."""
     design = design_coordinates(equations)
     start = close_loops(equations, design)
     if start is None:

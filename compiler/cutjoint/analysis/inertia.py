@@ -40,10 +40,7 @@ class IdleMotion:
 
 def require_inertia(equations: RecursiveEquations) -> None:
     """Refuse a mechanism that the condensation cannot solve.
-
-    Raises:
-        NoInertiaError: some motion moves no mass in any pose; one line for all of the same joints.
-    """
+    Raises NoInertiaError: some motion moves no mass in any pose; one line for all of the same joints."""
     found: dict[tuple[str, ...], IdleMotion] = {}
     for motion in find_idle_motions(equations):
         names = tuple(t.child for t in motion.joints)

@@ -40,11 +40,8 @@ class Linearisation:
 
 @dataclass(frozen=True, kw_only=True)
 class ReducedSystem:
-    """The linearised equations in independent unknowns.
-
-    ``basis`` N (speeds, dofs), ``stiffness`` and ``damping`` (dofs, dofs) for a unit mass matrix, and ``first_order``, the matrix
-    of (z, w, x)' with the first-order states x over their sizes.
-    """
+    """The linearised equations in independent unknowns. ``basis`` N (speeds, dofs), ``stiffness`` and ``damping`` (dofs, dofs) for a unit
+    mass matrix, and ``first_order``, the matrix of (z, w, x)' with the first-order states x over their sizes."""
 
     basis: Array
     stiffness: Array
@@ -66,11 +63,7 @@ def free_directions(J: Array) -> Array:
 
 
 def reduce_system(of: Linearisation) -> ReducedSystem:
-    """The equations of the directions that the loops leave free.
-
-    Raises:
-        NoMassError: one of these directions moves no mass.
-    """
+    """The equations of the directions that the loops leave free. Raises NoMassError: one of these directions moves no mass."""
     n = len(of.M) - of.states
     joints = replace(of, **{name: getattr(of, name)[:n, :n] for name in "MCKW"}, **{name: getattr(of, name)[:, :n] for name in "JG"})
     N = _of_unit_mass(joints, free_directions(joints.J))

@@ -54,9 +54,8 @@ class _Space:
 
 
 def find_misfit(equations: RecursiveEquations, held: float, free: float) -> Misfit | None:
-    """The misfit of loops; None if the loops move in no geometry nearby.
-    It consists of small displacements and rotations of joints that reduce singular values below the share ``held`` of the largest to below
-    ``free``."""
+    """The misfit of loops; None if the loops move in no geometry nearby. It consists of small displacements and rotations of joints that
+    reduce singular values below the share ``held`` of the largest to below ``free``."""
     topology, model = equations.topology, equations.topology.model
     cuts = {cut.name for cut in topology.cuts}
     within = cuts | {t.joint.name for tree in loops_of(topology.tree, topology.cuts).values() for t in tree}

@@ -63,10 +63,7 @@ def find_mobility(equations: RecursiveEquations, poses: Sequence[Pose] | None = 
 
 def require_soundness(equations: RecursiveEquations) -> RecursiveEquations:
     """The equations, unless a motion moves no mass or guides contradict a loop.
-
-    Raises:
-        NoInertiaError, GuideError: as of `require_inertia` and `require_guides`.
-    """
+    Raises NoInertiaError, GuideError: as of `require_inertia` and `require_guides`."""
     require_inertia(equations)
     require_guides(equations)
     return equations

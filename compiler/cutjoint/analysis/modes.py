@@ -101,10 +101,7 @@ class Modes:
 
 def find_mode_shapes(of: Linearisation, time: float) -> Modes:
     """The modes of a linearisation about a state at ``time`` (s).
-
-    Raises:
-        NoMassError: a direction that the loops leave free moves no mass.
-    """
+    Raises NoMassError: a direction that the loops leave free moves no mass."""
     system = reduce_system(of)
     n = system.basis.shape[1]
     values, vectors, null, zeros = eigenpairs(_scaled(system))

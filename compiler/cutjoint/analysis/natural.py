@@ -43,9 +43,7 @@ def call(
     held: Mapping[str, float | Array] = MappingProxyType({}),
 ) -> dict[str, Array]:  # fmt: skip
     """The results of a function by array, in the interpreter; ``arrays`` and so on as for `evaluate_results`.
-
-    Only entries of the tangent with a slot are returned.
-    """
+    Only entries of the tangent with a slot are returned."""
     results = {name: block for name, block in equations.function(function).results.items() if name in equations.slots}
     pieces: dict[str, list[tuple[int, Array]]] = {}
     for name, column in evaluate_results(equations, results, arrays, roads, held).items():
@@ -73,9 +71,8 @@ def evaluate_changes(
     roads: Mapping[str, RoadTable] | None, held: Mapping[str, float | Array], by_input: Mapping[str, Array] = MappingProxyType({}),
     touching: Collection[Block] = (),
 ) -> dict[str, tuple[Array, Array]]:  # fmt: skip
-    """Results (length,) by name, and their exact changes (directions, length).
-    ``changes`` (directions, length) are those of arrays (length,), ``by_input`` (directions,) those of constant inputs; other arguments as
-    of `evaluate_results` and `interpret_tangents`."""
+    """Results (length,) by name, and their exact changes (directions, length). ``changes`` (directions, length) are those of arrays
+    (length,), ``by_input`` (directions,) those of constant inputs; other arguments as of `evaluate_results` and `interpret_tangents`."""
     by_parameters, count = changes["parameters"], len(changes["parameters"])
     laws = scene_input_changes(equations, arrays["parameters"], by_parameters, float(arrays["t"][0]))
     seeds = {"parameters": by_parameters, **laws}
@@ -171,9 +168,7 @@ def constraint_jacobian(equations: LagrangianEquations, q: Array) -> Array:
 
 def dependent_equations(equations: LagrangianEquations, states: Sequence[NaturalState]) -> tuple[str, ...]:
     """The names of equations that follow from the others in every state: the last of those that depend on each other.
-
-    The rows kept have the rank of all in each state that has the largest rank.
-    """
+    The rows kept have the rank of all in each state that has the largest rank."""
     sizes = [1 / equations.topology.arm if angular else 1.0 for angular in equations.angular] + [1.0] * len(equations.state.states)
     jacobians = [constraint_jacobian(equations, state.q) * sizes for state in states]
     if not jacobians[0].shape[0]:

@@ -38,11 +38,8 @@ _DAMPING = 1e-13
 
 @dataclass(frozen=True, kw_only=True)
 class RedundantEquation:
-    """An equation that follows from those kept.
-
-    ``joint`` is the cut joint or gear, ``equation`` its short name, ``place`` file and line.  ``instead`` names the kept equations any one
-    of which is redundant in its stead in some pose.
-    """
+    """An equation that follows from those kept. ``joint`` is the cut joint or gear, ``equation`` its short name, ``place`` file and line.
+    ``instead`` names the kept equations any one of which is redundant in its stead in some pose."""
 
     joint: str
     equation: str
@@ -159,10 +156,7 @@ def find_indeterminate(topology: Topology, scene: Scene, outputs: Sequence[Outpu
 
 def require_loads(topology: Topology, scene: Scene) -> Topology:
     """A topology whose friction has the loads that it follows from.
-
-    Raises:
-        ModelError: redundant equations leave the load of a joint's friction open.
-    """
+    Raises ModelError: redundant equations leave the load of a joint's friction open."""
     forces = [f for f in topology.model.forces if f.by_load and is_active(f, scene)]
     if not forces or not topology.closing:
         return topology
@@ -203,8 +197,7 @@ def _is_even(equations: RecursiveEquations, pose: Pose, t: float) -> bool:
 
 
 def _largest_load_changes(equations: RecursiveEquations, pose: Pose) -> Array:
-    """The largest change of each load by unit multipliers of the null space of either sign.
-    As a share of that by single multipliers."""
+    """The largest change of each load by unit multipliers of the null space of either sign. As a share of that by single multipliers."""
     null = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T
     changes = np.abs(_changes(equations, pose, np.concatenate([null, -null])))
     sizes = np.linalg.norm(_changes(equations, pose, np.eye(len(equations.equation_names))), axis=0)

@@ -53,10 +53,7 @@ class Shakiness:
 
 def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEquations:
     """The equations, unless a method cannot solve them in the one pose of a structure.
-
-    Raises:
-        ShakyError: the loops lock the design position, where the scene begins, to second order only.
-    """
+    Raises ShakyError: the loops lock the design position, where the scene begins, to second order only."""
     elsewhere = equations.scene.positions or equations.scene.assemble or equations.scene.trim
     found = None if METHODS[method].supports_shaky or elsewhere else find_shakiness(equations)
     if found is None:

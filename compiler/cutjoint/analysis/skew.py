@@ -182,11 +182,8 @@ def _extent(equations: RecursiveEquations) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class RatedOption:
-    """A choice of the cut joint of a loop.
-
-    ``condition`` is that of the equations of this loop and of those that share a joint with it, in the design position: the largest
-    singular value by the smallest that is not zero.
-    """
+    """A choice of the cut joint of a loop. ``condition`` is that of the equations of this loop and of those that share a joint with it, in
+    the design position: the largest singular value by the smallest that is not zero."""
 
     option: Option
     condition: float

@@ -249,10 +249,8 @@ class TrimEquations:
         self, arrays: Mapping[str, Array], changes: Mapping[str, Array], roads: Mapping[str, RoadTable], held: Mapping[str, Array],
         by_input: Mapping[str, Array],
     ) -> Array:  # fmt: skip
-        """The changes of speeds of which some are dependent, by the derivative of the pseudoinverse.
-
-        Source: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973.
-        """
+        """The changes of speeds of which some are dependent, by the derivative of the pseudoinverse. Source: Golub and Pereyra, SIAM J.
+        Numer. Anal. 10, 1973."""
         m, at = len(self._names[MULTIPLIERS]), self._dependent
 
         def moved(function: str, array: str, arrays: Mapping[str, Array]) -> Array:

@@ -84,10 +84,7 @@ class TrimmedStart(TrimParts):
 
     def trim(self, inputs: TrimInputs, changed: Mapping[str, tuple[float, TrimInputs, TrimInputs]] = MappingProxyType({})) -> Trimmed:
         """The trimmed start, with gradients by parameters: ``changed`` has by name a small change and the numbers with less and with more.
-
-        Raises:
-            RunError: an unknown is not determined, or no start meets all conditions.
-        """
+        Raises RunError: an unknown is not determined, or no start meets all conditions."""
         search = _Search(self, inputs)
         found = search.best()
         if found.worst > _MET and (unaffected := search.unaffected(found)):

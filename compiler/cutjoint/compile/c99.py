@@ -63,13 +63,8 @@ class C99Export:
 def make_c99(
     model: Model, scene: Scene, *, method: str, integrator: str | None = None, iterations: int | None = None, precision: str = "double"
 ) -> C99Export:  # fmt: skip
-    """The C99 code of a model in a scene.
-
-    Raises:
-        RunError: the method, the integrator or an element of the model has no C99, or the start or a step with floats fails; others as of
-            `compile_scene`.
-        ToolchainError: there is no C++ compiler, which the start needs.
-    """
+    """The C99 code of a model in a scene. Raises RunError: the method, the integrator or an element of the model has no C99, or the start
+    or a step with floats fails; others as of `compile_scene`; ToolchainError: there is no C++ compiler, which the start needs."""
     require_c99(model, scene, method, integrator)
     find_compiler()  # raises an error without a compiler
     model = freeze_start_parameters(model, scene)
@@ -109,10 +104,7 @@ def _require_explicit(standalone: Standalone, scene: Scene, iterations: int | No
 
 def _measure_floats(standalone: Standalone, files: Mapping[str, str], iterations: int) -> list[dict[str, object]]:
     """For each output its largest difference between float and double over the scene, at most 100 000 steps, and its largest value.
-
-    Raises:
-        RunError: a step fails.
-    """
+    Raises RunError: a step fails."""
     name, defaults = standalone.name, standalone.defaults
     with TemporaryDirectory() as folder:
         for file in (f"{name}.h", f"{name}.c"):
@@ -142,11 +134,7 @@ def _measure_floats(standalone: Standalone, files: Mapping[str, str], iterations
 
 
 def require_c99(model: Model, scene: Scene, method: str, integrator: str | None) -> None:
-    """Check that a model in a scene can be C99; all that it has not is said at once.
-
-    Raises:
-        RunError: it cannot.
-    """
+    """Check that a model in a scene can be C99; all that it has not is said at once. Raises RunError: it cannot."""
     able = names_of(METHODS, lambda m: m.c99)
     if method not in able:
         raise RunError(f"language c99: method '{method}' has no C99; use {join_or(able)}")
@@ -170,11 +158,7 @@ def build_start(standalone: Standalone) -> Path:
 
 
 def find_start(standalone: Standalone) -> Start:
-    """The start that the C++ code of an export finds.
-
-    Raises:
-        RunError: it fails.
-    """
+    """The start that the C++ code of an export finds. Raises RunError: it fails."""
     p, size = standalone.name, standalone.size
     library = ctypes.CDLL(str(build_start(standalone)))
     memory = (ctypes.c_double * (size // 8 + 1))()

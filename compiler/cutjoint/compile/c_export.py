@@ -185,10 +185,7 @@ class Standalone:
 
     def build_module(self) -> bytes:
         """The C export as a WebAssembly module with its JavaScript interface; errors as of `toolchain.wasm.build_module`.
-
-        Raises:
-            RunError: functions are left to a host, which WebAssembly has no pointers to.
-        """
+        Raises RunError: functions are left to a host, which WebAssembly has no pointers to."""
         if hosted := functions_of_host(self.parts.stepped.topology.model):
             raise RunError(
                 f"target wasm: function '{hosted[0]}' is left to a host, but modules call none; provide its code by --functions"
@@ -383,11 +380,7 @@ class ExportPlan:
 
     def write(self, simulator: Path, flags: Sequence[str]) -> None:
         """Write all files or none; each is replaced atomically, so that a running program keeps its earlier file.
-
-        Raises:
-            ToolchainError: the C++ compiler failed.
-            OutputError: a file cannot be written.
-        """
+        Raises ToolchainError: the C++ compiler failed; OutputError: a file cannot be written."""
         built = simulator if self.standalone is None else self.standalone.build_simulator(flags)
         files: dict[str, str | bytes] = {**self.files, self.program: built.read_bytes()}
         write_files(self.folder, files, {self.program: built.stat().st_mode & 0o777})

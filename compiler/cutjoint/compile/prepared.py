@@ -40,9 +40,7 @@ _LARGEST = 8_000_000
 @dataclass(frozen=True, kw_only=True)
 class Request:
     """The options of `cutjoint simulate` but for parameters; None for values of the scene.
-
-    ``tunable`` are patterns of the names of numbers that become parameters, ``functions`` is a C++ file with functions of the model.
-    """
+    ``tunable`` are patterns of the names of numbers that become parameters, ``functions`` is a C++ file with functions of the model."""
 
     model: Path
     scene: str | None = None
@@ -110,11 +108,7 @@ def find_cached_run(request: Request, parameters: Mapping[str, float]) -> Prepar
 
 
 def digests_of(files: Iterable[str]) -> dict[str, str]:
-    """The digests of files as they are.
-
-    Raises:
-        OSError: one cannot be read.
-    """
+    """The digests of files as they are. Raises OSError: one cannot be read."""
     found = {}
     for file in files:
         require_input(Path(file))
@@ -144,11 +138,7 @@ def _cache_path(request: Request, content: bytes) -> Path:
 
 
 def _extension_digests(request: Request) -> tuple[str, ...]:
-    """Digests of all that the run follows from besides the product.
-
-    Raises:
-        MissingPackageError: it is not installed.
-    """
+    """Digests of all that the run follows from besides the product. Raises MissingPackageError: it is not installed."""
     name, kind = request.implementation, Kind(precision=request.precision, additions=find_additions(request.options.solver))
     return *((code_digest(IMPLEMENTATIONS.load(name).code),) if name in IMPLEMENTATIONS.packages else ()), *kind.key
 

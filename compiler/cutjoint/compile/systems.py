@@ -48,10 +48,7 @@ def schedule_system(
     start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool
 ) -> tuple[SystemEquations, Program]:  # fmt: skip
     """Derive the equations and the program of a method with Newton's iteration; ``start`` finds the beginning of a run.
-
-    Raises:
-        RunError, MissingLibraryError: as of `plan_system`.
-    """
+    Raises RunError, MissingLibraryError: as of `plan_system`."""
     # Topology -> Equations
     if start.topology.model.embedded_loops and not METHODS[method].functions:
         words = join_or(names_of(METHODS, lambda m: m.functions))
@@ -109,11 +106,8 @@ def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) ->
 
 
 def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: Sequence[NaturalState]) -> Plan:
-    """The factorisation of a saddle point, with pivots that hold in all states in which the laws have values.
-
-    Raises:
-        RunError: the equations depend on each other in one of the states, or some law has no value in any of them, or is code of the user.
-    """
+    """The factorisation of a saddle point, with pivots that hold in all states in which the laws have values. Raises RunError: the
+    equations depend on each other in one of the states, or some law has no value in any of them, or is code of the user."""
     for function in equations.topology.model.functions:
         words = "classical chooses its pivots by values of all laws, which user functions do not have at compile time"
         raise RunError(f"{function.span}: function '{function.name}': {words}; use --method recursive, recursive-newton or augmented")

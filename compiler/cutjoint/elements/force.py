@@ -55,9 +55,7 @@ REQUIRED: Any = object()
 @dataclass(frozen=True)
 class ForceField:
     """A field of the kind in a model file, besides those that all forces have; with the default None it may be left out.
-
-    ``words`` and ``unit`` describe it in the documentation.
-    """
+    ``words`` and ``unit`` describe it in the documentation."""
 
     name: str
     shape: Shape | Choice | Constants
@@ -306,9 +304,7 @@ class Force:
 
     def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
         """The sign of a quantity in the force's image: 1 if it keeps its sign, else -1.
-
-        ``sign`` says it of the components of vectors (x, Fx) and of rotations (Mx), ``of_coordinate`` of the coordinate that it acts on.
-        """
+        ``sign`` says it of the components of vectors (x, Fx) and of rotations (Mx), ``of_coordinate`` of the coordinate that it acts on."""
         return 1
 
     def follows_law(self, quantity: str) -> bool:

@@ -53,13 +53,8 @@ def emit_c99(
     parts: SimulationCode, defaults: Defaults, digest: str, start: Start, libm: Mathematics, *, iterations: int = ITERATIONS,
     precision: str = "double", errors: Sequence[Mapping[str, object]] = (),
 ) -> dict[str, str]:  # fmt: skip
-    """The files by name; arguments as of `emit_standalone`, for a program without lanes.
-
-    ``errors`` are those of floats, for the README: rows of an output's name, its largest error and its range.
-
-    Raises:
-        RunError: a number of the model is too large for a float.
-    """
+    """The files by name; arguments as of `emit_standalone`, for a program without lanes. ``errors`` are those of floats, for the README:
+    rows of an output's name, its largest error and its range. Raises RunError: a number of the model is too large for a float."""
     parts, view = prepare(parts, defaults, digest)
     page, equations = parts.page, parts.mechanism
     viewer = Viewer(parts.program, equations, dialect=C99)

@@ -36,9 +36,7 @@ class LoopText:
 
 def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str], used_names: set[str], conditions: str) -> LoopText:
     """Name the kept scalars of a function's loops.
-
-    ``names`` are those of its scalars, ``prefixes`` begin names of a section's others; ``used_names`` are in use, new ones are put in.
-    """
+    ``names`` are those of its scalars, ``prefixes`` begin names of a section's others; ``used_names`` are in use, new ones are put in."""
     declared: list[str] = []
     known: dict[int, str] = {}
     elements: dict[int, str] = {}

@@ -211,10 +211,7 @@ class Printer:
 
 def _supplied(call: SuppliedCall, kind: str, arguments: str) -> str:
     """A call of a user's function, or of its partial derivative, for a number type; it has all results if the function is not plain.
-
-    Raises:
-        MissingPartialsError: it has no partial derivatives.
-    """
+    Raises MissingPartialsError: it has no partial derivatives."""
     if call.by is not None and not call.has_partials:
         raise MissingPartialsError(call.name)
     verb = "supplied" if call.by is None else "supplied_partial"

@@ -18,9 +18,7 @@ _DESCRIPTION = "description"
 
 def emit(program: Program, equations: RecursiveEquations) -> Source:
     """The simulator of a mechanism.
-
-    Scenes that differ in road, parameters or initial state only have the same source, and so share a binary.
-    """
+    Scenes that differ in road, parameters or initial state only have the same source, and so share a binary."""
     page = Page.of(equations, "recursive")
     files = _mechanism_files(page, program, equations)
     main = _main(page, [f"{page.header}.hpp"], "recursive", running=f"GeneratedMechanism<generated::{page.class_name}<Precision>>")
@@ -39,9 +37,7 @@ def emit_batch(program: Program, equations: RecursiveEquations) -> Source:
 
 def emit_system(start: Program, system: System, *, straight_line: int = STRAIGHT_LINE) -> Source:
     """The simulator of a system and of the mechanism that starts its runs.
-
-    A factorisation of more multiply-adds than ``straight_line`` is index data and a loop.
-    """
+    A factorisation of more multiply-adds than ``straight_line`` is index data and a loop."""
     equations = system.equations
     page, header = Page.of(equations.start, equations.method), f"{equations.topology.model.name}_system"
     mechanism = _mechanism_files(Page.of(equations.start, "recursive, for the start"), start, equations.start)

@@ -62,10 +62,8 @@ class Source:
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """A part of generated code without the frame of a file.
-
-    ``standard``, ``headers``: headers of the standard library and others; ``instances``: lines that instantiate it for a build's precision.
-    """
+    """A part of generated code without the frame of a file. ``standard``, ``headers``: headers of the standard library and others;
+    ``instances``: lines that instantiate it for a build's precision."""
 
     text: str
     standard: tuple[str, ...] = ()
@@ -184,11 +182,8 @@ def quotable(text: str) -> str:
 def compiled(
     page: Page, name: str, files: Mapping[str, str], headers: Sequence[str] = (), real: str = ""
 ) -> tuple[list[str], dict[str, str]]:  # fmt: skip
-    """The files that are compiled for a library.
-
-    Long functions are files of their own; small ones are compiled as one by a file of includes.  With ``headers``, which define a number
-    type ``real``, all are compiled by such files.
-    """
+    """The files that are compiled for a library. Long functions are files of their own; small ones are compiled as one by a file of
+    includes. With ``headers``, which define a number type ``real``, all are compiled by such files."""
     sources = sorted(file for file in files if file.endswith(".cpp") and file != "main.cpp")
     alone = [file for file in sources if len(files[file]) > LARGE or file.endswith(("description.cpp", SUPPLIED_FILE))]
     small = [file for file in sources if file not in alone]

@@ -123,9 +123,7 @@ def render_header(page: Page, view: Mapping[str, object]) -> str:
 
 def render_interface(page: Page, view: Mapping[str, object], *, hides: bool = False) -> str:
     """The C++ of the functions that the C header declares: those of a simulation, and names by index and indices by name.
-
-    ``hides``: what stands before is hidden, and ends before the interface.
-    """
+    ``hides``: what stands before is hidden, and ends before the interface."""
     header, p = render_header(page, view), page.stem
     of_sim = re.findall(rf"^([\w* ]+\b{p}_(\w+)\((?:const )?{p}_sim\* .*\));$", header, re.MULTILINE)
     calls = [{"declaration": text, "name": name, "arguments": ", ".join(re.findall(r"(\w+)[,)]", text))} for text, name in of_sim]

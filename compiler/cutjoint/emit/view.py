@@ -22,9 +22,7 @@ from cutjoint.program.scalars import Graph
 @dataclass(frozen=True, kw_only=True)
 class SectionView:
     """One body, joint, cut joint or force of a generated function; with a number it begins that ``part`` of a long one.
-
-    Inside a loop the first section has the lines that ``opening`` it take, the last ``closes`` it.
-    """
+    Inside a loop the first section has the lines that ``opening`` it take, the last ``closes`` it."""
 
     part: int
     title: str
@@ -37,11 +35,8 @@ class SectionView:
 
 @dataclass(frozen=True, kw_only=True)
 class FunctionView:
-    """A generated function.  ``declaration`` names all arguments, ``signature`` those that it uses, ``instance`` is the same for a build's
-    precision.
-
-    ``arrays`` declares the arrays of its loops, ``calls`` are the functions of namespace std that it calls.
-    """
+    """A generated function. ``declaration`` names all arguments, ``signature`` those that it uses, ``instance`` is the same for a build's
+    precision. ``arrays`` declares the arrays of its loops, ``calls`` are the functions of namespace std that it calls."""
 
     declaration: str
     signature: str

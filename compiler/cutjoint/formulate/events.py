@@ -50,9 +50,7 @@ def describe_indicators(b: Builder, indicators: Sequence[EventIndicator]) -> tup
 
 def jump_times(model: Model, scene: Scene) -> tuple[float, ...]:
     """The times (s) at which an input of the scene or a guide switches its formula, for conditions that are linear in time.
-
-    A discontinuous input has a left and a right value at such a time.
-    """
+    A discontinuous input has a left and a right value at such a time."""
     laws = [*scene.inputs.values(), *(law for joint in model.joints for law in joint.guide or ())]
     known = {p.symbol: p.value for p in model.parameters}
     conditions = {c for law in laws for c in sympy.sympify(law).atoms(Relational)}

@@ -187,9 +187,7 @@ LAW_VALUES = "law_values"
 @dataclass(frozen=True, kw_only=True)
 class SceneInputs:
     """The function ``scene_inputs`` of a model with ``inputs`` or controllers, and the indicators and domains of its laws.
-
-    ``length`` is that of the array.  Models without inputs and controllers have no function.
-    """
+    ``length`` is that of the array. Models without inputs and controllers have no function."""
 
     inputs: tuple[Parameter, ...] = ()
     functions: tuple[Function, ...] = ()
@@ -201,9 +199,7 @@ class SceneInputs:
 
 def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterable[Block], *, events: bool = True) -> SceneInputs:
     """The scene's inputs, with indicators (only if ``events``) and domains of the inputs that ``results`` depend on.
-
-    ``results`` are those of the equations of motion.
-    """
+    ``results`` are those of the equations of motion."""
     inputs = input_parameters(model)
     if not inputs and not model.discrete_states:
         return SceneInputs()

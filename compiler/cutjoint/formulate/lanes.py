@@ -37,9 +37,7 @@ def _used(families: list[Family], function: Function) -> list[Family]:
 
 def find_corresponding(quantities: Mapping[Quantity, Block], topology: Topology) -> list[Family]:
     """A family for every quantity of a class's first member that has a counterpart in all others.
-
-    Only classes whose members depend on their common carrier alone have lanes; the members of a chain depend on each other.
-    """
+    Only classes whose members depend on their common carrier alone have lanes; the members of a chain depend on each other."""
     families = []
     for members in (group for found in topology.classes for group in found.lanes):
         counterparts = [dict(zip(members[0], member, strict=True)) for member in members]

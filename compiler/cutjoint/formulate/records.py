@@ -79,9 +79,7 @@ class Function:
 @dataclass(frozen=True, kw_only=True)
 class LoopFit:
     """The fit of an embedded loop's functions when parameters are loaded.
-
-    The ``function`` has ``slots`` of its own and ``rows`` rows; its coefficients begin at ``first``.
-    """
+    The ``function`` has ``slots`` of its own and ``rows`` rows; its coefficients begin at ``first``."""
 
     embedded_loop: EmbeddedLoop
     function: Function

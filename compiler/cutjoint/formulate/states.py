@@ -73,11 +73,8 @@ def state_tangent(
 
 
 def sample_function(b: Builder, translator: Translator, model: Model, quantity: Callable[[Output], Block]) -> tuple[Function, ...]:
-    """The function of a model with controllers that gives the next value of each discrete state.
-    It depends on the state and the discrete states at that instant.
-
-    ``quantity`` knows accelerations and reactions too, which are those of the forces with the values before.
-    """
+    """The function of a model with controllers that gives the next value of each discrete state. It depends on the state and the discrete
+    states at that instant. ``quantity`` knows accelerations and reactions too, which are those of the forces with the values before."""
     if not model.controllers:
         return ()
     at_sample = reading(b, translator, model, quantity)

@@ -49,11 +49,7 @@ class Derived:
 
 
 def transpose(equations: RecursiveEquations, program: Program) -> Derived:
-    """The transposed functions of a program of the equations.
-
-    Raises:
-        ValueError: an operation has no derivative.
-    """
+    """The transposed functions of a program of the equations. Raises ValueError: an operation has no derivative."""
     work = replace(program, graph=program.graph.copy())
     others = _OF_CHAINS if equations.closures else _OF_LOOPS
     functions = [f for f in program.functions if f.name in _ARGUMENTS and f.name not in others]

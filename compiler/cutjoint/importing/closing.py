@@ -30,9 +30,7 @@ class Closed:
 
 def close(robot: Robot, *, free: bool = False) -> Closed:
     """Find where loops and couplings close; bodies that move freely stay, unless nothing else closes them, or they are ``free`` to move.
-
-    Raises ModelError at the loop that stays open by more than CLOSED.
-    """
+    Raises ModelError at the loop that stays open by more than CLOSED."""
     able = [joint for joint in robot.outwards() if joint.name in robot.in_loops() and joint.freedom]
     joints = [joint for joint in able if free or joint.kind != "free"]
     still = {joint.name: np.zeros(joint.freedom) for joint in robot.outwards() if joint.freedom}
@@ -148,10 +146,7 @@ class Relation:
 
 def solve_couplings(robot: Robot) -> list[Relation]:
     """The couplings of a robot, each solved for a joint that no other one is solved for.
-
-    Raises:
-        ModelError: couplings repeat each other, hold a joint still, or couple joints without a coordinate of their own.
-    """
+    Raises ModelError: couplings repeat each other, hold a joint still, or couple joints without a coordinate of their own."""
     for coupling in robot.couplings:
         for name in coupling.terms:
             if robot.joints[name].freedom != 1:

@@ -38,9 +38,7 @@ _WORDS = ("true", "false", "null")
 
 class Document:
     """Sections of a model file, filled element by element; ``folder`` is that of the file read, ``free`` says that its base moves.
-
-    ``bodies`` and ``joints`` have the model's names by those of links and joints, ``carriers`` also by links that are parts of bodies.
-    """
+    ``bodies`` and ``joints`` have the model's names by those of links and joints, ``carriers`` also by links that are parts of bodies."""
 
     def __init__(self, robot: Robot, closed: Closed, folder: Path, *, free: bool) -> None:
         self._notes: dict[str, list[str]] = {note: [] for note in robot.notes}
@@ -385,8 +383,7 @@ def _direction(axis: Array) -> str | list[float | int]:
 
 
 def _frame(rotation: Array) -> tuple[str | list[float | int], str | list[float | int]]:
-    """The first two axes of a rotation (3 by 3).
-    Orthogonalising the second one against the first leaves its written numbers unchanged."""
+    """The first two axes of a rotation (3 by 3). Orthogonalising the second one against the first leaves its written numbers unchanged."""
     first, y = _direction(rotation[:, 0]), rotation[:, 1]
     x = rotation[:, 0] if isinstance(first, str) else np.array(first) / np.linalg.norm(first)
     second = _direction(y)

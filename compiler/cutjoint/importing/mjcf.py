@@ -24,12 +24,8 @@ _SWITCHES = {"stiffness": {"SPRING"}, "damping": {"DAMPER"}, "friction": {"FRICT
 
 
 def read_mjcf(path: Path, folder: Path) -> tuple[Robot, Node]:
-    """The robot of an MJCF file, which may name files in a folder.
-
-    Raises:
-        ModelError: the file is wrong, names a file outside the folder, or says what a model file cannot.
-        MissingPackageError: MuJoCo is not installed.
-    """
+    """The robot of an MJCF file, which may name files in a folder. Raises ModelError: the file is wrong, names a file outside the folder,
+    or says what a model file cannot; MissingPackageError: MuJoCo is not installed."""
     root = read_xml(path)
     if root.tag != "mujoco":
         root.refuse("is no MJCF", "name a file whose outermost element is <mujoco>; files of other formats end in .urdf or .sdf")

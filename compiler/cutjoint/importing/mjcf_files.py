@@ -31,12 +31,8 @@ _NUMBERS = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", 
 
 
 def compile_mjcf(path: Path, root: Node, folder: Path) -> tuple[Any, list[str]]:
-    """MuJoCo's model of a file, and its pictures that are not there or outside a folder.
-
-    Raises:
-        ModelError: the file is wrong, names another file outside the folder, or is too large.
-        MissingPackageError: MuJoCo is not installed.
-    """
+    """MuJoCo's model of a file, and its pictures that are not there or outside a folder. Raises ModelError: the file is wrong, names
+    another file outside the folder, or is too large; MissingPackageError: MuJoCo is not installed."""
     outside: set[str] = set()
     roots = _require_inside(root, path, folder, outside)
     _require_small(roots)

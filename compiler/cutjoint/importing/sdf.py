@@ -102,9 +102,7 @@ class _Assembly:
 
     def join(self, *, alone: bool) -> None:
         """Hang each link on the first joint whose child it is; other joints close loops, and links without a joint move freely.
-
-        A model ``alone`` has no joints with others.
-        """
+        A model ``alone`` has no joints with others."""
         joints = [(name, node) for name, (node, scope) in self._nodes.items()
                   if node.tag == "joint" and not scope.still and (scope.outer or not alone)]  # fmt: skip
         for name, node in joints:

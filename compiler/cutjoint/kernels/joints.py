@@ -43,13 +43,8 @@ class JointKernel:
 
 
 def derive_joint(joint: Joint, is_reversed: bool) -> JointKernel:
-    """The kernel of a tree joint.
-
-    A reversed joint moves its base: its motions are undone in the opposite order, so that a coordinate keeps its sign and meaning.
-
-    Raises:
-        ModelError: tangents are needed across a direction that depends on a tunable parameter.
-    """
+    """The kernel of a tree joint. A reversed joint moves its base: its motions are undone in the opposite order, so that a coordinate keeps
+    its sign and meaning. Raises ModelError: tangents are needed across a direction that depends on a tunable parameter."""
     general, known = _derive_kind(joint.kind, is_reversed), _given(joint, is_reversed)
     return replace(
         general, rotation=general.rotation.xreplace(known), displacement=general.displacement.xreplace(known),
@@ -170,9 +165,7 @@ def _subspace(element: JointElement, chain: Sequence[Motion], columns: Sequence[
 
 def _drift(chain: Sequence[Motion], columns: Sequence[Matrix], u: Mapping[str, Scalar]) -> Matrix:
     """dS/dt u of a chain with columns in its order: what the motions before it carry along turns and moves a column.
-
-    A ball's axes are the inner body's; nothing turns before it.
-    """
+    A ball's axes are the inner body's; nothing turns before it."""
     drift, twist = sympy.zeros(6, 1), sympy.zeros(6, 1)
     remaining = iter(columns)
     for motion in chain:
@@ -207,11 +200,7 @@ def rotation_of(quaternion: Sequence[Scalar]) -> Matrix:
 
 
 def direction_of(joint: Joint, direction: Direction) -> Vector:
-    """A direction of a joint.
-
-    Raises:
-        ModelError: two directions are needed across one that depends on a tunable parameter.
-    """
+    """A direction of a joint. Raises ModelError: two directions are needed across one that depends on a tunable parameter."""
     match direction:
         case Direction.AXIS:
             return joint.axes[0]
@@ -246,10 +235,7 @@ def _vector(components: Iterable[Scalar]) -> Vector:
 
 def tangents(joint: Joint, normal: Vector) -> tuple[Matrix, Matrix]:
     """Two unit vectors across a direction of a joint; the three make a right-handed frame.
-
-    Raises:
-        ModelError: the direction depends on a tunable parameter.
-    """
+    Raises ModelError: the direction depends on a tunable parameter."""
     n = sympy.Matrix(normal)
     if n.free_symbols:
         names = ", ".join(sorted(f"'{str(symbol).removeprefix('p_')}'" for symbol in n.free_symbols))

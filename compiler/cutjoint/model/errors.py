@@ -54,11 +54,7 @@ class Problems:
         self.notes: dict[str, None] = {}
 
     def add(self, span: Span, element: str, message: str, hint: str = "") -> None:
-        """Note one problem.
-
-        Raises:
-            ModelError: there are more than MAX_PROBLEMS, each of which takes time.
-        """
+        """Note one problem. Raises ModelError: there are more than MAX_PROBLEMS, each of which takes time."""
         self._count += 1
         if self._count > MAX_PROBLEMS:
             message, hint = "there may be more problems than these", "mend these first"

@@ -22,9 +22,7 @@ class Note:
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
     """The model and scene after a pass: ``done`` has notes of its changes, ``left`` of changes that it did not make, each with the reason.
-
-    The scene's output columns keep their names.
-    """
+    The scene's output columns keep their names."""
 
     model: Model
     scene: Scene

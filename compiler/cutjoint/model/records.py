@@ -98,9 +98,7 @@ class FirstOrderState:
 @dataclass(frozen=True, kw_only=True)
 class Signal:
     """A named expression of time, parameters, inputs and quantities of elements, for which ``symbol`` stands in other expressions.
-
-    A ``reported`` signal is an output's: nothing reads it, so that it may read accelerations and reactions.
-    """
+    A ``reported`` signal is an output's: nothing reads it, so that it may read accelerations and reactions."""
 
     name: str
     symbol: Scalar
@@ -129,9 +127,7 @@ class DiscreteState:
 @dataclass(frozen=True, kw_only=True)
 class Controller:
     """Values that are computed at the times ``offset`` + k ``every`` (s) and constant in between.
-
-    ``signals`` are computed at a sample, by symbols of their own; ``discrete_states`` are then updated from these simultaneously.
-    """
+    ``signals`` are computed at a sample, by symbols of their own; ``discrete_states`` are then updated from these simultaneously."""
 
     name: str
     every: float
@@ -164,9 +160,7 @@ class ShapeKind(StrEnum):
 @dataclass(frozen=True, kw_only=True)
 class Shape:
     """A part of a body that has a shape: ``points`` are its centre, or a rod's two ends, ``sizes`` in m as its kind says.
-
-    A ``hole`` takes mass away.
-    """
+    A ``hole`` takes mass away."""
 
     kind: ShapeKind
     points: tuple[Vector, ...]
@@ -177,11 +171,8 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True)
 class Visual:
-    """The picture of a body: a ``mesh``, "" for none, and a ``colour``, "" for any.
-    The model file at ``span`` names the file of the mesh.
-
-    A point p of the mesh is at ``at`` + ``scale`` (p1 axes[0] + p2 axes[1] + p3 axes[2]) in the design position; m.
-    """
+    """The picture of a body: a ``mesh``, "" for none, and a ``colour``, "" for any. The model file at ``span`` names the file of the mesh.
+    A point p of the mesh is at ``at`` + ``scale`` (p1 axes[0] + p2 axes[1] + p3 axes[2]) in the design position; m."""
 
     mesh: str
     colour: str
@@ -399,11 +390,8 @@ class EmbeddedLoop:
 
 @dataclass(frozen=True, kw_only=True)
 class Reaction:
-    """A sensor: the force and moment of a joint, in the tree or cut, on its follower.
-
-    The moment is about the follower's point of the joint.  Components are along ``direction``, which is fixed in ``body``, or
-    without one along the axes of ``body``.
-    """
+    """A sensor: the force and moment of a joint, in the tree or cut, on its follower. The moment is about the follower's point of the
+    joint. Components are along ``direction``, which is fixed in ``body``, or without one along the axes of ``body``."""
 
     name: str
     joint: str
@@ -415,9 +403,7 @@ class Reaction:
 @dataclass(frozen=True, kw_only=True)
 class RodForce:
     """A sensor of a reduced model: the weighted sum of the compressive forces of cut distance joints.
-
-    ``weights`` are names of joints with their weights.
-    """
+    ``weights`` are names of joints with their weights."""
 
     name: str
     weights: tuple[tuple[str, Scalar], ...]
@@ -612,9 +598,7 @@ class Plot:
 @dataclass(frozen=True, kw_only=True)
 class Aim:
     """A condition on a scene's start: an expression of coordinates and places, given as text, has a value, SI units.
-
-    ``unit`` is that in which the value is written, or the expression is, and ``size`` its size in SI.
-    """
+    ``unit`` is that in which the value is written, or the expression is, and ``size`` its size in SI."""
 
     name: str
     expression: Scalar
@@ -626,9 +610,8 @@ class Aim:
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """A number that a trim finds.
-    ``entry`` is its place among the numbers of its ``kind``, "position", "rate", "state", "input" or "parameter".
-    ``bounds`` are the least and the largest value, SI units, of one that has some."""
+    """A number that a trim finds. ``entry`` is its place among the numbers of its ``kind``, "position", "rate", "state", "input" or
+    "parameter". ``bounds`` are the least and the largest value, SI units, of one that has some."""
 
     name: str
     kind: str

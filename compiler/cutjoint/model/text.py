@@ -43,10 +43,7 @@ def is_whole(text: str) -> bool:
 
 def read_number(text: str) -> float:
     """The value of a plain decimal number, infinity where it is too large for a float; blanks around it do not count.
-
-    Raises:
-        ValueError: the text is no such number.
-    """
+    Raises ValueError: the text is no such number."""
     text = text.strip(" \t")
     if not is_number(text):
         raise ValueError(f"'{text}' is not a plain decimal number")

@@ -135,9 +135,7 @@ class ConstantError(EquationsError, ArithmeticError):
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """The meaning of a block: ``symbol`` as in the formulation's equations, and ``parts`` of the model.
-
-    ``which`` tells apart several of one part, such as its first coordinate, and ``number`` is its place among blocks of the same name.
-    """
+    ``which`` tells apart several of one part, such as its first coordinate, and ``number`` is its place among blocks of the same name."""
 
     symbol: str
     parts: tuple[str, ...]
@@ -259,11 +257,7 @@ class Builder:
     # Leaves
 
     def const(self, values: Sequence[Sequence[float]]) -> Block:
-        """A matrix of numbers, given by rows.
-
-        Raises:
-            ConstantError: one of them is not finite.
-        """
+        """A matrix of numbers, given by rows. Raises ConstantError: one of them is not finite."""
         rows = tuple(tuple(float(x) + 0.0 for x in row) for row in values)
         if not all(isfinite(x) for row in rows for x in row):
             raise ConstantError(self.sections, self._section)

@@ -50,10 +50,7 @@ class Differentiator:
 
     def jacobian(self, block: Block) -> Jacobian:
         """The derivatives of a scalar or column by the leaves.
-
-        Raises:
-            ValueError: the block uses an operation that has no rule, or reaches an input without passing a leaf.
-        """
+        Raises ValueError: the block uses an operation that has no rule, or reaches an input without passing a leaf."""
         return _follow(block, self._known, self._derived)
 
     def _derived(self, block: Block) -> Steps[Jacobian]:
@@ -200,11 +197,8 @@ class Inputs:
 
 
 class Variation:
-    """The directional derivative of blocks.
-
-    ``changes`` has the derivative of blocks that are known; ``rotations`` 3x3 rotations R with derivative w~ R, by their w (3, 1).
-    A block that depends on none of ``symbols`` does not change.
-    """
+    """The directional derivative of blocks. ``changes`` has the derivative of blocks that are known; ``rotations`` 3x3 rotations R with
+    derivative w~ R, by their w (3, 1). A block that depends on none of ``symbols`` does not change."""
 
     def __init__(
         self, builder: Builder, inputs: Inputs, symbols: frozenset[str], changes: Mapping[Block, Block], rotations: Mapping[Block, Block]
@@ -217,10 +211,7 @@ class Variation:
 
     def of(self, block: Block) -> Block:
         """The derivative, of the block's shape.
-
-        Raises:
-            ValueError: the block uses an operation that has no rule, or depends on a symbol whose change is not given.
-        """
+        Raises ValueError: the block uses an operation that has no rule, or depends on a symbol whose change is not given."""
         return _follow(block, self._known, self._derived)
 
     def _derived(self, block: Block) -> Steps[Block]:
@@ -342,10 +333,7 @@ class Algebra(Protocol[X]):
 
 def partial_derivatives(b: Algebra[X], y: X) -> list[X]:
     """The partial derivatives of a scalar function's value y, a ``call``, by its arguments.
-
-    Raises:
-        ValueError, LookupError: the function has none.
-    """
+    Raises ValueError, LookupError: the function has none."""
     data: Any = y.data
     function, table = data
     if function in ("road_height", "road_slope"):

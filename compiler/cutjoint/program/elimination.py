@@ -87,11 +87,7 @@ class _Sums:
 
 def adjoint(graph: Graph, weights: Mapping[int, int], targets: Collection[int]) -> dict[int, int]:
     """The derivatives of a sum of nodes, each times the node of its weight, by each of the ``targets`` on which it depends.
-    They have as many lanes as the target.
-
-    Raises:
-        ValueError: an operation has no derivative.
-    """
+    They have as many lanes as the target. Raises ValueError: an operation has no derivative."""
     order = graph.reachable(list(weights))
     depends = set(targets)
     for n in order:
@@ -217,10 +213,7 @@ _Edge: TypeAlias = dict[tuple[int | None, int | None], int]
 
 def derivatives(graph: Graph, results: Sequence[int], targets: Collection[int]) -> list[dict[int, int]]:
     """The derivatives of each result, without lanes, by each of the ``targets`` on which it depends, with that one's lanes.
-
-    Raises:
-        ValueError: an operation has no derivative.
-    """
+    Raises ValueError: an operation has no derivative."""
     section, elimination = graph.section, _Elimination(graph, set(targets))
     found = elimination.run(results)
     graph.section = section
@@ -375,8 +368,7 @@ class _Elimination:
         return found
 
     def _derivative(self, target: int, edge: _Edge, lane: int | None) -> int | None:
-        """The derivative for an edge from a target to a result, or to a lane of it.
-        None if the edge does not lead there."""
+        """The derivative for an edge from a target to a result, or to a lane of it. None if the edge does not lead there."""
         graph, lanes = self._graph, self._lanes(target)
         parts, apart = list[int](), dict[int, int]()
         for (start, end), c in edge.items():

@@ -19,11 +19,8 @@ Family: TypeAlias = tuple[Block, ...]
 
 @dataclass(frozen=True)
 class _Plan:
-    """The operation by which a family is computed.
-
-    It is ``uniform`` by its one block, ``const``, ``gather`` from its members, ``signed`` by signs times another family, ``sum`` of
-    families, or by the ``same`` operation on families.
-    """
+    """The operation by which a family is computed. It is ``uniform`` by its one block, ``const``, ``gather`` from its members, ``signed``
+    by signs times another family, ``sum`` of families, or by the ``same`` operation on families."""
 
     kind: str
     family: Family
@@ -178,9 +175,7 @@ class _Folding:
 
     def _whole_families(self, terms: Sequence[tuple[int, Block]]) -> tuple[list[tuple[int, Family]], list[tuple[int, Block]]]:
         """The families all of whose members are terms of a sum, with their signs, and the terms that are left.
-
-        A member may stand in several lanes and in several families, and a term may occur more than once: each occurrence counts once.
-        """
+        A member may stand in several lanes and in several families, and a term may occur more than once: each occurrence counts once."""
         remaining = Counter(terms)
         found: list[tuple[int, Family]] = []
         for sign, block in terms:

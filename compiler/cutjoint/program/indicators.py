@@ -14,9 +14,7 @@ from cutjoint.program.lower import reachable_blocks
 @dataclass(frozen=True, kw_only=True)
 class Domain:
     """A ``margin`` that is not negative where a ``function`` of a law has a value, or positive if it is ``strict``.
-
-    ``section`` is that of the program in which the function stands.  ``remedy``, a positive number, is a domain that is never left.
-    """
+    ``section`` is that of the program in which the function stands. ``remedy``, a positive number, is a domain that is never left."""
 
     function: str
     margin: Block

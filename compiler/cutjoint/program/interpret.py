@@ -36,11 +36,8 @@ class RoadTable(Protocol):
 def interpret_blocks(
     roots: Iterable[Block], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]
 ) -> dict[Block, Array]:
-    """Evaluate the roots and all that they depend on; inputs are columns by symbol name.
-
-    Inputs (..., n) may carry batch axes, which the values (..., rows, columns) of all that depends on them have too.  The lanes of a block
-    are the axis before its rows.
-    """
+    """Evaluate the roots and all that they depend on; inputs are columns by symbol name. Inputs (..., n) may carry batch axes, which the
+    values (..., rows, columns) of all that depends on them have too. The lanes of a block are the axis before its rows."""
     constants, others = in_order(tuple(roots))
     values = dict(constants)
     with np.errstate(all="ignore"):

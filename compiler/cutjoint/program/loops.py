@@ -91,8 +91,7 @@ class Store:
 
 @dataclass(frozen=True)
 class Copy:
-    """A node at a place of a statement's array outside the loop: before the first iteration or after the last.
-    -1 is next to the first."""
+    """A node at a place of a statement's array outside the loop: before the first iteration or after the last. -1 is next to the first."""
 
     loop: int
     statement: int
@@ -122,9 +121,7 @@ class Loop:
 @dataclass(frozen=True, kw_only=True)
 class Rolled:
     """A function with loops: its parts in order, statements or the number of a loop; results that no loop stores.
-
-    ``graph`` and ``sections`` are the program's with those of the bodies behind its own.
-    """
+    ``graph`` and ``sections`` are the program's with those of the bodies behind its own."""
 
     graph: Graph
     sections: tuple[Section, ...]
@@ -375,9 +372,7 @@ class _Rolling:
 
     def _lanes(self, i: int, run: _Run, wanted: frozenset[tuple[int, int]]) -> int:
         """The number of iterations of a run that are computed side by side.
-
-        It is 0 if they read each other's values, have lanes of their own, or store conditions or read stored ones.
-        """
+        It is 0 if they read each other's values, have lanes of their own, or store conditions or read stored ones."""
         alone = not any(isinstance(g, Stored) and g.loop == i for g in run.arguments.values())
         nodes = [self._nodes[n] for n in run.iterations[0] if n >= 0]
         plain = not any(x.lanes or x.op in ("lane", "lane_sum") or x.op.startswith("road_") for x in nodes)

@@ -67,11 +67,7 @@ class Graph:
         return number
 
     def const(self, value: float) -> int:
-        """A number; minus zero becomes zero.
-
-        Raises:
-            OverflowedConstantError: it is not finite.
-        """
+        """A number; minus zero becomes zero. Raises OverflowedConstantError: it is not finite."""
         if not math.isfinite(value):
             raise OverflowedConstantError(self.section)
         return self._make("const", (), float(value) + 0.0)

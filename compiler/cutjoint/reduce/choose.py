@@ -72,11 +72,8 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """The choice of a model, a method and a step.
-
-    ``evidence`` has a candidate for each reduced model of each method, ``reference_change`` is the change of the reference by its last
-    halving (m, rad), ``reduced`` the chosen model, if the choice was made just now.
-    """
+    """The choice of a model, a method and a step. ``evidence`` has a candidate for each reduced model of each method, ``reference_change``
+    is the change of the reference by its last halving (m, rad), ``reduced`` the chosen model, if the choice was made just now."""
 
     chosen: Candidate
     evidence: tuple[Candidate, ...]
@@ -97,11 +94,7 @@ class _ReducedModels:
             self._begin(method)
 
     def of(self, method: str) -> list[ReducedModel]:
-        """The reduced models of a method, one for each motion, when they are there.
-
-        Raises:
-            ModelError, RunError: the method takes none.
-        """
+        """The reduced models of a method, one for each motion, when they are there. Raises ModelError, RunError: the method takes none."""
         return self._begin(method).result()
 
     def _begin(self, method: str) -> Future[list[ReducedModel]]:
@@ -125,11 +118,7 @@ class _ReducedModels:
 
 
 def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> Choice:
-    """The choice for a scene, cached.
-
-    Raises:
-        RunError: nothing keeps the accuracy or the budget; the message has the nearest candidate.
-    """
+    """The choice for a scene, cached. Raises RunError: nothing keeps the accuracy or the budget; the message has the nearest candidate."""
     try:
         place = _cache_path(model, scene, parameters or {})
     except PackageNotFoundError:
@@ -284,9 +273,8 @@ def find_step(
     variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Reference, trials: Trials, *,
     ratio: float = RATIO, fastest: Candidate | None = None,
 ) -> Candidate:  # fmt: skip
-    """The longest step of a reduced model that keeps the scene's accuracy; steps fall by ``ratio``.
-    It gives up if a run is much slower than the ``fastest`` so far, or if a fourth of the step has not reduced the error, which is then
-    that of the reduced model."""
+    """The longest step of a reduced model that keeps the scene's accuracy; steps fall by ``ratio``. It gives up if a run is much slower
+    than the ``fastest`` so far, or if a fourth of the step has not reduced the error, which is then that of the reduced model."""
     best = Candidate(variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the accuracy")
     wanted = (replace(best, dt=dt) for dt in _falling(variant.scene, variant.method, ratio))
     vain = partial(_cannot_win, "dt", 4), "shorter steps do not lower its error"
@@ -298,9 +286,7 @@ def find_tolerated(
     ratio: float = TOLERANCE_RATIO, fastest: Candidate | None = None,
 ) -> Candidate:  # fmt: skip
     """The largest tolerance of an integrator that keeps the scene's accuracy.
-
-    It gives up as `find_step` does, where a hundredth of the tolerance has not brought the error down.
-    """
+    It gives up as `find_step` does, where a hundredth of the tolerance has not brought the error down."""
     best = Candidate(
         variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no tolerance keeps the accuracy",
         integrator=integrator, tolerance=LARGEST_TOLERANCE,

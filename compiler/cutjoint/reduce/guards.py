@@ -26,9 +26,7 @@ def guardable(model: Model, scene: Scene) -> tuple[str, ...]:
 
 def guard_forces(model: Model, scene: Scene, names: Collection[str] | None = None) -> Outcome:
     """Take the named forces, or all that can be, out of the model and put guards in their place.
-
-    Forces, stiffnesses and dampings of a guarded force are reported as zero, the places of its parts as in the full model.
-    """
+    Forces, stiffnesses and dampings of a guarded force are reported as zero, the places of its parts as in the full model."""
     asked = guardable(model, scene) if names is None else names
     reasons = {f.name: _reason(f, scene) for f in model.forces if f.name in asked}
     places = {f.name: index for index, f in enumerate(model.force_elements)}
@@ -50,9 +48,7 @@ def guard_forces(model: Model, scene: Scene, names: Collection[str] | None = Non
 
 def speculate(model: Model, scene: Scene, run: Callable[[Model, Scene], Trajectory]) -> tuple[Outcome, Trajectory]:
     """Run without the forces that can be guarded, and again with the forces of violated guards, until none is violated.
-
-    A run without them that fails otherwise is repeated in full.  Returns the last run and the model that it ran.
-    """
+    A run without them that fails otherwise is repeated in full. Returns the last run and the model that it ran."""
     out = set(guardable(model, scene))
     while True:
         outcome = guard_forces(model, scene, out)
@@ -100,11 +96,8 @@ Region: TypeAlias = tuple[Scalar, ...] | None
 
 
 def zero_region(law: Scalar) -> Region:
-    """The region in which an expression is zero; it may be zero elsewhere too.  A region has an inside.
-
-    A case is without effect where its value is zero, its condition does not hold, or an earlier one holds; a sum is zero where its terms
-    are, a product where a factor is.
-    """
+    """The region in which an expression is zero; it may be zero elsewhere too. A region has an inside. A case is without effect where its
+    value is zero, its condition does not hold, or an earlier one holds; a sum is zero where its terms are, a product where a factor is."""
     if law == 0:
         return ()
     if isinstance(law, sympy.Piecewise):

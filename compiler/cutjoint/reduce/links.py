@@ -139,8 +139,7 @@ def _moved_marker(marker: Marker, link: _Link) -> Marker:
 
 
 def _converted(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint], forces: Sequence[Force]) -> Reaction | RodForce:
-    """The force in the link's cut joint: the forces in the rods less the force that acts on the link.
-    The link has no weight."""
+    """The force in the link's cut joint: the forces in the rods less the force that acts on the link. The link has no weight."""
     if isinstance(reaction, RodForce) or reaction.joint not in (link.cut.name, link.tree.name):
         if isinstance(reaction, Reaction) and reaction.body == link.body.name:
             raise _StaysError(f"stays: the direction of '{reaction.name}' is fixed in it")

@@ -108,10 +108,7 @@ class Cost:
 
 def distance(run: Trajectory, reference: Trajectory) -> float:
     """The largest difference of a column in m or rad over the rows that both runs have; infinite where there is none.
-
-    Raises:
-        RunError: no column is a place or an angle.
-    """
+    Raises RunError: no column is a place or an angle."""
     names = [name for name, unit in reference.units.items() if unit in PLACES and name.rpartition(".")[2] not in OTHERS]
     if not names:
         raise RunError("no output is a position or an angle, by which runs are compared; add one to the scene's outputs, such as body.x")
@@ -129,10 +126,7 @@ def measure_reduced(
     variants: Sequence[ReducedModel], *, dt: float | None = None, parameters: Mapping[str, float] | None = None
 ) -> list[Cost]:
     """Compile and run models at the same step (s); errors are distances from the run of the first, which is the full model.
-
-    Raises:
-        RunError: the full model does not run to its end; or as for `distance`.
-    """
+    Raises RunError: the full model does not run to its end; or as for `distance`."""
     costs: list[Cost] = []
     reference: Trajectory | None = None
     for variant in variants:

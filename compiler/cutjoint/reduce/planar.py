@@ -90,9 +90,7 @@ def _freed(outcome: Outcome, cut: Joint) -> Outcome:
 
 def flatten(model: Model, scene: Scene) -> Outcome:
     """The pass: a mechanism that moves in planes parallel to y = 0, x = 0 or z = 0 gets planar coordinates.
-
-    ``left`` says why one stays of which joints hold a body in a plane.
-    """
+    ``left`` says why one stays of which joints hold a body in a plane."""
     left: list[Note] = []
     for plane in (Plane(axis=axis) for axis in "yxz"):
         confined = confined_bodies(model.joints, plane)
@@ -127,11 +125,7 @@ def _holds(joint: Joint, plane: Plane) -> bool:
 
 
 def _flatten(model: Model, scene: Scene, plane: Plane, confined: Collection[str]) -> Outcome:
-    """The model in a plane.
-
-    Raises:
-        AsymmetryError: something may leave it, or no joint kind stands for what is left of a joint.
-    """
+    """The model in a plane. Raises AsymmetryError: something may leave it, or no joint kind stands for what is left of a joint."""
     loose = [b.name for b in model.bodies if b.name not in confined]
     if loose:
         require_own_images(model, scene, plane, loose)
@@ -173,11 +167,7 @@ class PlaneModel:
     in_plane: Mapping[str, InPlane]
 
     def scene(self, scene: Scene) -> Scene:
-        """A scene of it.
-
-        Raises:
-            AsymmetryError: the scene leaves the plane, or asks for what a plane model does not determine.
-        """
+        """A scene of it. Raises AsymmetryError: the scene leaves the plane, or asks for what a plane model does not determine."""
         tyres = any(f.has_road and scene.switches.get(f.name, f.active) for f in self.model.forces)
         if tyres and scene.road.parts:
             what = "a surface" if "surface" in scene.road.parts else "patches of friction"
@@ -277,10 +267,7 @@ _NAMING = frozenset({"name", "span", "active", "base", "follower", "body"})
 
 def require_own_images(model: Model, scene: Scene, plane: Plane, loose: Collection[str]) -> None:
     """Check that bodies which no joint holds in a plane, and all that touches them, are their own images; forces may be in pairs.
-
-    Raises:
-        AsymmetryError: one is not, or gravity pulls out of the plane.
-    """
+    Raises AsymmetryError: one is not, or gravity pulls out of the plane."""
     if not plane.within(model.gravity):
         raise AsymmetryError(model.name, f"has gravity that pulls out of the plane {plane}", model.span)
     elements = _fix_inputs(model, scene)

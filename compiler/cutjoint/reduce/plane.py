@@ -95,9 +95,7 @@ K = JointKind
 @dataclass(frozen=True, kw_only=True)
 class InPlane:
     """A joint in the plane: ``kept`` has for a coordinate or speed of the whole joint its name here and a factor.
-
-    Those that are not kept would leave the plane and are zero; ``unknown`` ones depend on which of its bodies is the inner one.
-    """
+    Those that are not kept would leave the plane and are zero; ``unknown`` ones depend on which of its bodies is the inner one."""
 
     joint: Joint
     kept: Mapping[str, tuple[str, int]]
@@ -105,13 +103,8 @@ class InPlane:
 
 
 def restrict(joint: Joint, plane: Plane) -> InPlane:
-    """A tree joint between bodies in the plane with the motions in the plane alone.
-
-    A joint that the model cuts needs no such change: its other equations hold by themselves.
-
-    Raises:
-        AsymmetryError: the motions that remain are not those of one of the joint kinds.
-    """
+    """A tree joint between bodies in the plane with the motions in the plane alone. A joint that the model cuts needs no such change: its
+    other equations hold by themselves. Raises AsymmetryError: the motions that remain are not those of one of the joint kinds."""
     found = _RULES[joint.kind](joint, plane) if joint.kind in _RULES else None
     if found is None:
         raise AsymmetryError(joint.name, f"is a {joint.kind} joint without a counterpart in the plane {plane}", joint.span)

@@ -27,11 +27,7 @@ _INTERPRETING = 0.4e-9 * 5 * (1 + 2 + 4)
 
 def run_scene(model: Model, scene: Scene, outputs: Sequence[Output] | None = None) -> Trajectory:
     """A scene's run, which may have failed, with ``outputs`` instead of the scene's; interpreted where that takes less than compiling.
-
-    Raises:
-        ModelError, EquationsError, RunError, SimulatorError: the scene cannot be run.
-        ToolchainError: the C++ side failed.
-    """
+    Raises ModelError, EquationsError, RunError, SimulatorError: the scene cannot be run; ToolchainError: the C++ side failed."""
     artifact = compile_interpreted(model, scene, outputs=outputs)
     operations = artifact.compilation.operations
     steps = scene.end / scene.numerics.of_method(DEFAULT_METHOD).step
@@ -77,10 +73,7 @@ def numbers(vector: Vector | Iterable[object], model: Model) -> NDArray[np.float
 
 def find_poses(model: Model, scene: Scene) -> Mapping[str, Poses] | None:
     """The poses of all bodies and the ground in the scene; None where its run does not come to the end.
-
-    Raises:
-        ModelError, TopologyError, RunError, SimulatorError: the scene cannot be run.
-    """
+    Raises ModelError, TopologyError, RunError, SimulatorError: the scene cannot be run."""
     asked = [Output(element=body.name, quantity=name, span=body.span) for body in model.bodies for name in POSE]
     run = run_scene(model, scene, asked)
     if run.failure is not None:

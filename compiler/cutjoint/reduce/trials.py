@@ -76,11 +76,7 @@ class Trials:
 
     @property
     def compiled(self) -> Artifact:
-        """The generated code, when it is there.
-
-        Raises:
-            ToolchainError: the C++ side failed.
-        """
+        """The generated code, when it is there. Raises ToolchainError: the C++ side failed."""
         return self.begin_compiling().result()
 
     def begin_compiling(self) -> Future[Artifact]:
@@ -95,11 +91,7 @@ class Trials:
 
     def run(self, steps: Steps, parameters: Mapping[str, float]) -> Trajectory:
         """A run whose rows are some of the scene's; it may have failed.
-
-        Raises:
-            SimulatorError: the simulator could not run.
-            ToolchainError: the C++ side failed.
-        """
+        Raises SimulatorError: the simulator could not run; ToolchainError: the C++ side failed."""
         expected = self._scene.end / steps.dt * self._step_seconds if steps.is_equal else self._last
         if self.is_compiled or self._left < expected:
             return run_at(self.compiled, steps, parameters)

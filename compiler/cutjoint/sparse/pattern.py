@@ -13,10 +13,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Pattern:
-    """Compressed columns, rows ascending; of a symmetric matrix the lower triangle.  The same record as `cutjoint::Pattern`.
-
-    ``first`` has size + 1 offsets: column j has the entries first[j] .. first[j + 1] - 1, in the rows ``row``.
-    """
+    """Compressed columns, rows ascending; of a symmetric matrix the lower triangle. The same record as `cutjoint::Pattern`.
+    ``first`` has size + 1 offsets: column j has the entries first[j] .. first[j + 1] - 1, in the rows ``row``."""
 
     size: int
     symmetric: bool
@@ -32,12 +30,7 @@ class Pattern:
 
 def make_pattern(size: int, entries: Iterable[tuple[int, int]], *, symmetric: bool) -> Pattern:
     """The pattern of a set of entries (row, column), given in any order and any number of times.
-
-    Of a symmetric matrix either half may be given; the lower triangle is stored.
-
-    Raises:
-        ValueError: an entry is outside the matrix.
-    """
+    Of a symmetric matrix either half may be given; the lower triangle is stored. Raises ValueError: an entry is outside the matrix."""
     columns: list[set[int]] = [set() for _ in range(size)]
     for i, j in entries:
         if not (0 <= i < size and 0 <= j < size):

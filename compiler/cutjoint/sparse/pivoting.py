@@ -90,11 +90,7 @@ def pivot_by_likeness(pattern: Pattern, scaled: Array, number: int) -> PivotSequ
 
 def pivot_by_columns(name: str, order: Sequence[int], pattern: Pattern, scaled: Array) -> PivotSequence:
     """The columns in a given order, each with the row of the fewest entries among those that hold in all samples.
-
-    Raises:
-        SingularError: a sample is numerically singular.
-        NoPivotError: no pivot holds in all samples.
-    """
+    Raises SingularError: a sample is numerically singular; NoPivotError: no pivot holds in all samples."""
     columns = iter(order)
     return _choose(name, pattern, scaled, lambda remainder: remainder.shortest_row(next(columns)))
 

@@ -46,19 +46,12 @@ class Ordering:
 
 def order_symmetric(pattern: Pattern) -> tuple[Ordering, ...]:
     """Orders for a symmetric matrix, always by the same methods in the same order.
-
-    Raises:
-        MissingLibraryError: a library is not installed.
-    """
+    Raises MissingLibraryError: a library is not installed."""
     return tuple(Ordering(name=name, order=method(pattern)) for name, method in (("amd", amd), ("symamd", symamd), ("metis", metis)))
 
 
 def order_columns(pattern: Pattern) -> tuple[Ordering, ...]:
-    """Orders for the columns of an unsymmetric matrix, the same way.
-
-    Raises:
-        MissingLibraryError: a library is not installed.
-    """
+    """Orders for the columns of an unsymmetric matrix, the same way. Raises MissingLibraryError: a library is not installed."""
     return tuple(Ordering(name=name, order=method(pattern)) for name, method in (("colamd", colamd), ("amd", amd), ("metis", metis)))
 
 
@@ -137,9 +130,7 @@ def _permutation(function: str, order: Sequence[int], *, succeeded: bool) -> tup
 @dataclass(frozen=True, kw_only=True)
 class Trial:
     """An order that was tried: the multiply-adds that it needs for a factorisation and a solution, and the predicted operations by tiles.
-
-    ``threshold`` is the least share of its column that a pivot has in any sample; 1 where no pivots were chosen.
-    """
+    ``threshold`` is the least share of its column that a pivot has in any sample; 1 where no pivots were chosen."""
 
     name: str
     multiply_adds: int
@@ -164,11 +155,7 @@ class Plan:
 
 def plan_definite(pattern: Pattern) -> Plan:
     """The plan for positive definite matrices, symmetric or not, with pivots on the diagonal: no pivoting.
-
-    Raises:
-        MissingLibraryError: a library that orders matrices is not installed.
-        ValueError: an entry of the diagonal is always zero.
-    """
+    Raises MissingLibraryError: a library that orders matrices is not installed; ValueError: an entry of the diagonal is always zero."""
     entries = set(pattern.entries())
     if any((i, i) not in entries for i in range(pattern.size)):
         raise ValueError("a definite matrix has no zeros on its diagonal")

@@ -34,11 +34,8 @@ class Elimination:
 
 
 def eliminate(pattern: Pattern, rows: Sequence[int], columns: Sequence[int]) -> Elimination:
-    """Eliminate with the static pivots (rows[k], columns[k]).  Of a symmetric matrix rows and columns are one order.
-
-    Raises:
-        ValueError: rows or columns are no permutation, or differ although the matrix is symmetric.
-    """
+    """Eliminate with the static pivots (rows[k], columns[k]). Of a symmetric matrix rows and columns are one order.
+    Raises ValueError: rows or columns are no permutation, or differ although the matrix is symmetric."""
     if sorted(rows) != list(range(pattern.size)) or sorted(columns) != list(range(pattern.size)):
         raise ValueError("the pivots' rows and columns have to be permutations")
     if pattern.symmetric and tuple(rows) != tuple(columns):
@@ -48,10 +45,7 @@ def eliminate(pattern: Pattern, rows: Sequence[int], columns: Sequence[int]) -> 
 
 
 def fill(below: list[int], right: list[int]) -> tuple[tuple[tuple[int, ...], ...], tuple[tuple[int, ...], ...]]:
-    """The factors' structure from the matrix's: bit i of below[k] is entry (i, k), bit j of right[k] entry (k, j).
-
-    Takes the lists over.
-    """
+    """The factors' structure from the matrix's: bit i of below[k] is entry (i, k), bit j of right[k] entry (k, j). Takes the lists over."""
     lower, upper = [], []
     for k in range(len(below)):
         lower.append(bits(below[k] >> (k + 1), k + 1))

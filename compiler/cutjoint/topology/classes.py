@@ -69,11 +69,8 @@ def _find(model: Model, graph: BodyGraph, parts: Sequence[Sequence[str]]) -> tup
 
 @dataclass(frozen=True, kw_only=True)
 class _Part:
-    """A part: its bodies, its ``elements`` in the order of the signature, and the body that carries it.
-
-    Elements are bodies, tree joints, cut joints, gears, forces, states and signals. ``carrier`` is None if the part touches another body of
-    unknown motion than its hub.
-    """
+    """A part: its bodies, its ``elements`` in the order of the signature, and the body that carries it. Elements are bodies, tree joints,
+    cut joints, gears, forces, states and signals. ``carrier`` is None if the part touches another body of unknown motion than its hub."""
 
     bodies: tuple[str, ...]
     elements: tuple[str, ...]
@@ -117,9 +114,7 @@ class _Attached:
 
     def _bodies(self, roots: Sequence[str]) -> tuple[str, ...]:
         """The bodies of subtrees, innermost first, then breadth by breadth.
-
-        Bodies next to each other stand in the order of their shapes, so that the file's order counts among those of one shape only.
-        """
+        Bodies next to each other stand in the order of their shapes, so that the file's order counts among those of one shape only."""
         bodies = sorted(roots, key=self._shapes.__getitem__)
         for b in bodies:
             bodies.extend(self._children.get(b, ()))
@@ -207,9 +202,7 @@ def _force(force: Force, where: Any, ends: Mapping[str, tuple[str, ...]], instan
 
 def _reading(law: Scalar, instance: str) -> str:
     """The quantities of its instance that a law reads, by their names there; "" where it reads none.
-
-    How it reads them is left to the folding of blocks: mirrored instances differ in signs, and those around them in what they are given.
-    """
+    How it reads them is left to the folding of blocks: mirrored instances differ in signs, and those around them in what they are given."""
     read = [f"{element}.{quantity}" for element, quantity in quantities_read(law)]
     own = sorted(name.removeprefix(instance) for name in read if instance and name.startswith(instance))
     return "reads " + ",".join(own) if own else ""

@@ -35,9 +35,7 @@ def extent(points: Iterable[Sequence[Scalar]], values: Mapping[Scalar, float]) -
 
 def arm_of(model: Model) -> float:
     """The arm (m) of equations between directions: a power of two near the extent of joints and bodies, 1 for ordinary mechanisms.
-
-    Such equations feel inertias, those between points masses; one penalty suits both where the arm is about their radius of inertia.
-    """
+    Such equations feel inertias, those between points masses; one penalty suits both where the arm is about their radius of inertia."""
     ends = (point for joint in model.joints for point in (joint.at, joint.to) if point is not None)
     points = chain(ends, (body.centre_of_mass for body in model.bodies))
     arm = 2.0 ** round(np.log2(extent(points, {p.symbol: float(p.value) for p in model.parameters})))

@@ -28,9 +28,7 @@ class TreeJoint:
 @dataclass(frozen=True, kw_only=True)
 class Loop:
     """The loop that a cut joint closes: ``bodies`` of both branches below ``base``, their deepest common ancestor.
-
-    ``width`` is the largest number of bodies to which an eliminated body of the loop is coupled.
-    """
+    ``width`` is the largest number of bodies to which an eliminated body of the loop is coupled."""
 
     cut: str
     base: str
@@ -79,8 +77,7 @@ class SubtreeClass:
 @dataclass(frozen=True, kw_only=True)
 class Topology:
     """The spanning tree (parents first), the cut joints, and quantities derived from them.
-    ``embedded`` are the joints that loop embedding closes.  ``arm``: see `topology.geometry.arm_of`.
-    """
+    ``embedded`` are the joints that loop embedding closes. ``arm``: see `topology.geometry.arm_of`."""
 
     model: Model
     tree: tuple[TreeJoint, ...]

@@ -48,9 +48,7 @@ def find_rules(model: Model) -> CutRules:
 
 def reasons_not_to_cut(model: Model) -> Mapping[str, str]:
     """The reasons that joints stay in the tree, by their names.
-
-    Free joints stay, since they close nothing, and joints whose coordinates are given or coupled.
-    """
+    Free joints stay, since they close nothing, and joints whose coordinates are given or coupled."""
     reasons: dict[str, str] = {}
     for scene in model.scenes.values():
         sought = () if scene.trim is None else (*scene.trim.find, *scene.trim.unsteady)
@@ -203,9 +201,7 @@ class Exchanges:
 
     def exchange_in_all_alike(self, spanning: Spanning, cut: Joint, instead: Joint) -> Spanning:
         """The exchange in this loop and in those of all cut joints alike; given cuts for given ones only.
-
-        Of several joints alike, the one at the same place in its loop is taken.
-        """
+        Of several joints alike, the one at the same place in its loop is taken."""
         result, place = spanning.exchanged(cut, instead), self.around(spanning, cut).index(instead)
         for other in spanning.cuts:
             if other.name != cut.name and self.number[other.name] == self.number[cut.name] and bool(other.cut) == bool(cut.cut):
@@ -269,9 +265,7 @@ RADIUS = 8
 
 def number_alike(model: Model) -> Mapping[str, int]:
     """A number for each joint by its name, the same for joints whose surroundings have one shape up to RADIUS joints away.
-
-    Bodies that guided joints carry count as the bodies that carry them, so that a steered axle is like another.
-    """
+    Bodies that guided joints carry count as the bodies that carry them, so that a steered axle is like another."""
     merged = _merged(model)
     massless = {body.name for body in model.bodies if body.is_massless}
     forces: dict[str, list[str]] = {}
@@ -310,9 +304,7 @@ def _merged(model: Model) -> dict[str, str]:
 @dataclass(frozen=True, kw_only=True)
 class Option:
     """One joint to cut a loop at: the tree and the cut joints that follow, and their cost.
-
-    In all loops alike the joint alike is cut, or in this loop alone, whichever costs less; all other cuts stay.
-    """
+    In all loops alike the joint alike is cut, or in this loop alone, whichever costs less; all other cuts stay."""
 
     joint: Joint
     tree: tuple[TreeJoint, ...]

@@ -120,9 +120,7 @@ ENTRY, SLOPE = 8, 8
 
 def _branched(branch: Branch, graph: BodyGraph, massive: set[str]) -> int:
     """Operations of composing and factorising the matrix of a branch, of what it passes on, and of its way back.
-
-    A body that neither has mass nor carries any adds nothing to it but its equations.
-    """
+    A body that neither has mass nor carries any adds nothing to it but its equations."""
     joint_of = {t.child: t for t in graph.tree if t.child in branch.bodies}
     carriers = {body: _carriers(body, joint_of) for body in branch.bodies}
     unknowns = {body: degrees(joint_of[body].joint) for body in branch.bodies}

@@ -87,8 +87,7 @@ def _operations(model: Model, scene: Scene) -> int:
 
 @dataclass(frozen=True)
 class _Seen:
-    """Motions and ranges of functions of blocks, which equal blocks reuse.
-    ``measure``: whether to measure accuracy."""
+    """Motions and ranges of functions of blocks, which equal blocks reuse. ``measure``: whether to measure accuracy."""
 
     measure: bool
     curves: Traced = field(default_factory=list)

@@ -185,11 +185,7 @@ class Independent:
 
 
 def find_independent(loops: BlockLoops, curve: Curve) -> list[Independent]:
-    """The coordinates that can be independent in a block, the one with the longest travel first.
-
-    Raises:
-        NoEmbeddingError: there is none.
-    """
+    """The coordinates that can be independent in a block, the one with the longest travel first. Raises NoEmbeddingError: there is none."""
     candidates = []
     joints = {joint.name: joint for joint in loops.block.joints}
     for chart in loops.own:

@@ -52,11 +52,7 @@ class LoopProof:
 
 
 def prove_loops(model: Model) -> tuple[LoopProof, ...]:
-    """The proofs of the embedded loops of a model.
-
-    Raises:
-        MissingPackageError: python-flint is not installed.
-    """
+    """The proofs of the embedded loops of a model. Raises MissingPackageError: python-flint is not installed."""
     find_package("flint", otherwise=MissingPackageError("proofs need the package python-flint: pip install 'cutjoint[proof]'"))
     return tuple(_prove(model, embedded_loop) for embedded_loop in model.embedded_loops)
 

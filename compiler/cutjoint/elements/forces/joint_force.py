@@ -21,9 +21,7 @@ def law_on(unit: str) -> Law:
 @dataclass(frozen=True, kw_only=True)
 class JointForce(OnJoint, LawForce):
     """A generalised force on one scalar coordinate of a joint, named as in the joint's kind, in ``unit`` "m" or "rad".
-
-    ``law`` is in N (N m on an angle) over ``position``, ``rate`` of the coordinate, ``t`` and parameters.
-    """
+    ``law`` is in N (N m on an angle) over ``position``, ``rate`` of the coordinate, ``t`` and parameters."""
 
     element: ClassVar[ForceElement] = ForceElement(
         kind="joint_force",

@@ -14,9 +14,7 @@ _LAW = Law({"length": "m", "rate": "m/s"}, "N")
 @dataclass(frozen=True, kw_only=True)
 class PointSpring(LawForce):
     """Force along the line from ``start`` on ``base`` to ``end`` on ``follower``.
-
-    ``law`` is the tension in N over the symbols ``length`` (m) and ``rate`` (m/s), ``t`` and parameters.
-    """
+    ``law`` is the tension in N over the symbols ``length`` (m) and ``rate`` (m/s), ``t`` and parameters."""
 
     element: ClassVar[ForceElement] = ForceElement(
         kind="point_spring",

@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, kw_only=True)
 class AxisForce(Interaction):
     """A force on ``point`` along ``axis``, a law over ``travel`` (m) of the point from ``origin`` along the axis and its ``rate`` (m/s).
-
-    The reaction acts on the same line.
-    """
+    The reaction acts on the same line."""
 
     origin: Point
     axis: Axis

@@ -35,8 +35,7 @@ class _Surface:
 
 @dataclass(frozen=True, kw_only=True)
 class Touch(Interaction):
-    """A ``centre`` on a plane through ``start`` with direction ``normal``.
-    Without ``normal``: on a cylinder about ``along``."""
+    """A ``centre`` on a plane through ``start`` with direction ``normal``. Without ``normal``: on a cylinder about ``along``."""
 
     start: Point
     centre: Point

@@ -112,9 +112,7 @@ def wrench_tangent(
     motions: Motions, variations: Mapping[tuple[int, int], Variation], wrenches: Mapping[str, Block], *, sees: bool = False
 ) -> Iterator[tuple[Motion, Motion, Block]]:
     """The entries of the change of one element's wrenches, to be subtracted from the tangent: row, column, value.
-
-    If its law ``sees`` other bodies, all motions contribute.
-    """
+    If its law ``sees`` other bodies, all motions contribute."""
     b, is_embedded = motions.k.builder, motions.columns()
     parts = list(paths(motions, wrenches))
     keys = dict.fromkeys(is_embedded) if sees else dict.fromkeys(k.key for _, _, path in parts for k in path)
@@ -178,8 +176,7 @@ def _turning(k: Kinematics, body: Body) -> Block:
 
 
 def force_cross(b: Builder, motion: Block, force: Block) -> Block:
-    """The spatial cross product v x* f of a velocity and a force: [w x f; v x f + w x n].
-    Featherstone 2008, eq. 2.32."""
+    """The spatial cross product v x* f of a velocity and a force: [w x f; v x f + w x n]. Featherstone 2008, eq. 2.32."""
     (v, w), (f, n) = halves(b, motion), halves(b, force)
     return b.stack([[b.cross(w, f)], [b.add(b.cross(v, f), b.cross(w, n))]])
 

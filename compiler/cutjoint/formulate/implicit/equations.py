@@ -87,9 +87,7 @@ from cutjoint.program.indicators import find_domains, find_indicators
 
 def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -> "ImplicitEquations":
     """The functions of a system in relative coordinates, see runtime/include/cutjoint/lagrangian/system.hpp.
-
-    ``start`` are the recursive equations of the same model and scene.
-    """
+    ``start`` are the recursive equations of the same model and scene."""
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
     k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in start.charts})
@@ -423,8 +421,5 @@ def _slots(start: RecursiveEquations) -> dict[str, Slot]:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ImplicitEquations(SystemEquations):
-    """The index-3 formulation in relative coordinates: those of ``start``, with its charts and cut joints.
-
-    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``ball_tangent:joint`` (of a ball), ``lambda:joint``, ``w:joint``,
-    ``penalty``, ``weights``.
-    """
+    """The index-3 formulation in relative coordinates: those of ``start``, with its charts and cut joints. Inputs by symbol: ``q:joint``,
+    ``v:joint``, ``vdot:joint``, ``ball_tangent:joint`` (of a ball), ``lambda:joint``, ``w:joint``, ``penalty``, ``weights``."""

@@ -277,8 +277,7 @@ def _columns(b: Builder, motion: JointMotion) -> list[list[Block]]:
 
 def _shifts(k: Kinematics, motion: JointMotion, columns: Mapping[int, Block]) -> Mapping[int, Block]:
     """The columns of a motion by its unknowns. The unknowns of a ball are a rotation vector from the pose before the step; T (3, 3) maps
-    their change to a rotation, see runtime/include/cutjoint/core/mechanism/retraction.hpp.
-    """
+    their change to a rotation, see runtime/include/cutjoint/core/mechanism/retraction.hpp."""
     b, chart = k.builder, motion.chart
     if chart is None or not chart.ball or chart.scalars not in columns:
         return columns

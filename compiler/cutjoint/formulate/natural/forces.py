@@ -47,11 +47,8 @@ class Action:
 
 @dataclass(kw_only=True)
 class Element:
-    """A force element: its actions on forms, its reported quantities, and the forms ``by`` whose motion it depends on.
-
-    These are in the order of their first use, each by its body and its value. A law that ``sees`` other bodies may depend on any
-    coordinate.
-    """
+    """A force element: its actions on forms, its reported quantities, and the forms ``by`` whose motion it depends on. These are in the
+    order of their first use, each by its body and its value. A law that ``sees`` other bodies may depend on any coordinate."""
 
     name: str
     sees: bool = False
@@ -334,11 +331,7 @@ class NodalMechanics(Laws):
             self._push_on_axis(*self._slide(), force)
 
     def apply_joint_friction(self, law: Block) -> None:
-        """Natural coordinates do not have the loads of joints.
-
-        Raises:
-            ModelError: always.
-        """
+        """Natural coordinates do not have the loads of joints. Raises ModelError: always."""
         raise refuse_method(self.model, (self.force.name,))
 
 

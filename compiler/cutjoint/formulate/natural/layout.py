@@ -32,11 +32,8 @@ _SPAN = 1e-7
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """Rigidly joined bodies: ``basis`` spans them, a point of the group is ``inverse`` (k, 4) times [place; 1] of it.
-
-    ``pairs`` are the displacements from the first node whose products this group must keep, ``surplus`` shared nodes that the basis does
-    not have.
-    """
+    """Rigidly joined bodies: ``basis`` spans them, a point of the group is ``inverse`` (k, 4) times [place; 1] of it. ``pairs`` are the
+    displacements from the first node whose products this group must keep, ``surplus`` shared nodes that the basis does not have."""
 
     name: str
     bodies: tuple[str, ...]

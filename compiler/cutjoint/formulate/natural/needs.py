@@ -57,10 +57,7 @@ class Needs:
 
 def require_coordinates(model: Model, scene: Scene, outputs: Sequence[Output]) -> None:
     """Natural coordinates do not have all angles: a rod of a distance joint has no attitude.
-
-    Raises:
-        ModelError: an output, a law, a force, a gear or a guide asks for one that they do not have.
-    """
+    Raises ModelError: an output, a law, a force, a gear or a guide asks for one that they do not have."""
     kinds = {j.name: j.kind for j in model.joints if not j.element.is_measured}
     requested = [(kinds[o.element], o.span, f"output '{o.column}'") for o in outputs if o.element in kinds]
     requested += [(kinds[o.element], o.span, f"quantity '{o.column}' of a law or signal") for o in readings_of(model) if o.element in kinds]

@@ -20,10 +20,7 @@ class NodeKind(StrEnum):
 @dataclass(frozen=True)
 class NodeName:
     """The name of a node: ``which`` of an element's points and directions.
-
-    ``group`` and ``number`` are those of its rigid group, where another node has the plain name.  As text
-    ``group.element.which_number``.
-    """
+    ``group`` and ``number`` are those of its rigid group, where another node has the plain name. As text ``group.element.which_number``."""
 
     element: str
     which: str = ""

@@ -37,10 +37,7 @@ class FreeBody:
 
 def require_force(model: Model, reaction: Reaction, joint: Joint, quantity: str) -> None:
     """Refuse a quantity of a joint that points and unit vectors do not determine.
-
-    Raises:
-        ModelError: a moment, or the force of a joint along whose displacement a gear acts.
-    """
+    Raises ModelError: a moment, or the force of a joint along whose displacement a gear acts."""
     ends = {end.joint: end.name for gear in model.gears for end in gear.coordinates}
     coordinate = ends.get(joint.name)
     is_moment, _ = reaction_component(reaction, quantity)
@@ -66,10 +63,7 @@ def _refusal(reaction: Reaction, message: str) -> Problem:
 
 def find_free_body(layout: Layout, model: Model, reaction: Reaction, joint: Joint) -> FreeBody:
     """The free body for the reaction of a joint that only shares a point.
-
-    Raises:
-        ModelError: there is none: the body is fixed, or another joint shares the point, or both bodies share a further point.
-    """
+    Raises ModelError: there is none: the body is fixed, or another joint shares the point, or both bodies share a further point."""
     for body, sign in ((joint.follower, 1), (joint.base, -1)) if joint.element.shares_point else ():
         group, node = layout.groups.get(layout.group_of[body]), layout.find(body, NodeKind.POINT, joint.at)
         if group is None or node is None:
@@ -103,9 +97,7 @@ def _is_constrained_twice(layout: Layout, node: Node) -> bool:
 
 def share(uses: Uses, free_body: FreeBody) -> Scalar:
     """The change of a sum for a unit displacement of the free body's node, all other bodies fixed.
-
-    Nodes that are combinations of the group's basis move with it.
-    """
+    Nodes that are combinations of the group's basis move with it."""
     return sum((use.sign * _share(use.group, use.form, free_body) for use in uses), 0.0)
 
 
@@ -130,10 +122,7 @@ class ReactionMaker:
 
     def reaction_force(self, reaction: Reaction, quantity: str) -> Block:
         """The force (3, 1) of a reaction's joint on its follower.
-
-        Raises:
-            ModelError: natural coordinates do not determine it, or the quantity is one of a moment.
-        """
+        Raises ModelError: natural coordinates do not determine it, or the quantity is one of a moment."""
         b = self.motions.builder
         joint = next(j for j in self.model.joints if j.name == reaction.joint)
         require_force(self.model, reaction, joint, quantity)
@@ -206,10 +195,7 @@ class NaturalReporter(NaturalQuantities):
 
     def quantity(self, output: Output) -> Block:
         """The block of one output; zero for the law of a force that the scene has switched off or that a guard stands for.
-
-        Raises:
-            ModelError: a reaction that points and vectors alone do not determine.
-        """
+        Raises ModelError: a reaction that points and vectors alone do not determine."""
         name = output.element
         for reaction in self.model.reactions:
             if reaction.name == name:

@@ -33,9 +33,7 @@ class Span:
 @dataclass(frozen=True, kw_only=True)
 class SpanEquations:
     """The ``spans`` of all bodies that move.
-
-    Symbols are ``node:name`` by ``coordinates``, each with its name and size in the order of a run's coordinates, and ``parameters``.
-    """
+    Symbols are ``node:name`` by ``coordinates``, each with its name and size in the order of a run's coordinates, and ``parameters``."""
 
     coordinates: tuple[tuple[str, int], ...]
     parameters: tuple[Parameter, ...]

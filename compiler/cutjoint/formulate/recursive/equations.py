@@ -37,9 +37,7 @@ from cutjoint.topology.records import Topology
 
 def resolving_body(topology: Topology) -> str:
     """The body in whose axes vectors are resolved: the rotating body that carries all others, else the ground.
-
-    In a planar mechanism, whose bodies all rotate about the normal of that plane, it is the ground too.
-    """
+    In a planar mechanism, whose bodies all rotate about the normal of that plane, it is the ground too."""
     roots = [t for t in topology.tree if t.parent == GROUND]
     if len(roots) != 1:
         return GROUND

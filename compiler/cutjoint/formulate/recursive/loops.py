@@ -86,9 +86,7 @@ def _of_kernel(k: Kinematics, joint: Joint, kernel: ClosureKernel) -> _Terms:
 
 def _distance(k: Kinematics, joint: Joint) -> _Terms:
     """The terms of a distance l, over the motion of its two points p and p0, which rods that meet there share.
-
-    With g = p - p0 and n = g/l: Phi' = n . g', A = [n, p x n], gamma = g'.g'/l + n . (w_f x p' - w_b x p0').
-    """
+    With g = p - p0 and n = g/l: Phi' = n . g', A = [n, p x n], gamma = g'.g'/l + n . (w_f x p' - w_b x p0')."""
     b, name = k.builder, joint.name
     assert joint.to is not None
     point, start = k.point(joint.follower, joint.to), k.point(joint.base, joint.at)
@@ -171,11 +169,8 @@ def constraint_wrenches(k: Kinematics, loop: LoopClosure, augmented: Block) -> d
 def by_joint(
     b: Builder, loop: LoopClosure, step: Block, ends: tuple[Sequence[str], Sequence[str]], body: str, S: Block
 ) -> Block:  # fmt: skip
-    """The rates of a cut joint's equations by the speeds of the joint that carries a body, (m, k).
-
-    ``ends`` are the bodies that carry the base and the follower, these included, ``step`` the transport from the base's pole to the
-    follower's.
-    """
+    """The rates of a cut joint's equations by the speeds of the joint that carries a body, (m, k). ``ends`` are the bodies that carry the
+    base and the follower, these included, ``step`` the transport from the base's pole to the follower's."""
     base, follower = ends
     if (body in base) == (body in follower):
         return b.zero(len(loop.names), S.shape[1])

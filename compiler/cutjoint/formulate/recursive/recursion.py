@@ -268,9 +268,7 @@ def _update_masses(system: BodySystem, Y: dict[str, Block], inverse: Block) -> N
 
 def _eliminate_ball(system: BodySystem, body: str, motion: JointMotion, centre: Block) -> Pivot:
     """A spherical joint about its centre P, unknown the relative angular acceleration in global axes.
-
-    At P the subspace is [0; 1], so that D is the inertia about P, and the body passes on a force through P.
-    """
+    At P the subspace is [0; 1], so that D is the inertia about P, and the body passes on a force through P."""
     b, parent, d = system.builder, motion.tree_joint.parent, motion.d
     M, others, arm = system.M[body], system.coupled(body), b.skew(centre)
     A, B, J = (b.take(M, rows, columns) for rows, columns in (((0, 3), (0, 3)), ((0, 3), (3, 6)), ((3, 6), (3, 6))))

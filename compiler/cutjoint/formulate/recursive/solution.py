@@ -46,8 +46,7 @@ class ClosingElements:
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """The accelerations ``vdot`` of every tree joint with unknowns, by names.
-    ``errors`` are A Zdd + s of every cut joint and gear."""
+    """The accelerations ``vdot`` of every tree joint with unknowns, by names. ``errors`` are A Zdd + s of every cut joint and gear."""
 
     vdot: Mapping[str, Block]
     errors: Mapping[str, Block]

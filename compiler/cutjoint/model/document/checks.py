@@ -58,9 +58,7 @@ class Shaped:
 
 def check_shape(source: Source, problems: Problems, lost: set[Path]) -> Shaped | None:
     """The document of a source without ``lost`` elements, noting every field that is unknown, missing or of the wrong shape.
-
-    None if the errors prevent further checks.
-    """
+    None if the errors prevent further checks."""
     if () in lost:
         return None
     left = replace(source, data=_pruned(source.data, (), lost))
@@ -69,8 +67,7 @@ def check_shape(source: Source, problems: Problems, lost: set[Path]) -> Shaped |
 
 
 def check_part(source: Source, problems: Problems, part: type[_P], element_of: Names) -> _P | None:
-    """A document of another kind, with errors in the same form; None for errors other than unknown fields.
-    ``element_of`` is as below."""
+    """A document of another kind, with errors in the same form; None for errors other than unknown fields. ``element_of`` is as below."""
     document, found = _validate(source, problems, part, element_of)
     if document is None and all(flaw.kind == "extra_forbidden" for flaw in found):
         with suppress(ValidationError):  # required fields may be present under an earlier name
@@ -110,10 +107,7 @@ class _Flaw:
 
 
 def _data_path(data: Any, detail: ErrorDetails) -> Path:
-    """The keys to a place in the data: pydantic's location without the tags of unions.
-
-    A missing key stays as the last item.
-    """
+    """The keys to a place in the data: pydantic's location without the tags of unions. A missing key stays as the last item."""
     path: list[str | int] = []
     for step in detail["loc"]:
         inner = dict(enumerate(data)) if isinstance(data, tuple) else data

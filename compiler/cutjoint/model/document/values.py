@@ -48,9 +48,7 @@ def shape_error(message: str, hint: str = "") -> PydanticCustomError:
 
 def discriminated_by(forms: Mapping[type | str, str], message: str) -> Discriminator:
     """Distinguishes the members of a union: by a value's type, or by a key that a mapping has.
-
-    ``forms`` gives the tag for each; ``message`` is for values of no such form.
-    """
+    ``forms`` gives the tag for each; ``message`` is for values of no such form."""
 
     def tag(value: Any) -> str | None:
         if isinstance(value, dict):

@@ -48,10 +48,7 @@ _POSITIVE = {
 
 
 def read_friction(element: Element, part: Any, unit: str) -> tuple[Scalar, Bristle]:
-    """The friction by N of load over ``rate``, and its bristle.
-
-    Problems with all numbers of the force are noted.
-    """
+    """The friction by N of load over ``rate``, and its bristle. Problems with all numbers of the force are noted."""
     for name, dimension in {"coefficient": NONE, "preload": FORCE}.items():
         if _value(element, part, name, dimension) < 0:
             element.fail(f"{name} must not be negative", "", (name,))

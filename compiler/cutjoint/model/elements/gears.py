@@ -20,9 +20,8 @@ from cutjoint.package.errors import plural
 
 @dataclass(frozen=True)
 class Naming:
-    """The reference of an element to a coordinate, for messages.
-    It has the reason that a coordinate is needed, the field and the text before a name in it, the places of joint and coordinate, and
-    whether it must be a tree joint's."""
+    """The reference of an element to a coordinate, for messages. It has the reason that a coordinate is needed, the field and the text
+    before a name in it, the places of joint and coordinate, and whether it must be a tree joint's."""
 
     need: str
     field: str

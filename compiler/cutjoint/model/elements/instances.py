@@ -30,11 +30,8 @@ Levels: TypeAlias = tuple[Level, ...]
 
 @dataclass(frozen=True)
 class Use:
-    """An instance by its full name, in the instance ``owner``, "" in the model.
-
-    ``around`` are the parts in which it stands, ``levels`` its submodel and the parts around that, empty if there is none.  ``fault`` says
-    why it cannot stand there, "" if it can.
-    """
+    """An instance by its full name, in the instance ``owner``, "" in the model. ``around`` are the parts in which it stands, ``levels`` its
+    submodel and the parts around that, empty if there is none. ``fault`` says why it cannot stand there, "" if it can."""
 
     name: str
     owner: str

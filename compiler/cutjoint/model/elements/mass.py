@@ -56,11 +56,8 @@ def mass_problems(mass: float, inertia: Sequence[float]) -> Iterator[str]:
 
 
 def moments_problem(inertia: Sequence[float], *, has_mass: bool = True) -> str:
-    """The reason that no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; "" if there is none.
-    "" also of an inertia that is not finite.
-
-    Without mass it stands for parts whose mass is counted elsewhere, and one moment may be larger than the sum of the others.
-    """
+    """The reason that no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; "" if there is none. "" also of an inertia that is not
+    finite. Without mass it stands for parts whose mass is counted elsewhere, and one moment may be larger than the sum of the others."""
     if not np.isfinite(inertia).all():
         return ""
     moments = _principal_moments(np.array(inertia, dtype=float))

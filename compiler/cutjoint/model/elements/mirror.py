@@ -136,9 +136,7 @@ def _visual(mirror: Mirror, visual: Visual) -> Visual:
 
 def coordinate_signs(mirror: Mirror, joint: Joint) -> Mapping[str, int]:
     """For each coordinate of a joint whether it keeps its sign in the image.
-
-    A displacement along a direction is a vector, a rotation about it a pseudovector.
-    """
+    A displacement along a direction is a vector, a rotation about it a pseudovector."""
     return {
         m.coordinate: _image_sign(mirror, joint, m.direction) * (1 if isinstance(m, Translation) else -1)
         for m in joint.element.scalar_motions
@@ -147,9 +145,7 @@ def coordinate_signs(mirror: Mirror, joint: Joint) -> Mapping[str, int]:
 
 def _image_sign(mirror: Mirror, joint: Joint, direction: Direction) -> int:
     """1 where a direction of the joint's image is the image of the direction as a vector, -1 where it is the opposite.
-
-    Directions across another one are its vector products with a global axis, and with the first of them.
-    """
+    Directions across another one are its vector products with a global axis, and with the first of them."""
     match direction:
         case Direction.X | Direction.Y | Direction.Z:
             return mirror.signs[DESIGN_FRAME.index(direction)]

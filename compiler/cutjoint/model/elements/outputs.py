@@ -23,9 +23,7 @@ _Entry: TypeAlias = str | dict[str, model_file.OutputExpression]
 @dataclass
 class OutputReader:
     """Reads lists of outputs; ``signals`` are the expressions of all that have one, by their names.
-
-    ``_of_instances`` are the expressions of instances with their places and prefixes, by the names that other lists have for them.
-    """
+    ``_of_instances`` are the expressions of instances with their places and prefixes, by the names that other lists have for them."""
 
     expansion: Expansion
     known: Mapping[str, Quantified]

@@ -14,9 +14,8 @@ from cutjoint.model.records import Force, Model, Scalar, Signal
 
 
 def in_order(uses: Mapping[str, Iterable[str]]) -> tuple[list[str], list[list[str]]]:
-    """The names, each after those that it uses, and the cycles: in each a name uses the next one, and the last one the first. A cycle
-    begins with the one of its names that is first in ``uses``; the names of cycles are left out of the order.
-    """
+    """The names, each after those that it uses, and the cycles: in each a name uses the next one, and the last one the first.
+    A cycle begins with the one of its names that is first in ``uses``; the names of cycles are left out of the order."""
     place = {name: i for i, name in enumerate(uses)}
     graph = {name: sorted(others, key=place.__getitem__) for name, others in uses.items()}
     circles: list[list[str]] = []

@@ -42,11 +42,7 @@ def _evaluate(node: Scalar, values: Mapping[Scalar, float]) -> Any:
 
 
 def _power(base: float, exponent: float) -> float:
-    """A power; a root of a negative number is undefined, and so is any expression that contains it.
-
-    Raises:
-        ArithmeticError: it has none.
-    """
+    """A power; a root of a negative number is undefined, and so is any expression that contains it. Raises ArithmeticError: it has none."""
     power = base**exponent
     if isinstance(power, complex):
         raise ArithmeticError

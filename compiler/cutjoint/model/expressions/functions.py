@@ -151,10 +151,7 @@ def _problems(
 
 def call_supplied(function: SuppliedFunction, terms: Sequence[Term], result: str = "", memory: Term | None = None) -> Term:
     """The value of a function at terms, or one of its results by name; ``memory`` is that of a controller.
-
-    Raises:
-        ExpressionError: there are more or fewer than it has arguments, one has another unit, or there is no such result or memory.
-    """
+    Raises ExpressionError: there are more or fewer than it has arguments, one has another unit, or there is no such result or memory."""
     if result not in function.results:
         calls = [f"{function.name}{'.' * bool(name)}{name}({', '.join(_parameters(function))})" for name in function.results]
         words = f"{function.name} has no result '{result}'" if result else f"{function.name} has several results"
@@ -177,10 +174,7 @@ def call_supplied(function: SuppliedFunction, terms: Sequence[Term], result: str
 
 def update_supplied(function: SuppliedFunction, terms: Sequence[Term], memory: Scalar) -> list[Scalar]:
     """The next values of a memory, each four bytes of it, by the update of its function.
-
-    Raises:
-        ExpressionError: it has no memory, there are more or fewer than it has arguments, or one has another unit.
-    """
+    Raises ExpressionError: it has no memory, there are more or fewer than it has arguments, or one has another unit."""
     if not function.words:
         raise ExpressionError(f"the function '{function.name}' has no memory", "declare its size in bytes: memory: 64")
     _check_arguments(function, terms, function.arguments)
@@ -221,10 +215,7 @@ def _dimension(unit: str) -> Dimension | None:
 
 def supply(model: Model, path: AnyPath) -> Model:
     """Copy a model with the code of its functions, the text of a C++ file.
-
-    Raises:
-        ModelError: the file cannot be read, the model declares no functions, or one of them is not in it.
-    """
+    Raises ModelError: the file cannot be read, the model declares no functions, or one of them is not in it."""
     if not model.functions:
         raise _error(model.span, "model", f"it declares no functions, and {path} is to have their code", "leave the file out")
     text = read_text(Path(path))
@@ -238,11 +229,7 @@ def supply(model: Model, path: AnyPath) -> Model:
 
 
 def leave_to_host(model: Model) -> Model:
-    """Copy a model whose functions have no code: hosts give each simulation pointers to it.
-
-    Raises:
-        ModelError: it declares no functions.
-    """
+    """Copy a model whose functions have no code: hosts give each simulation pointers to it. Raises ModelError: it declares no functions."""
     if not model.functions:
         raise _error(model.span, "model", "it declares no functions, and a host is to have their code", "leave the option out")
     return replace(model, code=_LEFT + "\n".join([_HOST, *_calls_of_host(model)]))
@@ -276,11 +263,7 @@ def _calls_of_host(model: Model) -> Iterator[str]:
 
 
 def require_code(model: Model) -> None:
-    """Check that the code of all functions is there.
-
-    Raises:
-        ModelError: it is not.
-    """
+    """Check that the code of all functions is there. Raises ModelError: it is not."""
     if model.functions and not model.code:
         hint = "name a C++ file that has it by --functions, in Python by read_model(path, functions=...)"
         raise _error(model.functions[0].span, f"function '{model.functions[0].name}'", "its code is missing", hint)

@@ -40,10 +40,7 @@ class Machine:
 
     def read(self, scope: Scope, name: str, *, reported: bool = False) -> Term:
         """The term of "element.quantity", or of a state or a signal, by its name in a scope; as in the original if mirrored.
-
-        Raises:
-            ExpressionError: there is no such quantity, or only one that is ``reported`` may read it.
-        """
+        Raises ExpressionError: there is no such quantity, or only one that is ``reported`` may read it."""
         if memory := self._memory(scope.full(name)):
             return memory
         found = self._found(scope, name, reported=reported)

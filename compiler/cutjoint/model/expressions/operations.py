@@ -21,11 +21,8 @@ from cutjoint.model.expressions.units import Dimension
 
 
 class Exponential(sympy.Function):  # type: ignore[misc]
-    """exp of a sum with a decimal number, anything else SymPy's.
-
-    SymPy takes such a number out of the exponent, exp(x - 800.5) = exp(-800.5) exp(x): of its factors one may overflow and one vanish where
-    the whole has a value.
-    """
+    """exp of a sum with a decimal number, anything else SymPy's. SymPy takes such a number out of the exponent, exp(x - 800.5) =
+    exp(-800.5) exp(x): of its factors one may overflow and one vanish where the whole has a value."""
 
     nargs = 1
 
@@ -94,10 +91,7 @@ class Term:
 
 
 def constant(value: int | float, dimension: Dimension | None = None) -> Term:
-    """A number: integers stay exact, others are floats to the last bit.
-
-    Raises ExpressionError when it is out of range.
-    """
+    """A number: integers stay exact, others are floats to the last bit. Raises ExpressionError when it is out of range."""
     if isinstance(value, int):
         if abs(value) > MAX_INTEGER:
             raise ExpressionError("a whole number is too large to be exact", "write it with a decimal point")

@@ -146,12 +146,8 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
 
 
 def dimension_beside_units(value: int | float | str, names: Mapping[str, Term]) -> Dimension | None:
-    """The dimension of a valid expression whose variables have theirs.
-    None if no name in it has a dimension, or if it fits everywhere.
-
-    Raises:
-        ExpressionError: the dimensions do not go together.
-    """
+    """The dimension of a valid expression whose variables have theirs. None if no name in it has a dimension, or if it fits everywhere.
+    Raises ExpressionError: the dimensions do not go together."""
     if not isinstance(names, Names) or not names.units or all(names.terms.get(name, _BARE).dimension is None for name in symbols_of(value)):
         return None
     variables = {name: Term(names.terms[name].value, unit) for name, unit in names.units.items() if name in names.terms}

@@ -93,11 +93,7 @@ def find_quantity(
     known: Mapping[str, Element], name: str, full: Callable[[str], str], prefix: str, broken: Iterable[str] = ()
 ) -> tuple[str, str]:  # fmt: skip
     """The full name of the element and the quantity that ``name`` means, "element.quantity".
-    Names have a ``prefix``; elements that are ``broken`` may be meant too.
-
-    Raises:
-        QuantityError: there is none.
-    """
+    Names have a ``prefix``; elements that are ``broken`` may be meant too. Raises QuantityError: there is none."""
     local, _, quantity = name.rpartition(".")
     element = full(local)
     if element not in known:

@@ -184,11 +184,8 @@ class Element:
         *,
         in_triple: bool = False,
     ) -> Scalar:
-        """A number or expression of dimension ``expected`` (None for any).
-
-        ``names`` are the symbols it may use, by default all parameters that do not change with time; then a number may be tunable.
-        ``in_triple`` is whether the last key is that of a component.
-        """
+        """A number or expression of dimension ``expected`` (None for any). ``names`` are the symbols it may use, by default all parameters
+        that do not change with time; then a number may be tunable. ``in_triple`` is whether the last key is that of a component."""
         term = self.term(value, keys, self.scope.constants() if names is None else names)
         if expected is not None and term.dimension not in (None, expected):
             self.fail(

@@ -24,9 +24,7 @@ _AXES = "xyz"
 @dataclass
 class TunableNumbers:
     """Opens the numbers whose names match one of the ``patterns``, with * for any text, and notes the names of all.
-
-    ``instances`` are patterns of instances that are tunable as a whole: of numbers that stand there, not of defaults.
-    """
+    ``instances`` are patterns of instances that are tunable as a whole: of numbers that stand there, not of defaults."""
 
     patterns: list[str] = field(default_factory=list)
     instances: list[str] = field(default_factory=list)

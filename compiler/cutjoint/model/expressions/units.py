@@ -166,10 +166,7 @@ MAX_UNIT_LENGTH = 40
 
 
 def read_measure(text: str) -> Measure | None:
-    """A number with a unit, such as "30 deg"; None when ``text`` is not of that form.
-
-    Raises UnitError when the unit is unknown.
-    """
+    """A number with a unit, such as "30 deg"; None when ``text`` is not of that form. Raises UnitError when the unit is unknown."""
     match = _MEASURE.fullmatch(text)
     return measure(float(match[1]), match[2] or match[3]) if match else None
 

@@ -59,10 +59,7 @@ class Csv:
 
 def read_csv(text: str, file: str, element: str, texts: tuple[str, ...] = ()) -> Csv:
     """Read a table for an ``element``; the columns of ``texts`` have texts, all others numbers.
-
-    Raises:
-        ModelError: all that is wrong with it.
-    """
+    Raises ModelError: all that is wrong with it."""
     return _Reading(file, element, texts).table(text)
 
 
@@ -168,10 +165,7 @@ Places: TypeAlias = tuple[dict[Path, Span], dict[Path, Span]]
 
 def as_lists(columns: Mapping[str, Column], element: str, *, is_law: bool = True) -> tuple[dict[str, Any], Places]:
     """The lists of a table by name, and their places, for an ``element``: a table of a law, or of heights of a road.
-
-    Raises:
-        ModelError: it has too many rows, or not one for each pair of two variables.
-    """
+    Raises ModelError: it has too many rows, or not one for each pair of two variables."""
     others = [name for name in columns if name != "value"]
     limit = MAX_FIELD if not is_law else MAX_GRID if len(others) == 2 else MAX_TABLE
     for column in columns.values():

@@ -78,9 +78,7 @@ class _Strip:
 @dataclass
 class OpenCrg:
     """A file in OpenCRG with a straight reference line, for an ``element``: its heights along x and y.
-
-    ``settings`` are the keywords of the blocks, with their lines, ``channels`` name, unit and line of the data's columns.
-    """
+    ``settings`` are the keywords of the blocks, with their lines, ``channels`` name, unit and line of the data's columns."""
 
     text: str
     file: str
@@ -92,10 +90,7 @@ class OpenCrg:
 
     def surface(self, bilinear: bool) -> dict[str, Any]:
         """The entries of a road's surface: a table of heights over x and y, or cross sections along a line.
-
-        Raises:
-            ModelError: the file is none, or a part of it is not heeded; the message names it.
-        """
+        Raises ModelError: the file is none, or a part of it is not heeded; the message names it."""
         data = self._data(self._header())
         if not (np.isnan(data) | (np.abs(data) <= _LARGEST)).all():
             self._fail("the data has numbers that are not finite, or very large", "the file is damaged")

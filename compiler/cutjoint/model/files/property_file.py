@@ -96,11 +96,7 @@ class Properties:
 
 
 def read_properties(text: str, file: str, element: str) -> Properties:
-    """Read a property file for an ``element``.
-
-    Raises:
-        ModelError: all that is wrong with it.
-    """
+    """Read a property file for an ``element``. Raises ModelError: all that is wrong with it."""
     reading = _Reading(file, element)
     reading.read(text)
     found = reading.properties()

@@ -30,9 +30,7 @@ MAX_FILES = 200
 
 def with_files(source: Source, folder: Path | None, problems: Problems) -> tuple[Source, dict[str, str], set[Keys]]:
     """The document with the contents of its files, their texts by the names in places, and the elements whose files could not be read.
-
-    ``folder`` is that of the model file, None of a text without one.  Problems are noted.
-    """
+    ``folder`` is that of the model file, None of a text without one. Problems are noted."""
     if not any(keys[-1] in _NAMING for keys in source.keys):
         return source, {}, set()
     files = _Files(problems)
@@ -291,11 +289,7 @@ def _error(span: Span, element: str, message: str, hint: str) -> ModelError:
 
 
 def _without_version(part: Source, name: _Name) -> Source:
-    """A submodel's document without the version of the format.
-
-    Raises:
-        ModelError: it is no submodel.
-    """
+    """A submodel's document without the version of the format. Raises ModelError: it is no submodel."""
     start, data = Span(file=part.file, line=1, column=1), part.data
     version = data.get("cutjoint") if isinstance(data, dict) else None
     if type(version) is not int or version != 1:

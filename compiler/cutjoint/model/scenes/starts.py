@@ -36,9 +36,7 @@ Quaternion: TypeAlias = tuple[Scalar, ...]
 
 def read_attitude(where: Element, attitude: Attitude, keys: Path) -> Quaternion:
     """The quaternion of an attitude, its length one within `UNIT_BOUND` at the parameters' values.
-
-    Source: Shuster 1993, "A survey of attitude representations", J. Astronaut. Sci. 41.
-    """
+    Source: Shuster 1993, "A survey of attitude representations", J. Astronaut. Sci. 41."""
     if attitude.quaternion is not None:
         return _given(where, attitude.quaternion, (*keys, "quaternion"))
     if attitude.rotation_vector is not None:
