@@ -91,7 +91,6 @@ def choose_independent(jacobians: Sequence[Array], rank: int) -> list[int]:
 
 
 def _project_out(matrix: Array, norms: Array, along: Array) -> None:
-    """Take the direction out of the rows, and bring their norms up to date."""
     overlap = matrix @ along
     touched = np.flatnonzero(overlap)
     matrix[touched] -= np.outer(overlap[touched], along)
@@ -206,7 +205,6 @@ def _largest_load_changes(equations: RecursiveEquations, pose: Pose) -> Array:
 
 
 def _regular(poses: Sequence[Pose]) -> list[Pose]:
-    """The poses that are not singular."""
     rank = max(pose.rank for pose in poses)
     return [pose for pose in poses if pose.rank == rank]
 
@@ -220,7 +218,6 @@ def _shares(equations: RecursiveEquations, pose: Pose) -> Array:
 
 
 def _changes(equations: RecursiveEquations, pose: Pose, each: Array) -> Array:
-    """The change of each column by the multipliers of each row."""
     still = make_inputs(equations, pose.q, np.zeros(equations.speeds))
     with_each, without = (_columns(equations, still, rows) for rows in (each, np.zeros_like(each)))
     return with_each - without

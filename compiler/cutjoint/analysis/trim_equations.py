@@ -97,7 +97,6 @@ class TrimParts(AimedStart):
             y[at] -= np.linalg.lstsq((np.array(by_speed) - slip).T, slip)[0]
 
     def _at(self, part: int, names: Collection[str]) -> list[int]:
-        """The indices of numbers of a part."""
         return [self._first[part] + i for i, name in enumerate(self._names[part]) if name in names]
 
     def _error(self, words: str, remedy: str, name: str = "") -> RunError:

@@ -107,8 +107,6 @@ class TrimmedStart(TrimParts):
 
 
 class _Search(TrimEquations):
-    """Searches for a point at which all conditions are met."""
-
     _is_random = False
 
     def best(self) -> Evaluated:
@@ -170,7 +168,6 @@ class _Search(TrimEquations):
         return self._release(self._approach(begin))
 
     def _release(self, found: Evaluated) -> Evaluated:
-        """Continue from engaged contacts, releasing those that pull."""
         while self._engaged and np.isfinite(found.left).all():
             kept = self._closed(found.y) & {*self._engaged}
             self._engaged = () if len(kept) == len(self._engaged) else kept
@@ -219,7 +216,6 @@ class _Search(TrimEquations):
         return self._release(self._approach(y))
 
     def _is_still(self) -> bool:
-        """Return whether the start is at rest."""
         speeds = slice(self._first[SPEEDS], self._first[SPEEDS] + self._start.speeds)
         return not (self.begin[speeds].any() or self._free[speeds].any())
 
@@ -374,7 +370,6 @@ class _Search(TrimEquations):
                 yield f"'{aim.name}' = {value / aim.size:.6g} {aim.unit}".rstrip()
 
     def _conditions(self, at: Evaluated) -> Iterator[str]:
-        """The conditions as text with their residuals."""
         for name, is_length, left in zip(self._names[MOVES], self._of._is_length, at.left, strict=False):
             yield f"{abs(left):.4g} {'N' if is_length else 'N*m'} missing along '{name}'"
         for state, left in zip(self._start.state.states, at.left[self._start.speeds :], strict=False):

@@ -243,7 +243,6 @@ def describe_frozen(model: Model) -> str:
 
 
 def _symbols(part: object) -> set[Scalar]:
-    """The symbols of all expressions in a record."""
     if isinstance(part, sympy.Basic):
         return set(part.free_symbols)
     if is_dataclass(part) and not isinstance(part, type):
@@ -312,7 +311,6 @@ def needs_load_events(scene: Scene, method: str, integrator: str | None, *, equa
 
 
 def _simulated(scene: Scene, method: str) -> str:
-    """The integrator of a command line run."""
     return find_integrator(scene.numerics, METHODS[method], Implementation.GENERATED, Options()).name
 
 
@@ -331,7 +329,6 @@ def _require_relative(equations: Equations, requested: str, why: str) -> None:
 
 
 def _require_partials(equations: Equations) -> None:
-    """Check that functions of the user have derivatives."""
     for function in equations.topology.model.functions:
         if not function.partials:
             raise RunError(f"{function.span}: {MissingPartialsError(function.name)}")
@@ -352,7 +349,6 @@ def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCod
 
 
 def _transposed(parts: SimulationCode) -> Derived:
-    """The transposed functions of a mechanism."""
     if parts.system is None:
         return transpose(parts.mechanism, parts.program)
     start, outputs = parts.mechanism, parts.system.equations.outputs  # whose columns are the system's
@@ -361,7 +357,6 @@ def _transposed(parts: SimulationCode) -> Derived:
 
 
 def _force_residual(parts: SimulationCode, scene: Scene) -> Linearised:
-    """The derivatives of the residual of the equations of motion of a mechanism."""
     force_residual = formulate_residual(parts.mechanism, find_closure(scene.numerics, METHODS[parts.method]).name)
     return linearise_residual(force_residual, schedule_recursive(force_residual, lanes=parts.program.lanes))
 

@@ -149,7 +149,6 @@ def _advice(equations: LagrangianEquations) -> str:
 
 
 def _dependent(equations: LagrangianEquations, row: int, advice: str) -> str:
-    """The message about a coordinate or an equation that has no pivot near the design position."""
     model, name = equations.topology.model, equations.row_names[row]
     element = (*equations.state.v, *equations.state.equations)[row].element
     rest = name.removeprefix(f"{element}.").split("*")

@@ -433,7 +433,6 @@ def rate_name(coordinate: str) -> str:
 
 
 def _body_directions(condition: Condition) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
-    """The directions of base and follower in a condition."""
     match condition:
         case SameDirection():
             return (condition.direction,), (condition.direction,)

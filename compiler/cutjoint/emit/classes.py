@@ -322,7 +322,6 @@ def fitted_parameters(program: Program) -> list[int]:
 
 
 def _fits(program: Program, equations: Equations) -> dict[str, object] | None:
-    """The tables of fitted loop embeddings; None without any."""
     if not equations.fits:
         return None
     described, names = [fit.description() for fit in equations.fits], [a.rpartition(" ")[2] for a in equations.load_arguments]

@@ -59,8 +59,6 @@ def _turned(structure: Sequence[Sequence[int]]) -> list[list[int]]:
 
 
 class _Factors:
-    """Makes the blocks of a factorisation."""
-
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._tiling = plan.tiling
@@ -126,7 +124,6 @@ class _Factors:
         return "" if position is None else f"tangent[{position}]"
 
     def _terms(self, row: int, column: int) -> Iterator[str]:
-        """The terms of earlier tiles in the block of these tiles."""
         lower, upper = self._storage.lower, self._storage.upper
         for k in self._left[row]:
             if k < min(row, column) and k in self._above[column]:
@@ -135,8 +132,6 @@ class _Factors:
 
 
 class _Solution:
-    """Makes the blocks of a solution."""
-
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._tiling = plan.tiling

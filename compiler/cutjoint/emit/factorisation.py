@@ -55,7 +55,6 @@ def emit_factorisation(plan: Plan, names: Sequence[str], page: Page, *, straight
 
 
 def _whole(text: str, header: str) -> Piece:
-    """The functions that are called."""
     instances = (
         "template int factor<Precision>(const Precision*, Precision*);",
         "template void solve<Precision>(const Precision*, Precision*);",
@@ -81,7 +80,6 @@ def _describe(trial: Trial) -> str:
 
 
 def _parts(kind: str, blocks: Sequence[Block], page: Page) -> dict[str, Piece]:
-    """The functions that one is split into."""
     arguments, instance = _ARGUMENTS[kind]
     parts = list(_split(blocks))
     return {

@@ -62,7 +62,6 @@ def describe_mechanism(program: Program, equations: RecursiveEquations) -> dict[
 
 
 def _describe_system(program: Program, equations: SystemEquations, plan: Plan) -> dict[str, Any]:
-    """The system, with its factorisation as index data."""
     names, pattern = equations.coordinate_names, plan.pattern
     q, v, m, tangents = len(names), equations.unknowns, len(equations.equation_names), 9 * sum(c.ball for c in equations.charts)
     arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "w": m, "penalty": 1, "weights": 3, "weights.ball_tangents": tangents}
@@ -77,7 +76,6 @@ def _describe_system(program: Program, equations: SystemEquations, plan: Plan) -
 
 
 def _description(equations: RecursiveEquations | SystemEquations) -> dict[str, Any]:
-    """The description, as generated code has it."""
     d: dict[str, Any] = describe(equations)
     return {
         "name": d["model"],
@@ -91,7 +89,6 @@ def _description(equations: RecursiveEquations | SystemEquations) -> dict[str, A
 
 
 def _assemble(program: Program, equations: Equations, arrays: Mapping[str, int]) -> dict[str, Any]:
-    """The memory and the functions."""
     assembler, values = _Assembler(program, equations), equations.input_values
     arrays = {**arrays, "parameters": len(equations.parameters), "t": 1, "motion": 1, "input": values}
     if fits := equations.fits:
@@ -187,7 +184,6 @@ class _Assembler:
                 kept |= {a: kept[n] + k for k, a in enumerate(nodes[n].args) if a in own and a not in kept}
 
     def _add(self, code: list[Instruction], n: int, fused: set[int]) -> None:
-        """The instructions that compute a scalar."""
         node, to = self._graph.nodes[n], self._register(n)
         if node.op == "gather":
             code += [("copy", 1, to + k, (x,)) for k, x in enumerate(map(self._register, node.args)) if x != to + k]
@@ -232,7 +228,6 @@ class _Assembler:
         return self._early[n] if n in self._early else self._late[n]
 
     def _element(self, symbol: str, index: int) -> tuple[str, int]:
-        """Array and element of an input or a result."""
         slot = self.equations.slots.get(symbol)
         return (_ARRAYS.get(symbol, symbol), index) if slot is None else (slot.array, slot.offset + index)
 
@@ -247,7 +242,6 @@ class _Assembler:
         return len(self._image) - len(values)
 
     def _take(self, count: int) -> int:
-        """Registers of a call."""
         self._top += count
         self._most = max(self._most, self._top)
         return _LATE + self._top - count

@@ -124,7 +124,6 @@ def _classes(parts: SimulationCode, steps: Steps) -> Iterator[_Placed]:
 
 
 def _interface(parts: SimulationCode, classes: Sequence[_Placed], defaults: Defaults, view: Mapping[str, object]) -> str:
-    """The C++ file of the C interface, with the simulation and its integrator."""
     page, has_lanes = parts.page, any("cutjoint/core/numbers/lanes.hpp" in each.made.header.headers for each in classes)
     runtime = headers_of(parts, STEPS[parts.method][defaults.integrator], has_lanes=has_lanes)
     own = [f"{each.header}.hpp" for each in classes]

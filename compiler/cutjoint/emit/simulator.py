@@ -49,7 +49,6 @@ def emit_system(start: Program, system: System, *, straight_line: int = STRAIGHT
 
 
 def _mechanism_files(page: Page, program: Program, equations: RecursiveEquations, conditions: str = "bool") -> dict[str, str]:
-    """The class of a mechanism in relative coordinates, and its description."""
     made = mechanism_class(page, program, equations, conditions, header=page.header)
     described = emit_description(page, describe(equations), _DESCRIPTION)
     files = page.files({f"{page.header}.hpp": made.header, **made.functions, f"{_DESCRIPTION}.cpp": described})

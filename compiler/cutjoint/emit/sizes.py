@@ -85,7 +85,6 @@ def _size_of_fits(equations: Equations, program: Program, plain: int, dual: int)
 
 
 def _size_of_adjoint(parts: SimulationCode, transposed: Derived, steps: Steps) -> int:
-    """Numbers in the adjoint sensitivities of a run."""
     n, m, _, state = _lengths(parts.mechanism)
     inputs = 3 * len(parts.mechanism.inputs) + parts.mechanism.discrete_states
     fitted = _size_of_fits(parts.mechanism, parts.program, 3, 1)
@@ -130,12 +129,10 @@ def _lengths(equations: Equations) -> tuple[int, int, int, int]:
 
 
 def _stored(program: Program) -> int:
-    """Numbers in a class."""
     return sum(max(program.graph.nodes[node].lanes, 1) + 4 for node in program.stored)
 
 
 def _size_of_newton(system: System) -> int:
-    """Numbers in Newton's iteration and its solvers."""
     plan = system.plan
     n, m, q, _ = _lengths(system.equations)
     entries, rows = len(plan.pattern.row), plan.pattern.size

@@ -137,7 +137,6 @@ def _in_c(page: Page) -> dict[str, object]:
 
 
 def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, object]) -> str:
-    """The one C++ file."""
     mechanism = sized_mechanism_class(parts, parts.program)
     code, sized = mechanism.code, [mechanism.sized(page)]
     if parts.system is not None:
@@ -182,7 +181,6 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
 
 
 def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, object]:
-    """The view for the templates of the export."""
     equations, integrator = parts.stepped, defaults.integrator
     model, steps = equations.topology.model, STEPS[parts.method][integrator]
     start, tables = parts.mechanism, _tables(equations)
@@ -303,7 +301,6 @@ def _bool(value: object) -> str:
 
 
 def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, Any]]:
-    """Names, units and places in the model's file."""
     guards = guards_in(equations)
     tables = {
         "parameter_names": [p.name for p in equations.parameters], "parameter_units": [p.unit for p in equations.parameters],
@@ -358,7 +355,6 @@ def _roads(equations: RecursiveEquations | SystemEquations, defaults: Defaults) 
 
 
 def _surface(defaults: Defaults) -> dict[str, Any] | None:
-    """The surface of the roads with its numbers as texts."""
     if defaults.surface is None:
         return None
 

@@ -82,7 +82,6 @@ class Viewer:
         self._rolled = {f.name: roll(program, f, self._place) for f in program.functions}
 
     def _input_names(self) -> dict[int, str]:
-        """Expressions of the input symbols."""
         names = {}
         for n, node in enumerate(self._program.graph.nodes):
             if node.op == "symbol":
@@ -91,7 +90,6 @@ class Viewer:
         return names
 
     def _local_names(self) -> dict[int, str]:
-        """Readable names for the elements of coordinates, speeds, accelerations and multipliers."""
         slots = self._equations.slots
         names: dict[int, str] = {}
         used_names = {name for name in self._names.values() if not name.startswith("vdot_")}  # of another function
@@ -253,11 +251,9 @@ class Viewer:
         )  # fmt: skip
 
     def _used_names(self) -> set[str]:
-        """The names that a function must not use again."""
         return {*self._names.values(), *self._locals.values(), *self._roads.values(), *MACROS}
 
     def _place(self, symbol: str, index: int) -> tuple[str, int]:
-        """Array and element of an input or a result."""
         if symbol in self._equations.slots:
             slot = self._equations.slots[symbol]
             return slot.array, slot.offset + index
@@ -269,7 +265,6 @@ class Viewer:
         return f"row<{lanes_type(lanes)}>({array} + {index})" if lanes else f"{array}[{index}]"
 
     def _note(self, result: Result) -> str:
-        """The comment with the meaning of a result's element."""
         slot, element = self._equations.slots.get(result.target), result.target.partition(":")[2]
         name = slot.names[result.index] if slot else ""
         if name == result.target:  # an entry of a matrix, by row and column
@@ -316,7 +311,6 @@ def _in_parts(sections: Sequence[SectionView]) -> list[SectionView]:
 
 
 def _stores(rolled: Rolled, loops: LoopText, printer: Printer) -> list[str]:
-    """The lines of loops that store results."""
     lines: list[str] = []
     for i, loop in enumerate(rolled.loops):
         if loop.stores:

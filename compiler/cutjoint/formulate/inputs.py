@@ -231,7 +231,6 @@ def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterabl
 
 
 def _law(b: Builder, model: Model, scene: Scene, parameter: Parameter) -> Iterator[Block]:
-    """An input's value, rate and acceleration in the scene."""
     law = input_functions(model, scene)[parameter.symbol]
     place = scene.span.place if parameter.name in scene.inputs else parameter.span.place
     with b.section("input", parameter.name, "u(t), du/dt, d2u/dt2", place):
@@ -250,7 +249,6 @@ def _starts(b: Builder, model: Model) -> Iterator[Block]:
 
 
 def _used(results: Iterable[Block]) -> list[int]:
-    """The indices of the input numbers that results depend on."""
     found: set[int] = set()
     for block in reachable_blocks(results):
         if block.op == "take" and block.args[0].op == "symbol" and block.args[0].data == INPUTS:

@@ -146,7 +146,6 @@ class _Reading:
         self.robot.joints[name] = added
 
     def _add_site(self, site: int) -> None:
-        """A site with a name is a point of its body."""
         m = self.m
         if name := self._name("SITE", site, ""):
             link = Link(self._unique_name(name, self._fresh), self._node("site", name))
@@ -408,7 +407,6 @@ def _unit(vector: Array) -> Array:
 
 
 def _frame_along(axis: Array, place: Array) -> Pose:
-    """A frame at a place whose z axis has a direction."""
     across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     x = across / np.linalg.norm(across)
     return Pose(np.array([x, np.cross(axis, x), axis]).T, place)

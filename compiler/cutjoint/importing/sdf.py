@@ -157,7 +157,6 @@ class _Assembly:
             resisting.damping, resisting.friction, resisting.stiffness, resisting.rest = (_number(dynamics, tag, 0.0) for tag in tags)
 
     def _end(self, name: str, tag: str) -> str:
-        """The link at an end of a joint."""
         node, scope = self._nodes[name]
         end = node.need(tag)
         found = self._find(end.text.strip(), scope)
@@ -173,7 +172,6 @@ class _Assembly:
         return next((each for each in names if each in self._nodes), None)
 
     def _link_of(self, name: str, where: Node) -> str:
-        """The link that carries a frame, a joint or a model."""
         seen = set[str]()
         while name != _WORLD and name not in self._robot.links:
             node, scope = self._nodes[name]
@@ -234,7 +232,6 @@ class _Assembly:
         return _pose(node) @ self._pose(found, name).inverse()
 
     def _axis(self, node: Node, name: str) -> Array:
-        """A unit vector in the frame of a joint."""
         scope = self._nodes[name][1]
         direction = node.need("xyz")
         axis = np.array(direction.numbers(direction.text, 3))

@@ -214,7 +214,6 @@ def _coupling(node: Node, robot: Robot, tags: tuple[str, str] = _ENDS, factor: s
 
 
 def _joints_to(robot: Robot, link: str, node: Node) -> list[Joint]:
-    """The moving joints from the root to a link."""
     if link not in robot.links:
         node.refuse(f"names the link '{link[:60]}', which is not there", "correct the name")
     carried = {joint.child: joint for joint in robot.joints.values()}

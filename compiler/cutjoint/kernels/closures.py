@@ -92,7 +92,6 @@ def _along(expressions: Matrix, rates: dict[Scalar, Scalar]) -> Matrix:
 
 
 def _residual(joint: Joint) -> tuple[tuple[str, ...], Matrix]:
-    """The names of a cut joint's equations, and their residual over the symbols of points and directions."""
     element = joint.element
     if not element.closes:
         raise ValueError(f"{joint.span}: joint '{joint.name}': a {joint.kind} joint cannot be a cut joint")
@@ -132,7 +131,6 @@ def _rows(joint: Joint, condition: Condition) -> Iterator[Sequence[Scalar] | Sca
 
 
 def _factor(factor: BodyDirection | JointDisplacement, r: Matrix, b: Mapping[Direction, Matrix], f: Mapping[Direction, Matrix]) -> Matrix:
-    """The symbols of a factor of a product."""
     if isinstance(factor, JointDisplacement):
         return r
     return (b if factor.end is End.BASE else f)[factor.direction]

@@ -32,8 +32,6 @@ class _Scalar:
 
 
 class _Scalars:
-    """The algebra of a graph's nodes."""
-
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
         self._known: dict[int, _Scalar] = {}

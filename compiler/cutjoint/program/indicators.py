@@ -77,7 +77,6 @@ def find_indicators(builder: Builder, results: Iterable[Block]) -> list[EventInd
 
 
 def _indicators(builder: Builder, block: Block) -> list[EventIndicator]:
-    """The indicators of a block's formula."""
     if block.op != "call":
         return []
     function, road = _function(block)
@@ -112,7 +111,6 @@ def _margin(b: Builder, condition: Block) -> Block:
 
 
 def _function(block: Block) -> tuple[str, str]:
-    """A call's function and the road of its lookup."""
     data: Any = block.data
     function, road = data
     return function, road or ""

@@ -176,7 +176,6 @@ class _Rolling:
     # Likeness
 
     def _arguments(self, n: int) -> list[int]:
-        """The arguments of a statement or result, without their signs."""
         return [self._graph.signless(a) for a in self._signed(n)]
 
     def _signed(self, n: int) -> tuple[int, ...]:
@@ -265,7 +264,6 @@ class _Rolling:
         return True
 
     def _columns(self, row: Sequence[int]) -> list[_Column]:
-        """Each argument of a statement of the body."""
         return list(zip(*(self._arguments(n) for n in row), strict=True))
 
     def _stored(self, row: Sequence[int]) -> list[tuple[str, int]]:

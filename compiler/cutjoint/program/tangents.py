@@ -17,8 +17,6 @@ _TOUCHED = 1e-6
 
 @dataclass(frozen=True)
 class _Number:
-    """A scalar with its value."""
-
     value: Any
     op: str = "const"
     args: tuple[Any, ...] = ()

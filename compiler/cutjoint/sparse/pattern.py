@@ -72,7 +72,6 @@ def settle_entries(program: Program, size: int, *, symmetric: bool) -> tuple[Pro
 
 
 def _entry(target: str) -> tuple[int, int]:
-    """Row and column of a result."""
     row, column = target.removeprefix(PREFIX).split(",")
     return int(row), int(column)
 

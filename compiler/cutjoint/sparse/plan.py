@@ -113,7 +113,6 @@ def _neighbours(pattern: Pattern) -> list[list[int]]:
 
 
 def _compressed(lists: Sequence[Sequence[int]]) -> tuple[ctypes.Array[_Int], ctypes.Array[_Int]]:
-    """Offsets and contents, in C."""
     first = [0]
     for one in lists:
         first.append(first[-1] + len(one))

@@ -83,7 +83,6 @@ def _zeros(elimination: Elimination, pivots: range) -> int:
 
 
 def _tile(elimination: Elimination, first: tuple[int, ...]) -> Tiling:
-    """The blocks of the factors."""
     count = len(first) - 1
     tile_of = [t for t in range(count) for _ in range(first[t], first[t + 1])]
     below, right = [0] * count, [0] * count

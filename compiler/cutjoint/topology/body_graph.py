@@ -116,8 +116,6 @@ MOST_UNKNOWNS = 12
 
 
 class _Search:
-    """Searches for branches from the ground outwards."""
-
     def __init__(self, graph: BodyGraph) -> None:
         self._graph = graph
         self._unknowns = self._summed({t.child: degrees(t.joint) for t in graph.tree})

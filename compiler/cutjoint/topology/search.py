@@ -213,8 +213,6 @@ class Exchanges:
 
 @dataclass(kw_only=True)
 class _Search:
-    """A search by exchanges; ``costs`` has those of all choices that were priced, ``left`` the choices that were left for better ones."""
-
     joints: Sequence[Joint]
     exchanges: Exchanges
     geometry: JointGeometry

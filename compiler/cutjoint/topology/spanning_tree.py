@@ -161,7 +161,6 @@ def _coupled_unknowns(bodies: Sequence[str], unknowns: Mapping[str, int], couple
 
 
 def _carriers(body: str, joint_of: Mapping[str, TreeJoint]) -> list[str]:
-    """The body and its ancestors in the branch."""
     found = []
     while body in joint_of:
         found.append(body)

@@ -294,7 +294,6 @@ def _length(c: Array, half: float, tolerance: float) -> int:
 
 
 def _fourier_series(places: Array, derivatives: Array, nodes: Array, wanted: Wanted) -> Series:
-    """A trigonometric series through values and derivatives at equidistant nodes."""
     if derivatives.shape[1] > 1:
         raise NoEmbeddingError("it makes full turns and has a drive")
     growth = float(np.round(derivatives.mean())) + 0.0  # full turns; displacements return

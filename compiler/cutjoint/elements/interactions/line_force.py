@@ -36,7 +36,6 @@ class LineForce(Interaction):
         return self._stretch(m)[1]
 
     def _stretch(self, m: Mechanics) -> tuple[Block, dict[str, Block]]:
-        """The direction of the displacement, its length, and the length's rate."""
         b, displacement = m.b, m.displacement(self.start, self.end)
         length = b.call("sqrt", b.dot(displacement.x, displacement.x))
         n = b.letter(b.scale(b.call("div", b.number(1.0), length), displacement.x), "n")

@@ -188,7 +188,6 @@ def calspan(b: Builder, c: Mapping[str, Block], load: Block, slip: Block, camber
 
 
 def _choose(b: Builder, condition: Block, yes: Block, no: Block) -> Block:
-    """One of two columns."""
     return b.column([b.call("where", condition, b.element(yes, i), b.element(no, i)) for i in range(yes.shape[0])])
 
 

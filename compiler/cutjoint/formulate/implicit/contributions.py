@@ -157,7 +157,6 @@ def composites(
 
 
 def _turning(k: Kinematics, body: Body) -> Block:
-    """B of one body."""
     b = k.builder
     if body.is_massless:
         return b.zero(6, 3)

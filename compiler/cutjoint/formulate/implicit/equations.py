@@ -184,8 +184,6 @@ def formulate_residual(start: RecursiveEquations, closure: str = DEFAULT_CLOSURE
 
 @dataclass(frozen=True, kw_only=True)
 class _System:
-    """The blocks of one system."""
-
     b: Builder
     k: Kinematics
     start: RecursiveEquations

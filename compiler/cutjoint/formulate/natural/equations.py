@@ -171,8 +171,6 @@ def _masses(layout: Layout, model: Model) -> Iterator[tuple[Node, Node, Scalar]]
 
 @dataclass(frozen=True, kw_only=True)
 class _System:
-    """The blocks of one system."""
-
     b: Builder
     motions: NodeMotions
     layout: Layout
@@ -281,7 +279,6 @@ class _System:
         return results
 
     def _of_states(self, *, symmetric: bool) -> dict[str, Block]:
-        """The entries of first-order states by each other."""
         translator, model, (damping, _, _) = self.motions.translator, self.start.topology.model, self._weights()
         entries = state_tangent(self.b, translator, self.state, model, damping, symmetric=symmetric)
         return {f"tangent:{row},{column}": block for row, column, block in entries}

@@ -294,7 +294,6 @@ class NodalMechanics(Laws):
         return self.force.coordinate_of in self._joint.element.measures
 
     def _slide(self) -> tuple[_At, _At, tuple[Form, Motion]]:
-        """Both ends of a displacement, and its direction."""
         joint = self._joint
         base, follower = self.motions.layout.slide_ends(joint)
         start, end = (base, joint.at), (follower, joint.at)

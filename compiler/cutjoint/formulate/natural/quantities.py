@@ -54,7 +54,6 @@ class NaturalQuantities:
         return b.element({"": motion.x, "v": motion.v, "a": motion.a}[kind], axis)
 
     def _joint(self, joint: Joint, quantity: str) -> Block:
-        """A joint's coordinate or speed."""
         if quantity in ("wx", "wy", "wz"):
             return self._relative_spin(joint, "xyz".index(quantity[-1]))
         is_rate = quantity not in joint.element.coordinates

@@ -253,7 +253,6 @@ class BranchSystem:
         return self._zdd
 
     def _parts(self, unknown: Block) -> Iterator[tuple[str, Block]]:
-        """Each joint's own."""
         start = 0
         for body in self.unknowns:
             end = start + self.subspaces[body].shape[1]

@@ -105,7 +105,6 @@ def _distance(k: Kinematics, joint: Joint) -> _Terms:
 
 
 def _derive(b: Builder, joint: Joint, kernel: ClosureKernel, terms: _Terms, numbers: Numbers) -> LoopClosure:
-    """A cut joint's blocks under their names."""
     name, rows = joint.name, kernel.names
     residual, rate = b.name(terms.residual, "Phi", name, rows=rows), b.name(terms.rate, "Phid", name, rows=rows)
     A = b.name(terms.A, "A", name, rows=rows)

@@ -69,7 +69,6 @@ class Reactions:
 
     @cached_property
     def _constraint_wrenches(self) -> list[dict[str, Block]]:
-        """The wrenches of each cut joint on its bodies."""
         b, found = self.kinematics.builder, []
         for loop in self.loops:
             with b.section("reaction", loop.joint.name, "W = -A^T lambda", loop.joint.span.place):

@@ -146,7 +146,6 @@ def element_of(path: Path) -> tuple[str, int]:
 
 
 def _words(flaw: _Flaw) -> tuple[str, str]:
-    """The message of a flaw, and a hint."""
     detail, path = flaw.detail, flaw.path
     context = detail.get("ctx", {})
     match flaw.kind:
@@ -214,7 +213,6 @@ def _unknown_field(flaw: _Flaw) -> tuple[str, str]:
 
 
 def _fields_at(document: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
-    """The fields that a document may have at a location of pydantic's."""
     part: Any = document
     for step in location:
         part = _descend(part, step)

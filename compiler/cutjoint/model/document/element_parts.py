@@ -73,7 +73,6 @@ _JOINT_TYPES: Mapping[str, Any] = {"axis": Direction, "axis_2": Direction, "to":
 
 
 def _joint_shape(element: JointElement) -> type[JointPart]:
-    """The shape of a kind's joints."""
     fields: dict[str, Any] = {"kind": (Literal[str(element.kind)], ...)}
     for field in element.fields:
         fields[field.name] = (_JOINT_TYPES[field.name] | None, None) if field.optional else (_JOINT_TYPES[field.name], ...)
@@ -145,7 +144,6 @@ def _check(problem: Callable[[Any], tuple[str, ...]]) -> Callable[[ForcePart], F
 
 
 def _force_shape(element: ForceElement) -> type[ForcePart]:
-    """The shape of a kind's forces."""
     fields: dict[str, Any] = {"kind": (Literal[str(element.kind)], ...)}
     fields |= {attribute(field.name): _field(field) for field in element.fields}
     checks: dict[str, Any] = {} if element.problem is None else {"check": model_validator(mode="after")(_check(element.problem))}

@@ -89,7 +89,6 @@ def _group(of: "_Scoped", inner: "Mapping[str, list[_Scoped]]") -> Elements:
 
 
 def _joined(groups: list[Elements]) -> Elements:
-    """The elements of all groups, section by section."""
     return Elements(*(tuple(chain.from_iterable(getattr(group, f.name) for group in groups)) for f in fields(Elements)))
 
 
@@ -224,7 +223,6 @@ def _check_accepted(where: Element, instance: model_file.Instance, submodel: mod
 
 
 def _connectors(where: Element, instance: model_file.Instance, submodel: model_file.Submodel) -> dict[str, str]:
-    """The full names of the bodies that the instance connects."""
     _match_keys(where, "connect", instance.connect, submodel.connectors, "connector", instance.use)
     bodies = {name: where.body(body, ("connect", name)) for name, body in instance.connect.items()}
     return {name: bodies.get(name, UNKNOWN) for name in submodel.connectors}

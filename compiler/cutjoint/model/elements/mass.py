@@ -193,7 +193,6 @@ def _turned(axes: tuple[Vector, Vector, Vector], matrix: Matrix) -> Matrix:
 
 
 def _compound(element: Element, shapes: tuple[body_parts.Shape, ...]) -> Lump:
-    """The body that shapes make together."""
     lumps = [_lump(element, shape, ("shapes", index)) for index, shape in enumerate(shapes)]
     mass = sum((lump.mass for lump in lumps), sympy.Integer(0))
     if element.value(mass) <= 0:

@@ -111,7 +111,6 @@ def _note_circle(where: Mapping[str, Element], circle: Sequence[str]) -> None:
 
 
 def _read_derived(where: Element, part: model_file.Parameter, terms: Mapping[str, Term], values: Mapping[sympy.Symbol, float]) -> Term:
-    """The term of an expression of other parameters."""
     if "binding" in part.model_fields_set:
         where.fail("binding: it changes with the parameters that it follows from", "remove binding", ("binding",))
     term = where.term(part.value, ("value",), terms)

@@ -64,8 +64,6 @@ def read_csv(text: str, file: str, element: str, texts: tuple[str, ...] = ()) ->
 
 
 class _Reading:
-    """The steps of reading one table."""
-
     def __init__(self, file: str, element: str, texts: tuple[str, ...]) -> None:
         self.file, self.element, self.texts = file, element, texts
         self.problems: list[Problem] = []
@@ -127,7 +125,6 @@ class _Reading:
         return Column(match[1], header.span, None if match[2] is None else factor, cells, values)
 
     def _unit(self, span: Span, unit: str | None) -> Dimension | None:
-        """The dimension of a column's unit."""
         try:
             return None if unit is None else measure(1.0, unit).dimension
         except UnitError as error:

@@ -140,7 +140,6 @@ class OpenCrg:
         self._fail("the file has no line of $ between its header and its data", "name a file in OpenCRG")
 
     def _read(self, block: str, row: str, number: int) -> None:
-        """A row of a block."""
         if block == "ROAD_CRG_FILE":
             self._fail("the data is in another file ($ROAD_CRG_FILE)", "name that file", number)
         if block.startswith("ROAD_CRG") and block != "ROAD_CRG_MPRO":

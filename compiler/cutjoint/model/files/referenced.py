@@ -71,8 +71,6 @@ class _Inner:
 
 @dataclass
 class _Files:
-    """Reads files once each."""
-
     problems: Problems
     texts: dict[str, str] = field(default_factory=dict)
     lost: set[Keys] = field(default_factory=set)
@@ -313,7 +311,6 @@ def _require_text(name: _Name | None) -> _Name:
 
 
 def _with(data: Any, keys: Keys, value: Any) -> Any:
-    """The data with another value at ``keys``."""
     if not keys:
         return value
     if isinstance(data, tuple):

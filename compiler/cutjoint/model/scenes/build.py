@@ -232,7 +232,6 @@ def _in_range(where: Element, key: str, value: float, keys: Path) -> None:
 
 
 def _inputs(where: Element, laws: Mapping[str, Any], stage: _Stage) -> dict[str, Scalar]:
-    """The functions of time that the scene gives to inputs."""
     scope = where.scope
     inputs = {p.name: p for p in stage.expansion.parameters if p.binding is Binding.INPUT}
     for name in (name for name in laws if name not in inputs and not scope.directory.misses(name)):

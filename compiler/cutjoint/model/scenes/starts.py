@@ -253,7 +253,6 @@ def read_trim(
 
 
 def _unknowns(where: Element, known: Mapping[str, Quantified], parameters: Sequence[Parameter]) -> dict[str, Unknown]:
-    """All that a trim can find, by name."""
     kind = {binding: "input" if binding is Binding.INPUT else "parameter" for binding in Binding}
     found = {p.name: Unknown(name=p.name, kind=kind[p.binding], entry=p.name, unit=p.unit, span=where.span) for p in parameters}
     for element in known.values():
