@@ -65,11 +65,8 @@ class AimedStart:
 
     def find(self, parameters: Mapping[str, float], prescribed: Mapping[str, float], wanted: Sequence[float]) -> dict[str, float]:
         """All coordinates by "joint.coordinate", such that places have the ``wanted`` values.
-        ``prescribed`` coordinates (SI units) stay unchanged; ``parameters`` are values of tunable parameters.
-
-        Raises:
-            RunError: no pose has them, or none that closes the loops was found near the design position.
-        """
+        ``prescribed`` coordinates (SI units) stay unchanged; ``parameters`` are values of tunable parameters. Raises RunError: no pose
+        has them, or none that closes the loops was found near the design position."""
         search, found = self._search(parameters, prescribed, wanted)
         if found is None:
             where = f"{self._scene.span}: scene '{self._scene.name}'"

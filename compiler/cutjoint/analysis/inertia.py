@@ -63,10 +63,8 @@ def _describe(motion: IdleMotion) -> str:
 
 def find_momentary_motions(equations: RecursiveEquations, poses: Sequence[Pose]) -> tuple[IdleMotion, ...]:
     """The motions that move no mass and no cut joint's equation in the first of the ``poses`` of `explore`, the design position.
-
     If the mechanism passes `require_inertia`, they lack inertia in this pose only. The usual case is a massless link in a straight line:
-    the two joints that carry it are in line with the joint or mass that it moves.
-    """
+    the two joints that carry it are in line with the joint or mass that it moves."""
     if _every_body_resists(equations):
         return ()
     return _separate(equations, _null_space(equations, _effects(equations), poses[0].q))

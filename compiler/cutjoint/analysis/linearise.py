@@ -109,10 +109,8 @@ _SOON, _STEADY = 1e-6, 1e-6
 @dataclass(frozen=True, kw_only=True)
 class Point:
     """A state at time ``t`` (s): coordinates ``q``, speeds ``v``, accelerations ``vdot``; zero of a mechanism at rest.
-
     ``parameters`` have the order of the equations' own, ``held`` the values of discrete states and of inputs, which replace those of the
-    scene, ``roads`` the roads of tyres, flat where there are none. Multipliers follow from the residual.
-    """
+    scene, ``roads`` the roads of tyres, flat where there are none. Multipliers follow from the residual."""
 
     t: float
     q: Array

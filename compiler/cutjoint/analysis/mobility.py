@@ -25,12 +25,9 @@ from cutjoint.package.errors import EquationsError
 
 @dataclass(frozen=True, kw_only=True)
 class Mobility:
-    """Unknown speeds, cut-joint equations and how many of them are independent.
-
-    ``rank`` is the largest over ``poses`` poses that close the loops, ``design_rank`` that of the design position; if it is smaller, that
-    position is singular. ``condition`` is the largest singular value there by the smallest that is not zero. ``closed`` is False if the
-    guides' positions keep the loops from closing.
-    """
+    """Unknown speeds, cut-joint equations and how many of them are independent. ``rank`` is the largest over ``poses`` poses that close the
+    loops, ``design_rank`` that of the design position; if it is smaller, that position is singular. ``condition`` is the largest singular
+    value there by the smallest that is not zero. ``closed`` is False if the guides' positions keep the loops from closing."""
 
     speeds: int
     equations: int
@@ -82,12 +79,8 @@ class GuideError(EquationsError, ValueError):
 
 def require_guides(equations: RecursiveEquations) -> None:
     """Refuse guides that contradict a loop or a gear in the equations' scene, or begin without a finite position and rate.
-
-    They contradict if, at each of several times, the loops cannot be closed, and no speeds of other joints fit the guides' rates.
-
-    Raises:
-        GuideError: they do; it names them and the loop.
-    """
+    They contradict if, at each of several times, the loops cannot be closed, and no speeds of other joints fit the guides' rates. Raises
+    GuideError: they do; it names them and the loop."""
     model = equations.topology.model
     begin = {**{p.symbol: p.value for p in model.parameters}, TIME: 0.0}
     for joint in model.joints:

@@ -28,12 +28,9 @@ _ALIKE = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Participant:
-    """The part of one coordinate in a mode.
-
-    ``amplitude`` is relative to that of the coordinate with the largest share, in SI units (m, rad), its phase that by which the
-    coordinate is ahead; ``share`` is its part of the mode's kinetic energy, coordinate times momentum, to which squares of first-order
-    states over their sizes are added: shares add up to one, and one may be negative.
-    """
+    """The part of one coordinate in a mode. ``amplitude`` is relative to that of the coordinate with the largest share, in SI units (m,
+    rad), its phase that by which the coordinate is ahead; ``share`` is its part of the mode's kinetic energy, coordinate times momentum, to
+    which squares of first-order states over their sizes are added: shares add up to one, and one may be negative."""
 
     amplitude: complex
     share: float
@@ -126,10 +123,8 @@ def find_mode_shapes(of: Linearisation, time: float) -> Modes:
 
 def eigenpairs(A: Array) -> tuple[Complex, Complex, Array, int]:
     """Eigenvalues other than zero, their eigenvectors as columns, the null space, and how many eigenvalues are zero.
-
-    The null space is deflated repeatedly before: each rigid-body motion is a defective double zero, which rounding would split into a pair
-    of about its square root.
-    """
+    The null space is deflated repeatedly before: each rigid-body motion is a defective double zero, which rounding would split into a
+    pair of about its square root."""
     size = len(A)
     _, singular, right = np.linalg.svd(A)
     rank = int(np.sum(singular > _ZERO * singular.max(initial=0.0)))

@@ -57,10 +57,8 @@ def evaluate_results(
     held: Mapping[str, float | Array] = MappingProxyType({}),
 ) -> dict[str, Array]:  # fmt: skip
     """Results (..., length) by name, in the interpreter; arguments that ``arrays`` lacks are zero or parameters' defaults.
-
-    Arrays of inputs (..., length) are named as the generated functions' arguments, and may carry batch axes, as may values (...) of inputs
-    that are ``held`` and do not follow the scene.  Without ``roads`` they are flat.
-    """
+    Arrays of inputs (..., length) are named as the generated functions' arguments, and may carry batch axes, as may values (...) of
+    inputs that are ``held`` and do not follow the scene. Without ``roads`` they are flat."""
     flat: dict[str, RoadTable] = {name: FlatRoad() for name in equations.roads}
     values = interpret_blocks(results.values(), _inputs(equations, arrays, held), flat if roads is None else roads)
     return {name: values[block][..., 0] for name, block in results.items()}
@@ -132,10 +130,9 @@ _OFF = 0.05
 
 
 def states_off_a_single_pose(equations: LagrangianEquations, states: Sequence[NaturalState]) -> list[NaturalState]:
-    """States with open loops along free speeds of the only closed pose. Equations that are dependent there too are so structurally, as in a
-    planar loop; others in the closed pose only. None where other poses say it, and where no speed is free: what is kept then holds the
-    pose.
-    """
+    """States with open loops along free speeds of the only closed pose.
+    Equations that are dependent there too are so structurally, as in a planar loop; others in the closed pose only. None where other
+    poses say it, and where no speed is free: what is kept then holds the pose."""
     if len(states) > 1:
         return []
     pose = explore(equations.start)[0]
@@ -202,10 +199,8 @@ def _rank(J: Array) -> int:
 
 def tangent_samples(equations: LagrangianEquations, states: Sequence[NaturalState], dt: float) -> Iterator[Array]:
     """Values of the tangent's entries at states, as a step of dt has them and as the start has them.
-
-    The constraints have the same weight in both: it multiplies rows and columns of the multipliers, and pivots do not depend on it.
-    That of a mechanism far from a metre is its mass, so that no entry is rounding.
-    """
+    The constraints have the same weight in both: it multiplies rows and columns of the multipliers, and pivots do not depend on it. That
+    of a mechanism far from a metre is its mass, so that no entry is rounding."""
     bodies, known = equations.topology.model.bodies, {p.symbol: p.value for p in equations.topology.model.parameters}
     weight = 1.0 if equations.topology.arm == 1 else sum(evaluate(body.mass, known) for body in bodies) or 1.0
     for state in states:

@@ -72,10 +72,8 @@ def find_redundancy(equations: RecursiveEquations, poses: Sequence[Pose]) -> Red
 
 def choose_independent(jacobians: Sequence[Array], rank: int) -> list[int]:
     """Rows that are independent in all matrices (m, n) of one rank, in order, by QR of the transposes with common pivots.
-
-    A pivot is the first row whose distance from the rows chosen is, in every matrix, not too small a share of the largest such distance; if
-    there is none, the row that is best in its worst matrix.
-    """
+    A pivot is the first row whose distance from the rows chosen is, in every matrix, not too small a share of the largest such distance;
+    if there is none, the row that is best in its worst matrix."""
     rest = [jacobian.copy() for jacobian in jacobians]
     norms = np.stack([np.linalg.norm(matrix, axis=1) for matrix in rest])
     floor = TOLERANCE * norms.max(axis=1, initial=0.0, keepdims=True) + np.finfo(float).tiny

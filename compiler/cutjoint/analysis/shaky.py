@@ -171,10 +171,8 @@ def find_shakiness(equations: RecursiveEquations) -> Shakiness | None:
 
 def _second_order_forms(equations: RecursiveEquations, q: Array, free: Array, across: Array, least: float) -> Array | None:
     """The forms w . Phi_qq(d, d) in the free directions (k, speeds), for each w, a column: (w, k, k).
-
     None as soon as no form is larger than ``least``, or smaller than -``least``, along all directions so far: the least eigenvalue of a
-    definite form is no larger than what it is along any direction.
-    """
+    definite form is no larger than what it is along any direction."""
     forms = np.zeros((across.shape[1], len(free), len(free)))
     for j, direction in enumerate(free):
         ahead, behind = (evaluate_closures(equations, retract(equations, q, h * direction))[1] for h in (_DIFFERENCE, -_DIFFERENCE))

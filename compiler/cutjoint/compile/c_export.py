@@ -70,10 +70,8 @@ def fits_lanes(model: Model, scene: Scene, method: str, integrator: str) -> bool
 
 def lanes_break_even(operations: int, steps: float) -> bool:
     """Return whether lanes save more than they take to compile.
-
-    ``steps`` are those of all simulations, ``operations`` those of an evaluation.  Workers do not count, so that results are the same for
-    any number.  The figures are measured: docs/evidence/measured/sweep.md.
-    """
+    ``steps`` are those of all simulations, ``operations`` those of an evaluation. Workers do not count, so that results are the same for
+    any number. The figures are measured: docs/evidence/measured/sweep.md."""
     return steps * _SAVED * sqrt(operations) > _COMPILING + _COMPILING_AN_OPERATION * operations
 
 
@@ -288,13 +286,8 @@ def make_standalone(
 
 def choose_steps(scene: Scene, method: str, integrator: str | None, *, equal_steps: bool = False) -> Options:
     """The integrator, tolerance and events of a host that takes steps of a scene by a method, where none is named those of `simulate`.
-
-    With ``equal_steps`` a scene that names no integrator has the trapezoidal rule.  So has one whose integrator the core has not for the
-    method.
-
-    Raises:
-        RunError: the core has not the integrator.
-    """
+    With ``equal_steps`` a scene that names no integrator has the trapezoidal rule. So has one whose integrator the core has not for the
+    method. Raises RunError: the core has not the integrator."""
     known = STEPS[method]
     if integrator is not None and integrator not in known:
         raise RunError(f"integrator: '{integrator}' is not one of C exports, {', '.join(known)}")
@@ -385,11 +378,8 @@ def plan_export(
     generated: Generated, options: CompileOptions
 ) -> ExportPlan | None:
     """Plan a folder for the results of `pipeline.generate`; None if the options have no ``out``.
-
-    Raises:
-        RunError: an ``integrator`` is named that the folder cannot have, or derivatives (``linearise``) or ``poses`` of one that has none.
-        OutputError: one of the files is the model.
-    """
+    Raises RunError: an ``integrator`` is named that the folder cannot have, or derivatives (``linearise``) or ``poses`` of one that has
+    none; OutputError: one of the files is the model."""
     folder, integrator, linearise = path_of(options.out), options.integrator, options.linearise or options.adjoint
     if folder is None or options.precision != DEFAULT_PRECISION:
         if integrator is not None:

@@ -108,13 +108,9 @@ def generate(
     model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True,
     precision: str = DEFAULT_PRECISION, poses: bool = False, load_events: bool = False,
 ) -> Generated:  # fmt: skip
-    """Derive the equations and the source.  A scene's trim is solved once, here.  With ``lanes``, isomorphic subtrees are evaluated
-    together in SIMD registers.  ``poses`` adds a function for poses of bodies.  With ``load_events``, steps end where the load of a
-    friction force passes zero.
-
-    Raises:
-        EquationsError: a derivative is needed that the code of a function does not have; others as of `compile_scene`.
-    """
+    """Derive the equations and the source. A scene's trim is solved once, here. With ``lanes``, isomorphic subtrees are evaluated together
+    in SIMD registers. ``poses`` adds a function for poses of bodies. With ``load_events``, steps end where the load of a friction force
+    passes zero. Raises EquationsError: a derivative is needed that the code of a function does not have; others as of `compile_scene`."""
     lanes = lanes and PRECISIONS[precision].packed
     model, scene, _ = trimmed(model, scene, {})
     try:

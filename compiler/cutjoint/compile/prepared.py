@@ -145,11 +145,8 @@ def _extension_digests(request: Request) -> tuple[str, ...]:
 
 def build_provenance() -> tuple[Any, ...]:
     """The origin of cached runs besides the model: sources, versions, the C++ compiler, its flags and the processor that they mean.
-
-    Raises:
-        ToolchainError: a tool is missing, and the package has no simulator that does without.
-        PackageNotFoundError: a package is installed without its version.
-    """
+    Raises ToolchainError: a tool is missing, and the package has no simulator that does without; PackageNotFoundError: a package is
+    installed without its version."""
     by = () if must_interpret() else ((compiler := find_compiler()).command, compiler.key, resolve(FLAGS))
     return code_digest(code_folders()), versions(), *by
 

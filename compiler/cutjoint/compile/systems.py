@@ -86,13 +86,8 @@ def formulate_system(start: RecursiveEquations, method: str, outputs: tuple[Outp
 
 def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) -> tuple[E, Program]:
     """The program of a system; ``states`` are where the pivots of a saddle point are tried.
-
-    The equations returned know where the entries of their tangent stand, and the plan of its factorisation.
-
-    Raises:
-        RunError: the equations depend on each other in one of the states.
-        MissingLibraryError: a library that orders matrices is not installed.
-    """
+    The equations returned know where the entries of their tangent stand, and the plan of its factorisation. Raises RunError: the
+    equations depend on each other in one of the states; MissingLibraryError: a library that orders matrices is not installed."""
     families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
     functions = [(f.name, f.results if f.name in _ONCE else fold(equations.builder, families, f.results)) for f in equations.functions]
     program, pattern = settle_entries(

@@ -238,12 +238,9 @@ class JointField:
 
 @dataclass(frozen=True, kw_only=True)
 class Operations:
-    """Predicted operations, the means counted in the programs of random mechanisms.
-
-    ``placing``: pose, velocity and motion subspace of the outer body of a tree joint, next to the ground and on a body that moves.
-    ``closing``: residual, Jacobian, penalty mass and force and correction of the multipliers of a cut joint: to the ground, in one
-    branch, between two branches.
-    """
+    """Predicted operations, the means counted in the programs of random mechanisms. ``placing``: pose, velocity and motion subspace of the
+    outer body of a tree joint, next to the ground and on a body that moves. ``closing``: residual, Jacobian, penalty mass and force and
+    correction of the multipliers of a cut joint: to the ground, in one branch, between two branches."""
 
     placing: tuple[int, int]
     closing: tuple[int, int, int] = (0, 0, 0)

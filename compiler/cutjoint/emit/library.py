@@ -52,10 +52,8 @@ _OF_LOADED = _Number(
 @dataclass(frozen=True, kw_only=True)
 class _Placed:
     """A class of the library and where it goes.
-
     ``header``: its file without the ending; ``prefix``: the beginning of its functions' files; ``space``: its namespace within that of
-    generated classes; ``target``: the target of the project that compiles it; ``numbers``: its number types.
-    """
+    generated classes; ``target``: the target of the project that compiles it; ``numbers``: its number types."""
 
     made: CppClass
     header: str

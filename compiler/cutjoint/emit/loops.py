@@ -12,12 +12,9 @@ from cutjoint.program.scalars import Graph
 
 @dataclass(frozen=True, kw_only=True)
 class LoopText:
-    """The loops of one function in C++.
-
-    ``arrays`` are declarations, ``known`` the texts of computed scalars and of the bodies' arguments, ``elements`` the texts of the bodies'
-    scalars that arrays keep, ``names`` of their others.  By the number of a loop, ``tables`` has the name and nodes of each table,
-    ``copies`` the copies before it, ``fronts`` the first lines of its body.
-    """
+    """The loops of one function in C++. ``arrays`` are declarations, ``known`` the texts of computed scalars and of the bodies' arguments,
+    ``elements`` the texts of the bodies' scalars that arrays keep, ``names`` of their others. By the number of a loop, ``tables`` has the
+    name and nodes of each table, ``copies`` the copies before it, ``fronts`` the first lines of its body."""
 
     arrays: tuple[str, ...]
     known: Mapping[int, str]

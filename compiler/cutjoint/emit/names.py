@@ -17,12 +17,9 @@ _AXES = {3: ("x", "y", "z"), 6: ("vx", "vy", "vz", "wx", "wy", "wz")}
 
 
 def name_scalars(program: Program) -> dict[int, str]:
-    """A unique identifier for every scalar of a labelled block, such as ``R_front_left_arm_xy`` or ``Dinv_chassis_vx``.
-
-    A scalar has the name of its first block; an element of the same sign takes precedence over a negative one. ``_negated`` marks a
-    quantity of which only the negative is computed: ``b - a`` also represents ``a - b``, because sums can subtract it without another
-    operation.
-    """
+    """A unique identifier for every scalar of a labelled block, such as ``R_front_left_arm_xy`` or ``Dinv_chassis_vx``. A scalar has the
+    name of its first block; an element of the same sign takes precedence over a negative one. ``_negated`` marks a quantity of which only
+    the negative is computed: ``b - a`` also represents ``a - b``, because sums can subtract it without another operation."""
     names: dict[int, str] = {}
     used_names = set(MACROS)
     for block, label in program.labels.items():
@@ -62,12 +59,8 @@ def unique(name: str, used_names: set[str]) -> str:
 
 
 def common_name(first: str, last: str) -> str:
-    """The common part of the names of the first and the last of several like things.
-
-    It is without the numbers that differ, and empty if more differs.
-
-    >>> common_name("R_crank_0_bar_xx", "R_crank_19_bar_xx") 'R_crank_bar_xx'
-    """
+    """The common part of the names of the first and the last of several like things. It is without the numbers that differ, and empty if
+    more differs. >>> common_name("R_crank_0_bar_xx", "R_crank_19_bar_xx") 'R_crank_bar_xx'"""
     ones, others = (re.split(r"_?(\d+)", name) for name in (first, last))
     if ones[::2] != others[::2]:
         return ""

@@ -22,12 +22,9 @@ class Slot:
 
 @dataclass(frozen=True, kw_only=True)
 class Chart:
-    """The chart of one joint: its coordinates and its speeds.
-
-    ``scalars`` coordinates start at ``q``, their rates at ``v``; a ball adds a quaternion (scalar first) after them whose angular velocity,
-    in the inner body's axes, follows the rates. The quaternion is that of the outer body relative to the inner one, which is the follower
-    of a ``reversed`` joint.
-    """
+    """The chart of one joint: its coordinates and its speeds. ``scalars`` coordinates start at ``q``, their rates at ``v``; a ball adds a
+    quaternion (scalar first) after them whose angular velocity, in the inner body's axes, follows the rates. The quaternion is that of the
+    outer body relative to the inner one, which is the follower of a ``reversed`` joint."""
 
     joint: str
     q: int

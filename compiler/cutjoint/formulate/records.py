@@ -25,10 +25,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, kw_only=True)
 class IndicatorPlace:
     """The origin of an event indicator: the element and its line in the model file.
-
-    For a position along a road, ``road`` is its tyre and ``across`` the number of the indicator of the lateral position; otherwise "" and
-    -1. If ``is_continuous``, forces are continuous there and only their derivatives jump.
-    """
+    For a position along a road, ``road`` is its tyre and ``across`` the number of the indicator of the lateral position; otherwise ""
+    and -1. If ``is_continuous``, forces are continuous there and only their derivatives jump."""
 
     element: str
     place: str
@@ -40,10 +38,8 @@ class IndicatorPlace:
 @dataclass(frozen=True, kw_only=True)
 class DomainPlace:
     """A place where a law may be undefined: the quantity that must be in its domain, the element and its line in the model file.
-
     Inside the domain the margin is non-negative, or positive if ``strict``. ``remedy`` is the index among the margins of a factor: with
-    friction coefficients scaled below it, all joint loads are defined.
-    """
+    friction coefficients scaled below it, all joint loads are defined."""
 
     function: str
     element: str
@@ -63,10 +59,8 @@ class Column:
 @dataclass(frozen=True, kw_only=True)
 class Function:
     """One generated function: named result columns over the program's inputs.
-
     Inputs are symbols; those that all formulations share are ``t``, ``motion`` (0 while the equilibrium is sought, else 1) and
-    ``parameters``.  ``arguments`` are the C++ function's, results last; :attr:`Equations.slots` says which symbol stands where.
-    """
+    ``parameters``. ``arguments`` are the C++ function's, results last; :attr:`Equations.slots` says which symbol stands where."""
 
     name: str
     arguments: tuple[str, ...]

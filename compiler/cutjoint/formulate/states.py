@@ -99,10 +99,8 @@ _OBSERVING = frozenset({SAMPLE, "report", "energy", "domains", POSES})
 
 def describe_controllers(equations: Equations) -> list[dict[str, object]]:
     """The controllers as steps know them: name, place in the model file, times (s), and the number of discrete states of each.
-
     ``affects_motion`` has a 1 for each of these that accelerations, states, events or guards read, and a 0 for others. One that is
-    ``accelerated`` reads more of a state than coordinates and speeds at its samples.
-    """
+    ``accelerated`` reads more of a state than coordinates and speeds at its samples."""
     affecting = _discrete_states_read(b for f in equations.functions if f.name not in _OBSERVING for b in f.results.values())
     sample = next((f.results for f in equations.functions if f.name == SAMPLE), {})
     described, number = list[dict[str, object]](), count()

@@ -429,10 +429,8 @@ def _flow(value: Any) -> str:
 @dataclass(frozen=True)
 class Imported:
     """The ``text`` of a model file; ``notes`` are sentences of decisions, ``left_out`` counts tags and attributes that were not taken.
-
-    ``bodies`` and ``joints`` have the model's names by those of the file; ``zero`` has the file's coordinates of joints, rad and m, without
-    their references, where the model's are zero.
-    """
+    ``bodies`` and ``joints`` have the model's names by those of the file; ``zero`` has the file's coordinates of joints, rad and m,
+    without their references, where the model's are zero."""
 
     text: str
     notes: tuple[str, ...]
@@ -444,10 +442,8 @@ class Imported:
 
 def import_file(path: Path, *, free: bool = False, folder: Path | None = None, model: str = "") -> Imported:
     """A file of another program as a model file; with ``free`` its base moves freely, else as the file says, by default on the ground.
-
-    Files that it names are below a ``folder``, that of the file otherwise, and so are paths of its pictures.  ``model`` is one of an SDF.
-    Raises ModelError, with places in the file, for what is wrong in it or cannot be said in a model file.
-    """
+    Files that it names are below a ``folder``, that of the file otherwise, and so are paths of its pictures. ``model`` is one of an SDF.
+    Raises ModelError, with places in the file, for what is wrong in it or cannot be said in a model file."""
     folder = folder or path.parent
     match READERS.get(path.suffix.lower()):
         case "URDF":

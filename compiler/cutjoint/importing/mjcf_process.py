@@ -20,11 +20,8 @@ _BROKEN = "the package mujoco is installed but cannot be imported: {}"
 
 def compile_in_subprocess(path: Path, folder: Path, outside: set[str]) -> tuple[Any, dict[str, list[Any]]]:
     """MuJoCo's model of a file, its files that are "absent", and bodies that move and have the mass of one, "weightless", with its name.
-
-    Raises:
-        ValueError: MuJoCo refuses the file, takes longer than LIMIT, or crashes.
-        MissingPackageError: MuJoCo is not installed, or cannot be imported.
-    """
+    Raises ValueError: MuJoCo refuses the file, takes longer than LIMIT, or crashes; MissingPackageError: MuJoCo is not installed, or
+    cannot be imported."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(p).absolute()) for p in sys.path if p)}
     asked = json.dumps([str(path.absolute()), str(folder.resolve()), sorted(outside)])
     with TemporaryDirectory() as work:

@@ -77,10 +77,8 @@ class Link:
 @dataclass
 class Joint:
     """A joint of ``kind`` from a ``parent`` link to a ``child``: its frame is ``origin`` in the parent's, the child's is ``inner`` in it.
-
-    ``axis`` (3), a unit vector, is in the joint's frame.  ``stiffness`` (N m or N/m) acts from ``rest``, ``damping`` (N m s or N s/m) on
-    the rate, ``friction`` (N m or N) against it, ``armature`` (kg m2 or kg) on the acceleration.  It ``follows`` others, says the file.
-    """
+    ``axis`` (3), a unit vector, is in the joint's frame. ``stiffness`` (N m or N/m) acts from ``rest``, ``damping`` (N m s or N s/m) on
+    the rate, ``friction`` (N m or N) against it, ``armature`` (kg m2 or kg) on the acceleration. It ``follows`` others, says the file."""
 
     name: str
     node: Node
@@ -167,10 +165,8 @@ class Coupling:
 @dataclass
 class Drive:
     """A motor on a joint's coordinate: ``gear`` times the sum of ``gain`` times its input, ``bias``, and a spring and damper before it.
-
-    The input and that force have bounds, ``controls`` and ``forces``, or None.  ``offset`` is the coordinate of the file where the
-    reader's is zero.  ``tendon`` are the coefficients, by joints, of a tendon that it pulls in place of one joint, {} for none.
-    """
+    The input and that force have bounds, ``controls`` and ``forces``, or None. ``offset`` is the coordinate of the file where the
+    reader's is zero. ``tendon`` are the coefficients, by joints, of a tendon that it pulls in place of one joint, {} for none."""
 
     name: str
     joint: str

@@ -59,10 +59,8 @@ class _Scope:
 
 class _Assembly:
     """The frames of models, all in that of the world, and the tree of their joints, in the file's order.
-
-    In ``old`` files, before version 1.5, the axes of joints are in the model's frame.  Names of several models, and of those inside
-    others, begin with those of their models and ``::``.
-    """
+    In ``old`` files, before version 1.5, the axes of joints are in the model's frame. Names of several models, and of those inside
+    others, begin with those of their models and ``::``."""
 
     def __init__(self, robot: Robot, world: Node | None, models: list[Node], *, old: bool) -> None:
         self._robot, self._old = robot, old

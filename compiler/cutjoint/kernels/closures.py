@@ -46,10 +46,8 @@ B = tuple(_symbols(f"b{i}") for i in range(3))
 @dataclass(frozen=True, kw_only=True)
 class ClosureKernel:
     """A cut joint's equations.
-
-    ``base_directions`` and ``follower_directions`` are the design directions that stand for the symbols B and F.  ``residual`` (m, 1),
-    ``jacobian`` (m, 6), ``drift`` (m, 1) = dA/dt Z seen from the base; ``names`` has a short name for each equation.
-    """
+    ``base_directions`` and ``follower_directions`` are the design directions that stand for the symbols B and F. ``residual`` (m, 1),
+    ``jacobian`` (m, 6), ``drift`` (m, 1) = dA/dt Z seen from the base; ``names`` has a short name for each equation."""
 
     names: tuple[str, ...]
     base_directions: tuple[Vector, ...]

@@ -43,11 +43,9 @@ class Binding(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """A named number.  ``value`` is in SI units, ``unit`` its SI unit's text, empty when the file gives none.
-
-    ``symbol`` stands for the parameter in expressions, for any binding: the real symbol ``p_`` + name,
-    while the variables of laws are real symbols of their own names (``length``, ``t``, ...), so that none can clash.
-    """
+    """A named number. ``value`` is in SI units, ``unit`` its SI unit's text, empty when the file gives none.
+    ``symbol`` stands for the parameter in expressions, for any binding: the real symbol ``p_`` + name, while the variables of laws are
+    real symbols of their own names (``length``, ``t``, ...), so that none can clash."""
 
     name: str
     symbol: Scalar
@@ -258,10 +256,8 @@ class JointCoordinate:
 @dataclass(frozen=True, kw_only=True)
 class Gear:
     """A relation: the first coordinate is ``ratio`` times the second one, of another joint, or a ``law`` of it, its ``position``.
-
-    ``ratio`` is in the unit of the first coordinate by that of the second one, not zero, and None where there is a law.  ``others`` are
-    further coordinates with their ratios, whose products are added.
-    """
+    ``ratio`` is in the unit of the first coordinate by that of the second one, not zero, and None where there is a law. ``others`` are
+    further coordinates with their ratios, whose products are added."""
 
     name: str
     first: JointCoordinate
@@ -291,12 +287,9 @@ class Gear:
 
 @dataclass(frozen=True, kw_only=True)
 class Guard:
-    """A force that a pass has removed from the model, and the condition of its removal.
-
-    ``margins`` are expressions over the variables of the force's law: while none of them is negative, the law is zero.  ``index`` is the
-    force's place among all forces.  For a tyre only the lateral force was removed, and it has no index; its margins are expressions over
-    ``side``, the value of the lateral force.
-    """
+    """A force that a pass has removed from the model, and the condition of its removal. ``margins`` are expressions over the variables of
+    the force's law: while none of them is negative, the law is zero. ``index`` is the force's place among all forces. For a tyre only the
+    lateral force was removed, and it has no index; its margins are expressions over ``side``, the value of the lateral force."""
 
     force: Force
     margins: tuple[Scalar, ...]
@@ -316,10 +309,8 @@ class Guard:
 @dataclass(frozen=True, kw_only=True)
 class Series:
     """A function of a coordinate q and, optionally, of a guided coordinate u, as a sum of basis functions.
-
-    ``coefficients`` (n, m) belong to the products of n basis functions of q and m Chebyshev polynomials of u; m is 1 without u.  ``growth``
-    is the coefficient of a term linear in q, for functions on a full turn.
-    """
+    ``coefficients`` (n, m) belong to the products of n basis functions of q and m Chebyshev polynomials of u; m is 1 without u.
+    ``growth`` is the coefficient of a term linear in q, for functions on a full turn."""
 
     coefficients: tuple[tuple[float, ...], ...]
     growth: float = 0.0
@@ -369,10 +360,8 @@ class LoopFunctions:
 @dataclass(frozen=True, kw_only=True)
 class EmbeddedLoop:
     """Loops of one degree of freedom as explicit functions of an independent coordinate.
-
-    The scalar coordinate of the joint ``independent`` is q.  The ``drive`` is a guided joint whose scalar coordinate is u, if there is one.
-    ``bodies`` move relative to ``carrier``; ``cuts`` are the cut joints that the ``functions`` satisfy.
-    """
+    The scalar coordinate of the joint ``independent`` is q. The ``drive`` is a guided joint whose scalar coordinate is u, if there is
+    one. ``bodies`` move relative to ``carrier``; ``cuts`` are the cut joints that the ``functions`` satisfy."""
 
     independent: str
     drive: str | None
@@ -514,10 +503,8 @@ class Road:
 @dataclass(frozen=True, kw_only=True)
 class Output:
     """One column of the results: ``element`` is a body, joint, force or sensor, ``quantity`` the reported quantity.
-
-    In a reduced model ``stands_for`` is the column's name in the full one, whose value is ``factor`` times this one's.  An output by an
-    expression has a ``name`` of its own and may have a ``unit``, which has ``factor`` of those of the element's quantity.
-    """
+    In a reduced model ``stands_for`` is the column's name in the full one, whose value is ``factor`` times this one's. An output by an
+    expression has a ``name`` of its own and may have a ``unit``, which has ``factor`` of those of the element's quantity."""
 
     element: str
     quantity: str
@@ -678,10 +665,8 @@ class Scene:
 @dataclass(frozen=True, kw_only=True)
 class SuppliedFunction:
     """A function of a model: its name, the names of its arguments, and whether its code has partial derivatives too.
-
-    ``units`` are those of arguments that have one.  ``results`` are their names with their units, "" where none is known; the only result
-    of a function has the name "".  ``memory`` is the size in bytes of its memory, which it reads and its update writes.
-    """
+    ``units`` are those of arguments that have one. ``results`` are their names with their units, "" where none is known; the only result
+    of a function has the name "". ``memory`` is the size in bytes of its memory, which it reads and its update writes."""
 
     name: str
     arguments: tuple[str, ...]

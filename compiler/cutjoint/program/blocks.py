@@ -72,10 +72,8 @@ SUPPLIED = ("supplied.", "opaque.")
 @dataclass(frozen=True, kw_only=True)
 class SuppliedCall:
     """A call of a function that a user supplies, encoded in its name.
-
-    ``by`` is the argument by which it is differentiated, None of its value.  "name:1:3:16" is result 1 of 3, with ``memory`` of 16 values
-    behind the arguments; without ``results`` it is an update, whose ``result`` is a value of the memory.
-    """
+    ``by`` is the argument by which it is differentiated, None of its value. "name:1:3:16" is result 1 of 3, with ``memory`` of 16 values
+    behind the arguments; without ``results`` it is an update, whose ``result`` is a value of the memory."""
 
     name: str
     has_partials: bool
@@ -103,10 +101,8 @@ class SuppliedCall:
 @dataclass(frozen=True, kw_only=True)
 class Section:
     """A part of the program that a reader knows: one body, joint, cut joint or force.
-
-    ``stage`` is the sweep it belongs to, ``equation`` the formula that it implements, ``source`` the place in the model file, ``turn`` the
-    reason of a repeated sweep, "" for the first one.
-    """
+    ``stage`` is the sweep it belongs to, ``equation`` the formula that it implements, ``source`` the place in the model file, ``turn``
+    the reason of a repeated sweep, "" for the first one."""
 
     stage: str
     element: str

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 
 def part(size: int, entries: Iterable[tuple[int, int]], together: Sequence[Collection[int]]) -> list[int]:
     """The part of each of ``size`` unknowns, by the non-zero entries (row, column) of a matrix; the last part is the border.
-
     Unknowns of a group of ``together`` stay in one part. Groups are moved to the border one by one, each time the one that minimises the
-    operations of a decomposition.
-    """
+    operations of a decomposition."""
     neighbours = [{i} for i in range(size)]
     for row, column in entries:
         neighbours[row].add(column)
@@ -29,10 +27,9 @@ def part(size: int, entries: Iterable[tuple[int, int]], together: Sequence[Colle
 
 @dataclass(frozen=True)
 class AlignedParts:
-    """Parts with equal patterns of entries, side by side. ``parts`` are those of unknowns, numbered such that four, two or one that are
-    computed together are consecutive, the border last; ``numbers`` are these widths. For each width, ``groups`` has the entries (row,
-    column) at the same place in all its parts.
-    """
+    """Parts with equal patterns of entries, side by side.
+    ``parts`` are those of unknowns, numbered such that four, two or one that are computed together are consecutive, the border last;
+    ``numbers`` are these widths. For each width, ``groups`` has the entries (row, column) at the same place in all its parts."""
 
     parts: Sequence[int]
     numbers: Sequence[int]

@@ -54,10 +54,8 @@ def _domain(b: Builder, block: Block) -> Domain | None:
 @dataclass(frozen=True, kw_only=True)
 class EventIndicator:
     """A scalar that changes sign where a formula changes, and the section of the program that chooses by it.
-
     Of a lookup on a ``road`` the value is the position along it, for events where the road's pieces meet; ``across`` is the indicator of
-    the lateral position. Without a road they are "" and None. If it ``is_continuous``, only derivatives of forces jump.
-    """
+    the lateral position. Without a road they are "" and None. If it ``is_continuous``, only derivatives of forces jump."""
 
     value: Block
     section: int

@@ -31,12 +31,9 @@ class LoweredFunction:
 
 @dataclass(frozen=True, kw_only=True)
 class Program:
-    """All functions on one graph.
-
-    ``loaded`` and ``stepped`` are the nodes computed when parameters are loaded and when a step begins; ``stored`` are those of them that
-    later code reads. ``labels`` names blocks as the formulation did, in the order in which names are given. With ``lanes``, equal
-    operations may be computed side by side.
-    """
+    """All functions on one graph. ``loaded`` and ``stepped`` are the nodes computed when parameters are loaded and when a step begins;
+    ``stored`` are those of them that later code reads. ``labels`` names blocks as the formulation did, in the order in which names are
+    given. With ``lanes``, equal operations may be computed side by side."""
 
     graph: Graph
     sections: tuple[Section, ...]

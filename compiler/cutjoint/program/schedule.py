@@ -13,14 +13,8 @@ def schedule(
     builder: Builder, functions: Sequence[tuple[str, Mapping[str, Block]]], *, lanes: bool = False, last: Collection[str] = ()
 ) -> Program:
     """Lower the functions onto one graph; with ``lanes``, their loops may have some, too.
-
-    Results in ``last`` come after the others, whose code does not change for them.
-
-    Work that depends on parameters or on time alone leaves the functions for the two earlier stages.
-
-    Raises:
-        ConstantError: a constant that is computed in advance overflows.
-    """
+    Results in ``last`` come after the others, whose code does not change for them. Work that depends on parameters or on time alone
+    leaves the functions for the two earlier stages. Raises ConstantError: a constant that is computed in advance overflows."""
     lowering = Lowering()
     rest, checks = ([f for f in functions if (f[0] in last) == is_last] for is_last in (False, True))
     try:

@@ -47,10 +47,8 @@ def interpret_tangents(
     touching: Collection[Block] = (),
 ) -> tuple[dict[Block, Array], dict[Block, Array]]:  # fmt: skip
     """The values (rows, columns) of roots and of all that they depend on, and their non-zero changes (directions, rows, columns).
-
-    Inputs (n,) are columns by symbol name, ``seeds`` (directions, n) their changes. Choices between a value and zero whose conditions are
-    ``touching`` always have the value, if it is finite: such contacts pull while open.
-    """
+    Inputs (n,) are columns by symbol name, ``seeds`` (directions, n) their changes. Choices between a value and zero whose conditions
+    are ``touching`` always have the value, if it is finite: such contacts pull while open."""
     constants, others = in_order(tuple(roots))
     values, changes, numbers = dict(constants), dict[Block, Array](), _Numbers(roads)
     with np.errstate(all="ignore"):

@@ -45,13 +45,8 @@ def find_reference(
     model: Model, scene: Scene, parameters: Mapping[str, float], *, when_running: Callable[[], None] | None = None
 ) -> Reference:  # fmt: skip
     """The full model of a scene by the first method that settles.
-
-    Methods with a linear system come first: they hold loops by the equations.  ``when_running`` is called as the runs of a method begin,
-    which leave this program little to do.
-
-    Raises:
-        RunError: none settles.
-    """
+    Methods with a linear system come first: they hold loops by the equations. ``when_running`` is called as the runs of a method begin,
+    which leave this program little to do. Raises RunError: none settles."""
     reasons = []
     for method in sorted(METHODS, key=lambda name: not METHODS[name].has_system):
         try:

@@ -170,14 +170,9 @@ class ReducedModel:
 
 
 def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, approximate: bool = False) -> list[ReducedModel]:
-    """The full model first, then a reduced model for every pass that lowers the operations of a method.
-
-    Raises:
-        ModelError, EquationsError: the full model is wrong.
-        RunError: the method does not take the full model.
-        MissingLibraryError: a library that orders the method's matrices is not installed.
-        ToolchainError, SimulatorError: the C++ side failed where a pass runs the model.
-    """
+    """The full model first, then a reduced model for every pass that lowers the operations of a method. Raises ModelError, EquationsError:
+    the full model is wrong; RunError: the method does not take the full model; MissingLibraryError: a library that orders the method's
+    matrices is not installed; ToolchainError, SimulatorError: the C++ side failed where a pass runs the model."""
     model, scene, _ = trimmed(model, scene, {})
     scene = with_solved_coordinates(model, scene, parameter_values(model, {}))
     whole = Outcome(model=model, scene=scene, left=tuple(_ruled_out(model, STEPS + APPROXIMATIONS if approximate else STEPS)))

@@ -163,12 +163,8 @@ def plan_definite(pattern: Pattern) -> Plan:
 
 def plan_unsymmetric(pattern: Pattern, samples: Sequence[Sequence[float] | Array]) -> Plan:
     """The plan for matrices of an unsymmetric pattern, with pivots that hold in all samples, vectors of the pattern's values.
-
-    Raises:
-        MissingLibraryError: a library that orders matrices is not installed.
-        SingularError: a sample is numerically singular.
-        NoPivotError: no sequence of pivots holds in all samples.
-    """
+    Raises MissingLibraryError: a library that orders matrices is not installed; SingularError: a sample is numerically singular;
+    NoPivotError: no sequence of pivots holds in all samples."""
     scaled = scale_samples(pattern, samples)
     sequences = [pivot_by_markowitz(pattern, scaled)]
     sequences += [pivot_by_likeness(pattern, scaled, number) for number in range(len(LIKENESSES))]

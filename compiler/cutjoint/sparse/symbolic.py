@@ -13,10 +13,8 @@ from cutjoint.sparse.pattern import Pattern
 @dataclass(frozen=True, kw_only=True)
 class Elimination:
     """The factors' structure for one sequence of pivots, numbered 0 .. size - 1 in this order.
-
-    Pivot k is the matrix's entry (rows[k], columns[k]).  ``lower[k]`` are the pivots with rows that have an entry in column k of L below
-    the diagonal, ``upper[k]`` those with columns that have one in row k of U; the same tuples in L D L^T.  Both ascend.
-    """
+    Pivot k is the matrix's entry (rows[k], columns[k]). ``lower[k]`` are the pivots with rows that have an entry in column k of L below
+    the diagonal, ``upper[k]`` those with columns that have one in row k of U; the same tuples in L D L^T. Both ascend."""
 
     symmetric: bool
     rows: tuple[int, ...]
@@ -78,10 +76,8 @@ def multiply_adds(elimination: Elimination) -> int:
 
 def postorder(elimination: Elimination) -> tuple[int, ...]:
     """The pivots in an order that fills in alike and has those of like structure side by side.
-
-    A pivot's parent is the first that it changes.  Children come before their parent, that of the largest structure last; in an unsymmetric
-    matrix pivots can change others than their ancestors, and come before these as well.
-    """
+    A pivot's parent is the first that it changes. Children come before their parent, that of the largest structure last; in an
+    unsymmetric matrix pivots can change others than their ancestors, and come before these as well."""
     changed = [sorted({*below, *right}) for below, right in zip(elimination.lower, elimination.upper, strict=True)]
     before: list[list[int]] = [[] for _ in changed]
     for k, later in enumerate(changed):

@@ -17,12 +17,9 @@ _TERM, _BLOCK = 1, 2
 
 @dataclass(frozen=True, kw_only=True)
 class Tiling:
-    """An elimination by tiles.
-
-    Tile t has the pivots first[t] .. first[t + 1] - 1 of the elimination.  ``lower[t]`` are the tiles below it that have a block of L in
-    its columns, ``upper[t]`` those right of it that have a block of U in its rows; blocks are dense.  A tile changes only later ones, and
-    those that change nothing of each other stand side by side: what the processor can do at a time.
-    """
+    """An elimination by tiles. Tile t has the pivots first[t] .. first[t + 1] - 1 of the elimination. ``lower[t]`` are the tiles below it
+    that have a block of L in its columns, ``upper[t]`` those right of it that have a block of U in its rows; blocks are dense. A tile
+    changes only later ones, and those that change nothing of each other stand side by side: what the processor can do at a time."""
 
     elimination: Elimination
     first: tuple[int, ...]

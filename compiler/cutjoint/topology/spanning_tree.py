@@ -174,12 +174,9 @@ class TopologyError(ModelError):
 
 @dataclass(frozen=True, kw_only=True, order=True)
 class Cost:
-    """The cost of a choice of cut joints.
-
-    ``counted_once`` are the operations predicted for one evaluation, those side by side in lanes counted once: the time that it takes,
-    by which choices compare.  ``operations`` has all lanes counted.  ``redundant`` counts the cut joints that align a direction by three
-    equations, of which two are independent.
-    """
+    """The cost of a choice of cut joints. ``counted_once`` are the operations predicted for one evaluation, those side by side in lanes
+    counted once: the time that it takes, by which choices compare. ``operations`` has all lanes counted. ``redundant`` counts the cut
+    joints that align a direction by three equations, of which two are independent."""
 
     counted_once: int
     operations: int = field(compare=False)

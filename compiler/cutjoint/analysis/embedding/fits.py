@@ -277,10 +277,8 @@ _ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 def _length(c: Array, half: float, tolerance: float) -> int:
     """The least number of terms with value and derivative within the tolerance, and the second derivative within ten times that.
-
     The truncation error is bounded by the largest values 1, k^2 and k^2 (k^2 - 1)/3 of polynomial k and its derivatives. Coefficients at
-    the level of rounding of the derivatives count as zero.
-    """
+    the level of rounding of the derivatives count as zero."""
     longest, k = 1, np.arange(len(c), dtype=float)
     rounding = 1e-15 * half * max(1.0, float(np.abs(chebyshev.chebder(c, scl=1 / half)).max(initial=0.0))) / np.maximum(k, 1.0)
     sizes = np.abs(c).max(axis=1)

@@ -44,11 +44,8 @@ Traced: TypeAlias = list[tuple[BlockLoops, Curve]]
 
 def trace(loops: BlockLoops, u: float, known: Traced) -> Curve:
     """Trace a block from its pose in the scene in both directions until its equations become ill-conditioned.
-    An equal or mirrored block reuses the ``known`` curve; new curves are added there.
-
-    Raises:
-        NoEmbeddingError: the block does not close, or has another number of degrees of freedom than one.
-    """
+    An equal or mirrored block reuses the ``known`` curve; new curves are added there. Raises NoEmbeddingError: the block does not close,
+    or has another number of degrees of freedom than one."""
     start, rank = _start(loops, u)
     alike = (_copied_from(loops, other, curve, u, mirrored) for other, curve in known for mirrored in (False, True))
     found = next((curve for curve in alike if curve is not None), None) or _trace_branch(loops, start, rank, u)

@@ -13,10 +13,9 @@ _LAW = Law({"travel": "m", "rate": "m/s"}, "N")
 
 @dataclass(frozen=True, kw_only=True)
 class AxialForce(LawForce):
-    """Force along ``axis``, fixed in ``base``, applied to ``point`` of ``follower`` in the axis' direction. ``law`` is this force in N over
-    ``travel`` (m), the component along the axis of the vector from ``origin`` on ``base`` to ``point``, its ``rate`` (m/s), ``t`` and
-    parameters. The reaction acts on ``base`` on the same line.
-    """
+    """Force along ``axis``, fixed in ``base``, applied to ``point`` of ``follower`` in the axis' direction.
+    ``law`` is this force in N over ``travel`` (m), the component along the axis of the vector from ``origin`` on ``base`` to ``point``,
+    its ``rate`` (m/s), ``t`` and parameters. The reaction acts on ``base`` on the same line."""
 
     element: ClassVar[ForceElement] = ForceElement(
         kind="axial_force",

@@ -21,10 +21,8 @@ def read_terrain(reader: Reader) -> Mapping[str, Any]:
 @dataclass(frozen=True, kw_only=True)
 class OnRoad(Force):
     """A wheel on the road: ``centre``, and ``axis``, which points left when the wheel rolls forward.
-
-    ``terrain_height`` (m), ``terrain_slope`` and ``terrain_bank`` (along x and y) under the wheel centre are added to the scene's road, and
-    ``friction`` is a factor of the road's: expressions that may vary with time, None if not given.
-    """
+    ``terrain_height`` (m), ``terrain_slope`` and ``terrain_bank`` (along x and y) under the wheel centre are added to the scene's road,
+    and ``friction`` is a factor of the road's: expressions that may vary with time, None if not given."""
 
     body: str
     centre: Vector

@@ -26,10 +26,8 @@ from cutjoint.program.blocks import BindingTime, Block, Builder
 @dataclass(frozen=True, kw_only=True)
 class Constraint:
     """Equations of one body, joint or gear: columns (m, 1), and the gradient (m, size) by node.
-
     ``by_use`` has the gradient (m, 3) by each body's part with its sign, ``by_displacement`` that by the displacement between a joint's
-    points, None where an equation of the joint has none.
-    """
+    points, None where an equation of the joint has none."""
 
     element: str
     names: tuple[str, ...]

@@ -68,14 +68,9 @@ from cutjoint.topology.records import Topology
 def formulate_lagrangian(
     start: RecursiveEquations, method: str, outputs: tuple[Output, ...], left_out: Collection[str] = (), *, watched: bool = False
 ) -> "LagrangianEquations":
-    """The functions of a system in natural coordinates, see runtime/include/cutjoint/lagrangian/system.hpp.
-
-    ``start`` are the recursive equations of the same model and scene; ``method`` is "augmented" or "classical"; equations named in
-    ``left_out`` are not enforced; if they are ``watched``, guards stop a run that violates them.
-
-    Raises:
-        ModelError: outputs that natural coordinates do not determine.
-    """
+    """The functions of a system in natural coordinates, see runtime/include/cutjoint/lagrangian/system.hpp. ``start`` are the recursive
+    equations of the same model and scene; ``method`` is "augmented" or "classical"; equations named in ``left_out`` are not enforced; if
+    they are ``watched``, guards stop a run that violates them. Raises ModelError: outputs that natural coordinates do not determine."""
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
     require_coordinates(model, scene, outputs)

@@ -46,10 +46,8 @@ class Group:
 @dataclass(kw_only=True)
 class Layout:
     """The nodes in the order of their layout, the groups, and the carriers of each node.
-
-    ``angles`` are nodes by joint and coordinate, ``idle`` the joints that need no equation, ``outwards`` inner and outer body of
-    each tree joint, ``arm`` (m) that of the topology, in which places count.
-    """
+    ``angles`` are nodes by joint and coordinate, ``idle`` the joints that need no equation, ``outwards`` inner and outer body of each
+    tree joint, ``arm`` (m) that of the topology, in which places count."""
 
     nodes: list[Node] = field(default_factory=list)
     groups: dict[str, Group] = field(default_factory=dict)

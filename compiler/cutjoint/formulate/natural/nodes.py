@@ -41,10 +41,8 @@ def record(builder: Builder, block: Block, symbol: str, *names: NodeName | str) 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Node:
     """A point or direction of one or more bodies, or a joint's angle; equal only to itself.
-
-    ``place`` is its value in the design position (global axes), ``body`` one that carries it.  A node of the ground is constant, a node
-    with ``parts`` is that linear combination of others of its body, any other is a coordinate: three, or one of an angle.
-    """
+    ``place`` is its value in the design position (global axes), ``body`` one that carries it. A node of the ground is constant, a node
+    with ``parts`` is that linear combination of others of its body, any other is a coordinate: three, or one of an angle."""
 
     title: NodeName
     kind: NodeKind

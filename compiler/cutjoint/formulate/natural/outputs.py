@@ -24,10 +24,8 @@ from cutjoint.program.blocks import Block
 @dataclass(frozen=True, kw_only=True)
 class FreeBody:
     """The group of bodies on one side of a joint, and the ``node`` at which the joint's force acts on it.
-
-    ``sign`` is 1 for the follower's group and -1 for the base's. If ``is_surplus``, the group has equations that tie a combination of its
-    basis to the node; otherwise the node is part of its basis.
-    """
+    ``sign`` is 1 for the follower's group and -1 for the base's. If ``is_surplus``, the group has equations that tie a combination of
+    its basis to the node; otherwise the node is part of its basis."""
 
     group: str
     node: Node

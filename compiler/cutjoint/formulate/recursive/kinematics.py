@@ -26,10 +26,8 @@ from cutjoint.topology.records import Topology, TreeJoint
 @dataclass(frozen=True, kw_only=True)
 class Frame:
     """The pose and velocity of a body.
-
     ``R`` (3, 3) from the body's axes; ``r`` (3, 1) its origin from the pole; ``origin`` that point in the design position; ``Z`` (6, 1);
-    ``pole`` (3, 1) the pole from the world's origin in global axes, ``root`` the body that names the branch.
-    """
+    ``pole`` (3, 1) the pole from the world's origin in global axes, ``root`` the body that names the branch."""
 
     R: Block
     r: Block
@@ -86,10 +84,8 @@ class Rotor:
 @dataclass(kw_only=True)
 class Kinematics:
     """All frames and joint motions, and the geometry for forces and closures.
-
     Vectors are resolved in the axes of the body ``axes``, whose rotation from the global ones is ``axes_rotation`` (3, 3), or in global
-    ones. ``rotors`` are wheels whose mass moves with their carriers.
-    """
+    ones. ``rotors`` are wheels whose mass moves with their carriers."""
 
     builder: Builder
     translator: Translator

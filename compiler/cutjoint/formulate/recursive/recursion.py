@@ -30,10 +30,8 @@ from cutjoint.program.blocks import Block, Builder
 @dataclass(frozen=True, kw_only=True)
 class Pivot:
     """The terms of an eliminated joint that the back substitution needs: zdd = L^-T D^-1 (g - sum_j Y_j Zdd_j).
-
     A spherical joint has its centre's rows of the body's own matrix in ``centre``, and the same formula with ``- centre a_P`` gives the
-    absolute angular acceleration.
-    """
+    absolute angular acceleration."""
 
     lower: Block
     inverse: Block

@@ -82,10 +82,8 @@ def refine(
     solution: Solution, times: int,
 ) -> Solution:  # fmt: skip
     """The solution with corrected multipliers, again and again: its errors, and their response added; ``errors`` are then the sum of all.
-
-    Each time leaves a share 1/(1 + a S) of the errors, S = A M^-1 A^T, as an evaluation with corrected multipliers would, but repeats of it
-    only the right side.
-    """
+    Each time leaves a share 1/(1 + a S) of the errors, S = A M^-1 A^T, as an evaluation with corrected multipliers would, but repeats of
+    it only the right side."""
     b, vdot, errors, last = k.builder, solution.vdot, solution.errors, solution.errors
     places = {name: span.place for name, span in topology.model.constraint_spans.items()}
     for n in range(times):
@@ -112,10 +110,8 @@ def respond(
     violations: Mapping[str, Block], *, mark: str, origin: str, apply: Callable[[BodySystem], None] = lambda system: None,
 ) -> Solution:  # fmt: skip
     """The response of bodies at rest to violations and forces: (M + A^T a A) z = Q - A^T a violation.
-    Violations are those of cut joints; the forces are those that ``apply``. It also has the errors A z + violation.
-
-    ``masses`` are those of the bodies without cut joints; names of the blocks get a ``mark``, headings an ``origin``.
-    """
+    Violations are those of cut joints; the forces are those that ``apply``. It also has the errors A z + violation. ``masses`` are those
+    of the bodies without cut joints; names of the blocks get a ``mark``, headings an ``origin``."""
     b, still = k.builder, without_speed(k)
     system = BodySystem(builder=b, M=dict(masses), Q={body: b.zero(6) for body in masses})
     apply(system)

@@ -124,10 +124,8 @@ def read_text(path: pathlib.Path, encoding: str = "utf-8") -> str:
 
 def parse_yaml(text: str, file: str, starts: str = "a model starts with 'cutjoint: 1'") -> Source:
     """Read ``text`` as one YAML document; ``file`` is the name that places in it carry, ``starts`` the advice on an empty one.
-
-    Raises ModelError for text that is not YAML, for tags, duplicate keys, recursive aliases, numbers that are
-    not finite, and for documents beyond the bounds of this module.
-    """
+    Raises ModelError for text that is not YAML, for tags, duplicate keys, recursive aliases, numbers that are not finite, and for
+    documents beyond the bounds of this module."""
     if len(text) > MAX_BYTES:
         raise _error(Span(file=file, line=1, column=1), f"the file is larger than {MAX_BYTES} bytes")
     node = _compose(text, file)

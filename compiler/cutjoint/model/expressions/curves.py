@@ -24,10 +24,8 @@ def polyline(x: Scalar, points: Sequence[float], ordinates: Sequence[Scalar]) ->
 
 def monotone_cubic(x: Scalar, points: Sequence[float], ordinates: Sequence[Scalar]) -> Scalar:
     """A curve through points that is monotone where they are, with a continuous derivative; linear outside.
-
-    Piecewise cubic Hermite with the slopes of Fritsch and Butland, A Method for Constructing Local Monotone
-    Piecewise Cubic Interpolants (SIAM J. Sci. Stat. Comput. 5, 1984).  ``points`` rise strictly; ``ordinates`` may be expressions.
-    """
+    Piecewise cubic Hermite with the slopes of Fritsch and Butland, A Method for Constructing Local Monotone Piecewise Cubic Interpolants
+    (SIAM J. Sci. Stat. Comput. 5, 1984). ``points`` rise strictly; ``ordinates`` may be expressions."""
     return _hermite(x, points, ordinates, _slopes(points, ordinates))
 
 

@@ -216,10 +216,8 @@ def _short_constant(value: Scalar, number: float, size: int) -> Scalar:
 
 def _short_numbers(result: Scalar) -> Scalar:
     """The result of one operation with its long fractions as floats.
-
     One operation on short fractions makes fractions of a few thousand digits at most, which stand at the top of the result: as a term,
-    as a factor of one, or as an exponent.  The next operation must not meet them.
-    """
+    as a factor of one, or as an exponent. The next operation must not meet them."""
     top = (result, *result.args, *(inner for part in result.args for inner in part.args))
     long = {part: sympy.Float(part) for part in top if part.is_Rational and max(abs(part.p), part.q) > MAX_EXACT}
     return result.xreplace(long) if long else result

@@ -33,10 +33,8 @@ UNKNOWN = ""
 @dataclass(frozen=True)
 class Directory:
     """All bodies and joints of the model by full name, known before any of them is read.
-
     ``broken`` names elements and instances that could not be read; references to them are not reported again. ``signals`` are the states
-    and signals of the model itself, and ``points`` its points, which submodels do not see.
-    """
+    and signals of the model itself, and ``points`` its points, which submodels do not see."""
 
     bodies: frozenset[str]
     joints: Mapping[str, joint_parts.Joint]

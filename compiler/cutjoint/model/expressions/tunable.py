@@ -87,13 +87,8 @@ def with_inputs(model: Model, *, external_wrenches: Sequence[str] = (), terrain:
 
 def with_terrain(model: Model, patterns: Sequence[str]) -> Model:
     """The model whose wheels that match a pattern (* for any text) have inputs for terrain in addition to the road's.
-
     Each has the inputs ``NAME.terrain_height`` (m), ``NAME.terrain_slope`` and ``NAME.terrain_bank``, 0 by default, which are added, and
-    ``NAME.friction``, a factor of value 1.
-
-    Raises:
-        ModelError: a pattern matches no wheel.
-    """
+    ``NAME.friction``, a factor of value 1. Raises ModelError: a pattern matches no wheel."""
     wheels = [force.name for force in model.forces if isinstance(force, OnRoad)]
     if idle := [pattern for pattern in patterns if not any(fnmatchcase(name, pattern) for name in wheels)]:
         words = [(f"terrain '{pattern}'", nearest(pattern, wheels, "such as")) for pattern in idle]
@@ -115,11 +110,8 @@ def _input(name: str, unit: str, span: Span, value: float = 0.0) -> Parameter:
 
 def with_external_wrenches(model: Model, names: Sequence[str]) -> Model:
     """The model with a force (N) and a torque (N m), in global axes, on each named body or marker.
-    On a body they act at its centre of mass. They are the inputs ``NAME.wrench.fx`` to ``NAME.wrench.tz``, 0 by default.
-
-    Raises:
-        ModelError: the model has no such body or marker, or a name is given twice.
-    """
+    On a body they act at its centre of mass. They are the inputs ``NAME.wrench.fx`` to ``NAME.wrench.tz``, 0 by default. Raises
+    ModelError: the model has no such body or marker, or a name is given twice."""
     places: dict[str, Body | Marker] = {**{x.name: x for x in model.bodies}, **{x.name: x for x in model.markers}}
     if problems := list(_faults(model, names, places)):
         raise ModelError(problems)
