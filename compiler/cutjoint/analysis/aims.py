@@ -16,23 +16,16 @@ from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.geometry import TOLERANCE
 
-#: A quantity is as wanted within this (m, rad), in units of its size above one.
-_REACHED = 1e-11
-#: A step of differences by which places change, rad and m: central ones err by their square.
-_DIFFERENCE = 1e-5
-#: The largest change of a coordinate in one step, rad and m.
-_FARTHEST = 0.3
+_REACHED = 1e-11  #: a quantity is as wanted within this (m, rad), in units of its size above one
+_DIFFERENCE = 1e-5  #: a step of differences by which places change, rad and m: central ones err by their square
+_FARTHEST = 0.3  #: the largest change of a coordinate in one step, rad and m
 _ITERATIONS = 200
 #: The damping that steps begin with, as a share of the places' largest change, and the share of its distance that the last step gains.
 _DAMPING, _GAIN = 1e-9, 1e-9
-#: A place whose value is further away than this (m, rad) is named among those that were not reached.
-_SEEN = 1e-7
-#: Random steps from the design position, and how far these go, rad and m.
-_TRIALS, _STRAY = 12, 1.2
-#: Steps of the continuation from the design position to the given coordinates.
-_STAGES = 17
-#: The search ends after so many trials whose residuals equal the best one within this share.
-_ALIKE, _ENOUGH = 1e-3, 4
+_SEEN = 1e-7  #: a place whose value is further away than this (m, rad) is named among those that were not reached
+_TRIALS, _STRAY = 12, 1.2  #: random steps from the design position, and how far these go, rad and m
+_STAGES = 17  #: steps of the continuation from the design position to the given coordinates
+_ALIKE, _ENOUGH = 1e-3, 4  #: the search ends after so many trials whose residuals equal the best one within this share
 
 
 @dataclass(frozen=True, kw_only=True)

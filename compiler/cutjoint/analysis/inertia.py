@@ -22,8 +22,7 @@ from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.geometry import TOLERANCE, evaluate
 from cutjoint.topology.records import TreeJoint, degrees
 
-#: A share of a motion below this is none.
-_PART = 1e-6
+_PART = 1e-6  #: a share of a motion below this is none
 
 
 class NoInertiaError(EquationsError, ValueError):

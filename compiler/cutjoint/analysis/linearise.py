@@ -78,8 +78,7 @@ def reduce_system(of: Linearisation) -> ReducedSystem:
     return ReducedSystem(basis=N, stiffness=stiffness, damping=damping, first_order=first_order)
 
 
-#: A free motion whose mass is below this share of the masses of its coordinates has none.
-_MASSLESS = 1e-12
+_MASSLESS = 1e-12  #: a free motion whose mass is below this share of the masses of its coordinates has none
 
 
 def _of_unit_mass(of: Linearisation, free: Array) -> Array:

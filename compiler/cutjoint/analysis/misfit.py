@@ -26,8 +26,7 @@ from cutjoint.topology.spanning_tree import loops_of
 #: Poses, the largest step to one (arms, rad), steps of Newton's method, and reweightings of joints.
 _POSES, _STEP, _NEWTON, _WEIGHTINGS = 14, 0.6, 16, 12
 _PROJECTIONS = 12
-#: Singular values of the conditions below this share of the largest are rounding.
-_NOISE = 1e-8
+_NOISE = 1e-8  #: singular values of the conditions below this share of the largest are rounding
 #: Change points: every so many poses one is sought from; differences of coordinates (arms, rad); steps and singular values of one that is
 #: found; the violation (arms) by rounding.
 _EVERY, _DIFFERENCE, _NEAR, _EXACT = 5, 1e-5, 1e-3, 1e-14

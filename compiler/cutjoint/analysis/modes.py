@@ -14,16 +14,11 @@ from cutjoint.package.renamed import with_old_members
 
 Complex = NDArray[np.complex128]
 
-#: A singular value below this share of the largest belongs to an eigenvalue of zero.
-_ZERO = 1e-12
-#: A real or imaginary part below this share of an eigenvalue is rounding.
-_PART = 1e-9
-#: The share of the fastest eigenvalue below which the rate of springs is rounding.
-_SPRINGS = 1e-6
-#: The number of eigenvalues in a `repr`.
-_NAMED = 6
-#: Shares that differ by less than this part are equal.
-_ALIKE = 1e-6
+_ZERO = 1e-12  #: a singular value below this share of the largest belongs to an eigenvalue of zero
+_PART = 1e-9  #: a real or imaginary part below this share of an eigenvalue is rounding
+_SPRINGS = 1e-6  #: the share of the fastest eigenvalue below which the rate of springs is rounding
+_NAMED = 6  #: the number of eigenvalues in a `repr`
+_ALIKE = 1e-6  #: shares that differ by less than this part are equal
 
 
 @dataclass(frozen=True, kw_only=True)

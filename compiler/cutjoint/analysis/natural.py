@@ -125,8 +125,7 @@ def closed_states(equations: LagrangianEquations) -> list[NaturalState]:
     return [_moving(equations, pose, rng) for pose in explore(equations.start)]
 
 
-#: The displacement (m, rad) of free speeds from a pose that is the only one.
-_OFF = 0.05
+_OFF = 0.05  #: the displacement (m, rad) of free speeds from a pose that is the only one
 
 
 def states_off_a_single_pose(equations: LagrangianEquations, states: Sequence[NaturalState]) -> list[NaturalState]:
@@ -183,8 +182,7 @@ def dependent_equations(equations: LagrangianEquations, states: Sequence[Natural
     return tuple(name for row, name in enumerate(equations.equation_names) if row not in kept)
 
 
-#: The least part of a normalised row that the rows before it do not have.
-_INDEPENDENT = 1e-7
+_INDEPENDENT = 1e-7  #: the least part of a normalised row that the rows before it do not have
 
 
 def _orthogonal(rest: Array, basis: Array) -> Array:

@@ -28,12 +28,9 @@ from cutjoint.topology.records import Topology
 
 #: An equation is as good as the best one left if its independent part is at least this share of it; the file's order decides among these.
 _GOOD_ENOUGH = 0.01
-#: An equation whose part in another's combination is below this share has none.
-_PART = 1e-6
-#: How many times of a scene symmetry is tried at, since a force may act for a while.
-_TIMES = 9
-#: Damping of the combinations by the largest square of a row, for poses in which the kept equations are dependent.
-_DAMPING = 1e-13
+_PART = 1e-6  #: an equation whose part in another's combination is below this share has none
+_TIMES = 9  #: how many times of a scene symmetry is tried at, since a force may act for a while
+_DAMPING = 1e-13  #: damping of the combinations by the largest square of a row, for poses in which the kept equations are dependent
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,10 +32,8 @@ _DIFFERENCE = 1e-4
 
 #: Singular values between these shares of the largest neither lock a motion, by any method, nor leave it free.
 _FREE_BELOW, _LOCKED_ABOVE = 2e-11, 1e-5
-#: A singular value below this share may be due to a misfit that can be seen.
-_BARELY_ABOVE = 1e-3
-#: The share to which a misfit is found: one that equals the accuracy is within it.
-_FOUND_WITHIN = 1e-3
+_BARELY_ABOVE = 1e-3  #: a singular value below this share may be due to a misfit that can be seen
+_FOUND_WITHIN = 1e-3  #: the share to which a misfit is found: one that equals the accuracy is within it
 
 
 class ShakyError(EquationsError, ValueError):

@@ -23,8 +23,7 @@ from cutjoint.topology.spanning_tree import loops_of
 
 #: Axes closer than the first angle (rad) to parallel or perpendicular may have been meant so; those closer than the second one are.
 _NEAR, _SAME = 0.02, 1e-10
-#: The number of named axes.
-_SHOWN = 3
+_SHOWN = 3  #: the number of named axes
 
 Loops = Sequence[tuple[Joint, Sequence[TreeJoint]]]
 

@@ -36,12 +36,10 @@ _CONDITIONS = ("dynamic_residual", "constraint_residual", "report")
 _ROWS = ("force_residual", "residual", "rate", "curvature", "column")
 #: The part that a kind of unknowns is in.
 _KINDS = {"position": MOVES, "rate": SPEEDS, "state": SPEEDS, "input": _INPUTS, "parameter": PARAMETERS}
-#: Rounding: a row's largest derivative as a share of others, a column's.
-ROUNDING, _IDLE = 1e-7, 1e-13
+ROUNDING, _IDLE = 1e-7, 1e-13  #: rounding: a row's largest derivative as a share of others, a column's
 #: The share of the largest singular value below which one is rounding; numbers without any effect keep their values.
 _SINGULAR = 1e-8
-#: Changes, 1/s, that no state need be slower than; the weight of loops.
-_SLOWEST, _LOOPS = 1e-3, 10.0
+_SLOWEST, _LOOPS = 1e-3, 10.0  #: changes, 1/s, that no state need be slower than; the weight of loops
 
 
 @dataclass(frozen=True, kw_only=True)

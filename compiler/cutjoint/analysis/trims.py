@@ -31,22 +31,16 @@ from cutjoint.methods import join_and
 from cutjoint.package.renamed import with_old_members
 from cutjoint.program.blocks import Block
 
-#: Residuals below this, as shares of what a change of an unknown by its size makes, are met.
-_MET = 1e-9
-#: Singular values where columns have length one that are rounding.
-_SINGULAR = 1e-6
+_MET = 1e-9  #: residuals below this, as shares of what a change of an unknown by its size makes, are met
+_SINGULAR = 1e-6  #: singular values where columns have length one that are rounding
 _ITERATIONS, _SLOW, _IDLE, _TRIALS = 60, 4, 8, 5
-#: The share of the distance to the targets that the first step of the continuation covers.
-_SHARE = 0.25
-#: A step that is rounding, in sizes of unknowns.
-_ROUNDED = 1e-13
-#: The factor by which implicit steps grow at most, and the least damping.
-_LONGER, _DAMPING = 10.0, 1e-10
+_SHARE = 0.25  #: the share of the distance to the targets that the first step of the continuation covers
+_ROUNDED = 1e-13  #: a step that is rounding, in sizes of unknowns
+_LONGER, _DAMPING = 10.0, 1e-10  #: the factor by which implicit steps grow at most, and the least damping
 #: Implicit steps: how many, the longest first one, s or s^2, the share of a singular value that counts, refinements where contacts close,
 #: residuals below which steps that hardly reduce them end.
 _STEPS, _FIRST, _RANK, _REFINED, _CREEPING = 100, 1.0, 1e-14, 12, 1e-3
-#: The search ends after so many trials whose residuals equal the best one within this share.
-_ALIKE, _ENOUGH = 1e-2, 2
+_ALIKE, _ENOUGH = 1e-2, 2  #: the search ends after so many trials whose residuals equal the best one within this share
 #: The farthest step, random start and find from one, rad or extents; the share of the worst below which conditions are not named.
 _FARTHEST, _STRAY, _LOST, _NAMED = 0.3, 0.6, 1.5, 0.2
 

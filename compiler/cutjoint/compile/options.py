@@ -46,5 +46,4 @@ class CompileOptions:
         return self.precision == DEFAULT_PRECISION and not self.additions and self.out is None
 
 
-#: The default choices.
-DEFAULT = CompileOptions()
+DEFAULT = CompileOptions()  #: the default choices

@@ -48,8 +48,7 @@ class Constants:
     names: tuple[str, ...]
 
 
-#: The default of a field that must be given.
-REQUIRED: Any = object()
+REQUIRED: Any = object()  #: the default of a field that must be given
 
 
 @dataclass(frozen=True)

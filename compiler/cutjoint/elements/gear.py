@@ -16,8 +16,7 @@ def equation(has_law: bool) -> str:
     return "Phi = q_a - f(q_b)" if has_law else "Phi = q_a - ratio q_b"
 
 
-#: The short name of its equation.
-NAMES = ("ratio",)
+NAMES = ("ratio",)  #: the short name of its equation
 
 #: The unit of the force on its first coordinate, by that coordinate's unit; the force on the second one is -ratio times as large.
 FORCE_UNITS: Mapping[str, str] = {"rad": "N*m", "m": "N"}

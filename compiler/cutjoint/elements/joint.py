@@ -246,11 +246,9 @@ class Operations:
     closing: tuple[int, int, int] = (0, 0, 0)
 
 
-#: The speeds of a ball.
-SPIN = ("wx", "wy", "wz")
+SPIN = ("wx", "wy", "wz")  #: the speeds of a ball
 
-#: The unit quaternion of a ball's attitude, scalar first.
-ATTITUDE = ("e0", "e1", "e2", "e3")
+ATTITUDE = ("e0", "e1", "e2", "e3")  #: the unit quaternion of a ball's attitude, scalar first
 
 
 @dataclass(frozen=True, kw_only=True)

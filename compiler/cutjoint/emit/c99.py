@@ -29,8 +29,7 @@ _IN_CODE = re.compile(
     rf"/\*.*?\*/|\b(?:{'|'.join((*STANDARD, 'fabs'))})(?=\()|(?<![\w.])\d+(?:\.\d*(?:e[+-]?\d+)?|e[+-]?\d+)(?!\w)", re.DOTALL
 )  # fmt: skip
 
-#: The iterations of a step unless others are given.
-ITERATIONS = 6
+ITERATIONS = 6  #: the iterations of a step unless others are given
 
 
 @dataclass(frozen=True, kw_only=True)

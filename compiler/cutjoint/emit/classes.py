@@ -31,10 +31,8 @@ from cutjoint.program.records import Program
 from cutjoint.sparse.pattern import Pattern
 from cutjoint.sparse.plan import Plan
 
-#: Simulations side by side: as many as a register has doubles.
-LANES = "cutjoint::Lanes<double, cutjoint::doubles_of_register>"
-#: At most, and a multiple of their number on any machine.
-MOST_LANES = 8
+LANES = "cutjoint::Lanes<double, cutjoint::doubles_of_register>"  #: simulations side by side: as many as a register has doubles
+MOST_LANES = 8  #: at most, and a multiple of their number on any machine
 
 #: Comments of the functions that store values of a stage.
 _STAGES = {

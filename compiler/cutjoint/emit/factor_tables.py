@@ -19,8 +19,7 @@ Pair = tuple[int, int]
 #: An entry of a table.
 Item: TypeAlias = int | tuple[int, ...]
 
-#: Characters of a line.
-_LINE = 110
+_LINE = 110  #: characters of a line
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,8 +15,7 @@ STRAIGHT_LINE = 30_000
 #: The runtime's headers of both forms, and that of the build's precision.
 _FORMS, _PRECISION = "cutjoint/core/newton", "cutjoint/precision.hpp"
 
-#: Statements of a generated function.
-_STATEMENTS = 400
+_STATEMENTS = 400  #: statements of a generated function
 
 #: The functions that straight-line code is made of: arguments, and the same for a build's precision.
 _ARGUMENTS = {

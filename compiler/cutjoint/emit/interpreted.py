@@ -29,8 +29,7 @@ _FUSED = {"add": ("muladd", "muladd", "mulmuladd"), "sub": ("mulsub", "submul", 
 #: Scalars that are not computed: they are in memory when a function begins, or in other lanes.
 _PLACED = frozenset({"const", "lane_const", "symbol", "lane"})
 
-#: The registers of values of calls begin here until the number of registers before them is known.
-_LATE = 1 << 40
+_LATE = 1 << 40  #: the registers of values of calls begin here until the number of registers before them is known
 
 #: Inputs of the program that are no columns of coordinates: the arrays where they stand.
 _ARRAYS = {"numerics": "stabilisation", LAW_TIME: "t"}

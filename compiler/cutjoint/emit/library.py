@@ -13,8 +13,7 @@ from cutjoint.emit.standalone import OF_INTERFACE, headers_of, prepare, render_h
 from cutjoint.formulate.records import CLOSE
 from cutjoint.methods import STEPS, Steps
 
-#: The namespace of instances side by side.
-_SIDE = "side_by_side"
+_SIDE = "side_by_side"  #: the namespace of instances side by side
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,7 @@ from cutjoint.program.scalars import Graph, Scalar
 
 _SUM, _PRODUCT, _UNARY, _ATOM = 1, 2, 3, 4
 
-#: An expression longer than this gets a name of its own.
-LONGEST = 180
+LONGEST = 180  #: an expression longer than this gets a name of its own
 
 
 @dataclass(frozen=True, kw_only=True)

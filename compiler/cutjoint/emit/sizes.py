@@ -7,8 +7,7 @@ from cutjoint.methods import Steps
 from cutjoint.model.expressions.functions import functions_of_host
 from cutjoint.program.records import Program
 
-#: Doubles of a number with derivatives along eight seeds (`dual.hpp`).
-_NUMBERS_OF_DUAL = 9
+_NUMBERS_OF_DUAL = 9  #: doubles of a number with derivatives along eight seeds (`dual.hpp`)
 
 
 def seed_rows(parts: SimulationCode, steps: Steps) -> int:

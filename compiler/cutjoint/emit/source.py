@@ -27,14 +27,11 @@ _TAKEN = frozenset((
     "SystemDescription", "Weights",
 ))  # fmt: skip
 
-#: The header of a factorisation, without its ending.
-FACTORISATION = "factorisation"
+FACTORISATION = "factorisation"  #: the header of a factorisation, without its ending
 
-#: The namespace of generated classes.
-SPACE = "cutjoint::generated"
+SPACE = "cutjoint::generated"  #: the namespace of generated classes
 
-#: The `Source.driver` of a library, which needs none.
-LIBRARY = "library"
+LIBRARY = "library"  #: the `Source.driver` of a library, which needs none
 
 _OWN = re.compile(r'#include "(cutjoint/[^"]+)"\n')
 _STANDARD = re.compile(r"#include <([^>]+)>\n")

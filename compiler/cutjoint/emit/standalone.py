@@ -72,8 +72,7 @@ _VECTORISED = (
     f"{_BY_GCC}\n#pragma GCC pop_options\n#endif\n",
 )
 
-#: The largest violation of a loop in exported code, as a share of the mechanism's extent or of a radian.
-LARGEST_VIOLATION = 0.01
+LARGEST_VIOLATION = 0.01  #: the largest violation of a loop in exported code, as a share of the mechanism's extent or of a radian
 
 
 @dataclass(frozen=True, kw_only=True)

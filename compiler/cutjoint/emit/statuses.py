@@ -3,8 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-#: The header of the core that numbers the causes of failures.
-FAULTS = "cutjoint/core/simulation/fault.hpp"
+FAULTS = "cutjoint/core/simulation/fault.hpp"  #: the header of the core that numbers the causes of failures
 
 #: The statistics of a step that hosts may limit, in the order of the core's ``limit_names``.
 LIMITED = ("violation", "violation_rate", "change", "pivot", "iterations", "evaluations")

@@ -47,17 +47,14 @@ class FunctionView:
     results: tuple[str, ...]
 
 
-#: The beginning of a statement's comment.
-_NOTE = "  // "
+_NOTE = "  // "  #: the beginning of a statement's comment
 
-#: Characters of a line of a generated expression.
-LINE = 110
+LINE = 110  #: characters of a line of a generated expression
 
 #: A longer function (statements) is compiled in parts of about the second number: the time of GCC's combiner is quadratic.
 LONG, PART = 4000, 1000
 
-#: Functions with so many results that each is stored as soon as it is computed.
-_STORED_EARLY = frozenset({"residual_jacobian"})
+_STORED_EARLY = frozenset({"residual_jacobian"})  #: functions with so many results that each is stored as soon as it is computed
 
 #: Symbols whose elements are members of a record among the arguments.
 _MEMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {

@@ -104,8 +104,7 @@ def domain_slots(domains: Sequence[Domain]) -> dict[str, Slot]:
     return {f"inside:{i}": Slot(array="inside", offset=i, names=("inside",)) for i in range(len(domains))}
 
 
-#: The stage of sections in which friction loads may be undefined.
-FRICTION = "load of friction"
+FRICTION = "load of friction"  #: the stage of sections in which friction loads may be undefined
 
 
 def _function(name: str, stage: str) -> str:

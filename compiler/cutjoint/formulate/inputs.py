@@ -25,12 +25,10 @@ from cutjoint.topology.records import Topology
 
 TIME = sympy.Symbol("t", real=True)
 
-#: The program's symbol of the model's inputs: the numbers of these orders for each one.
-INPUTS = "inputs"
+INPUTS = "inputs"  #: the program's symbol of the model's inputs: the numbers of these orders for each one
 INPUT_ORDERS = ("value", "rate", "acceleration")
 
-#: The program's symbol of the discrete states.
-DISCRETE_STATES = "discrete_states"
+DISCRETE_STATES = "discrete_states"  #: the program's symbol of the discrete states
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,11 +175,9 @@ def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Sc
     return joint.at if joint.to is None or is_reversed else joint.to
 
 
-#: The time at which laws are evaluated; unlike ``t`` it is not known when a step begins.
-LAW_TIME = "law_time"
+LAW_TIME = "law_time"  #: the time at which laws are evaluated; unlike ``t`` it is not known when a step begins
 
-#: The symbol of the values of laws that a step reads in addition to inputs: indicators, then margins.
-LAW_VALUES = "law_values"
+LAW_VALUES = "law_values"  #: the symbol of the values of laws that a step reads in addition to inputs: indicators, then margins
 
 
 @dataclass(frozen=True, kw_only=True)

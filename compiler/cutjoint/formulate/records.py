@@ -258,22 +258,16 @@ class SystemEquations(Equations):
         return replace(self, slots={**self.slots, **slots})
 
 
-#: The prefix of the functions that evaluate open loops, for the fit of embedded loops.
-CLOSE = "close_"
+CLOSE = "close_"  #: the prefix of the functions that evaluate open loops, for the fit of embedded loops
 
-#: The function of poses (`recursive/poses.py`).
-POSES = "poses"
+POSES = "poses"  #: the function of poses (`recursive/poses.py`)
 
-#: The function of controllers.
-SAMPLE = "sample"
+SAMPLE = "sample"  #: the function of controllers
 
-#: The function of the residual of forces at given accelerations.
-FORCE_RESIDUAL = "residual_of_forces"
+FORCE_RESIDUAL = "residual_of_forces"  #: the function of the residual of forces at given accelerations
 
-#: Functions that only check a run.
-CHECKS = ("energy",)
-#: The results of the function.
-NAMES = ("kinetic", "power")
+CHECKS = ("energy",)  #: functions that only check a run
+NAMES = ("kinetic", "power")  #: the results of the function
 
 
 def energy_results(b: Builder, kinetic: Block, power: Block) -> dict[str, Block]:
@@ -302,11 +296,9 @@ _ARGUMENTS: Mapping[str, tuple[str, ...]] = {
     "energy": (*_STATE, "const Real* lambda", "Real* energy"),
 }
 
-#: The arguments of the generated ``load``.
-LOAD_ARGUMENTS = ("const Real* parameters", "const Road<Real>* roads")
+LOAD_ARGUMENTS = ("const Real* parameters", "const Road<Real>* roads")  #: the arguments of the generated ``load``
 
-#: The arrays that have an element for each equation.
-EQUATION_ARRAYS = ("lambda", "w", "residual", "rate", "curvature", "change")
+EQUATION_ARRAYS = ("lambda", "w", "residual", "rate", "curvature", "change")  #: the arrays that have an element for each equation
 
 
 def system_functions(

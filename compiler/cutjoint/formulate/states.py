@@ -93,8 +93,7 @@ def sample_slots(model: Model) -> Mapping[str, Slot]:
     return {f"{SAMPLE}:{i}": Slot(array="next_discrete", offset=i, names=(name,)) for i, name in enumerate(names)}
 
 
-#: Functions that evaluate a motion without changing it.
-_OBSERVING = frozenset({SAMPLE, "report", "energy", "domains", POSES})
+_OBSERVING = frozenset({SAMPLE, "report", "energy", "domains", POSES})  #: functions that evaluate a motion without changing it
 
 
 def describe_controllers(equations: Equations) -> list[dict[str, object]]:

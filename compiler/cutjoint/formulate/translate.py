@@ -17,8 +17,7 @@ _CALLS: dict[Any, str] = {
     sympy.StrictLessThan: "lt", sympy.LessThan: "le", sympy.Not: "not",
 }  # fmt: skip
 
-#: Polynomials up to this power of one factor are written in Horner's form.
-MAX_DEGREE = 20
+MAX_DEGREE = 20  #: polynomials up to this power of one factor are written in Horner's form
 
 
 class Translator:

@@ -32,11 +32,9 @@ _ARGUMENTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 #: Functions that close loops, and the one of accelerations without loops: with these they follow from the residual of forces.
 _OF_LOOPS, _OF_CHAINS = frozenset({"constraint_residual", "project"}), frozenset({"evaluate"})
 
-#: Arrays of values that are summed over a run.
-_SUMMED = ("loaded", "input")
+_SUMMED = ("loaded", "input")  #: arrays of values that are summed over a run
 
-#: Functions of the class that are not transposed.
-_KEPT = ("scene_inputs", CLOSE)
+_KEPT = ("scene_inputs", CLOSE)  #: functions of the class that are not transposed
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,11 +7,9 @@ import numpy as np
 
 from cutjoint.importing.robot import Array, Coupling, Loop, Pose, Robot
 
-#: A loop that stays open by less is closed, m and rad: files are written with rounded numbers.
-CLOSED = 1e-5
+CLOSED = 1e-5  #: a loop that stays open by less is closed, m and rad: files are written with rounded numbers
 _STEPS, _STEP = 200, 0.3
-#: So many steps that win less than a tenth each end the way.
-_PATIENCE = 25
+_PATIENCE = 25  #: so many steps that win less than a tenth each end the way
 _TRIALS = 12
 
 

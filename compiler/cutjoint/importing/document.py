@@ -20,20 +20,14 @@ from cutjoint.model.text import escaped
 
 #: Parts of vectors and matrices that are smaller, as a share of the largest or in m, are rounding of the file's own frames.
 _NOISE = 1e-12
-#: The most outputs of a file without drives.
-_OUTPUTS = 12
+_OUTPUTS = 12  #: the most outputs of a file without drives
 _COORDINATE = {"revolute": "angle", "prismatic": "displacement"}
 _MESHES = (".stl", ".obj", ".glb")
-#: The longest part of a path that is looked up.
-_LONGEST = 200
-#: So often is a direction rounded.
-_TRIALS = 5
-#: A direction that is off an axis by less is this axis, rad: files write the half of pi to ten digits and more.
-_STRAIGHT = 1e-10
-#: The speed, m/s and rad/s, below which dry friction of free joints and balls is smooth.
-_SLIDING = 0.01
-#: Words that are no text in YAML.
-_WORDS = ("true", "false", "null")
+_LONGEST = 200  #: the longest part of a path that is looked up
+_TRIALS = 5  #: so often is a direction rounded
+_STRAIGHT = 1e-10  #: a direction that is off an axis by less is this axis, rad: files write the half of pi to ten digits and more
+_SLIDING = 0.01  #: the speed, m/s and rad/s, below which dry friction of free joints and balls is smooth
+_WORDS = ("true", "false", "null")  #: words that are no text in YAML
 
 
 class Document:

@@ -14,10 +14,8 @@ from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.text import is_number
 
 _INCLUDES = 50
-#: Elements whose files are not needed.
-_PICTURES = ("mesh", "texture")
-#: Numbers as MuJoCo reads them.
-_NUMBER = re.compile(r"[-+]?(nan|inf|[0-9.]+(e[-+]?[0-9]+)?)", re.IGNORECASE)
+_PICTURES = ("mesh", "texture")  #: elements whose files are not needed
+_NUMBER = re.compile(r"[-+]?(nan|inf|[0-9.]+(e[-+]?[0-9]+)?)", re.IGNORECASE)  #: numbers as MuJoCo reads them
 _LARGEST_FILE = 200_000_000
 #: The most elements with those that are repeated; the largest number of pixels, heights, pairs of parts or entries, and the attributes that
 #: say it.

@@ -11,8 +11,7 @@ from typing import Any
 
 from cutjoint.package.extensions import MissingPackageError
 
-#: Seconds that MuJoCo may take.
-LIMIT = 60.0
+LIMIT = 60.0  #: seconds that MuJoCo may take
 _START = "from cutjoint.importing.mjcf_process import main; main()"
 _MODEL = "model.mjb"
 _BROKEN = "the package mujoco is installed but cannot be imported: {}"

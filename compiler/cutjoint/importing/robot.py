@@ -17,12 +17,10 @@ from cutjoint.model.text import is_number
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: The square of a radius of gyration below which a body is a point, m2.
-POINT = 1e-12
+POINT = 1e-12  #: the square of a radius of gyration below which a body is a point, m2
 #: Axes that miss a point by less meet in it, m; the least volume that directions of three hinges of a ball span.
 _MEETING, _APART = 1e-9, 0.5
-#: Endings of the name of the first of three hinges, which the ball has without them.
-_FIRSTS = ("_rev0", "_x", "_1")
+_FIRSTS = ("_rev0", "_x", "_1")  #: endings of the name of the first of three hinges, which the ball has without them
 #: Coordinates of the joint kinds: turns about the axis, displacements along it, all turns, everything.
 FREEDOMS = {"fixed": 0, "revolute": 1, "prismatic": 1, "spherical": 3, "free": 6}
 

@@ -13,8 +13,7 @@ from cutjoint.model.errors import nearest
 _KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "ball": "spherical"}
 _GEARBOX = "gearbox"
 _WORLD = "world"
-#: Begins the names of what is in the world and in no model.
-_OF_WORLD = "/"
+_OF_WORLD = "/"  #: begins the names of what is in the world and in no model
 _VERSION = re.compile(r"\d{1,4}(\.\d{1,4})*", re.ASCII)
 
 

@@ -20,8 +20,7 @@ _KINDS = {
     "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "floating": "free",
     "spherical": "spherical",
 }  # fmt: skip
-#: Tags of the two ends of a loop or a coupling.
-_ENDS, _OLD_ENDS = ("predecessor", "successor"), ("parent", "child")
+_ENDS, _OLD_ENDS = ("predecessor", "successor"), ("parent", "child")  #: tags of the two ends of a loop or a coupling
 
 
 def read_urdf(path: Path) -> tuple[Robot, Node]:

@@ -14,8 +14,7 @@ from cutjoint.model.text import is_number, printable
 
 _DEPTH = 60
 _ELEMENTS = 100_000
-#: The largest number taken from a file.
-LARGEST = 1e12
+LARGEST = 1e12  #: the largest number taken from a file
 
 
 @dataclass(eq=False)

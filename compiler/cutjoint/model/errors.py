@@ -12,10 +12,8 @@ from cutjoint.package.errors import CutjointError
 if TYPE_CHECKING:
     from cutjoint.model.records import Model
 
-#: The number of noted problems before reading ends; those of several instances at one place count each.
-MAX_PROBLEMS = 1000
-#: Options that a wrong name is compared with.
-MAX_COMPARED = 500
+MAX_PROBLEMS = 1000  #: the number of noted problems before reading ends; those of several instances at one place count each
+MAX_COMPARED = 500  #: options that a wrong name is compared with
 
 
 @dataclass(frozen=True, kw_only=True)

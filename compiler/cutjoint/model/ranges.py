@@ -6,8 +6,7 @@ from math import ceil, inf
 
 # Ranges
 
-#: The largest integer that a simulator reads.
-LARGEST_INTEGER = 2**31 - 1
+LARGEST_INTEGER = 2**31 - 1  #: the largest integer that a simulator reads
 
 _INTEGER = {"least": 0, "most": LARGEST_INTEGER}
 
@@ -44,14 +43,11 @@ RANGES: Mapping[str, Mapping[str, float]] = {
     "speed": {"above": 0.0, "most": 1e3},
 }
 
-#: Settings in s.
-TIMES = frozenset({"dt", "output_step", "end", "at"})
+TIMES = frozenset({"dt", "output_step", "end", "at"})  #: settings in s
 
-#: The name in files and calls of the tolerance of a solver, which is called tolerance inside.
-SOLVER_TOLERANCE = "solver_tolerance"
+SOLVER_TOLERANCE = "solver_tolerance"  #: the name in files and calls of the tolerance of a solver, which is called tolerance inside
 
-#: Settings in m, and settings in m or rad.
-LENGTHS = frozenset({"travel", "radius"})
+LENGTHS = frozenset({"travel", "radius"})  #: settings in m, and settings in m or rad
 PLACES = frozenset({"accuracy", "tolerance", "steer_travel"})
 
 #: Settings that count something.
@@ -89,8 +85,7 @@ def _text(value: float) -> str:
     return str(value) if abs(value) < 10**15 else f"a number of {value.bit_length()} bits"
 
 
-#: Angles beyond lose so many digits to whole turns that sine and cosine have an error of 1e-10.
-LARGEST_ANGLE = 1e6
+LARGEST_ANGLE = 1e6  #: angles beyond lose so many digits to whole turns that sine and cosine have an error of 1e-10
 
 #: Positions (m) and speeds (m/s, rad/s) beyond are rounded to more than 0.1 mm; squares of smaller ones have a value in any precision.
 LARGEST_COORDINATE = 1e12
@@ -109,11 +104,9 @@ def fault_of_state(value: float, *, is_angle: bool = False, bounds: Sequence[flo
 
 # Steps
 
-#: With more steps, times of neighbouring steps are one number in double precision.
-MOST_STEPS = 2**53
+MOST_STEPS = 2**53  #: with more steps, times of neighbouring steps are one number in double precision
 
-#: The rows that a table has at most.
-MOST_ROWS = 10**8
+MOST_ROWS = 10**8  #: the rows that a table has at most
 
 
 class StepsError(ValueError):

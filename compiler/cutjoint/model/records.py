@@ -64,8 +64,7 @@ class DerivedParameter:
     span: Span
 
 
-#: The quantity of a first-order state, and of a signal.
-VALUE = "value"
+VALUE = "value"  #: the quantity of a first-order state, and of a signal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -520,8 +519,7 @@ class Output:
         return self.stands_for or self.name or f"{self.element}.{self.quantity}"
 
 
-#: The length of equal steps where none is given, s.
-STEP = 1e-3
+STEP = 1e-3  #: the length of equal steps where none is given, s
 
 
 @dataclass(frozen=True, kw_only=True)

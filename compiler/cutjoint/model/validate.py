@@ -22,11 +22,9 @@ from cutjoint.model.expressions.scope import FAILED, Element, Scope
 from cutjoint.model.files.property_file import STANDARD
 from cutjoint.model.records import GROUND, Body, Force, Joint, Scene, Span
 
-#: A name in a text.
-_NAME = re.compile(r"[A-Za-z]\w*")
+_NAME = re.compile(r"[A-Za-z]\w*")  #: a name in a text
 
-#: An expression in braces in a text.
-_BRACES = re.compile(r"\{(.*?)\}")
+_BRACES = re.compile(r"\{(.*?)\}")  #: an expression in braces in a text
 
 #: The sections whose names must differ.
 _SECTIONS = ("bodies", "joints", "gears", "forces", "reactions", "markers", "states", "signals", "controllers", "instances")

@@ -95,8 +95,7 @@ def _components(neighbours: Sequence[Collection[int]], border: Collection[int]) 
     return sorted(found, key=len, reverse=True)
 
 
-#: Operations that a row of a part takes besides those of its elimination, times three.
-_ROW = 40
+_ROW = 40  #: operations that a row of a part takes besides those of its elimination, times three
 
 
 def _cost(parts: Sequence[Sequence[int]], border: int) -> int:

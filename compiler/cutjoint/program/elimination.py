@@ -200,8 +200,7 @@ def _chosen(graph: Graph, n: int, linear: Callable[[int], int], lanes: int) -> i
     return found if graph.signless(n) == n else graph.neg(found)
 
 
-#: All lanes of a scalar.
-_ALL = -1
+_ALL = -1  #: all lanes of a scalar
 
 #: An edge between two scalars: its coefficients by the lanes of source and target, None for a scalar without lanes.  From all lanes to all,
 #: each lane maps to itself; from all to none, lanes are summed.  A target of -1 - n from none is the sum of a coefficient's n lanes, which

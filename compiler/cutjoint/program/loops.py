@@ -19,23 +19,18 @@ from cutjoint.program.blocks import BindingTime, Section
 from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph, Scalar
 
-#: A loop has at least so many iterations, and its body at most so many sections.
-LEAST, PERIOD = 6, 8
+LEAST, PERIOD = 6, 8  #: a loop has at least so many iterations, and its body at most so many sections
 
-#: A loop stands for at least so many statements or results.
-WORTH = 20
+WORTH = 20  #: a loop stands for at least so many statements or results
 
-#: Iterations side by side.
-LANES = 4
+LANES = 4  #: iterations side by side
 
 #: Statements that an iteration of a loop must have for each table of values that the loop reads; with fewer, it stays unrolled.
 COSTLY = 4
 
-#: Elements that an array may have before and after those of its loop.
-_BEYOND = 2
+_BEYOND = 2  #: elements that an array may have before and after those of its loop
 
-#: Stands between the first and the last element of a loop's section.
-TO = " .. "
+TO = " .. "  #: stands between the first and the last element of a loop's section
 
 #: Array and element of an input or a result, by symbol name and index.
 Place: TypeAlias = Callable[[str, int], tuple[str, int]]

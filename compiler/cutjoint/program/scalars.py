@@ -13,8 +13,7 @@ from functools import reduce
 from cutjoint.ops import CONDITIONS, OPERATIONS
 from cutjoint.program.blocks import BindingTime
 
-#: Beyond this square of x, sin(2 atan(x)) counts as 0; it is about 2/x, below 1e-149.
-_LARGEST = 1e300
+_LARGEST = 1e300  #: beyond this square of x, sin(2 atan(x)) counts as 0; it is about 2/x, below 1e-149
 
 
 class OverflowedConstantError(ArithmeticError):
@@ -25,8 +24,7 @@ class OverflowedConstantError(ArithmeticError):
         self.section = section
 
 
-#: Scalars that do not count as operations.
-FREE = frozenset({"const", "symbol", "neg", "lane_const", "gather", "lane"})
+FREE = frozenset({"const", "symbol", "neg", "lane_const", "gather", "lane"})  #: scalars that do not count as operations
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,7 @@ from cutjoint.program.blocks import Block, is_zero
 from cutjoint.program.differentiate import partial_derivatives
 from cutjoint.program.interpret import Array, RoadTable, call_function, evaluate_block, in_order, skewed, transposed
 
-#: Powers of contacts grow at least as fast as at this deflection, m.
-_TOUCHED = 1e-6
+_TOUCHED = 1e-6  #: powers of contacts grow at least as fast as at this deflection, m
 
 
 @dataclass(frozen=True)

@@ -29,14 +29,11 @@ from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.platforms import machine
 
-#: The share of the accuracy that a choice may use; the rest is for the error of the reference.
-SHARE = 0.8
+SHARE = 0.8  #: the share of the accuracy that a choice may use; the rest is for the error of the reference
 
-#: Range of tried steps, as multiples of the scene's step for the method, longest first.
-LONGEST, SHORTEST = 16, 2**-9
+LONGEST, SHORTEST = 16, 2**-9  #: range of tried steps, as multiples of the scene's step for the method, longest first
 
-#: The ratio of successive trial steps.
-RATIO = 2**0.5
+RATIO = 2**0.5  #: the ratio of successive trial steps
 
 #: Range of tried tolerances, largest first, and the ratio of successive ones.
 LARGEST_TOLERANCE, SMALLEST_TOLERANCE, TOLERANCE_RATIO = 1e-2, 1e-10, 10**0.5
@@ -45,8 +42,7 @@ LARGEST_TOLERANCE, SMALLEST_TOLERANCE, TOLERANCE_RATIO = 1e-2, 1e-10, 10**0.5
 #: instructions.  An error counts as lower below this share of another.
 PATIENCE, DEARER, SETTLING = 3.0, 1.5, 0.9
 
-#: The number of rounds in which the fastest are timed again alternately.
-ROUNDS = 2
+ROUNDS = 2  #: the number of rounds in which the fastest are timed again alternately
 
 
 @dataclass(frozen=True, kw_only=True)

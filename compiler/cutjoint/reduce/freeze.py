@@ -20,8 +20,7 @@ from cutjoint.reduce.sampling import Poses, find_poses, numbers
 from cutjoint.reduce.weld import at_centre, merged
 from cutjoint.run.simulator import SimulatorError
 
-#: A joint is idle that moves by less than a scene's tolerance, else than this (m and rad).
-IDLE = 1e-3
+IDLE = 1e-3  #: a joint is idle that moves by less than a scene's tolerance, else than this (m and rad)
 
 
 def freeze_idle(model: Model, scene: Scene) -> Outcome:
@@ -130,8 +129,7 @@ def _moved_force(force: Force, body: str, rotation: NDArray[np.float64], shift: 
     return replace(force, **placed)
 
 
-#: A body that has moved by less at the scene's start is in its design position (m and rad).
-_SAME = 1e-9
+_SAME = 1e-9  #: a body that has moved by less at the scene's start is in its design position (m and rad)
 
 
 @dataclass(frozen=True, kw_only=True)

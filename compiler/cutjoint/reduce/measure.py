@@ -29,8 +29,7 @@ from cutjoint.run.simulator import SimulatorError
 #: The largest change of the reference by the last halving, as a share of the accuracy; at order 2 a third of it remains.
 CONVERGED = 0.1
 
-#: The largest number of halvings of the reference's step.
-MOST_HALVINGS = 9
+MOST_HALVINGS = 9  #: the largest number of halvings of the reference's step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,8 +87,7 @@ def fraction(row: float, about: float) -> float:
 #: Units of places and angles, by which runs are compared, and quantities in them that are ratios of speeds or follow from a road.
 PLACES, OTHERS = ("m", "rad"), ("slip", "camber", "deflection")
 
-#: Timed runs, of which the fastest counts.
-REPETITIONS = 5
+REPETITIONS = 5  #: timed runs, of which the fastest counts
 
 
 @dataclass(frozen=True, kw_only=True)

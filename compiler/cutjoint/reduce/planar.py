@@ -36,8 +36,7 @@ from cutjoint.model.records import (
 from cutjoint.reduce.plane import AsymmetryError, InPlane, Plane, is_same, is_zero, restrict, substitute
 from cutjoint.topology.build import build_topology
 
-#: Sine of the angle within which directions given in digits count as parallel.
-_PARALLEL = 1e-12
+_PARALLEL = 1e-12  #: sine of the angle within which directions given in digits count as parallel
 
 _ROTATIONS = (JointKind.REVOLUTE, JointKind.PLANAR)
 

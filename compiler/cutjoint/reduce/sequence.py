@@ -35,8 +35,7 @@ from cutjoint.run.simulator import SimulatorError
 
 # Light links
 
-#: The share of the model's mass below which a body counts as light.
-LIGHT = 0.02
+LIGHT = 0.02  #: the share of the model's mass below which a body counts as light
 
 
 def lighten_links(model: Model, scene: Scene) -> Outcome:

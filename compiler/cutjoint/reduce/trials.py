@@ -26,11 +26,9 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 
-#: The function of a system that each iteration calls in addition to its Jacobian.
-_RESIDUAL = "dynamic_residual"
+_RESIDUAL = "dynamic_residual"  #: the function of a system that each iteration calls in addition to its Jacobian
 
-#: Initial estimate of the time of an interpreted operation, s.
-_INTERPRETING = 4e-9
+_INTERPRETING = 4e-9  #: initial estimate of the time of an interpreted operation, s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,8 +130,7 @@ def run_at(artifact: Artifact, steps: Steps, parameters: Mapping[str, float]) ->
 
 Result = TypeVar("Result")
 
-#: Lock of threads that derive equations, since SymPy is not thread-safe.
-DERIVING = RLock()
+DERIVING = RLock()  #: lock of threads that derive equations, since SymPy is not thread-safe
 
 
 def begin(work: Callable[[], Result]) -> Future[Result]:

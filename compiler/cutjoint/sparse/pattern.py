@@ -59,8 +59,7 @@ def dense(pattern: Pattern, values: Sequence[float] | Array) -> Array:
     return matrix
 
 
-#: The beginning of names of a tangent's entries: row and column follow.
-PREFIX = "tangent:"
+PREFIX = "tangent:"  #: the beginning of names of a tangent's entries: row and column follow
 
 
 def settle_entries(program: Program, size: int, *, symmetric: bool) -> tuple[Program, Pattern]:

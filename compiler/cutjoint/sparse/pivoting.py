@@ -13,26 +13,20 @@ from numpy.typing import NDArray
 
 from cutjoint.sparse.pattern import Array, Pattern, dense
 
-#: The share of its column's largest candidate that a pivot has at least.
-THRESHOLD = 0.1
-#: The least size of a pivot below the threshold in a sample, if no candidate is above it in all.
-LAST_RESORT = 1e-4
-#: An entry of the scaled matrix, of which the largest entry of each column is about 1, is zero below this.
-ZERO = 1e-10
+THRESHOLD = 0.1  #: the share of its column's largest candidate that a pivot has at least
+LAST_RESORT = 1e-4  #: the least size of a pivot below the threshold in a sample, if no candidate is above it in all
+ZERO = 1e-10  #: an entry of the scaled matrix, of which the largest entry of each column is about 1, is zero below this
 
 #: Weights of likeness, see `pivot_by_likeness`: no rule says which suits a matrix, so all are tried.
 LIKENESSES = ((1.5, 6, 3), (1.5, 6, 6), (2, 10, 3))
 
-#: Logarithms to base 2 below this count as rounding.
-_TINY = -30
+_TINY = -30  #: logarithms to base 2 below this count as rounding
 _DAMPING = 1e-9
 
-#: Beside the largest of both its row and its column an entry below this is rounding, whatever its unit.
-_ROUNDING = 2.0**-44
+_ROUNDING = 2.0**-44  #: beside the largest of both its row and its column an entry below this is rounding, whatever its unit
 
 
-#: Of pivots this much alike the first is taken, so that rounding, other on another processor, decides nothing.
-_ALIKE = 1 - 1e-6
+_ALIKE = 1 - 1e-6  #: of pivots this much alike the first is taken, so that rounding, other on another processor, decides nothing
 
 
 class SingularError(ValueError):

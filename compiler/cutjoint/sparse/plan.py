@@ -20,11 +20,9 @@ from cutjoint.sparse.pivoting import LIKENESSES, NoPivotError, pivot_by_columns,
 from cutjoint.sparse.symbolic import Elimination, eliminate, multiply_adds
 from cutjoint.sparse.tiles import Storage, Tiling, make_tiles, operations, store
 
-#: Debian's packages with the libraries.
-ORDERING_PACKAGES = "libsuitesparse-dev libmetis5"
+ORDERING_PACKAGES = "libsuitesparse-dev libmetis5"  #: debian's packages with the libraries
 
-#: The libraries, by their names without "lib".
-LIBRARIES = ("amd", "colamd", "metis")
+LIBRARIES = ("amd", "colamd", "metis")  #: the libraries, by their names without "lib"
 
 _Int = ctypes.c_int32
 _KNOBS = 20  # COLAMD_KNOBS, COLAMD_STATS

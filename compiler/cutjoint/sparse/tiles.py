@@ -5,14 +5,11 @@ from dataclasses import dataclass
 
 from cutjoint.sparse.symbolic import Elimination, fill, postorder, renumber
 
-#: Pivots of a tile: the lanes of a register.
-WIDTH = 4
+WIDTH = 4  #: pivots of a tile: the lanes of a register
 
-#: Zeros that a pivot may get in its structure when it joins a tile, on average: all are tried.
-_RELAXATIONS = range(7)
+_RELAXATIONS = range(7)  #: zeros that a pivot may get in its structure when it joins a tile, on average: all are tried
 
-#: The cost of a term and a block beside their multiply-adds, in four-lane multiply-adds; measured.
-_TERM, _BLOCK = 1, 2
+_TERM, _BLOCK = 1, 2  #: the cost of a term and a block beside their multiply-adds, in four-lane multiply-adds; measured
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -111,8 +111,7 @@ def _turned(gear: Gear, tree: Sequence[TreeJoint]) -> tuple[str, ...]:
     return bodies if len(bodies) > 1 else 2 * bodies
 
 
-#: The largest number of unknowns of a branch: a dense matrix costs their cube, the recursion their number.
-MOST_UNKNOWNS = 12
+MOST_UNKNOWNS = 12  #: the largest number of unknowns of a branch: a dense matrix costs their cube, the recursion their number
 
 
 class _Search:

@@ -98,8 +98,7 @@ def _skew(p: Array) -> Array:
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
-#: A singular value below this share of the largest counts as zero.
-TOLERANCE = 1e-9
+TOLERANCE = 1e-9  #: a singular value below this share of the largest counts as zero
 
 
 def balanced(jacobian: Array) -> Array:

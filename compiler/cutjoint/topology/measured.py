@@ -16,8 +16,7 @@ from cutjoint.model.expressions.quantities import readings_of
 from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.topology.records import TreeJoint
 
-#: Unit vectors are parallel if their components differ by less.
-_PARALLEL = 1e-9
+_PARALLEL = 1e-9  #: unit vectors are parallel if their components differ by less
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 from cutjoint.model.records import GROUND, Gear, Joint, Model
 
-#: The largest number of lanes: double precision numbers in a vector register of 256 bits.
-WIDEST = 4
+WIDEST = 4  #: the largest number of lanes: double precision numbers in a vector register of 256 bits
 
 
 @dataclass(frozen=True, kw_only=True)

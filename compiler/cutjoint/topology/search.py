@@ -257,8 +257,7 @@ class _Search:
             return math.inf
 
 
-#: The largest distance, in joints, at which surroundings of joints are compared.
-RADIUS = 8
+RADIUS = 8  #: the largest distance, in joints, at which surroundings of joints are compared
 
 
 def number_alike(model: Model) -> Mapping[str, int]:

@@ -19,8 +19,7 @@ from cutjoint.topology.records import Branch, TreeJoint, degrees, eliminate
 
 # Predicted operations
 
-#: Mass matrix, weight and inertia force of a body.
-BODY = 135
+BODY = 135  #: mass matrix, weight and inertia force of a body
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -169,8 +169,7 @@ def _embed_block(model: Model, topology: Topology, block: Block, scene: Scene, s
 #: simul3, by its loops 42 ms.
 DEAREST = 500
 
-#: The largest violation in the design position, m or rad, for which loops may be embedded.
-_CLOSED = 1e-8
+_CLOSED = 1e-8  #: the largest violation in the design position, m or rad, for which loops may be embedded
 
 
 def _require_closed(loops: BlockLoops, motion: "_DriveMotion | None") -> None:

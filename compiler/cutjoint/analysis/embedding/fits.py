@@ -30,8 +30,7 @@ from cutjoint.program.series import (
 from cutjoint.topology.blocks import Block
 from cutjoint.topology.records import Topology
 
-#: The most terms of a function by u, and the nodes across q at which loops are closed.
-MOST_ACROSS, NODES_ACROSS = 20, 24
+MOST_ACROSS, NODES_ACROSS = 20, 24  #: the most terms of a function by u, and the nodes across q at which loops are closed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,10 +107,8 @@ def _fit_longest(loops: BlockLoops, independent: Independent, u: Interval, wante
                 raise
 
 
-#: The part of a side of the range that is left where functions would need too many terms.
-_SHORTER = 0.85
-#: The smallest share of the whole range that a side may have.
-_LEAST_SIDE = 0.05
+_SHORTER = 0.85  #: the part of a side of the range that is left where functions would need too many terms
+_LEAST_SIDE = 0.05  #: the smallest share of the whole range that a side may have
 
 
 def _shorter(whole: Interval, value: float, unresolved: bool) -> list[Interval]:
@@ -232,8 +229,7 @@ def _coordinates(loops: BlockLoops, chart: Chart, poses: Poses, independent: int
     return np.concatenate(places, axis=1), np.concatenate(rates, axis=1)
 
 
-#: The least cosine of half the angle of a ball.
-_LEAST = 0.4
+_LEAST = 0.4  #: the least cosine of half the angle of a ball
 
 
 def _series(
@@ -271,8 +267,7 @@ def _trimmed(c: Array, half: float, tolerance: float) -> Array:
     return np.where(left > tolerance / c.shape[1], c, 0.0)
 
 
-#: The orders of derivatives by q and u that motions have.
-_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  #: the orders of derivatives by q and u that motions have
 
 
 def _length(c: Array, half: float, tolerance: float) -> int:
@@ -345,8 +340,7 @@ def place(loops: BlockLoops, independent: str, functions: LoopFunctions, q: Arra
     return whole, rates
 
 
-#: The allowed violation as a multiple of the tolerance of a function: several functions and arms contribute.
-_ALLOWED = 10.0
+_ALLOWED = 10.0  #: the allowed violation as a multiple of the tolerance of a function: several functions and arms contribute
 
 
 def _violations(loops: BlockLoops, independent: Independent, functions: LoopFunctions, wanted: Wanted) -> tuple[float, float]:
@@ -386,8 +380,7 @@ def accuracy(loops: BlockLoops, independent: Independent, functions: LoopFunctio
     return float(np.abs(derivatives[1]).max()), float(np.abs(derivatives[2] - derivatives[0]).max() / (2 * key))
 
 
-#: The number of points at which derivatives are evaluated.
-_SAMPLES = 40
+_SAMPLES = 40  #: the number of points at which derivatives are evaluated
 
 
 def _largest_derivative(functions: LoopFunctions) -> float:

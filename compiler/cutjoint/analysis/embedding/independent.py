@@ -19,12 +19,10 @@ from cutjoint.topology.blocks import Block
 from cutjoint.topology.geometry import TOLERANCE
 from cutjoint.topology.records import degrees
 
-#: The reason that a block cannot be embedded.
-NO_INDEPENDENT = "no joint with one coordinate can be independent in it"
+NO_INDEPENDENT = "no joint with one coordinate can be independent in it"  #: the reason that a block cannot be embedded
 #: The step along a motion, the largest rotation or the largest displacement by the block's size; and the most steps in one direction.
 STEP, STEPS = 0.15, 150
-#: The largest condition of the equations relative to that of the start, and absolutely.
-_WORSE, _WORST = 10.0, 1e3
+_WORSE, _WORST = 10.0, 1e3  #: the largest condition of the equations relative to that of the start, and absolutely
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +70,7 @@ def _copied_from(loops: BlockLoops, other: BlockLoops, curve: Curve, u: float, m
     return replace(curve, q=q, speeds=speeds) if begins and max(np.abs(residual).max(initial=0.0), drift) < _ALIKE else None
 
 
-#: The largest residual, and rate of one at unit speeds, of a motion that is copied from another block.
-_ALIKE = 1e-7
+_ALIKE = 1e-7  #: the largest residual, and rate of one at unit speeds, of a motion that is copied from another block
 
 
 def _trace_branch(loops: BlockLoops, start: Poses, rank: int, u: float) -> Curve:
@@ -195,8 +192,7 @@ def find_independent(loops: BlockLoops, curve: Curve) -> list[Independent]:
     return sorted(candidates, key=lambda independent: -independent.travel)
 
 
-#: The least speed of an independent coordinate as a share of the largest of all.
-_SLOWEST = 0.08
+_SLOWEST = 0.08  #: the least speed of an independent coordinate as a share of the largest of all
 
 
 def _lead(loops: BlockLoops, joint: Joint, chart: Chart, curve: Curve) -> Independent | None:

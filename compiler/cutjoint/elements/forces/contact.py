@@ -13,8 +13,7 @@ from cutjoint.elements.terms import Scalar, Vector
 _MOTION = {"deflection": "m", "deflection_rate": "m/s", "vx": "m/s", "vy": "m/s", "turn": "rad/s"}
 _FORCE = Law(_MOTION, "N")
 
-#: The motion that changes its sign in the image.
-_SIDEWAYS = ("vy", "turn")
+_SIDEWAYS = ("vy", "turn")  #: the motion that changes its sign in the image
 
 
 def _problem(part: Any) -> tuple[str, ...]:

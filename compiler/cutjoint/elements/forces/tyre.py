@@ -10,14 +10,11 @@ from cutjoint.elements.interaction import Axis, Carrier, Point
 from cutjoint.elements.interactions import RoadContact
 from cutjoint.elements.terms import Scalar
 
-#: The constants of the Calspan model.
-CALSPAN = ("A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2")
+CALSPAN = ("A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2")  #: the constants of the Calspan model
 
-#: Numbers that are fields of their own, with units.
-_UNITS = {"stiffness": "N/m", "radius": "m", "spin_inertia": "kg*m^2"}
+_UNITS = {"stiffness": "N/m", "radius": "m", "spin_inertia": "kg*m^2"}  #: numbers that are fields of their own, with units
 
-#: Quantities that keep their sign on the other side.
-_EVEN = ("Fz", "deflection")
+_EVEN = ("Fz", "deflection")  #: quantities that keep their sign on the other side
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,8 +17,7 @@ _MOTION = {
 }  # fmt: skip
 _FORCE, _MOMENT = Law(_MOTION, "N"), Law(_MOTION, "N*m")
 
-#: The motion that changes its sign on the other side of a vehicle.
-_SIDEWAYS = ("vy", "camber", "turn")
+_SIDEWAYS = ("vy", "camber", "turn")  #: the motion that changes its sign on the other side of a vehicle
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from cutjoint.elements.terms import Scalar
     from cutjoint.program.blocks import Block, Builder
 
-#: Rolling speed below which a wheel counts as standing, m/s.
-STANDING = 0.1
+STANDING = 0.1  #: rolling speed below which a wheel counts as standing, m/s
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -87,8 +87,7 @@ class NodalMatrix:
             self.add(node.title, {i: 1}, node.parts, self.parts.pop((i, j)))
 
 
-#: An element this much smaller than the largest is rounding.
-_ROUNDING = 1e-14
+_ROUNDING = 1e-14  #: an element this much smaller than the largest is rounding
 
 
 def mass_matrix(group: Group, bodies: Iterable[Body]) -> dict[tuple[Node, Node], Scalar]:

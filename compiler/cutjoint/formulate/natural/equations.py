@@ -134,8 +134,7 @@ def without(equations: "LagrangianEquations", left_out: Collection[str], *, watc
     return formulate_lagrangian(equations.start, equations.method, equations.outputs, left_out, watched=watched)
 
 
-#: The residual, of lengths of vectors near 1 and of m, beyond which an equation that is left out is violated.
-_OPEN = 1e-5
+_OPEN = 1e-5  #: the residual, of lengths of vectors near 1 and of m, beyond which an equation that is left out is violated
 
 
 def _unheld(

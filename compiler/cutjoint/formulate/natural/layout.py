@@ -26,8 +26,7 @@ from cutjoint.topology.records import Topology
 
 #: The least part that a candidate adds to the span, as a share of its own length: of nodes that a joint shares, of a body's own.
 _SHARED, _OWN = 1e-3, 0.5
-#: Rounding of a span.
-_SPAN = 1e-7
+_SPAN = 1e-7  #: rounding of a span
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,8 +16,7 @@ from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.expressions.quantities import readings_of
 from cutjoint.model.records import GROUND, Body, Force, Joint, Marker, Model, Output, Reaction, Scalar, Scene, Vector
 
-#: A second moment of mass below this share of the largest is a shape without extent in that direction.
-_FLAT = 1e-9
+_FLAT = 1e-9  #: a second moment of mass below this share of the largest is a shape without extent in that direction
 
 _ATTITUDE = frozenset({"roll", "pitch", "yaw", "wx", "wy", "wz"})
 

@@ -85,8 +85,7 @@ class Use:
 Uses: TypeAlias = tuple[Use, ...]
 
 
-#: A coefficient smaller than this against the others is rounding.
-_ROUNDING = 1e-13
+_ROUNDING = 1e-13  #: a coefficient smaller than this against the others is rounding
 
 
 def combine(*terms: tuple[Scalar, Form]) -> dict[Node, Scalar]:

@@ -363,8 +363,7 @@ def _to_pole(k: Kinematics, R: Block, at: Block, motion: Block) -> Block:
     return b.stack([[b.add(v, b.mul(b.skew(at), w))], [w]])
 
 
-#: The angles that a body reports.
-ATTITUDE = frozenset({"roll", "pitch", "yaw"})
+ATTITUDE = frozenset({"roll", "pitch", "yaw"})  #: the angles that a body reports
 
 
 def attitude(b: Builder, R: Block, angle: str) -> Block:

@@ -89,8 +89,7 @@ Shape: TypeAlias = Annotated[
 ]
 
 
-#: The endings of meshes that can be drawn.
-MESHES = (".glb", ".stl", ".obj")
+MESHES = (".glb", ".stl", ".obj")  #: the endings of meshes that can be drawn
 
 
 class Visual(Part):

@@ -37,8 +37,7 @@ from cutjoint.model.document.values import (
 )
 from cutjoint.package.errors import plural
 
-#: The most joints of a gear.
-MAX_GEARED = 12
+MAX_GEARED = 12  #: the most joints of a gear
 
 
 def _joints(value: Any) -> Any:

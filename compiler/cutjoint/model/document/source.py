@@ -62,8 +62,7 @@ class Source:
         return self.keys.get(path) or self.value_span(path)
 
 
-#: Half of a character, as the escape "\\ud800" has it; no encoding can write it.
-_SURROGATE = re.compile(r"[\ud800-\udfff]")
+_SURROGATE = re.compile(r"[\ud800-\udfff]")  #: half of a character, as the escape "\\ud800" has it; no encoding can write it
 
 
 class _Loader(yaml.SafeLoader):

@@ -147,8 +147,7 @@ class FromTo(Part):
     to: StrictStr
 
 
-#: The axes of the design frame by their names, and the opposite directions.
-NAMED_AXES = ("x", "y", "z", "-x", "-y", "-z")
+NAMED_AXES = ("x", "y", "z", "-x", "-y", "-z")  #: the axes of the design frame by their names, and the opposite directions
 
 _DIRECTION = "needs three numbers, an axis such as x or -y, or {from: P, to: Q}"
 
@@ -242,8 +241,7 @@ State: TypeAlias = Annotated[
 ]
 
 
-#: Stands for one of the directions across the axis of an axisymmetric body.
-ANY = "any"
+ANY = "any"  #: stands for one of the directions across the axis of an axisymmetric body
 
 _PRINCIPAL = f"{_DIRECTION}, or any"
 

@@ -175,8 +175,7 @@ def _are_opposite(element: Element, a: Vector, b: Vector) -> bool:
     return math.hypot(*(element.value(p + q) for p, q in zip(a, b, strict=True))) < OPPOSITE
 
 
-#: The least length of the sum of two unit vectors that are not opposite.
-OPPOSITE = 1e-6
+OPPOSITE = 1e-6  #: the least length of the sum of two unit vectors that are not opposite
 
 _FAULTS: Mapping[Fault, Callable[[Element, Vector, Vector], bool]] = {
     Fault.SAME_POINT: coincide,

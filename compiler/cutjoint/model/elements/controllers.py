@@ -20,8 +20,7 @@ from cutjoint.model.expressions.scope import FAILED_TERM, Element
 from cutjoint.model.expressions.units import NONE, TIME, Dimension
 from cutjoint.model.records import Controller, DiscreteState, Signal
 
-#: The most discrete states of a controller, those of its delays included.
-MAX_STATES = 1000
+MAX_STATES = 1000  #: the most discrete states of a controller, those of its delays included
 
 
 def require_free_name(element: Element) -> None:

@@ -31,10 +31,8 @@ from cutjoint.model.expressions.units import FORCE, LENGTH, NONE, SPEED, TIME, D
 from cutjoint.model.names import name_problem
 from cutjoint.model.records import VALUE, FirstOrderState, Model, Scalar
 
-#: The square of the share of the limit below which the bristle is a spring.
-BREAKAWAY = 0.5
-#: The speed within which the bristle's direction of sliding reverses, as a share of the damping's.
-REVERSAL = 1e-3
+BREAKAWAY = 0.5  #: the square of the share of the limit below which the bristle is a spring
+REVERSAL = 1e-3  #: the speed within which the bristle's direction of sliding reverses, as a share of the damping's
 
 #: The share of the limit within which the bristle begins to give way beyond it, and how much slower than it settles: steps that settle
 #: shall not feel it.

@@ -13,18 +13,15 @@ from cutjoint.model.expressions.units import LENGTH, NONE
 from cutjoint.model.ranges import fault_of_state
 from cutjoint.model.records import Scalar, Vector
 
-#: Cosine of the angle between directions that must be perpendicular.
-PERPENDICULAR = 1e-9
+PERPENDICULAR = 1e-9  #: cosine of the angle between directions that must be perpendicular
 #: The directions x, y, z of the design frame.
 GLOBAL_AXES: tuple[Vector, Vector, Vector] = (
     (sympy.Integer(1), sympy.Integer(0), sympy.Integer(0)),
     (sympy.Integer(0), sympy.Integer(1), sympy.Integer(0)),
     (sympy.Integer(0), sympy.Integer(0), sympy.Integer(1)),
 )
-#: Added to the square of an angle, rad, so that a rotation by zero has a direction.
-_TINY = 1e-300
-#: Directions shorter than this are zero.
-SHORTEST = 1e-12
+_TINY = 1e-300  #: added to the square of an angle, rad, so that a rotation by zero has a direction
+SHORTEST = 1e-12  #: directions shorter than this are zero
 
 
 def read_point(element: Element, point: Any, keys: Path) -> Vector:

@@ -10,10 +10,8 @@ from typing import TypeAlias
 from cutjoint.model.document import model_file
 from cutjoint.model.document.source import Path
 
-#: Elements of the model with all its instances.
-MAX_ELEMENTS = 20_000
-#: Instances within each other.
-MAX_NESTED = 20
+MAX_ELEMENTS = 20_000  #: elements of the model with all its instances
+MAX_NESTED = 20  #: instances within each other
 
 
 @dataclass(frozen=True)

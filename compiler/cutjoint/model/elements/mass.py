@@ -22,8 +22,7 @@ Array: TypeAlias = NDArray[np.float64]
 Matrix: TypeAlias = Any
 Inertia: TypeAlias = tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
 
-#: Relative error allowed in the conditions on inertia.
-TOLERANCE = 1e-9
+TOLERANCE = 1e-9  #: relative error allowed in the conditions on inertia
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from cutjoint.model.expressions.quantities import Element as Quantified
 from cutjoint.model.expressions.scope import FAILED
 from cutjoint.model.records import Body, Force, Gear, Joint, Marker, Reaction, Scalar, Vector, Visual
 
-#: The angles of a body by the axis that each turns about.
-ANGLES: Mapping[str, str] = {"x": "roll", "y": "pitch", "z": "yaw"}
+ANGLES: Mapping[str, str] = {"x": "roll", "y": "pitch", "z": "yaw"}  #: the angles of a body by the axis that each turns about
 
 
 @dataclass(frozen=True)

@@ -68,8 +68,7 @@ def signals_below(signals: Mapping[Scalar, Signal], symbol: Scalar) -> list[Sign
     return [by_name[name] for name in in_order(uses)[0]]
 
 
-#: The deepest nesting of operations, those of the signals and forces that an expression reads included.
-MAX_LEVELS = 150
+MAX_LEVELS = 150  #: the deepest nesting of operations, those of the signals and forces that an expression reads included
 
 
 def check_levels(forces: Sequence[Force], signals: Sequence[Signal], problems: Problems) -> None:

@@ -22,12 +22,9 @@ from cutjoint.model.records import Model, Scalar, Span, SuppliedFunction
 from cutjoint.package.errors import MissingPartialsError
 from cutjoint.package.locations import AnyPath
 
-#: The beginning of the C functions' names.
-PREFIX = "cutjoint_"
-#: The end of the name of the C function that writes a memory.
-_UPDATE = "_update"
-#: The largest memory of a function, bytes, and the most results.
-MAX_MEMORY, MAX_RESULTS = 256, 16
+PREFIX = "cutjoint_"  #: the beginning of the C functions' names
+_UPDATE = "_update"  #: the end of the name of the C function that writes a memory
+MAX_MEMORY, MAX_RESULTS = 256, 16  #: the largest memory of a function, bytes, and the most results
 
 _VALUE = -1  #: stands for the value where a number of an argument stands for a partial derivative
 
@@ -288,5 +285,4 @@ def templates_of(model: Model) -> tuple[SuppliedFunction, ...]:
     return tuple(f for f in model.functions if re.search(pattern.format(PREFIX + f.name), model.code))
 
 
-#: The name of the file of generated code that has the code of the functions.
-SUPPLIED_FILE = "supplied.cpp"
+SUPPLIED_FILE = "supplied.cpp"  #: the name of the file of generated code that has the code of the functions

@@ -18,8 +18,7 @@ from cutjoint.model.expressions.scope import FAILED, Element
 from cutjoint.model.expressions.units import Dimension, Quantity, described
 from cutjoint.model.records import Scalar
 
-#: The keyword for the length or position in the design position.
-DRAWN = "drawn"
+DRAWN = "drawn"  #: the keyword for the length or position in the design position
 
 
 @dataclass(frozen=True)

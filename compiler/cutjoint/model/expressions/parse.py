@@ -50,8 +50,7 @@ def variable(name: str) -> Scalar:
     return sympy.Symbol(name, real=True)
 
 
-#: The coordinate of a joint that a law follows from.
-POSITION = variable("position")
+POSITION = variable("position")  #: the coordinate of a joint that a law follows from
 
 
 def parameter_symbol(name: str) -> Scalar:
@@ -192,8 +191,7 @@ def _one_line(text: str) -> str:
     return text.replace("\n", " ").strip()
 
 
-#: A number with a unit behind it.
-_MEASURE = re.compile(r"\d\s+(?:deg|rad|[kcm]?m|kg|g|s|ms|k?N|rpm|Hz)\b")
+_MEASURE = re.compile(r"\d\s+(?:deg|rad|[kcm]?m|kg|g|s|ms|k?N|rpm|Hz)\b")  #: a number with a unit behind it
 
 
 def _syntax_tree(text: str) -> ast.expr:

@@ -20,14 +20,12 @@ from cutjoint.model.expressions.units import ACCELERATION, INERTIA, LENGTH, MASS
 from cutjoint.model.names import VARIABLES
 from cutjoint.model.records import GROUND, Scalar, Span, SuppliedFunction, Vector
 
-#: Stands for a value that could not be read; its problem is reported, and checks skip it.
-FAILED = sympy.nan
+FAILED = sympy.nan  #: stands for a value that could not be read; its problem is reported, and checks skip it
 FAILED_TERM = Term(FAILED)
 #: The largest masses, lengths, inertias and accelerations in SI: products and squares of these stay far below the largest float.
 LARGEST = 1e50
 _BOUNDED = frozenset((MASS, LENGTH, INERTIA, ACCELERATION))
-#: Stands for a body that does not exist; its problem is reported.
-UNKNOWN = ""
+UNKNOWN = ""  #: stands for a body that does not exist; its problem is reported
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from cutjoint.model.expressions.parse import parameter_symbol
 from cutjoint.model.expressions.units import Dimension
 from cutjoint.model.records import Binding, Body, Marker, Model, Parameter, Scalar, Span, Vector
 
-#: The names of components of points and directions.
-_AXES = "xyz"
+_AXES = "xyz"  #: the names of components of points and directions
 
 
 @dataclass

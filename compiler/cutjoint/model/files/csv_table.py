@@ -16,10 +16,8 @@ from cutjoint.model.expressions.units import Dimension, Quantity, UnitError, mea
 from cutjoint.model.records import Span
 from cutjoint.model.text import is_number
 
-#: Rows of a table below its names.
-MAX_ROWS = 50_000
-#: Problems of one table that are reported.
-_MAX_REPORTED = 20
+MAX_ROWS = 50_000  #: rows of a table below its names
+_MAX_REPORTED = 20  #: problems of one table that are reported
 
 _HEADER = re.compile(r"([^\[\]]+?)\s*(?:\[\s*([^\[\]]*?)\s*\])?")
 

@@ -31,12 +31,10 @@ _POINT = (
     *(f"refpoint_{target}" for target in ("x", "y", "z", "phi")),
 )
 _SETTING = re.compile(rf"([a-z_]\w*)\s*=\s*([-+]?{UNSIGNED})(?:\s.*)?", re.IGNORECASE | re.ASCII)
-#: The share of its length by which a line may deviate from that of x; for a road of 10 km, 0.1 mm.
-_SAME = 1e-8
+_SAME = 1e-8  #: the share of its length by which a line may deviate from that of x; for a road of 10 km, 0.1 mm
 #: The largest number of a header and of the data; the least distance of cross sections and of long ones, m.
 _LARGEST, _LEAST = 1e9, 1e-6
-#: The largest distance between the ends of a closed line, m, as the format's ``check_tol`` has it.
-_CLOSE = 1e-4
+_CLOSE = 1e-4  #: the largest distance between the ends of a closed line, m, as the format's ``check_tol`` has it
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from cutjoint.model.errors import ModelError, Problem, nearest
 from cutjoint.model.records import Span
 from cutjoint.model.text import is_number
 
-#: Lines of a file, and problems of one that are reported.
-_MAX_LINES, _MAX_REPORTED = 10_000, 20
+_MAX_LINES, _MAX_REPORTED = 10_000, 20  #: lines of a file, and problems of one that are reported
 
 #: The keywords of the section UNITS, with their sizes in SI, by what they measure.
 _UNITS: Mapping[str, Mapping[str, float]] = {
@@ -69,13 +68,11 @@ STANDARD = frozenset(_DIMENSIONS) | frozenset((
 _COEFFICIENT = re.compile(r"[PQRS][A-Z]{2}\d{1,2}|[BDF]REFF")
 _DIVISORS = ("PCX1", "PDX1", "PKX1", "PCY1", "PDY1", "PKY1", "PKY2", "PTX1", "PTY1", "PTY2")
 _DEFAULTS = {"LONGVL": 16.7}
-#: Keys of the wheel, which many files leave to who uses them.
-MASSES = frozenset(("MASS", "IXX", "IYY"))
+MASSES = frozenset(("MASS", "IXX", "IYY"))  #: keys of the wheel, which many files leave to who uses them
 
 #: Texts that count as numbers: a tyre of the right side is the image of one of the left side.
 _WORDS: Mapping[str, Mapping[str, int]] = {"TYRESIDE": {"LEFT": 1, "RIGHT": -1, "SYMMETRIC": 1, "UNKNOWN": 1}}
-#: The kind of tyre that the files of a program have without saying it.
-_IMPLIED = {"PAC2002": 6.0}
+_IMPLIED = {"PAC2002": 6.0}  #: the kind of tyre that the files of a program have without saying it
 
 _LINE = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*(.*?)\s*", re.ASCII)
 _COMMENT = re.compile(r"[$!]")

@@ -20,12 +20,9 @@ from cutjoint.model.names import name_problem
 from cutjoint.model.records import Span
 from cutjoint.package.locations import library_folder
 
-#: The prefix of the package's submodels, and that of their files in messages.
-LIBRARY, SHIPPED = "library/", "<library>/"
-#: The keys that name files.
-_NAMING = ("file", "include", "properties")
-#: Files that a model may name.
-MAX_FILES = 200
+LIBRARY, SHIPPED = "library/", "<library>/"  #: the prefix of the package's submodels, and that of their files in messages
+_NAMING = ("file", "include", "properties")  #: the keys that name files
+MAX_FILES = 200  #: files that a model may name
 
 
 def with_files(source: Source, folder: Path | None, problems: Problems) -> tuple[Source, dict[str, str], set[Keys]]:

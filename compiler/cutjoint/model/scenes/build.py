@@ -30,11 +30,9 @@ from cutjoint.model.scenes.roads import read_road
 from cutjoint.model.scenes.starts import read_aims, read_near, read_starts, read_states, read_trim
 from cutjoint.model.validate import check_guides, joints_are_known
 
-#: The settings of files whose records have another name.
-SETTINGS = {SOLVER_TOLERANCE: "tolerance"}
+SETTINGS = {SOLVER_TOLERANCE: "tolerance"}  #: the settings of files whose records have another name
 
-#: The variables that penalty and frequency may have.
-_STEP = variable("dt")
+_STEP = variable("dt")  #: the variables that penalty and frequency may have
 
 
 @dataclass(frozen=True)

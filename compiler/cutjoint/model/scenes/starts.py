@@ -28,8 +28,7 @@ from cutjoint.model.records import COORDINATES, SPEEDS, Aim, Binding, FirstOrder
 
 # Attitudes
 
-#: The largest difference of a quaternion's length from one.
-UNIT_BOUND = 1e-3
+UNIT_BOUND = 1e-3  #: the largest difference of a quaternion's length from one
 
 #: Four expressions, scalar first.
 Quaternion: TypeAlias = tuple[Scalar, ...]

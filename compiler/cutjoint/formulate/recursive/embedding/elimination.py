@@ -133,8 +133,7 @@ def range_margins(k: Kinematics) -> dict[str, Block]:
     return margins
 
 
-#: A guide that moves by less, m or rad, counts as fixed.
-LEAST_HALF_RANGE = 1e-9
+LEAST_HALF_RANGE = 1e-9  #: a guide that moves by less, m or rad, counts as fixed
 
 
 def embedded_reactions(
