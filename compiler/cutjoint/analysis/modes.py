@@ -91,12 +91,12 @@ class Modes:
         return f"<Modes {where}: {plural(self.degrees_of_freedom, 'degree')} of freedom, eigenvalues {', '.join(values) or 'none'} 1/s>"
 
 
-def find_mode_shapes(of: Linearisation, time: float) -> Modes:
-    """The modes of a linearisation about a state at ``time`` (s).
+def find_mode_shapes(of: Linearisation, time: float, zero: float = _ZERO) -> Modes:
+    """The modes of a linearisation about a state at ``time`` (s); singular values below the share ``zero`` of the largest count as zero.
     Raises NoMassError: a direction that the loops leave free moves no mass."""
     system = reduce_system(of)
     n = system.basis.shape[1]
-    values, vectors, null, zeros = eigenpairs(_scaled(system))
+    values, vectors, null, zeros = eigenpairs(_scaled(system), zero)
     scale = _rate(system)
     modes = [
         Mode(eigenvalue=_cleaned(scale * v), shape=_shape(of, _speeds(of, system, z, scale), abs(scale * v)))
@@ -116,18 +116,18 @@ def find_mode_shapes(of: Linearisation, time: float) -> Modes:
     )  # fmt: skip
 
 
-def eigenpairs(A: Array) -> tuple[Complex, Complex, Array, int]:
+def eigenpairs(A: Array, zero: float = _ZERO) -> tuple[Complex, Complex, Array, int]:
     """Eigenvalues other than zero, their eigenvectors as columns, the null space, and how many eigenvalues are zero.
     The null space is deflated repeatedly before: each rigid-body motion is a defective double zero, which rounding would split into a
     pair of about its square root."""
     size = len(A)
     _, singular, right = np.linalg.svd(A)
-    rank = int(np.sum(singular > _ZERO * singular.max(initial=0.0)))
+    rank = int(np.sum(singular > zero * singular.max(initial=0.0)))
     kept, null = right[:rank].T, right[rank:].T
     if rank == size:
         values, vectors = np.linalg.eig(A)
         return values.astype(complex), vectors.astype(complex), null, 0
-    values, inner, _, zeros = eigenpairs(kept.T @ A @ kept) if rank else (np.zeros(0, complex), np.zeros((0, 0), complex), null, 0)
+    values, inner, _, zeros = eigenpairs(kept.T @ A @ kept, zero) if rank else (np.zeros(0, complex), np.zeros((0, 0), complex), null, 0)
     vectors = kept @ inner + null @ ((null.T @ A @ kept @ inner) / values)
     return values, vectors, null, zeros + size - rank
 

@@ -22,7 +22,7 @@ def command(
     checked = read_model(model, tunable=tunable)
     checked, chosen = options.choose_case(checked, scene)
     with options.progress_bar(f"compiling {model.name}"):
-        found = find_scene_equilibrium(checked, chosen, parameters=parameters)
+        found = find_scene_equilibrium(checked, chosen, parameters=parameters, neutral=True)
     options.out.print(pose_table(found))
     places = {e.name: e.span for e in checked.states} | {e.name: e.span for e in checked.signals}
     inner = {f"{name}.{VALUE}" for name, span in places.items() if span.file.startswith(SHIPPED) and not verbose}
@@ -32,6 +32,8 @@ def command(
         options.out.print(f"not printed: {len(inner)} states and signals of library elements; --verbose prints them")
     for name, value in [*locking_force_facts(found.locking_forces), *(trim_facts(found.trim) if found.trim is not None else ())]:
         options.out.print(f"{name}: {value}", markup=False)
+    if free := [name for name in found.neutral if name not in inner]:
+        options.out.print(f"neutral, in equilibrium at other values too: {', '.join(free)}", markup=False)
     if stability:
         with options.progress_bar(f"linearising {model.name}"):
             options.out.print(describe_stability(find_scene_modes(checked, chosen, parameters=parameters)), markup=False)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -50,17 +51,21 @@ def linearise_at(
         summary = call_simulator(artifact.binary.path, entries, progress, description=artifact.description)
     if (failure := failure_of(summary)) is not None:
         raise NotReachedError(failure)
-    state = summary["state"]
-    sampled = zip(artifact.topology.model.discrete_states, state.get("discrete_states") or [], strict=False)
-    held = {discrete_state_name(value): number for value, number in sampled if number is not None}
     if at is None:
         require_free(equations.scene, read_locking_forces(summary))
-    point = Point(
+    point = point_of(artifact, equations, run_file, summary["state"])
+    return point.t, linearise(equations, point, at_rest=at is None)
+
+
+def point_of(artifact: Artifact, equations: ImplicitEquations, run_file: RunFile, state: Mapping[str, Any]) -> Point:
+    """The point at which to linearise, from the ``state`` in a summary."""
+    sampled = zip(artifact.topology.model.discrete_states, state.get("discrete_states") or [], strict=False)
+    held = {discrete_state_name(value): number for value, number in sampled if number is not None}
+    return Point(
         t=state["t"], q=np.array(state["q"]), v=np.array(state["v"]), vdot=np.array(state["vdot"]),
         parameters=np.array([run_file.parameters[p.name] for p in equations.parameters]), held={**(run_file.inputs or {}), **held},
         roads={tyre: WheelRoad.of(**road, on_it=surface_of(artifact.scene.road)) for tyre, road in run_file.roads.items()},
     )  # fmt: skip
-    return point.t, linearise(equations, point, at_rest=at is None)
 
 
 def _run_file(artifact: Artifact, at: float | None, parameters: Mapping[str, float], folder: Path) -> RunFile:

@@ -325,13 +325,15 @@ class MechanismState:
     """A state of a mechanism: values and units by ``element.quantity``; NaN if a quantity is undefined there.
 
     ``undetermined`` are independent speeds that neither scene nor loops determine; minimum-norm values are used. ``locking_forces`` has the
-    force and unit for each coordinate that the scene locks. ``trim`` is the result of the scene's trim.
+    force and unit for each coordinate that the scene locks. ``neutral`` names coordinates and first-order states that nothing restores; the
+    state is in equilibrium at other values of them too. ``trim`` is the result of the scene's trim.
     """
 
     values: Mapping[str, float]
     units: Mapping[str, str]
     undetermined: tuple[str, ...] = ()
     locking_forces: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    neutral: tuple[str, ...] = ()
     trim: "Trimmed | None" = None
 
     def __getitem__(self, column: str) -> float:

@@ -8,9 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import nan
+from typing import Any
 
 import numpy as np
 
+from cutjoint.analysis.closing import retract, retract_changes, speed_scales
 from cutjoint.analysis.linearise import NoMassError, linearise
 from cutjoint.analysis.mobility import find_mobility, moving_joints
 from cutjoint.analysis.modes import Modes, find_mode_shapes
@@ -26,7 +28,8 @@ from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.failures import IncompleteError, describe_failure, is_impossible
-from cutjoint.run.modes import NotReachedError, linearise_at
+from cutjoint.run.modes import NotReachedError, linearise_at, point_of
+from cutjoint.run.record import RunFile
 from cutjoint.run.results import Array, Columns, FailureReport, MechanismState, read_locking_forces
 from cutjoint.run.run_file import find_trim as find_scene_trim
 from cutjoint.run.run_file import make_run_file, parameter_values
@@ -38,6 +41,8 @@ from cutjoint.run.simulator_run import start
 from cutjoint.topology.build import build_topology
 
 _ABOUT_A_MOTION = ", or linearise about a motion"
+#: The share of the largest singular value below which a direction may be neutral; how far beside an equilibrium (rad, arms) that is tried.
+_NEARLY_ZERO, _BESIDE = 1e-8, 0.01
 _SPEEDS = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
@@ -58,9 +63,11 @@ def find_equilibrium(
     return find_scene_equilibrium(*load_model(model, scene, tunable), parameters=parameters)
 
 
-def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> MechanismState:
+def find_scene_equilibrium(
+    model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None, neutral: bool = False
+) -> MechanismState:  # fmt: skip
     """The static equilibrium of a model, or the trimmed start of a scene, with every quantity of bodies, forces and reactions.
-    It also has the forces that lock the scene's positions, or the result of the trim.
+    It also has the forces that lock the scene's positions, or the result of the trim; what is ``neutral`` in an equilibrium on request.
 
     Raises:
         NoEquilibriumError: none was found near the design position.
@@ -75,13 +82,47 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
         return replace(_find_start(model, start, outputs, {}), trim=found)
     artifact = compile_interpreted(model, with_loops(scene, Loops.EXACT), outputs=outputs)
     run_file = make_run_file(model, replace(scene, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
-    summary = call_simulator(artifact.binary.path, run_file.entries(), description=artifact.description)
+    summary = call_simulator(artifact.binary.path, {**run_file.entries(), "with_state": True}, description=artifact.description)
     failure = failure_of(summary)
     if failure is not None:
         raise NoEquilibriumError(_describe(failure, artifact, parameters), failure)
+    named = tuple(_neutral(artifact, run_file, summary["state"])) if neutral else ()
     values = {name: nan if value is None else value for name, value in summary["columns"].items()}  # null: not finite
     units = {o.column: unit_of(model, o) for o in outputs}
-    return MechanismState(values=Columns({x: values[x] for x in units}), units=Columns(units), locking_forces=read_locking_forces(summary))
+    held = read_locking_forces(summary)
+    return MechanismState(values=Columns({x: values[x] for x in units}), units=Columns(units), locking_forces=held, neutral=named)
+
+
+def _neutral(artifact: Artifact, run_file: RunFile, state: Mapping[str, Any]) -> Iterator[str]:
+    """What nothing restores: a candidate by the linear equations that a search from beside the equilibrium leaves there.
+    Given positions are no candidates. A spring may restore what it does not in the first order, or is too soft beside others."""
+    equations = formulate_implicit(artifact.mechanism, ())
+    start, at = equations.start, linearise(equations, point := point_of(artifact, equations, run_file, state), at_rest=True)
+    given, unit = run_file.positions.keys() - set(run_file.near), np.eye(len(at.M))
+    rows = [c.v + min(i, c.scalars) + k for c in start.charts for i, name in enumerate(c.coordinate_names) if f"{c.joint}.{name}" in given
+            for k in range(3 if i >= c.scalars else 1)]  # fmt: skip
+    at = replace(at, J=np.concatenate([at.J, unit[rows]]), G=np.concatenate([at.G, 0 * unit[rows]]))
+    shapes, of_states = find_mode_shapes(at, 0.0, _NEARLY_ZERO).rigid_body_modes, at.names[equations.state.speeds :]
+    yield from (name for name in shapes if name in of_states)
+    leading = [at.names.index(name) for name in shapes if name not in of_states]
+    if not leading:
+        return
+    lengths, moves = _BESIDE * speed_scales(start), np.zeros(len(unit))
+    for i in leading:
+        way = np.array([p.amplitude.real for p in shapes[at.names[i]].values()])
+        moves += lengths[i] / way[i] * way
+    q = retract(start, point.q, moves)
+    names = [f"{c.joint}.{name}" for c in start.charts for name in c.coordinate_names]
+    positions = dict(zip(names, q.tolist(), strict=True))
+    beside = {**run_file.entries(), "positions": positions, "near": [x for x in names if x not in given], "with_state": True}
+    summary = call_simulator(artifact.binary.path, beside, description=artifact.description)
+    if failure_of(summary) is not None:
+        yield from (name for name in find_mode_shapes(at, 0.0).rigid_body_modes if name not in of_states)
+        return
+    moved = np.array(summary["state"]["q"]) - point.q
+    for i, way in zip(leading, retract_changes(start, point.q, np.zeros(len(unit)), unit[leading]), strict=True):
+        if 2 * moved @ way > lengths[i] * way @ way:
+            yield at.names[i]
 
 
 def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:

@@ -1,0 +1,147 @@
+"""Neutral coordinates of an equilibrium: it is one at other values of them too. No other coordinate is named, and none is missed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.cli import main
+from cutjoint.model.read import read_model_text
+from cutjoint.run.scenes import find_scene
+from cutjoint.tasks.states import find_scene_equilibrium
+from tests.conftest import needs_cpp
+
+pytestmark = needs_cpp
+
+_HEAD = "cutjoint: 1\nname: m\ngravity: [0, 0, {g}]\n"
+_WHEEL = """\
+bodies: {wheel: {mass: 2, centre_of_mass: [{x}, 0, 0], inertia: [0.1, 0.2, 0.1]}}
+joints: {bearing: {kind: revolute, bodies: [ground, wheel], at: [0, 0, 0], axis: y}}
+forces: {drag: {kind: joint_force, joint: bearing, law: -0.3*rate + {law}}}
+scenes: {rest: {end: 1{start}}}
+"""
+_CART = """\
+bodies: {cart: {mass: 3, centre_of_mass: [0, 0, 0]}, bob: {mass: 1, centre_of_mass: [0.1, 0, -0.5], inertia: [0.01, 0.01, 0.01]},
+  anvil: {mass: 5, centre_of_mass: [1, 0, 0]}}
+joints:
+  rail: {kind: prismatic, bodies: [ground, cart], at: [0, 0, 0], axis: x}
+  swing: {kind: revolute, bodies: [cart, bob], at: [0, 0, 0], axis: y}
+  slide: {kind: prismatic, bodies: [ground, anvil], at: [1, 0, 0], axis: z}
+forces: {stiff: {kind: joint_force, joint: slide, law: -1e9*position}, soft: {kind: joint_force, joint: rail, law: {law}}}
+scenes: {rest: {end: 1{start}}}
+"""
+_STRINGS = """\
+bodies: {bead: {mass: 0.1, centre_of_mass: [0, 0, 0]}}
+joints: {cross: {kind: prismatic, bodies: [ground, bead], at: [0, 0, 0], axis: y}}
+forces:
+  left: {kind: point_spring, bodies: [ground, bead], from: [-1, 0, 0], to: [0, 0, 0], law: {stiffness: 100, free_length: {free}}}
+  right: {kind: point_spring, bodies: [ground, bead], from: [1, 0, 0], to: [0, 0, 0], law: {stiffness: 100, free_length: {free}}}
+scenes: {rest: {end: 1}}
+"""
+_FOUR_BAR = """\
+points: {A: [0, 0, 0], B: [0.1, 0.3, 0], C: [0.7, 0.5, 0], D: [0.8, 0, 0]}
+bodies:
+  crank: {mass: 1, centre_of_mass: {midpoint: [A, B]}, inertia: [0.1, 0.1, 0.1]}
+  coupler: {mass: 1, centre_of_mass: {midpoint: [B, C]}, inertia: [0.1, 0.1, 0.1]}
+  rocker: {mass: 1, centre_of_mass: {midpoint: [C, D]}, inertia: [0.1, 0.1, 0.1]}
+joints:
+  a: {kind: revolute, bodies: [ground, crank], at: A, axis: {axis}}
+  b: {kind: revolute, bodies: [crank, coupler], at: B, axis: {axis}}
+  c: {kind: revolute, bodies: [coupler, rocker], at: C, axis: {axis}}
+  d: {kind: revolute, bodies: [ground, rocker], at: D, axis: {axis}}
+forces: {spring: {kind: joint_force, joint: a, law: {law}}}
+scenes: {rest: {end: 1}}
+"""
+_FREE = """\
+bodies: {stone: {mass: 2, centre_of_mass: [0.1, 0, 0], inertia: [0.1, 0.2, 0.15]}}
+joints: {moves: {kind: free, bodies: [ground, stone], at: [0, 0, 0]}}
+forces: {hang: {kind: point_spring, active: {on}, bodies: [ground, stone], from: [0, 0, 1], to: [0, 0, 0], law: {stiffness: 500, damping: 5,
+  free_length: 0.8}}}
+scenes: {rest: {end: 1}}
+"""
+_LIFT = """\
+bodies: {cabin: {mass: 300, centre_of_mass: [0, 0, 0]}, weight: {mass: {m}, centre_of_mass: [1, 0, 0]}}
+joints:
+  up: {kind: prismatic, bodies: [ground, cabin], at: [0, 0, 0], axis: z}
+  down: {kind: prismatic, bodies: [ground, weight], at: [1, 0, 0], axis: z}
+gears: {rope: {joints: [up, down], ratio: {ratio}}}
+scenes: {rest: {end: 1{start}}}
+"""
+_BALL = """\
+bodies: {bob: {mass: 1, centre_of_mass: [0, 0, -0.4], inertia: [0.01, 0.01, 0.004]}}
+joints: {socket: {kind: spherical, bodies: [ground, bob], at: [0, 0, 0]}}
+scenes: {rest: {end: 1{start}}}
+"""
+_STANDING = """\
+bodies: {carrier: {mass: 350, centre_of_mass: [0, 0, 0.3], inertia: [1, 1, 1]}}
+joints: {heave: {kind: prismatic, bodies: [ground, carrier], at: [0, 0, 0.3], axis: [0, 0.2, 1]}}
+forces: {damper: {kind: joint_force, joint: heave, law: -2000*rate}}
+submodels: {wheel: {include: library/wheel_brush}}
+instances: {w: {use: wheel, connect: {carrier: carrier}, with: {x: 0, y: 0, z: 0.3, radius: 0.3, mass: 15, spin_inertia: 1,
+  cross_inertia: 0.6, stiffness: 2e5, slip_stiffness: 60000, cornering_stiffness: 40000}}}
+scenes: {rest: {end: 1}}
+"""
+_INTEGRAL = """\
+bodies: {arm: {mass: 1, centre_of_mass: [0, 0, -0.5]}}
+joints: {pin: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: y}}
+states: {counted: {start: 0.3, rate: pin.angle_rate{leak}}}
+scenes: {rest: {end: 1}}
+"""
+_CASES: dict[str, tuple[str, dict[str, str], set[str]]] = {
+    "a balanced wheel": (_WHEEL, {}, {"bearing.angle"}),
+    "an unbalanced wheel": (_WHEEL, {"x": "0.01"}, set()),
+    "a hardly unbalanced wheel": (_WHEEL, {"x": "1e-3"}, set()),
+    "a wheel whose place is given": (_WHEEL, {"start": ", positions: {bearing.angle: 0.7}"}, set()),
+    "a wheel whose place is preferred": (_WHEEL, {"start": ", positions: {bearing.angle: 0.7}, near: [bearing.angle]"}, {"bearing.angle"}),
+    "a wheel that is held": (_WHEEL, {"law": "5", "start": ", positions: {bearing.angle: 0.7}"}, set()),
+    "a wheel with a hard spring of the third order": (_WHEEL, {"law": "-1e3*position**3"}, set()),
+    "a cart": (_CART, {}, {"rail.displacement"}),
+    "a soft spring beside a stiff one": (_CART, {"law": "-0.02*position"}, set()),
+    "a held cart with a loose pendulum": (_CART, {"law": "7", "start": ", positions: {rail.displacement: 0}"}, set()),
+    "a cart without gravity": (_CART, {"g": "0"}, {"rail.displacement", "swing.angle"}),
+    "a cart without gravity that is held": (_CART, {"g": "0", "law": "7", "start": ", positions: {rail.displacement: 0}"}, {"swing.angle"}),
+    "slack strings across": (_STRINGS, {"free": "1"}, set()),
+    "strings under tension": (_STRINGS, {"free": "0.9"}, set()),
+    "a loop in the level plane": (_FOUR_BAR, {"axis": "z"}, {"d.angle"}),
+    "a loop in the level plane with a spring": (_FOUR_BAR, {"axis": "z", "law": "-3*position"}, set()),
+    "a body in space": (_FREE, {"g": "0", "on": "false"}, {*(f"moves.{x}" for x in ("x", "y", "z", "wx", "wy", "wz"))}),
+    "a body on a spring": (_FREE, {}, {"moves.wz"}),
+    "weights on a tackle": (_LIFT, {"m": "150", "ratio": "-0.5"}, {"down.displacement"}),
+    "weights on another tackle": (_LIFT, {"m": "600", "ratio": "-2"}, {"up.displacement"}),
+    "a lift that is too heavy": (_LIFT, {"m": "200", "start": ", positions: {up.displacement: 0}"}, set()),
+    "a ball joint": (_BALL, {}, {"socket.wz"}),
+    "a ball joint that is given": (_BALL, {"start": ", positions: {socket.attitude: {rotation_vector: [0, 0, 0.2]}}"}, set()),
+    "a standing wheel": (_STANDING, {}, {"w.rolling.bearing.angle"}),
+    "a counter": (_INTEGRAL, {}, {"counted.value"}),
+    "a counter that leaks": (_INTEGRAL, {"leak": " - 0.1*counted"}, set()),
+}  # fmt: skip
+_USUAL = {"g": "-9.81", "x": "0", "law": "0", "start": "", "free": "1", "axis": "y", "on": "true", "m": "300", "ratio": "-1", "leak": ""}
+
+
+def _text(case: str) -> str:
+    template, given, _ = _CASES[case]
+    text = _HEAD + template
+    for name, value in (_USUAL | given).items():
+        text = text.replace("{" + name + "}", value)
+    return text
+
+
+@pytest.mark.parametrize("case", _CASES)
+def test_neutral_coordinates(case: str) -> None:
+    model = read_model_text(_text(case), "m.yaml")
+    found = find_scene_equilibrium(model, find_scene(model, None), neutral=True).neutral
+    assert {name for name in found if not name.startswith("w.") or not name.endswith(".value")} == _CASES[case][2]
+
+
+@pytest.mark.parametrize("case", ["a standing wheel", "a wheel whose place is given", "a counter", "a body in space"])
+def test_one_line_says_it(tmp_path: Path, case: str) -> None:
+    """States of the library are left out, as in the table."""
+    model = tmp_path / "m.yaml"
+    model.write_text(_text(case), encoding="utf-8")
+    done = CliRunner().invoke(main, ["equilibrium", str(model)])
+    assert done.exit_code == 0, done.output
+    lines = [line for line in done.output.splitlines() if line.startswith("neutral")]
+    names = sorted(_CASES[case][2])
+    assert [sorted(line.partition(": ")[2].split(", ")) for line in lines] == ([names] if names else [])
