@@ -222,6 +222,29 @@ def slide_axis(joint: Joint, coordinate: str) -> Vector:
     return direction_of(joint, joint.element.slide_direction(coordinate))
 
 
+def rotation_axis(joint: Joint, is_reversed: bool, coordinate: str) -> tuple[str, Vector]:
+    """The axis of a rotation: the body that carries it and its direction there, over the coordinates between them.
+
+    A first axis is fixed in the base, a last one in the follower; behind a ball axes are those of the outer body.  Where two rotations
+    share a coordinate it is that of their sum.
+    """
+    chain = [m for m in joint.element.chain if isinstance(m, Rotation)]
+    if not joint.element.from_inner and len(chain) > 1 and [m.coordinate == coordinate for m in chain].index(True) == len(chain) - 1:
+        return joint.follower, direction_of(joint, chain[-1].direction)
+    body, sense, seen = joint.base, 1, False
+    if joint.element.from_inner:
+        body, sense, seen, chain = joint.base if is_reversed else joint.follower, -1, is_reversed, chain[::-1]
+    rotation, axes = sympy.eye(3), []
+    for motion in chain:
+        direction = _seen_direction(joint, seen, motion.direction)
+        if motion.coordinate == coordinate:
+            axes.append(rotation * direction)
+        angle = sense * sympy.sympify(motion.share) * sympy.Symbol(f"q_{motion.coordinate}", real=True)
+        rotation = rotation * rotation_about(direction, angle)
+    total = sum(axes[1:], axes[0])
+    return body, _vector(total if len(axes) == 1 else total / sympy.sqrt(total.dot(total)))
+
+
 def rod_of(joint: Joint) -> Vector:
     """The vector from the base's point to the follower's in the design position."""
     assert joint.to is not None

@@ -9,6 +9,7 @@ body that i is coupled to with each other.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from cutjoint.elements.joint import Ball
 from cutjoint.model.records import GROUND, Gear, Joint, Model
 
 WIDEST = 4  #: the largest number of lanes: double precision numbers in a vector register of 256 bits
@@ -22,6 +23,12 @@ class TreeJoint:
     parent: str
     child: str
     reversed: bool
+
+    @property
+    def has_columns_behind_ball(self) -> bool:
+        """Return whether motions of the joint follow its ball, which turns their columns."""
+        chain = self.joint.element.chain_from_inner(self.reversed)
+        return self.joint.element.has_ball and not isinstance(chain[-1], Ball)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -224,4 +224,5 @@ def _force_changes(motions: Motions, change: Variation, system: SharedForces) ->
         for _, wrench, path in paths(motions, wrenches):
             yield from ((m.row, b.dot(m.s, change.of(wrench))) for m in path)
     for body, force in system.joint_forces.items():
-        yield from ((m.row, times(b, m.derivative, b.element(change.of(force), m.index))) for m in motions.of_body[body])
+        once = {m.index: m for m in motions.of_body[body]}.values()
+        yield from ((m.row, times(b, m.derivative, b.element(change.of(force), m.index))) for m in once)

@@ -80,7 +80,6 @@ from cutjoint.methods import DEFAULT_CLOSURE
 from cutjoint.model.expressions.dependencies import seeing_forces
 from cutjoint.model.expressions.quantities import unit_of
 from cutjoint.model.records import GROUND, EmbeddedLoop, Output
-from cutjoint.package.errors import EquationsError
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.program.indicators import find_domains, find_indicators
 
@@ -287,8 +286,7 @@ class _System:
             b.label(b.element(column, i), name) for i, name in enumerate(("damping", "stiffness", "constraint"))
         )
         gravity = b.stack([[self.k.vector(self.start.topology.model.gravity)], [b.zero(3)]])
-        proper_accelerations = {body: b.sub(Zdd, gravity) for body, Zdd in self.Zdd.items()}
-        return derive_motions(self.k, proper_accelerations, StepWeights(damping=damping, stiffness=stiffness, constraint=constraint))
+        return derive_motions(self.k, self.Zdd, gravity, StepWeights(damping=damping, stiffness=stiffness, constraint=constraint))
 
     def _shares(self, motions: Motions) -> Iterable[tuple[Motion, Motion, Block]]:
         b, variations = self.b, motions.variations()
@@ -317,12 +315,7 @@ class _System:
                 keys = dict.fromkeys(m.key for m in own)
                 for j in {m.index: m for m in own}.values():
                     for key in is_embedded if seeing else keys:
-                        try:
-                            change = b.element(variations[key].of(force), j.index)
-                        except ValueError:
-                            joint = next(t.joint for t in self.start.topology.tree if t.child == body)
-                            words = "friction by its loads depends on the attitude of its ball, and has no derivative by that"
-                            raise EquationsError(f"{joint.span}: joint '{joint.name}': {words}; use --method recursive") from None
+                        change = b.element(variations[key].of(force), j.index)
                         if key in keys or not is_zero(change):
                             yield j, is_embedded[key][0], b.neg(times(b, j.derivative, change))
         for body, own in motions.of_body.items():

@@ -70,9 +70,12 @@ class Motion:
 
 @dataclass(frozen=True, kw_only=True)
 class Motions:
-    """All motions by the body that they carry, in the order of the tree, and each body's carriers from itself to the root."""
+    """All motions by the body that they carry, in the order of the tree, and each body's carriers from itself to the root.
+    ``Zdd`` are the accelerations of the bodies, ``gravity`` (6, 1)."""
 
     k: Kinematics
+    Zdd: Mapping[str, Block]
+    gravity: Block
     weights: StepWeights
     of_body: Mapping[str, tuple[Motion, ...]]
     chains: Mapping[str, tuple[str, ...]]
@@ -108,6 +111,8 @@ class Motions:
         k, b = self.k, self.k.builder
         rotations: dict[Block, Block] = {}
         changes: dict[Block, Block] = {}
+        # whatever depends on a quaternion does so through rotations, but for accelerations by columns behind a ball
+        behind_ball = any(k.motions[m.body].tree_joint.has_columns_behind_ball for m in motions)
         for body, frame in k.frames.items():
             moving = [m for m in motions if body != GROUND and m.body in self.chains[body]]
             if not moving:
@@ -119,6 +124,9 @@ class Motions:
                 changes[frame.r] = b.add(v, b.cross(w, frame.r))
             if frame.Z.op != "const":
                 changes[frame.Z] = b.total([b.add(m.moved, motion_cross(b, m.xi, b.sub(frame.Z, m.after))) for m in moving])
+            if behind_ball:
+                turned = (b.add(motion_cross(b, m.DV, frame.Z), motion_cross(b, m.xi, b.sub(self.Zdd[body], self.gravity))) for m in moving)
+                changes[self.Zdd[body]] = b.total([b.add(m.c, each) for m, each in zip(moving, turned, strict=True)])
         m, chart = next((m, c) for m in motions if (c := k.motions[m.body].chart) is not None)
         q = b.symbol(f"q:{chart.joint}", chart.scalars + 4 * chart.ball, BindingTime.ITERATION)
         speed = b.symbol(f"v:{chart.joint}", len(chart.speed_names), BindingTime.ITERATION)
@@ -126,7 +134,7 @@ class Motions:
         changes[speed] = _unit(b, len(chart.speed_names), m.index, damping)
         acceleration = b.symbol(f"vdot:{chart.joint}", len(chart.speed_names), BindingTime.ITERATION)
         changes[acceleration] = _unit(b, len(chart.speed_names), m.index, b.number(m.share))
-        # only the scalars among a joint's coordinates: whatever depends on a quaternion does so through a rotation
+        # only the scalars among a joint's coordinates, see above
         for i in range(chart.scalars):
             changes[b.element(q, i)] = stiffness if i == m.index else b.zero(1)
         for follower in motions:
@@ -140,8 +148,9 @@ def _unit(b: Builder, size: int, index: int, value: Block) -> Block:
     return b.stack([[value if i == index else b.zero(1)] for i in range(size)])
 
 
-def derive_motions(k: Kinematics, Zdd: Mapping[str, Block], weights: StepWeights) -> Motions:
-    """The motions of all joints with unknowns; ``Zdd`` are the bodies' accelerations, less that of gravity."""
+def derive_motions(k: Kinematics, Zdd: Mapping[str, Block], gravity: Block, weights: StepWeights) -> Motions:
+    """The motions of all joints with unknowns."""
+    proper = {body: k.builder.sub(each, gravity) for body, each in Zdd.items()}
     chains: dict[str, tuple[str, ...]] = {}
     of_body: dict[str, tuple[Motion, ...]] = {}
     embedded_loops = _EmbeddedLoops(k=k, weights=weights)
@@ -152,8 +161,8 @@ def derive_motions(k: Kinematics, Zdd: Mapping[str, Block], weights: StepWeights
             "tangent", joint.name, "DV = damping s + V x xi, c = s + damping V_b x s - xi x A - DV x V", joint.span.place
         ):
             speeds = embedded_loops.speeds(motion)
-            of_body[body] = tuple(_motions(k, body, motion, Zdd, speeds)) if speeds else ()
-    return Motions(k=k, weights=weights, of_body=of_body, chains=chains)
+            of_body[body] = tuple(_motions(k, body, motion, proper, speeds)) if speeds else ()
+    return Motions(k=k, Zdd=Zdd, gravity=gravity, weights=weights, of_body=of_body, chains=chains)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,9 @@ there may be none or several (Painleve, Comptes Rendus 121 (1895) 112-115): the 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from cutjoint.elements.joint import Direction, Translation
+import sympy
+
+from cutjoint.elements.joint import Translation
 from cutjoint.formulate.events import FRICTION
 from cutjoint.formulate.inputs import Numbers
 from cutjoint.formulate.recursive.forces import WrenchMechanics
@@ -22,7 +24,7 @@ from cutjoint.formulate.recursive.outputs import Reactions, accelerations_of
 from cutjoint.formulate.recursive.quantities import Forces
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, Solution, refine, respond, without_speed
-from cutjoint.kernels.joints import direction_of
+from cutjoint.kernels.joints import direction_of, rotation_axis
 from cutjoint.model.records import Joint, JointFriction, Model
 from cutjoint.program.blocks import Block, Builder, is_zero
 from cutjoint.program.indicators import EventIndicator
@@ -61,36 +63,35 @@ class LoadFriction:
         """The vectors, each (3, 1), whose lengths make the load; components along the joint's own motions are excluded."""
         b, force, joint = k.builder, self.force, self.joint
         reaction, moment = reactions.on_follower(joint.name)
-        axis, slides, turns = directions(joint, force.coordinate)
-        found = [_across(k, joint, reaction, [*slides, axis])]
+        slides, turns = _directions(k, joint)
+        axis = {**slides, **turns}[force.coordinate]
+        found = [_across(b, reaction, [*slides.values(), axis])]
         if force.thrust_radius is not None and force.bearing_radius is not None:
-            direction = _direction(k, joint, axis)
             share = k.translator.scalar(force.thrust_radius / force.bearing_radius)
-            found.append(b.scale(b.mul(share, b.dot(direction, reaction)), direction))
+            found.append(b.scale(b.mul(share, b.dot(axis, reaction)), axis))
         if force.arm is not None:
-            found.append(b.scale(k.translator.scalar(1 / force.arm), _across(k, joint, moment, turns)))
+            found.append(b.scale(k.translator.scalar(1 / force.arm), _across(b, moment, list(turns.values()))))
         return found
 
 
-def directions(joint: Joint, coordinate: str) -> tuple[Direction, list[Direction], list[Direction]]:
-    """The direction of a coordinate, the directions of the joint's displacements, and the axes of its rotations."""
-    motions = tuple(joint.element.scalar_motions)
-    slides = [m.direction for m in motions if isinstance(m, Translation)]
-    turns = [m.direction for m in motions if not isinstance(m, Translation)]
-    return next(m.direction for m in motions if m.coordinate == coordinate), slides, turns
+def _directions(k: Kinematics, joint: Joint) -> tuple[dict[str, Block], dict[str, Block]]:
+    """The unit directions of a joint's displacements and rotations, by coordinate."""
+    tree = next((m for m in k.motions.values() if m.tree_joint.joint.name == joint.name), None)
+    between = dict(zip((sympy.Symbol(f"q_{c}", real=True) for c in joint.element.coordinates), tree.position, strict=False)) if tree else {}
+    slides, turns = {}, {}
+    for motion in joint.element.scalar_motions:
+        if isinstance(motion, Translation):
+            slides[motion.coordinate] = k.direction(joint.base, direction_of(joint, motion.direction))
+        else:
+            body, axis = rotation_axis(joint, tree is not None and tree.tree_joint.reversed, motion.coordinate)
+            at = k.translator.with_values(between)
+            turns[motion.coordinate] = k.builder.mul(k.frames[body].R, k.builder.column([at.scalar(x) for x in axis]))
+    return slides, turns
 
 
-def _direction(k: Kinematics, joint: Joint, direction: Direction) -> Block:
-    """A direction as fixed in the joint's bodies: in the base, except that of a second rotation."""
-    turns = directions(joint, joint.element.coordinates[0])[2]
-    return k.direction(joint.follower if direction in turns[1:] else joint.base, direction_of(joint, direction))
-
-
-def _across(k: Kinematics, joint: Joint, vector: Block, directions: Sequence[Direction]) -> Block:
-    """The part of a vector across perpendicular directions of a joint."""
-    b = k.builder
-    for each in dict.fromkeys(directions):
-        e = _direction(k, joint, each)
+def _across(b: Builder, vector: Block, directions: Sequence[Block]) -> Block:
+    """The part of a vector across perpendicular unit directions."""
+    for e in dict.fromkeys(directions):
         vector = b.sub(vector, b.scale(b.dot(e, vector), e))
     return vector
 
