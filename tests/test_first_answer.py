@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from cutjoint.cli import main
-from cutjoint.commands import preparing
+from cutjoint.commands import options, preparing
 from cutjoint.methods import AUTO
 from cutjoint.toolchain import background
 from cutjoint.toolchain.background import BackgroundBuild
@@ -19,7 +19,7 @@ from tests.conftest import MODELS, needs_cpp
 
 pytestmark = needs_cpp
 
-IS_INTERACTIVE = preparing._is_interactive
+IS_WATCHED = options.is_watched
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[BackgroundBuild]]:
     """No patience with any compile; the begun ones end with the test."""
     build_interpreter("recursive", flags=FLAGS)
     monkeypatch.setattr(preparing, "PATIENCE", 0.0)
-    monkeypatch.setattr(preparing, "_is_interactive", lambda: True)
+    monkeypatch.setattr(options, "is_watched", lambda: True)
     all_begun: list[BackgroundBuild] = []
     begin = background.build_in_background
 
@@ -102,7 +102,7 @@ def test_who_asks_for_generated_code_waits_for_it(begun: list[BackgroundBuild], 
 def test_scripts_wait_for_generated_code(
     begun: list[BackgroundBuild], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(preparing, "_is_interactive", IS_INTERACTIVE)
+    monkeypatch.setattr(options, "is_watched", IS_WATCHED)
     assert simulate(model, tmp_path / "run.csv").exit_code == 0
     assert not begun
     assert implementation_of(tmp_path / "run.csv") == "generated"

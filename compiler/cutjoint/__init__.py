@@ -69,41 +69,23 @@ __all__ = [
     "run_in_real_time", "simulate", "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
+#: The modules of these names, which `__getattr__` imports.
 _HOMES = {
-    "cutjoint.analysis.mobility": ("GuideError",),
-    "cutjoint.analysis.inertia": ("NoInertiaError",),
-    "cutjoint.tasks.batch": ("compile_batch", "simulate", "simulate_batch"),
-    "cutjoint.package.errors": ("CutjointError", "EquationsError", "MissingToolsError", "RunError", "ToolchainError"),
-    "cutjoint.package.extensions": ("MissingPackageError",),
-    "cutjoint.model.errors": ("ModelError",),
-    "cutjoint.compile.pipeline": ("compile_model",),
-    "cutjoint.program.blocks": ("ConstantError",),
-    "cutjoint.tasks.kinematics.sweep": ("find_compliance", "find_kinematics"),
-    "cutjoint.tasks.inverse": ("inverse_dynamics",),
-    "cutjoint.tasks.realtime": ("FailedRealTimeError", "run_in_real_time"),
-    "cutjoint.run.failures": ("FailedBatchError", "FailedRunError", "IncompleteError"),
-    "cutjoint.run.outputs": ("OutputError",),
-    "cutjoint.run.simulator": ("SimulatorError",),
-    "cutjoint.sparse.plan": ("MissingLibraryError",),
-    "cutjoint.tasks.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes", "find_trim"),
-    "cutjoint.stepping.load": ("load",),
-    "cutjoint.stepping.response": ("find_linear_model",),
-    "cutjoint.stepping.rollout": ("rollout",),
-    "cutjoint.stepping.handle": ("SimulationError",),
-    "cutjoint.stepping.simulation": ("Simulation",),
-    "cutjoint.stepping.values": (
-        "EventSensitivities", "EigenvalueSensitivities", "StateSensitivities", "AdjointSensitivities", "ForwardSensitivities",
-        "StepDerivatives",
-    ),
-    "cutjoint.stepping.state_space": ("FrequencyResponse", "SampledStateSpace", "StateSpace"),
-    "cutjoint.stepping.vibration": ("RandomVibration", "random_vibration"),
-    "cutjoint.sweeps.run": ("Sweep", "sweep"),
-    "cutjoint.fits.fit": ("Fit", "fit"),
-    "cutjoint.topology.build": ("build_topology",),
-    "cutjoint.topology.reading": ("read_model", "read_model_text"),
-    "cutjoint.topology.spanning_tree": ("TopologyError",),
-    "cutjoint.view.views": ("write_view",),
-}
+    "analysis.inertia": "NoInertiaError", "analysis.mobility": "GuideError", "compile.pipeline": "compile_model", "fits.fit": "Fit fit",
+    "model.errors": "ModelError", "package.errors": "CutjointError EquationsError MissingToolsError RunError ToolchainError",
+    "package.extensions": "MissingPackageError", "program.blocks": "ConstantError",
+    "run.failures": "FailedBatchError FailedRunError IncompleteError", "run.outputs": "OutputError", "run.simulator": "SimulatorError",
+    "sparse.plan": "MissingLibraryError", "stepping.handle": "SimulationError", "stepping.load": "load",
+    "stepping.response": "find_linear_model", "stepping.rollout": "rollout", "stepping.simulation": "Simulation",
+    "stepping.state_space": "FrequencyResponse SampledStateSpace StateSpace",
+    "stepping.values": "EventSensitivities EigenvalueSensitivities StateSensitivities AdjointSensitivities ForwardSensitivities "
+    "StepDerivatives",
+    "stepping.vibration": "RandomVibration random_vibration", "sweeps.run": "Sweep sweep",
+    "tasks.batch": "compile_batch simulate simulate_batch", "tasks.inverse": "inverse_dynamics",
+    "tasks.kinematics.sweep": "find_compliance find_kinematics", "tasks.realtime": "FailedRealTimeError run_in_real_time",
+    "tasks.states": "NoEquilibriumError find_equilibrium find_initial_state find_modes find_trim", "topology.build": "build_topology",
+    "topology.reading": "read_model read_model_text", "topology.spanning_tree": "TopologyError", "view.views": "write_view",
+}  # fmt: skip
 
 
 if not TYPE_CHECKING:
@@ -119,8 +101,8 @@ if not TYPE_CHECKING:
         if name in NAMES:
             return __getattr__(renamed(name, NAMES))
         for home, names in _HOMES.items():
-            if name in names:
-                found = getattr(import_module(home), name)
+            if name in names.split():
+                found = getattr(import_module(f"cutjoint.{home}"), name)
                 if isinstance(found, FunctionType):
                     found = accept_old_names(found)
                     found.__module__ = __name__

@@ -293,7 +293,7 @@ def test_rounding_of_what_is_zero_by_symmetry_falls_no_further(size: float, conv
         units = {"far": "m", "across": "m"}
         return Trajectory(t=t, columns=columns, units=units, steps=1, evaluations=1, seconds=0.0, undetermined=(), failure=None)
 
-    assert compare(run(0), run, remaining=0.25).estimate.converged is converged
+    assert compare(run(0), run, remaining=0.25)[0].converged is converged
 
 
 def test_runs_that_agree_by_chance_do_not_promise_much() -> None:
@@ -361,7 +361,7 @@ def test_outputs_that_are_far_off_are_named_beside_places_that_have_converged() 
     t = np.linspace(0, 1, 11)
     place, force = np.sin(t), 100 * np.sin(t)
     runs = {n: replace(_RUN, t=t, columns=Columns({"b.x": place + 1e-9 * 4**-n, "s.force": force + 40 * 4.0**-n})) for n in (-1, 0, 1)}
-    estimate = compare(runs[0], runs.get, remaining=0.25).estimate
+    estimate = compare(runs[0], runs.get, remaining=0.25)[0]
     assert estimate.converged
     assert estimate.rough == ("s.force",)
     console = Console(width=300)
@@ -402,7 +402,7 @@ def test_a_rate_that_is_far_off_is_named_beside_places_that_have_converged(share
         n: replace(_RUN, t=t, units=units, columns=Columns({"b.x": place + 1e-9 * 4.0**-n, "b.vx": rate * (1 + share * 4.0**-n)}))
         for n in (-1, 0, 1)
     }
-    assert compare(runs[0], runs.get, remaining=0.25).estimate.rough == (("b.vx",) if share > 0.1 else ())
+    assert compare(runs[0], runs.get, remaining=0.25)[0].rough == (("b.vx",) if share > 0.1 else ())
 
 
 @pytest.mark.parametrize(("size", "converged"), [(5e-4, False), (5e-6, True)])
@@ -410,7 +410,7 @@ def test_differences_that_fall_no_further_are_small_below_a_hundred_thousandth(s
     """Runs with finer and finer steps that go to and fro by so much of what the output reaches."""
     t = np.linspace(0, 1, 11)
     runs = {n: replace(_RUN, t=t, columns=Columns({"b.x": np.sin(t) + size * (n % 2)})) for n in (-1, 0, 1)}
-    assert compare(runs[0], runs.get, remaining=0.25).estimate.converged is converged
+    assert compare(runs[0], runs.get, remaining=0.25)[0].converged is converged
 
 
 _RUN = Trajectory(
@@ -455,7 +455,7 @@ def test_a_run_whose_finer_ones_come_to_no_end_has_an_estimate(numerics: str) ->
 
 def test_where_no_other_run_comes_to_its_end_the_words_say_so() -> None:
     run = simulate(_held(HELD.replace("NUMERICS", "{penalty: 1.0e+9, dt: 5 ms, solver_tolerance: 1.0e-8}"), "fall"), error=False)
-    estimate = compare(run, lambda times: None, remaining=0.25).estimate
+    estimate = compare(run, lambda times: None, remaining=0.25)[0]
     console = Console(width=200)
     with console.capture() as said:
         console.print(error_facts(estimate))

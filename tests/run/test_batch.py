@@ -272,12 +272,12 @@ def test_a_motion_without_mass_is_refused_as_in_a_single_run() -> None:
         ("load,speed\n", "cases.csv: no runs"),
         ("load,sped\n1,2\n", "cases.csv:1: model 'quarter' has no parameter 'sped'; did you mean 'speed'?"),
         ("load,load\n1,2\n", "cases.csv:1: parameter 'load' stands above two columns"),
-        ("load,speed\n1,2\n\n3\n", "cases.csv:4: 1 value for 2 parameters"),
-        ("load,speed\n1,fast\n", "cases.csv:2: parameter 'speed': 'fast' is not a finite number"),
-        ("load,speed\n1,inf\n", "cases.csv:2: parameter 'speed': 'inf' is not a finite number"),
-        ("load,speed\n1,1_0\n", "cases.csv:2: parameter 'speed': '1_0' is not a finite number"),
+        ("load,speed\n1,2\n\n3\n", "cases.csv:4: 1 value for 2 columns"),
+        ("load,speed\n1,fast\n", "cases.csv:2: column 'speed': 'fast' is not a finite number"),
+        ("load,speed\n1,inf\n", "cases.csv:2: column 'speed': 'inf' is not a finite number"),
+        ("load,speed\n1,1_0\n", "cases.csv:2: column 'speed': '1_0' is not a finite number"),
         ("load,\n1,\n", "cases.csv:1: column 2 has no name"),
-        ("\n\nload,speed\n1\n", "cases.csv:4: 1 value for 2 parameters"),
+        ("\n\nload,speed\n1\n", "cases.csv:4: 1 value for 2 columns"),
     ],
 )
 def test_wrong_tables_are_refused_with_their_place(text: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -63,7 +63,7 @@ def run(tmp_path: Path, settings: str = "", *options: str) -> tuple[str, np.ndar
 @needs_cpp
 @pytest.mark.usefixtures("slow")
 def test_the_implicit_integrator_takes_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutjoint.commands.simulate._is_watched", lambda: True)
+    monkeypatch.setattr("cutjoint.commands.options.is_watched", lambda: True)
     said, rows = run(tmp_path)
     assert "after 10 s at t = 0.01 s of 0.4 s, 1000 steps by dormand-prince, limited by stability, not accuracy" in said
     assert "switched to: the method recursive-newton" in said

@@ -137,8 +137,8 @@ def test_wrong_cells(tmp_path: Path) -> None:
         read_study(study(tmp_path, parameters=None, rates=None, design={"csv": "runs.csv"}))
     table = tmp_path / "runs.csv"
     said = str(raised.value)
-    assert f"{table}:4: stiffness: 'one' is not a finite number; write a plain number in SI units" in said
-    assert f"{table}:5: 2 values for 1 name; write one for each" in said
+    assert f"{table}:4: column 'stiffness': 'one' is not a finite number; write a plain number in SI units" in said
+    assert f"{table}:5: 2 values for 1 column; write values of stiffness" in said
 
 
 def test_no_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -66,13 +66,13 @@ def _run(
         )  # fmt: skip
     console = options.message_console(out)
     console.print(batch_facts(artifact, done))
-    console.print(f"results: {out}, {plural(len(cases), 'run')}", markup=False)
+    console.print(f"results: {out}, {plural(len(cases), 'run')}")
     return done
 
 
 def _report_failures(done: Batch, cases: Path, out: Path) -> None:
     for failure in describe_failures(done):
-        options.err.print(f"{cases}: {failure}", markup=False)
+        options.err.print(f"{cases}: {failure}")
     if failed := count_failures(done):
-        options.err.print(f"{failed}; column 'run.failure' of {out} says how", markup=False)
+        options.err.print(f"{failed}; column 'run.failure' of {out} says how")
         raise SystemExit(1)

@@ -24,9 +24,7 @@ from cutjoint.topology.search import rank_cuts
 
 
 @table.command("check")
-def command(
-    model: Path, scene: str | None, tunable: tuple[str, ...], assemblies: bool, view: Path | None, proof: Path | None
-) -> None:  # fmt: skip
+def command(model: Path, scene: str | None, tunable: tuple[str, ...], assemblies: bool, view: Path | None, proof: Path | None) -> None:
     """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
     require_apart({"the model": model}, documents=[("--view", view), ("--proof", proof)])
     with options.progress_bar(f"reading {model.name}"):
@@ -51,7 +49,7 @@ def command(
         with options.progress_bar(f"closing loops of {model.name}"):
             outcome = embed_loops(checked, chosen, measure=True)
         for note in (*outcome.done, *outcome.left):
-            options.out.print(str(note), markup=False)
+            options.out.print(str(note))
         if proof is not None:
             _prove(outcome.model, proof)
     if topology.closing:
@@ -59,43 +57,37 @@ def command(
         if redundancy.structural or redundancy.momentary:
             options.out.print(tables.redundancy_table(redundancy, checked))
         if indeterminate := find_indeterminate(topology, chosen, reaction_outputs(checked)):
-            options.out.print(tables.indeterminate_reactions(indeterminate), markup=False)
-    for words in describe_guide_jumps(topology.model, chosen, accuracy_of(chosen)):
-        options.out.print(words, markup=False)
-    for motion in find_momentary_motions(equations, poses):
-        options.out.print(describe_momentary(checked, motion), markup=False)
+            options.out.print(tables.indeterminate_reactions(indeterminate))
+    momentary = [describe_momentary(checked, motion) for motion in find_momentary_motions(equations, poses)]
+    for words in (*describe_guide_jumps(topology.model, chosen, accuracy_of(chosen)), *momentary):
+        options.out.print(words)
     misfit = mend_misfit(equations, accuracy_of(chosen))[0]
     if misfit and not (skew and misfit.endswith(skew)):
-        options.out.print(misfit, markup=False)
+        options.out.print(misfit)
     if shaky := find_shakiness(equations):
-        options.out.print(describe_shakiness(equations, shaky), markup=False)
+        options.out.print(describe_shakiness(equations, shaky))
     if topology.loops:
-        options.out.print(tables.cut_choices(rate_choices(topology, rank_cuts(topology)), mobility.redundant), markup=False)
+        options.out.print(tables.cut_choices(rate_choices(topology, rank_cuts(topology)), mobility.redundant))
     if assemblies:
         from cutjoint.run.run_file import find_assemblies
 
         with options.progress_bar(f"assemblies of {model.name}"):
             lines = tables.assembly_lines(find_assemblies(checked, chosen))
         for line in lines:
-            options.out.print(line, markup=False, soft_wrap=True)
+            options.out.print(line, soft_wrap=True)
     options.out.print(tables.legend(with_loops=bool(topology.loops)))
     if is_foreign(model):
-        words = f"lines of {name_of(model).name} are those of the model file that 'cutjoint import {model.name}' writes"
-        options.out.print(words, markup=False)
-    options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)
+        options.out.print(f"lines of {name_of(model).name} are those of the model file that 'cutjoint import {model.name}' writes")
+    options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}")
     if view is not None:
         from cutjoint.view.graph import draw_graph
         from cutjoint.view.states import find_notes, show_directions
-        from cutjoint.view.views import write_shown
 
-        with options.progress_bar(f"drawing {model.name}"):
-            notes = find_notes(equations, poses)
-            write_shown(view, show_directions(checked, chosen, equations, poses[0], draw_graph(topology, facts, notes)))
-        options.message_console(view).print(f"view: {view}", markup=False)
+        graph = draw_graph(topology, facts, find_notes(equations, poses))
+        options.write_view(view, model.name, lambda: show_directions(checked, chosen, equations, poses[0], graph))
 
 
 def _prove(model: Model, file: Path) -> None:
-    """Print the proofs of embedded loops, and write the certificate."""
     from cutjoint.analysis.embedding.proof import certificate_of, prove_loops
     from cutjoint.toolchain.build import write_text
 
@@ -104,6 +96,6 @@ def _prove(model: Model, file: Path) -> None:
     with options.progress_bar(f"proving loops of {model.name}"):
         proofs = prove_loops(model)
     for proof in proofs:
-        options.out.print(str(proof), markup=False)
+        options.out.print(str(proof))
     write_text(file, certificate_of(model, proofs))
-    options.out.print(f"certificate: {file}; check it with python -m cutjoint.analysis.embedding.certificate {file}", markup=False)
+    options.out.print(f"certificate: {file}; check it with python -m cutjoint.analysis.embedding.certificate {file}")

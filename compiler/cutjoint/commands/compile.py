@@ -42,8 +42,7 @@ def _refuse_dt(ctx: click.Context, param: click.Parameter, value: str | None) ->
 def command(
     model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, adjoint: bool, poses: bool,
     external_wrenches: tuple[str, ...], terrain: tuple[str, ...], tunable: tuple[str, ...], functions: Path | None, hosted: bool,
-    target: str,
-    reproducible: bool, language: str, iterations: int | None, precision: str,
+    target: str, reproducible: bool, language: str, iterations: int | None, precision: str,
 ) -> None:  # fmt: skip
     """Generate and compile the C++ of MODEL for one scene, or write it as C99."""
     if language == C99:
@@ -59,15 +58,13 @@ def command(
     with options.progress_bar(f"compiling {model.name}"):
         read = read_model(model, tunable=tunable, functions=functions)
         read = leave_to_host(read) if hosted else read
-        if language == C99:
+        if language == C99 or target == WASM:
             stepped = with_inputs(read, external_wrenches=external_wrenches, terrain=terrain)
-            options.out.print(_write_c99(stepped, scene, method, out, integrator, iterations, precision), markup=False)
-            _print_start(*find_case(stepped, scene))
-            return
-        if target == WASM:
-            stepped = with_inputs(read, external_wrenches=external_wrenches, terrain=terrain)
-            said = _write_module(stepped, scene, method, out, integrator, linearise=linearise, adjoint=adjoint, poses=poses)
-            options.out.print(said, markup=False)
+            if language == C99:
+                said = _write_c99(stepped, scene, method, out, integrator, iterations, precision)
+            else:
+                said = _write_module(stepped, scene, method, out, integrator, linearise=linearise, adjoint=adjoint, poses=poses)
+            options.out.print(said)
             _print_start(*find_case(stepped, scene))
             return
         artifact = compile_model(
@@ -76,22 +73,21 @@ def command(
         )  # fmt: skip
         price = _tunable_cost(artifact, model) if tunable else ""
     operations = artifact.program.operations(artifact.iteration)
-    options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}", markup=False)
+    options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}")
     _print_start(artifact.topology.model, artifact.scene)
     if frozen := describe_frozen(freeze_start_parameters(artifact.topology.model, artifact.scene)):
-        options.out.print(f"interface {frozen}", markup=False)
+        options.out.print(f"interface {frozen}")
 
 
 def _print_start(model: Model, scene: Scene) -> None:
     """Print what the scene's trim finds, with which exported code starts."""
     if scene.trim is not None:
         (_, found), *_ = trim_facts(find_trim(model, scene, {})[2])
-        options.out.print(f"the start is trimmed once, with the parameters of the file: {found}", markup=False)
+        options.out.print(f"the start is trimmed once, with the parameters of the file: {found}")
 
 
 def _write_module(
-    model: Model, scene: str | None, method: str, folder: Path, integrator: str | None, *, linearise: bool, adjoint: bool,
-    poses: bool,
+    model: Model, scene: str | None, method: str, folder: Path, integrator: str | None, *, linearise: bool, adjoint: bool, poses: bool
 ) -> str:  # fmt: skip
     """Write the folder with its module of WebAssembly; what was written, in words."""
     require_zig()
@@ -121,14 +117,12 @@ def _write_c99(
 
 
 def _sizes(artifact: Artifact, folder: Path) -> str:
-    """The memory and stack size of a simulation, as the exported program reports them."""
     program = (folder / simulator_of(artifact.topology.model.name)).resolve()
     said = subprocess.run([program, "--sizes"], capture_output=True, text=True, check=False)
     return f"; a simulation takes {said.stdout.strip()}" if said.returncode == 0 else ""
 
 
 def _tunable_cost(artifact: Artifact, path: Path) -> str:
-    """The cost of tunable constants, in words."""
     plain = replace(read_model(path), code=artifact.model.code)
     case, scene = find_case(plain, artifact.scene.name)
     _, program, _ = generate(case, scene, artifact.scene.outputs, method=artifact.method)

@@ -47,16 +47,14 @@ def command(
         seconds = CALL_LIMIT if limit is None else limit
         controllers = [opened_fmus.enter_context(open_controller(fmu, seconds)) for fmu in system.fmus]
         connected = connect(controllers, read, chosen, system.named, is_whole=system.is_whole)
-        parties = [
-            Participant(fmu=fmu, connections=ports, step=_step(fmu, communication))
-            for fmu, ports in zip(controllers, connected, strict=True)
-        ]  # fmt: skip
+        pairs = zip(controllers, connected, strict=True)
+        parties = [Participant(fmu=fmu, connections=ports, step=_step(fmu, communication)) for fmu, ports in pairs]
         plan = _plan(requested, read, chosen, by, parameters, parties)
         try:
             with options.progress_bar(f"running {chosen.name}") as progress:
                 run = co_simulate(plan, out=out, progress=progress, estimate=error)
         except SimulationError as failure:
-            options.err.print(f"{model}: scene '{chosen.name}': {options.describe_error(failure)}", markup=False)
+            options.err.print(f"{model}: scene '{chosen.name}': {options.describe_error(failure)}")
             raise SystemExit(1) from None
         _report(plan, read, chosen, run, out, error)
         faults = [fault for fmu in controllers if (fault := fmu.fault)]
@@ -64,15 +62,14 @@ def command(
         from cutjoint.view.views import show_run, write_shown
 
         shown = show_run(read, replace(chosen, end=plan.end), by, parameters, run)
-        options.message_console(out).print(f"view: {write_shown(view, shown)}", markup=False)
+        options.message_console(out).print(f"view: {write_shown(view, shown)}")
     if plots is not None:
         from cutjoint.report.plots import plot_run
 
-        console = options.message_console(out)
         pictures = plot_run(run, f"{read.name}, {chosen.name}", plots, chosen.plots)
-        console.print(f"plots: {', '.join(map(str, pictures))}", markup=False)
+        options.message_console(out).print(f"plots: {', '.join(map(str, pictures))}")
     if faults:
-        options.err.print("\n".join(f"{fault}; the table is whole" for fault in faults), markup=False)
+        options.err.print("\n".join(f"{fault}; the table is whole" for fault in faults))
         raise SystemExit(1)
 
 
@@ -93,8 +90,8 @@ def _plan(
         raise RunError(f"--iterations: only {describe_steps(lambda s: s.is_iterated)} has them")
     return Plan(
         simulation=simulation, parties=tuple(parties), end=scene.end if requested.end is None else requested.end,
-        output_step=scene.output_step,
-        dt=settings.step if requested.dt is None else requested.dt, iterations=requested.iterations, parameters=parameters,
+        output_step=scene.output_step, iterations=requested.iterations, parameters=parameters,
+        dt=settings.step if requested.dt is None else requested.dt,
         tolerance=(settings.tolerance if requested.tolerance is None else requested.tolerance) if steps.adaptive else None,
     )  # fmt: skip
 
@@ -144,7 +141,7 @@ def _report(plan: Plan, model: Model, scene: Scene, run: Trajectory, out: Path, 
     if error:
         console.print(tables.error_facts(run.error))
     write_error(out, run.error if error else None, Implementation.GENERATED)
-    console.print(f"results: {out}, {plural(len(run.columns), 'column')}, {plural(run.t.size, 'row')}", markup=False)
+    console.print(f"results: {out}, {plural(len(run.columns), 'column')}, {plural(run.t.size, 'row')}")
 
 
 def _facts(plan: Plan, model: Model, run: Trajectory) -> list[tuple[str, str]]:

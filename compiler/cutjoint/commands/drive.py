@@ -36,7 +36,7 @@ def command(
         with options.progress_bar(f"compiling {model.name}"):
             table = replay_drive(checked, chosen, replay, method=method)
         write_table(out, table.units, table.text)
-        options.message_console(out).print(f"replay: {out}, {plural(len(table.rows), 'row')}", markup=False)
+        options.message_console(out).print(f"replay: {out}, {plural(len(table.rows), 'row')}")
         return
     with options.progress_bar(f"compiling {model.name}"):
         own = {"--method": None if method == DEFAULT_METHOD else method, "--loops": loops, "--functions": functions}
@@ -46,15 +46,11 @@ def command(
         drive = make_drive(checked, chosen, parameters, method=method, dt=dt, roles=roles, ranges=ends, more=more)
         page = drive_page(checked, chosen, parameters, drive)
     write_whole(out, page)
-    options.message_console(out).print(f"drive: {out}, {len(page) / 1e6:.1f} MB", markup=False)
+    options.message_console(out).print(f"drive: {out}, {len(page) / 1e6:.1f} MB")
 
 
 def _read_ends(option: str, text: str, count: int) -> Ends:
-    """The ends of NAME, NAME=HIGH or NAME=LOW,HIGH.
-
-    Raises:
-        RunError: the number of values differs, or one is not a number.
-    """
+    """The ends of NAME, NAME=HIGH or NAME=LOW,HIGH, of as many numbers as ``count`` or none."""
     name, _, said = text.partition("=")
     values = [options.read_parameters((f"{name}={each.strip()}",), option)[name] for each in said.split(",")] if said else []
     if len(values) not in (0, count):

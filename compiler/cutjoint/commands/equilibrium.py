@@ -31,16 +31,13 @@ def command(
     if inner:
         options.out.print(f"not printed: {len(inner)} states and signals of library elements; --verbose prints them")
     for name, value in [*locking_force_facts(found.locking_forces), *(trim_facts(found.trim) if found.trim is not None else ())]:
-        options.out.print(f"{name}: {value}", markup=False)
+        options.out.print(f"{name}: {value}")
     if free := [name for name in found.neutral if name not in inner]:
-        options.out.print(f"neutral, in equilibrium at other values too: {', '.join(free)}", markup=False)
+        options.out.print(f"neutral, in equilibrium at other values too: {', '.join(free)}")
     if stability:
         with options.progress_bar(f"linearising {model.name}"):
-            options.out.print(describe_stability(find_scene_modes(checked, chosen, parameters=parameters)), markup=False)
+            options.out.print(describe_stability(find_scene_modes(checked, chosen, parameters=parameters)))
     if view is not None:
         from cutjoint.view.states import show_equilibrium
-        from cutjoint.view.views import write_shown
 
-        with options.progress_bar(f"drawing {model.name}"):
-            write_shown(view, show_equilibrium(checked, chosen, parameters, found))
-        options.message_console(view).print(f"view: {view}", markup=False)
+        options.write_view(view, model.name, lambda: show_equilibrium(checked, chosen, parameters, found))

@@ -24,6 +24,11 @@ from cutjoint.run.scenes import find_case
 from cutjoint.topology.reading import read_model
 from cutjoint.view.graph import picture_graph
 
+#: Formats of robots: the endings of their files' names, and their writers.
+ROBOTS = {table.URDF: (".urdf", write_urdf), table.MJCF: (".xml", write_mjcf)}
+#: The optional contents of an FMU, by their options: sources, a binary.
+CONTENTS = {"sources": (True, False), "binary": (False, True), "both": (True, True)}
+
 
 @table.command("export")
 def command(
@@ -39,17 +44,17 @@ def command(
             raise click.UsageError(f"{option} does not apply to --to fmu: it has all parameters, set by its host, and the scene's outputs")
         checked = with_link_masses(read_model(model, tunable=tunable, functions=functions), options.read_masses(links))
         export_fmu(
-            with_inputs(checked, external_wrenches=external_wrenches, terrain=terrain), scene, model, version=int(fmi or "2"), kind=kind
-            or "cs",
-            content=content or "both", method=method or DEFAULT_METHOD, integrator=integrator, out=out, platforms=platforms,
-            target=target, poses=poses,
+            with_inputs(checked, external_wrenches=external_wrenches, terrain=terrain), scene, model, version=int(fmi or "2"),
+            kind=kind or "cs", content=content or "both", method=method or DEFAULT_METHOD, integrator=integrator, out=out,
+            platforms=platforms, target=target, poses=poses,
         )  # fmt: skip
         return
-    require_fmu(
-        peer, fmi=fmi, kind=kind, method=method, integrator=integrator, platform=platforms or None, target=target,
-        poses=poses or None, external_wrench=external_wrenches or None, terrain=terrain or None, functions=functions,
-        **({} if content is None else {content: True}),
-    )  # fmt: skip
+    for_fmu = {
+        "fmi": fmi, "kind": kind, "method": method, "integrator": integrator, "platform": platforms, "target": target, "poses": poses,
+        "external-wrench": external_wrenches, "terrain": terrain, "functions": functions, content: content,
+    }  # fmt: skip
+    if wrong := [name for name, value in for_fmu.items() if value]:
+        raise click.UsageError(f"--{wrong[0]} is for --to fmu, not for --to {peer}")
     if peer in ROBOTS:
         if requested or scene:
             raise click.UsageError(f"--{'output' if requested else 'scene'} is not for --to {peer}, which exports the mechanism only")
@@ -67,19 +72,15 @@ def command(
     require_apart({"the model": model}, documents=[(f"--out {out}: file", out / name) for name in exported.files])
     write_files(out, exported.files)
     for sentence in exported.differences:
-        options.out.print(sentence, markup=False)
+        options.out.print(sentence)
     if left_out := [o.column for o in chosen.outputs if not requested and o not in outputs]:
-        options.out.print(f"outputs left out: {', '.join(left_out)}", markup=False)
-    options.out.print(f"{', '.join(exported.files)} in {out}; the first of them says how to run it", markup=False)
+        options.out.print(f"outputs left out: {', '.join(left_out)}")
+    options.out.print(f"{', '.join(exported.files)} in {out}; the first of them says how to run it")
 
 
 def _output(model: Model, name: str) -> Output:
     element, _, quantity = name.rpartition(".")
     return Output(element=element, quantity=quantity, span=model.span)
-
-
-#: Formats of robots: the endings of their files' names, and their writers.
-ROBOTS = {table.URDF: (".urdf", write_urdf), table.MJCF: (".xml", write_mjcf)}
 
 
 def export_robot(model: Model, parameters: Mapping[str, float], path: Path, kind: str, out: Path) -> None:
@@ -96,12 +97,8 @@ def export_robot(model: Model, parameters: Mapping[str, float], path: Path, kind
     text, left_out = write(model, parameter_values(model, parameters))
     write_whole(out, text)
     for sentence in left_out:
-        options.out.print(sentence, markup=False)
-    options.out.print(f"{plural(len(model.bodies), 'body', 'bodies')}, {plural(len(model.joints), 'joint')} in {out}", markup=False)
-
-
-#: The optional contents of an FMU, by their options: sources, a binary.
-CONTENTS = {"sources": (True, False), "binary": (False, True), "both": (True, True)}
+        options.out.print(sentence)
+    options.out.print(f"{plural(len(model.bodies), 'body', 'bodies')}, {plural(len(model.joints), 'joint')} in {out}")
 
 
 def export_fmu(
@@ -128,23 +125,11 @@ def export_fmu(
     variables = fmu.interface.variables
     inputs, outputs = ([v.name for v in variables if v.causality == kind] for kind in ("input", "output"))
     ports = f"{plural(len(inputs), 'input')}, {plural(len(outputs), 'output')}"
-    options.out.print(f"FMI {version} {_describe(fmu)}; {ports} in {out}", markup=False)
+    options.out.print(f"FMI {version} {_describe(fmu)}; {ports} in {out}")
 
 
 def _describe(fmu: Fmu) -> str:
-    """The purpose of an FMU in words."""
     simulates, exchanges = KINDS[fmu.subject.kind]
     steps = [f"co-simulation by {fmu.standalone.settings}"] * simulates
     frozen = [words] if (words := describe_frozen(fmu.topology.model)) else []
     return "; ".join([*steps, *frozen, *[f"model exchange, {plural(len(fmu.interface.states), 'state')}"] * exchanges])
-
-
-def require_fmu(peer: str, **fmu_options: object) -> None:
-    """Check that options that only FMUs have are given with them alone.
-
-    Raises:
-        UsageError: one is given for another simulator.
-    """
-    wrong = [name for name, value in fmu_options.items() if value is not None]
-    if wrong:
-        raise click.UsageError(f"--{wrong[0]} is for --to fmu, not for --to {peer}")

@@ -20,7 +20,7 @@ def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Pat
 
     out = Path(f"{fit_study.stem}.json") if out is None else out
     require_apart({"the study": fit_study}, documents=[("--out", out), ("--model", model_out), ("--view", view)])
-    found = fit(fit_study, note=lambda text: options.err.print(text, markup=False))
+    found = fit(fit_study, note=lambda text: options.err.print(text))
     write_whole(out, as_json(found))
     parameters = (
         (name, unit, f"{start:.6g}", f"{value:.8g}", f"{low:.6g} to {high:.6g}")
@@ -38,11 +38,11 @@ def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Pat
     for number, model in enumerate({e.model.span.file: e.model for e in found.study.experiments}.values()):
         if model_out is not None:
             path = model_out if not number else model_out.with_name(f"{model_out.stem}-{number + 1}{model_out.suffix}")
-            options.out.print(f"model: {write_whole(path, rewrite_model(model, found.numbers))}", markup=False)
+            options.out.print(f"model: {write_whole(path, rewrite_model(model, found.numbers))}")
     if view is not None:
-        options.out.print(f"view: {write_whole(view, make_page(found))}", markup=False)
-    options.out.print(f"verdict: {found.verdict}, {found.iterations} iterations, {found.runs} runs; results: {out}", markup=False)
+        options.out.print(f"view: {write_whole(view, make_page(found))}")
+    options.out.print(f"verdict: {found.verdict}, {found.iterations} iterations, {found.runs} runs; results: {out}")
     for fault, words in found.faults.items():
-        options.out.print(f"  {fault}: {words}", markup=False)
+        options.out.print(f"  {fault}: {words}")
     if found.status:
         raise SystemExit(found.status)

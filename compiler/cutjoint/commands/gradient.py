@@ -56,9 +56,7 @@ def command(
             raise RunError(f"--output: '{name}' is not among the scene's outputs; {nearest(name, columns, 'there is')}")
     with options.progress_bar(f"compiling {model.name}"):
         many = (len(by) or sum(p.binding is not Binding.CONST for p in read.parameters)) > (len(requested) or len(chosen.outputs))
-        sim = load_scene(
-            read, chosen, method=method, integrator=integrator, linearise=True, adjoint=many and objective in OBJECTIVES
-        )  # fmt: skip
+        sim = load_scene(read, chosen, method=method, integrator=integrator, linearise=True, adjoint=many and objective in OBJECTIVES)
     sim.parameters.update({name: value for name, value in numbers.items() if name in sim.parameters})
     for name in values:
         if name in sim.inputs:
@@ -79,14 +77,12 @@ def command(
     if objective not in ("equilibrium", "start") and (idle := [
         name for name, row in zip(names, found.derivatives.T, strict=True) if name in sim.parameters and not row.any()
     ]):  # fmt: skip
-        options.out.print(f"zero derivatives by {', '.join(idle)}; use --objective start for parameters of the initial state", markup=False)
+        options.out.print(f"zero derivatives by {', '.join(idle)}; use --objective start for parameters of the initial state")
     if check:
         names, derivatives = _without_driven_inputs(sim, names, found.derivatives)
         sim.restore(start)
         begins_anew = from_equilibrium or objective in ("equilibrium", "start") or (objective == "modes" and chosen.pose == "equilibrium")
-        _print_deviation(
-            _error(sim, lambda name, value: _trajectory(run, None if begins_anew else start, name, value), names, derivatives)
-        )  # fmt: skip
+        _print_deviation(_error(sim, lambda name, value: _trajectory(run, None if begins_anew else start, name, value), names, derivatives))
 
 
 def _require_numbers(path: Path, model: Model, by: Sequence[str]) -> None:
@@ -133,7 +129,7 @@ def _print_trim(
 
 
 def _print_deviation(share: float) -> None:
-    options.out.print(f"largest deviation from finite differences: {share:.1e} of the largest derivative", markup=False)
+    options.out.print(f"largest deviation from finite differences: {share:.1e} of the largest derivative")
 
 
 @dataclass(frozen=True)
@@ -213,7 +209,6 @@ class _Run:
 
 
 def _count_steps(sim: Simulation, end: float, output_step: float) -> tuple[int, int]:
-    """The number of steps up to a time, and between two samples."""
     every = max(1, round(output_step / sim.settings.step))
     return every * max(1, round((end - sim.time) / sim.settings.step / every)), every
 
@@ -222,7 +217,7 @@ def _without_driven_inputs(sim: Simulation, names: Sequence[str], derivatives: A
     """Names and their derivatives, without inputs that follow the scene: finite differences would freeze them."""
     driven = [name for name in names if name in sim.inputs and np.isnan(sim.inputs[name])]
     if driven:
-        options.out.print(f"not compared with finite differences: {', '.join(driven)} (prescribed by the scene)", markup=False)
+        options.out.print(f"not compared with finite differences: {', '.join(driven)} (prescribed by the scene)")
     kept = [i for i, name in enumerate(names) if name not in driven]
     return [names[i] for i in kept], derivatives[:, kept]
 

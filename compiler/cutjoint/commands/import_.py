@@ -30,7 +30,7 @@ def command(file: Path, base: str, name: str, folder: Path | None, out: Path | N
     write_whole(out, imported.text)
     console = options.message_console(out)
     for note in imported.notes:
-        console.print(f"{note[0].upper()}{note[1:]}.", markup=False)
+        console.print(f"{note[0].upper()}{note[1:]}.")
     if imported.left_out:
-        console.print("left out: " + ", ".join(f"{tag} ({count})" for tag, count in sorted(imported.left_out.items())), markup=False)
-    console.print(f"model: {out}", markup=False)
+        console.print("left out: " + ", ".join(f"{tag} ({count})" for tag, count in sorted(imported.left_out.items())))
+    console.print(f"model: {out}")

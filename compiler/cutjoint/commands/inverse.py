@@ -24,6 +24,6 @@ def command(
     console = options.message_console(out)
     console.print(drive_table(found))
     if found.redundant:
-        console.print("more drives than degrees of freedom: the forces of minimum norm are given", markup=False)
+        console.print("more drives than degrees of freedom: the forces of minimum norm are given")
     if out is not None:
-        console.print(f"results: {write_drives(found, out)}", markup=False)
+        console.print(f"results: {write_drives(found, out)}")

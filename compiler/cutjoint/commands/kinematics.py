@@ -13,8 +13,7 @@ from cutjoint.topology.reading import read_model
 @table.command("kinematics")
 def command(
     model: Path, axle: str | None, travel: float, steer_travel: float | None, points: int, steer: str | None, radius: float | None,
-    share: float,
-    compliance: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None, plots: Path | None,
+    share: float, compliance: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None, plots: Path | None,
 ) -> None:  # fmt: skip
     """Move the wheels of an axle of MODEL up and down and steer them; print camber, toe, steering axis, roll centre and ratios."""
     require_apart({"the model": model}, tables={"--out": out}, plots=plots)
@@ -30,7 +29,7 @@ def command(
         for made in compliance_tables(loaded):
             console.print(made)
         if out is not None:
-            console.print(f"results: {write_compliance(loaded, out)}", markup=False)
+            console.print(f"results: {write_compliance(loaded, out)}")
         return
     if plots is not None:
         require_folder(plots)
@@ -43,7 +42,7 @@ def command(
     for made in kinematics_tables(found):
         console.print(made)
     if out is not None:
-        console.print(f"results: {write_kinematics(found, out)}", markup=False)
+        console.print(f"results: {write_kinematics(found, out)}")
     if plots is not None:
         pictures = plot_kinematics(found, f"{model.stem}, axle {found.axle.name}", plots)
-        console.print(f"plots: {', '.join(map(str, pictures))}", markup=False)
+        console.print(f"plots: {', '.join(map(str, pictures))}")

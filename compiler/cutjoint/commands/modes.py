@@ -32,8 +32,5 @@ def command(
         write_whole(out, modes_json(found, checked.name, chosen.name))
     if view is not None:
         from cutjoint.view.states import show_modes
-        from cutjoint.view.views import write_shown
 
-        with options.progress_bar(f"drawing {model.name}"):
-            write_shown(view, show_modes(checked, chosen, parameters, found))
-        options.message_console(out, view).print(f"view: {view}", markup=False)
+        options.write_view(view, model.name, lambda: show_modes(checked, chosen, parameters, found), out)

@@ -17,18 +17,19 @@ from rich.text import Text
 
 from cutjoint.model.ranges import fault_of
 from cutjoint.model.text import escaped_lines, is_number, read_number
-from cutjoint.package.errors import CutjointError
+from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.run.outputs import descriptor_of
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Model, Scene
+    from cutjoint.view.views import ViewSpec
 
 
 class _PlainConsole(Console):
-    """Prints texts with their control characters escaped, so that names in files and arguments do not move a terminal."""
+    """Prints texts as they are but for control characters: names in files and arguments do not move a terminal."""
 
-    def print(self, *objects: Any, **how: Any) -> None:
-        super().print(*(escaped_lines(x) if isinstance(x, str) else x for x in objects), **how)
+    def print(self, *objects: Any, markup: bool | None = False, **how: Any) -> None:
+        super().print(*(escaped_lines(x) if isinstance(x, str) else x for x in objects), markup=markup, **how)
 
 
 #: Seconds between two progress lines.
@@ -48,7 +49,7 @@ def reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:
         except (click.ClickException, KeyboardInterrupt, SystemExit):
             raise
         except (CutjointError, OSError) as error:
-            err.print(describe_error(error), markup=False)
+            err.print(describe_error(error))
             raise SystemExit(1) from None
 
     return wrapped
@@ -57,6 +58,11 @@ def reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:
 def describe_error(error: BaseException) -> str:
     """The text of an error, followed by the partial results and where they are."""
     return "\n".join([str(error), *getattr(error, "__notes__", ())])
+
+
+def is_watched() -> bool:
+    """Return whether a person sees what happens: scripts get the same bytes on all machines, however fast, and leave no process behind."""
+    return err.is_terminal
 
 
 def message_console(*outputs: Path | None) -> Console:
@@ -74,7 +80,7 @@ def choose_case(model: "Model", name: str | None) -> "tuple[Model, Scene]":
 
     case, chosen = find_case(model, next(iter(model.scenes), None) if name is None else name)
     if name is None and len(model.scenes) > 1:
-        err.print(f"scene {chosen.name}, the first of {len(model.scenes)}; choose another with --scene", markup=False)
+        err.print(f"scene {chosen.name}, the first of {len(model.scenes)}; choose another with --scene")
     return case, chosen
 
 
@@ -94,6 +100,15 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
 
         with listening(count):
             yield lambda share: bar.update(task, total=1.0, completed=share, end=None)
+
+
+def write_view(view: Path, name: str, show: "Callable[[], ViewSpec]", *outputs: Path | None) -> None:
+    """Write what ``show`` gives of the model of a ``name`` as a page or a glTF file; ``outputs`` are other files of the command."""
+    from cutjoint.view.views import write_shown
+
+    with progress_bar(f"drawing {name}"):
+        write_shown(view, show())
+    message_console(view, *outputs).print(f"view: {view}")
 
 
 @contextmanager
@@ -148,26 +163,18 @@ def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str
         if not fault and name in parameters:
             fault = f"'{name}' is set twice; write one of the two"
         if fault:
-            from cutjoint.package.errors import RunError
-
             raise RunError(f"{option} {change}: {fault}")
         parameters[name] = value
     return parameters
 
 
 def read_masses(links: tuple[str, ...]) -> dict[str, float]:
-    """The masses (kg) of --link-mass by the names of bodies.
-
-    Raises:
-        RunError: as of `read_parameters`, or a mass has another unit.
-    """
+    """The masses (kg) of --link-mass by the names of bodies. Raises RunError: as of `read_parameters`, or a mass has another unit."""
     masses = read_parameters(links, "--link-mass")
+    from cutjoint.model.expressions.units import fault_of_dimension
+
     for name, mass in masses.items():
-        from cutjoint.model.expressions.units import fault_of_dimension
-
         if fault := fault_of_dimension(mass, "kg"):
-            from cutjoint.package.errors import RunError
-
             raise RunError(f"--link-mass {name}: {fault}")
     return masses
 

@@ -33,7 +33,7 @@ def pick_and_run(
     ran = FinishedRun(variant.model, variant.scene, variant.method, parameters, variant.name)
     prepared, run = _execute(request, ran, execute)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
-        options.err.print(f"{run.failure}; repeated with the full model", markup=False)
+        options.err.print(f"{run.failure}; repeated with the full model")
         full = with_loops(replace(scene, numerics=variant.scene.numerics), Loops.EXACT)
         ran = FinishedRun(model, full, variant.method, parameters, "full")
         prepared, run = _execute(request, ran, execute)
@@ -49,7 +49,7 @@ def _accuracy(requested: Options) -> float | None:
     """The requested accuracy; method auto has no other tolerance, and earlier versions called it so."""
     if requested.tolerance is None or requested.accuracy is not None:
         return requested.accuracy
-    options.err.print(f"method auto has no solver tolerance; taken as --accuracy {requested.tolerance:g}", markup=False)
+    options.err.print(f"method auto has no solver tolerance; taken as --accuracy {requested.tolerance:g}")
     return requested.tolerance
 
 
@@ -63,11 +63,7 @@ def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mappin
 
 
 def _require_free_choice(**requested: Any) -> None:
-    """Check that no option sets what method auto chooses.
-
-    Raises:
-        RunError: an option says it.
-    """
+    """Check that no option sets what method auto chooses."""
     usual = {"implementation": (AUTO, Implementation.GENERATED), "precision": (DEFAULT_PRECISION,)}
     for name in (name for name, value in requested.items() if value not in usual.get(name, (None,))):
         raise RunError(f"--{name} cannot be combined with method auto, which chooses it by measurement; use --method")

@@ -98,7 +98,7 @@ def prepare_and_run(
         ToolchainError, SimulatorError: the C++ side failed.
     """
     try:
-        patience = PATIENCE if request.implementation == AUTO and _is_interactive() else inf
+        patience = PATIENCE if request.implementation == AUTO and options.is_watched() else inf
         artifact = compile_request(request, model, scene, method, patience=patience)
     except BuildPending as compiling:
         with suppress(_CompiledFirst):
@@ -112,14 +112,6 @@ def prepare_and_run(
     return prepared, execute(prepared)
 
 
-def _is_interactive() -> bool:
-    """Return whether the output goes to a terminal.
-
-    Scripts get generated code: the bytes of their tables do not depend on the cache, and no process outlives them.
-    """
-    return options.err.is_terminal
-
-
 class _CompiledFirst(Exception):  # noqa: N818 -- no error
     """The compiled code is ready before the interpreted run has ended."""
 
@@ -128,11 +120,7 @@ def _run_meanwhile(
     request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Execute,
     compiling: BuildPending,
 ) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
-    """Interpret the program while it is compiled; nothing is cached, since the next run finds compiled code.
-
-    Raises:
-        _CompiledFirst: it is ready.
-    """
+    """Interpret the program while it is compiled, which ends it; nothing is cached, since the next run finds compiled code."""
 
     def watch() -> None:
         if compiling.background.done:
@@ -218,10 +206,10 @@ def assemble_and_run(
     with options.progress_bar(f"closing loops of {request.model.name}"):
         outcome = embed_loops(model, scene)
     for note in (*outcome.done, *outcome.left):
-        options.err.print(str(note), markup=False)
+        options.err.print(str(note))
     prepared, run = prepare_and_run(request, model, scene, method, parameters, execute)
     if run.failure is not None and run.failure.guards and scene.on_violation != "stop":
-        options.err.print(f"{run.failure}; repeated with the loop equations", markup=False)
+        options.err.print(f"{run.failure}; repeated with the loop equations")
         scene = with_loops(scene, Loops.EXACT)
         prepared, run = prepare_and_run(request, model, scene, method, parameters, execute)
     return prepared, run, FinishedRun(model, scene, method, parameters)

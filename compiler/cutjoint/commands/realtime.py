@@ -33,5 +33,5 @@ def command(
         options.message_console(out).print(made)
     if times.failure is not None:
         where = describe_failure(times.failure, artifact.scene.name, artifact.places, artifact, parameters)
-        options.err.print(f"{where}; the times are of the steps up to then; {describe_rest(times.table)}", markup=False)
+        options.err.print(f"{where}; the times are of the steps up to then; {describe_rest(times.table)}")
         raise SystemExit(1)

@@ -5,7 +5,7 @@ from pathlib import Path
 from cutjoint.commands import options, table
 from cutjoint.reduce.measure import measure_reduced
 from cutjoint.reduce.sequence import reduction_sequence
-from cutjoint.report.tasks import note_lines, reduction_table
+from cutjoint.report.tasks import reduction_table
 from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.run_file import parameter_values
@@ -27,11 +27,9 @@ def command(
         variants = reduction_sequence(checked, driven, method, approximate=approximate)
         costs = measure_reduced(variants, dt=dt, parameters=parameters)
     options.out.print(reduction_table(variants, costs))
-    for line in note_lines(variants[-1]):
-        options.out.print(line, markup=False)
+    for note in (*variants[-1].done, *variants[-1].left):
+        options.out.print(str(note))
     if view is not None:
         from cutjoint.view.states import show_reduction
-        from cutjoint.view.views import write_shown
 
-        write_shown(view, show_reduction(checked, driven, parameters, variants))
-        options.message_console(view).print(f"view: {view}", markup=False)
+        options.write_view(view, model.name, lambda: show_reduction(checked, driven, parameters, variants))

@@ -10,10 +10,8 @@ from cutjoint.methods import AUTO, FORMER_INTEGRATORS
 #: Options that have become commands; the option's file becomes the first argument there.
 _COMMANDS = {("simulate", "--batch"): "batch", ("simulate", "--with"): "couple"}
 
-
-#: Options by command and earlier name, and those that method auto renames.
+#: Options by command and earlier name; those of method auto are --accuracy.
 _OPTIONS = {command: {"--tolerance": "--solver-tolerance"} for command in ("simulate", "batch", "couple")}
-_OF_AUTO = {"--tolerance": "--accuracy"}
 
 #: Options of all commands.
 _OF_ALL = {
@@ -38,35 +36,29 @@ def rename_arguments(words: list[str]) -> list[str]:
             files.append(file)
         if files:
             words = [new, *words[1:2], *files, *words[2:]] if words[1:2] and not words[1].startswith("-") else [new, *words[1:], *files]
-            options.err.print(f"{command} {option} is now cutjoint {shlex.join(words)}", markup=False)
+            options.err.print(f"{command} {option} is now cutjoint {shlex.join(words)}")
     return words
 
 
 def _with_options(words: list[str]) -> list[str]:
-    """The arguments with the option names of this version; a message reports those that differ."""
-    command = words[0] if words else ""
+    command, has_auto = words[0] if words else "", f"--method={AUTO}" in words or ("--method", AUTO) in pairwise(words)
     for old, new in {**_OPTIONS.get(command, {}), **_OF_ALL}.items():
-        new = _OF_AUTO.get(old, new) if _asks_for_auto(words) else new
+        new = "--accuracy" if has_auto and old == "--tolerance" else new
         for i, word in enumerate(words):
             if word == old or word.startswith(f"{old}="):
                 words = [*words[:i], new + word.removeprefix(old), *words[i + 1 :]]
-                options.err.print(f"{command} {old} is now {new}", markup=False)
+                options.err.print(f"{command} {old} is now {new}")
     return words
 
 
 def _with_values(words: list[str]) -> list[str]:
-    """The arguments with the option values of this version; a message reports those that differ."""
     for option, names in _VALUES.items():
         for i, word in enumerate(words):
             name = word.removeprefix(f"{option}=")
             if (new := names.get(name)) is not None and (word != name or words[i - 1] == option):
                 words = [*words[:i], word.removesuffix(name) + new, *words[i + 1 :]]
-                options.err.print(f"{words[0]} {option} {name} is now {new}", markup=False)
+                options.err.print(f"{words[0]} {option} {name} is now {new}")
     return words
-
-
-def _asks_for_auto(words: list[str]) -> bool:
-    return f"--method={AUTO}" in words or any(pair == ("--method", AUTO) for pair in pairwise(words))
 
 
 def _value_of(option: str, words: list[str]) -> str | None:

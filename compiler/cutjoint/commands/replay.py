@@ -18,6 +18,9 @@ from cutjoint.run.simulator_run import SimulatorRun, start
 from cutjoint.view.mesh_files import require_meshes
 from cutjoint.view.views import read_ghost, show_run, write_shown
 
+#: Runs of more steps are not repeated for their last ones; an adaptive integrator gets this many samples.
+_MOST_STEPS, _ROWS = 20_000, 400
+
 
 def require_replay(request: Request, parameters: Mapping[str, float], view: Path | None, ghost: Path | None) -> None:
     """Check that the wanted view can be shown.
@@ -49,10 +52,6 @@ def write_replay(
     model = with_requested_loops(ran.model, scene, ran.method)
     shown = show_run(model, scene, ran.method, ran.parameters, steps, variant=ran.variant)
     return write_shown(view, replace(shown, display=display), ghost=read_ghost(ghost, view))
-
-
-#: Runs of more steps are not repeated for their last ones; an adaptive integrator gets this many samples.
-_MOST_STEPS, _ROWS = 20_000, 400
 
 
 def with_each_step(plan: SimulatorRun, run: Trajectory) -> Trajectory:

@@ -39,7 +39,7 @@ def command(
                 raise RunError("--road: random vibration does not support sampled controllers; simulate the model on the road")
             found = random_vibration(near, road=road, speed=speed, weight=weight, points=points)
             if not near.is_stable:
-                options.err.print("the model is not stable: densities are valid only for outputs without growing modes", markup=False)
+                options.err.print("the model is not stable: densities are valid only for outputs without growing modes")
             console.print(vibration_table(found, f"road {road} at {speed:g} m/s", weight))
             written = None if out is None else write_densities(found, out)
             pictures = [] if plots is None else plot_densities(found, f"{title}: road {road} at {speed:g} m/s", plots)
@@ -53,6 +53,6 @@ def command(
     except ValueError as error:
         raise RunError(str(error)) from None
     if written is not None:
-        console.print(f"results: {written}", markup=False)
+        console.print(f"results: {written}")
     if pictures:
-        console.print(f"plots: {', '.join(map(str, pictures))}", markup=False)
+        console.print(f"plots: {', '.join(map(str, pictures))}")

@@ -71,7 +71,7 @@ def command(
             watch()
             progress(share)
 
-        tell = partial(_report_slow_run, prepared.run, may_switch=prepared.run.is_free and not is_settled and _is_watched())
+        tell = partial(_report_slow_run, prepared.run, may_switch=prepared.run.is_free and not is_settled and options.is_watched())
         with options.progress_bar(f"running {prepared.compilation.scene}") as progress, watched(tell):
             plan = replace(prepared.run, with_coordinates=view is not None)
             return run_accurately(plan, out=out, steps=steps, progress=follow, estimate=error, allow_switch=method is None, advise=True)
@@ -88,30 +88,33 @@ def command(
             if out is not None:
                 write_error(out, run.error if error else None, prepared.compilation.implementation)
         size = f"{plural(len(run.columns), 'column')}, {plural(run.t.size, 'row')}"
-        console.print(f"results: {size}, not written; --out FILE writes them" if out is None else f"results: {out}, {size}", markup=False)
+        console.print(f"results: {size}, not written; --out FILE writes them" if out is None else f"results: {out}, {size}")
         if error:
             console.print(tables.error_facts(run.error))
     if elsewhere := tables.describe_output_times(prepared.run):
-        console.print(elsewhere, markup=False)
+        console.print(elsewhere)
     if verbose:
         console.print(tables.facts(f"model {prepared.model}", prepared.counts))
         console.print(tables.run_facts(prepared.compilation, run))
     else:
         for name, value in tables.reported_facts(prepared.counts, prepared.compilation, run):
-            console.print(f"{name}: {value}", markup=False)
-        console.print(tables.summary_line(prepared.compilation, run), markup=False)
+            console.print(f"{name}: {value}")
+        console.print(tables.summary_line(prepared.compilation, run))
     if plots is not None and run.t.size:
-        console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots, others, display))}", markup=False)
+        from cutjoint.report.plots import plot_run
+
+        title = f"{prepared.model}, {prepared.compilation.scene}"
+        console.print(f"plots: {', '.join(map(str, plot_run(run, title, plots, prepared.plots, others, display)))}")
     if view is not None and run.t.size:
         from cutjoint.commands.replay import write_replay
 
-        console.print(f"view: {write_replay(request, ran, view, ghost_page, parameters, prepared.run, run, display)}", markup=False)
+        console.print(f"view: {write_replay(request, ran, view, ghost_page, parameters, prepared.run, run, display)}")
     if run.failure is not None:
         where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model, parameters)
-        options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)
+        options.err.print(f"{where}; {describe_rest(run.table)}")
         raise SystemExit(1)
     if error and prepared.run.is_asked and run.error.goal is not None and not run.error.converged:
-        options.err.print(f"accuracy not reached: errors of positions and angles may exceed {run.error.goal:g} m or rad", markup=False)
+        options.err.print(f"accuracy not reached: errors of positions and angles may exceed {run.error.goal:g} m or rad")
         raise SystemExit(1)
 
 
@@ -119,17 +122,8 @@ class _SwitchMethod(Exception):  # noqa: N818 -- no error
     """A run that takes long because stability limits its steps, while another method has an implicit integrator."""
 
 
-def _is_watched() -> bool:
-    """Return whether a person sees that the method changes: scripts get the same bytes on all machines, however fast they are."""
-    return options.err.is_terminal
-
-
 def _report_slow_run(plan: SimulatorRun, slow: Mapping[str, Any], *, may_switch: bool) -> None:
-    """Print how far a run has come in ten seconds, what limits its steps, and a remedy.
-
-    Raises:
-        _SwitchMethod: another method shall take over (``may_switch``).
-    """
+    """Print how far a run has come in ten seconds, what limits its steps, and a remedy; or have it switch methods (``may_switch``)."""
     settings, steps = plan.run_file.settings, slow["steps"]
     words = f"after 10 s at t = {slow['time']:.4g} s of {plan.run_file.end:g} s, {steps} steps by {settings.integrator}"
     if slow.get("stiff_steps", 0) > tables.STIFF * steps:
@@ -140,14 +134,14 @@ def _report_slow_run(plan: SimulatorRun, slow: Mapping[str, Any], *, may_switch:
         words += ": limited by the accuracy; a larger --accuracy needs fewer"
     else:
         words += f" of {settings.dt:g} s: a larger --dt needs fewer"
-    options.err.print(words, markup=False)
+    options.err.print(words)
 
 
 def _switch_method(
     request: Request, parameters: Mapping[str, float], execute: Callable[..., Trajectory], words: str
 ) -> tuple[PreparedRun, Trajectory, FinishedRun | None]:  # fmt: skip
     """The run by the method with an implicit integrator; the original run if that does not support the model, or fails."""
-    options.err.print(f"{words}; switching to the method {IMPLICIT_METHOD}", markup=False)
+    options.err.print(f"{words}; switching to the method {IMPLICIT_METHOD}")
     try:
         prepared, run, ran = _find_and_run(replace(request, method=IMPLICIT_METHOD), parameters, execute)
         reason = "" if run.failure is None else str(run.failure)
@@ -155,14 +149,13 @@ def _switch_method(
         reason = str(error)
     if not reason:
         return prepared, replace(run, fallback=f"the method {IMPLICIT_METHOD}, {words}"), ran
-    options.err.print(f"{IMPLICIT_METHOD}: {reason}; continuing with {DEFAULT_METHOD}", markup=False)
+    options.err.print(f"{IMPLICIT_METHOD}: {reason}; continuing with {DEFAULT_METHOD}")
     return _find_and_run(request, parameters, execute)
 
 
 def _find_and_run(
     request: Request, parameters: Mapping[str, float], execute: Callable[..., Trajectory]
 ) -> tuple[PreparedRun, Trajectory, FinishedRun | None]:  # fmt: skip
-    """Run a cached program, else derive it."""
     prepared = find_cached_run(request, parameters)
     run = None if prepared is None else execute(prepared)
     if prepared is None or run is None or (run.failure is not None and run.failure.guards):
@@ -173,7 +166,6 @@ def _find_and_run(
 def _derive_and_run(
     request: Request, parameters: Mapping[str, float], execute: Callable[..., Trajectory]
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
-    """Compile the model, or let method auto measure what to compile."""
     from cutjoint.commands.preparing import FinishedRun, assemble_and_run, prepare_and_run, read_request
 
     model, scene, method = read_request(request)
@@ -206,9 +198,3 @@ def _require_display(display: tuple[str, ...], plots: Path | None, view: Path | 
     from cutjoint.run.display import read_units
 
     read_units(display)
-
-
-def _plot(prepared: PreparedRun, run: Trajectory, folder: Path, others: Others, display: tuple[str, ...]) -> list[Path]:
-    from cutjoint.report.plots import plot_run
-
-    return plot_run(run, f"{prepared.model}, {prepared.compilation.scene}", folder, prepared.plots, others, display)

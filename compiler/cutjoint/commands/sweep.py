@@ -29,8 +29,7 @@ _NUMBER = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?")
 @table.command("sweep")
 def command(
     study: Path, out: Path | None, scheduler: str | None, threads: int | None, view: Path | None, replay: int | None,
-    ghost_page: Path | None,
-    replays: int, functions: Path | None,
+    ghost_page: Path | None, replays: int, functions: Path | None,
 ) -> None:  # fmt: skip
     """Make all runs of STUDY, a file of variables, a design and objectives, and write a table with a row for each.
 
@@ -41,7 +40,7 @@ def command(
         raise RunError("--threads applies to this machine; the workers of --scheduler have their own")
     read = read_study(study, functions=functions)
     for earlier in read.model.notes:
-        options.err.print(earlier, markup=False)
+        options.err.print(earlier)
     model = study.parent / read.model.span.file
     require_apart({"the study": study, "the model": model, "the page of another run": ghost_page},
         documents=[("--out", out), ("--view", view)])
@@ -70,9 +69,9 @@ def _write_page(study: Study, done: Sweep, view: Path, command: str, replays: in
     folder, runs = view.with_name(f"{view.stem}-runs"), runs_to_replay(study, done, replays)
     with _progress(study) as (advance, _):
         ran = replay_runs(study, runs, folder, lambda number: advance(number, len(runs))) if runs else {}
-    options.out.print(f"view: {write_whole(view, make_page(study, done, command, ran))}", markup=False)
+    options.out.print(f"view: {write_whole(view, make_page(study, done, command, ran))}")
     if ran:
-        options.out.print(f"replays: {len(ran)} of the best and worst runs in {folder}", markup=False)
+        options.out.print(f"replays: {len(ran)} of the best and worst runs in {folder}")
 
 
 def _replay(study: Study, run: int, view: Path, ghost_page: Path | None) -> None:
@@ -81,7 +80,7 @@ def _replay(study: Study, run: int, view: Path, ghost_page: Path | None) -> None
     ghost = read_ghost(ghost_page, view)
     with options.progress_bar(f"running {study.model.name}"):
         replay(study, run, view, ghost)
-    options.out.print(f"view: {view}", markup=False)
+    options.out.print(f"view: {view}")
 
 
 @contextmanager
@@ -97,28 +96,27 @@ def _progress(study: Study) -> Iterator[tuple[OnProgress, Callable[[str], None]]
         def advance(done: int, runs: int) -> None:
             bar.update(task, description=study.model.name, total=runs, completed=done)
 
-        yield advance, lambda text: bar.console.print(text, markup=False)
+        yield advance, lambda text: bar.console.print(text)
 
 
 def _report(study: Study, done: Sweep) -> None:
     failed = sum(failure is not None for failure in done.failures)
     if done.performed:
         each = done.seconds / done.performed
-        options.out.print(f"{done.performed} runs in {done.elapsed:.3g} s, {1e3 * each:.3g} ms of worker time each", markup=False)
+        options.out.print(f"{done.performed} runs in {done.elapsed:.3g} s, {1e3 * each:.3g} ms of worker time each")
     else:
-        options.out.print("all runs were already done", markup=False)
-    options.out.print(f"results: {done.path}, {plural(study.runs, 'run')}, {plural(len(done.table.column_names), 'column')}", markup=False)
+        options.out.print("all runs were already done")
+    options.out.print(f"results: {done.path}, {plural(study.runs, 'run')}, {plural(len(done.table.column_names), 'column')}")
     for scene, how in steps_of(done.manifest).items():
-        options.out.print(f"steps of scene '{scene}': {how}", markup=False)
+        options.out.print(f"steps of scene '{scene}': {how}")
     if failed:
-        options.out.print(f"{failed} of them failed:", markup=False)
+        options.out.print(f"{failed} of them failed:")
         for runs in sorted(_group_by_reason(done.failures), key=len, reverse=True)[:_REASONS]:
             like = f"run {runs[0]}" if len(runs) == 1 else f"{len(runs)} like run {runs[0]}"
-            options.out.print(f"  {like}: {done.failures[runs[0]]}", markup=False)
+            options.out.print(f"  {like}: {done.failures[runs[0]]}")
 
 
 def _print_indices(study: Study, done: Sweep) -> None:
-    """Print the Sobol indices of each objective, the largest first."""
     for objective in study.objectives:
         found = find_indices(done, objective.name)
         title = f"Sobol' indices of {objective.name}, {found.points} points"

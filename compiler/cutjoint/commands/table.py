@@ -44,6 +44,15 @@ _FAR = 1e100
 
 #: Settings that may be in m or rad, with their articles.
 _WORDS = {"accuracy": "an accuracy", "tolerance": "a tolerance"}
+#: Endings of files of a known format; other endings of a table or document, such as .txt, say nothing.
+_FORMATS = frozenset((
+    ".arrow", ".csv", ".feather", ".glb", ".h5", ".hdf5", ".html", ".json", ".mat", ".mf4", ".nc", ".npy", ".npz", ".ods", ".parquet",
+    ".pdf", ".pkl", ".png", ".xls", ".xlsx", ".yaml", ".yml",
+))
+_READ = click.Path(exists=True, dir_okay=False, path_type=Path)
+_FOLDER = click.Path(file_okay=False, path_type=Path)
+_RULES = click.Choice(list(INTEGRATORS))
+_FIRST_SCENE = click.option("--scene", metavar="NAME", help="Scene of the model file. Default: the first.")
 
 
 class Setting(click.FloatRange):
@@ -139,13 +148,6 @@ def _page(what: str) -> Row:
     return click.option("--view", type=_VIEW, help=f"Page (.html) {what}, or its animation as glTF (.glb).")
 
 
-#: Endings of files of a known format; other endings of a table or document, such as .txt, say nothing.
-_FORMATS = frozenset((
-    ".arrow", ".csv", ".feather", ".glb", ".h5", ".hdf5", ".html", ".json", ".mat", ".mf4", ".nc", ".npy", ".npz", ".ods", ".parquet",
-    ".pdf", ".pkl", ".png", ".xls", ".xlsx", ".yaml", ".yml",
-))
-
-
 class _File(click.Path):
     """A file that a command writes.  Its name has one of these endings, or if "" is the first of them, none of another format;
     devices and pipes have any name."""
@@ -170,12 +172,6 @@ class _File(click.Path):
 
 _CSV, _JSON, _MODEL = _File("", ".csv"), _File("", ".json"), _File("", ".yaml", ".yml")
 _PAGE, _VIEW = _File(".html"), _File(".html", ".glb")
-_READ = click.Path(exists=True, dir_okay=False, path_type=Path)
-_FOLDER = click.Path(file_okay=False, path_type=Path)
-
-_RULES = click.Choice(list(INTEGRATORS))
-
-_FIRST_SCENE = click.option("--scene", metavar="NAME", help="Scene of the model file. Default: the first.")
 
 
 def _recursive() -> tuple[str, ...]:
@@ -256,9 +252,8 @@ OPTIONS: Mapping[str, Row] = {
         help="Generate the poses of bodies, markers and wheel contacts, in C or as variables of an FMU."),
     "external_wrenches": click.option("--external-wrench", "external_wrenches", metavar="NAME", multiple=True,
         help="Add a force and a torque on a body or marker as inputs NAME.wrench.fx to NAME.wrench.tz, in global axes."),
-    "terrain": click.option("--terrain", "terrain", metavar="NAME", multiple=True,
-        help="Add inputs of the ground under a wheel: NAME.terrain_height, terrain_slope, terrain_bank and friction; '*' means "
-        "all wheels."),
+    "terrain": click.option("--terrain", "terrain", metavar="NAME", multiple=True, help="Add inputs of the ground under a wheel: "
+        "NAME.terrain_height, terrain_slope, terrain_bank and friction; '*' means all wheels."),
     "peer": _one_of("--to", "peer", names=lambda: [*EXPORTERS.names(), FMU, URDF, MJCF], required=True,
         help="Target: an FMU, a URDF or MJCF file, or a program for another simulator (needs cutjoint-bench)."),
     "requested": click.option("--output", "requested", metavar="ELEMENT.QUANTITY", multiple=True,
@@ -280,11 +275,10 @@ OPTIONS: Mapping[str, Row] = {
         help="Frequency weighting of accelerations by ISO 2631-1: vertical (Wk), horizontal (Wd), back (Wc)."),
     "by": click.option("--by", metavar="NAME", multiple=True,
         help="A parameter, an input (shifted by a constant) or an initial state; repeat for several. Default: all parameters and inputs."),
-    "objective": click.option("--objective", type=click.Choice(["end", "integral", "mean", "rms", "maximum", "minimum", "start",
-        "equilibrium",
-        "event", "modes"]), default="end", show_default=True,
-        help="What to differentiate of each output. start, equilibrium: the initial state, the pose at rest; event: the first "
-        "event and its time; modes: eigenvalues at the start."),
+    "objective": click.option("--objective",
+        type=click.Choice(["end", "integral", "mean", "rms", "maximum", "minimum", "start", "equilibrium", "event", "modes"]),
+        default="end", show_default=True, help="What to differentiate of each output. start, equilibrium: the initial state, the pose at "
+        "rest; event: the first event and its time; modes: eigenvalues at the start."),
     "from_equilibrium": click.option("--from-equilibrium", is_flag=True,
         help="Include the change of the equilibrium in which the scene starts."),
     "assemblies": click.option("--assemblies", is_flag=True,
@@ -316,8 +310,7 @@ OPTIONS: Mapping[str, Row] = {
         help="Real-time priority of the steps (SCHED_FIFO); needs the right to set it. Default: none."),
     "processor": click.option("--processor", type=Setting("processor"), help="Processor to run on. Default: any."),
     "connections": click.option("--connect", "connections", metavar="PORT=NAME", multiple=True,
-        help="Connect a port of an FMU with an output or input of the model, or with FILE:PORT of another FMU, where names "
-        "differ."),
+        help="Connect a port of an FMU with an output or input of the model, or with FILE:PORT of another FMU, where names differ."),
     "communication": click.option("--communication-step", "communication", type=Setting("dt"),
         help="Time between exchanges of values. Default: the FMU's default experiment."),
     "limit": click.option("--call-limit", "limit", type=Setting("dt"), help="Longest time that a call of the FMU may take. Default: 60 s."),
@@ -363,17 +356,15 @@ OPTIONS: Mapping[str, Row] = {
     "drives": click.option("--drives", metavar="JOINTS",
         help="Joints that provide the forces, as FIRST,SECOND. Default: those that the scene moves."),
     "axle": click.option("--axle", metavar="NAME",
-        help="Axle: words common to its wheels' names; if none, front or rear; or its two bodies as LEFT,RIGHT. Default: the "
-        "only one."),
+        help="Axle: words common to its wheels' names; if none, front or rear; or its two bodies as LEFT,RIGHT. Default: the only one."),
     "travel": click.option("--travel", type=Setting("travel"), default=0.05, show_default=True,
         help="Travel of the wheel centres up and down (m), for example 40mm."),
     "steer_travel": click.option("--steer-travel", type=Setting("steer_travel"),
         help="Travel of the steering joint to either side, for example 10mm or 20deg. Default: 20 mm or 0.5 rad."),
     "points": click.option("--points", type=Setting("points"), default=21, show_default=True, help="Points of each sweep."),
     "steer": click.option("--steer", metavar="JOINT", help="Steering joint. Default: the only guided joint, else the only rack along y."),
-    "radius": click.option("--radius", type=Setting("radius"),
-        help="Loaded radius of the wheels (m), for example 300mm. Default: the height of their centres above z = 0, at most "
-        "that of the tyre."),
+    "radius": click.option("--radius", type=Setting("radius"), help="Loaded radius of the wheels (m), for example 300mm. Default: the "
+        "height of their centres above z = 0, at most that of the tyre."),
     "share": click.option("--share", type=Setting("share"), default=1.0, show_default=True,
         help="The axle's share of the braking and driving force, for anti_brake and anti_drive."),
     "compliance": click.option("--compliance", metavar="SCENE",
@@ -385,8 +376,7 @@ OPTIONS: Mapping[str, Row] = {
     "response.plots": click.option("--plots", type=_FOLDER, help="Folder for Bode and Nyquist plots, or a plot of densities."),
     "kinematics.plots": click.option("--plots", type=_FOLDER, help="Folder for a plot of each sweep."),
     "plots": click.option("--plots", type=_FOLDER, help="Folder for plots: those that the scene names, else one for each unit."),
-    "compare": click.option("--compare", type=_READ, multiple=True,
-        help="Table of another run, drawn in the same plots."),
+    "compare": click.option("--compare", type=_READ, multiple=True, help="Table of another run, drawn in the same plots."),
     "display": click.option("--display", metavar="UNIT", multiple=True,
         help="Unit for plots and pages, such as deg, mm or rpm; result files keep theirs."),
     "simulate.view": _page("that replays the run in a browser"),
@@ -398,8 +388,7 @@ OPTIONS: Mapping[str, Row] = {
     "modes.view": _page("that moves in each mode"),
     "reduce.view": _page("that shows in the topology what was changed"),
     "sweep.view": click.option("--view", type=_VIEW,
-        help="Page (.html) of the results: filters, Pareto fronts, best and worst runs; with --replay that of the run (.html "
-        "or .glb)."),
+        help="Page (.html) of the results: filters, Pareto fronts, best and worst runs; with --replay that of the run (.html or .glb)."),
     "ghost_page": click.option("--ghost", "ghost_page", type=_READ,
         help="Page of another run, also of another model, to show as a ghost on the page of --view."),
     "replay": click.option("--replay", type=Setting("replay"), help="Write the page of this run for the viewer."),

@@ -7,7 +7,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.run.outputs import require_apart
 from cutjoint.topology.reading import read_model
 from cutjoint.view.live import LiveView
-from cutjoint.view.views import live_page, show_start, write_shown
+from cutjoint.view.views import live_page, show_start
 
 
 @table.command("view")
@@ -28,10 +28,8 @@ def command(
     if live is not None:
         with options.progress_bar(f"drawing {model.name}"):
             page = live_page(checked, chosen, parameters)
-        view = LiveView(checked, page, live, is_open=shared, report=lambda trouble: options.err.print(trouble, markup=False))
-        options.out.print(f"http://localhost:{view.port}/ follows datagrams at UDP port {view.port}; Ctrl-C ends it", markup=False)
+        view = LiveView(checked, page, live, is_open=shared, report=lambda trouble: options.err.print(trouble))
+        options.out.print(f"http://localhost:{view.port}/ follows datagrams at UDP port {view.port}; Ctrl-C ends it")
         view.serve()
         return
-    with options.progress_bar(f"drawing {model.name}"):
-        write_shown(out, show_start(checked, chosen, parameters))
-    options.message_console(out).print(f"view: {out}", markup=False)
+    options.write_view(out, model.name, lambda: show_start(checked, chosen, parameters))

@@ -23,4 +23,4 @@ def command(drivers: tuple[str, ...], precision: str, comparison: bool) -> None:
     for driver in drivers:
         with options.progress_bar(f"compiling the driver {driver}"):
             fresh = warm(driver, kind=Kind(precision=precision, additions=solvers))
-        options.out.print(f"driver {driver}: {'compiled' if fresh else 'up to date'} ({' '.join(FLAGS)})", markup=False)
+        options.out.print(f"driver {driver}: {'compiled' if fresh else 'up to date'} ({' '.join(FLAGS)})")

@@ -19,6 +19,7 @@ from cutjoint.model.expressions.quantities import unit_of
 from cutjoint.model.expressions.units import measure
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
+from cutjoint.package.extensions import find_package
 from cutjoint.toolchain.temporary import temporary_folder
 
 #: The suffix of a system's archive, the structure file in it, and its namespace.
@@ -96,10 +97,7 @@ def _read_system(path: Path, archive: zipfile.ZipFile, model: str, folder: Path)
 
 def _parsed(path: Path, content: bytes) -> Any:
     """The root of a structure; entities are not expanded and nothing is loaded."""
-    try:
-        from lxml import etree  # comes with FMPy
-    except ImportError:
-        raise RunError("systems of FMUs need FMPy: install cutjoint[fmu]") from None
+    etree = find_package("lxml.etree", otherwise=RunError("systems of FMUs need FMPy: install cutjoint[fmu]"))  # which brings lxml
     try:
         root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False))
     except etree.XMLSyntaxError as error:

@@ -5,16 +5,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from cutjoint.coupling.process import ControllerError, SlaveProcess
 from cutjoint.package.errors import RunError
+from cutjoint.package.extensions import find_package
 from cutjoint.toolchain.temporary import temporary_folder
-
-#: The types of real numbers in FMI 2 and 3.
-_REAL = ("Real", "Float64")
-_BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")
 
 #: The longest duration of a call of an FMU, s.
 CALL_LIMIT = 60.0
@@ -87,7 +83,7 @@ def open_controller(path: Path, seconds: float = CALL_LIMIT) -> Iterator[Control
     Raises:
         RunError: FMPy is not installed, the file is no FMU, or the FMU has no co-simulation or no binary for this machine.
     """
-    fmpy = _fmpy()
+    fmpy = find_package("fmpy", otherwise=RunError("FMUs need FMPy: install cutjoint[fmu]"))
     if not path.is_file():
         raise RunError(f"{path}: this is no file; an FMU is a ZIP archive")
     with temporary_folder() as folder:
@@ -106,15 +102,7 @@ def open_controller(path: Path, seconds: float = CALL_LIMIT) -> Iterator[Control
             process.kill()
 
 
-def _fmpy() -> ModuleType:
-    try:
-        import fmpy
-    except ImportError:
-        raise RunError("FMUs need FMPy: install cutjoint[fmu]") from None
-    return fmpy  # type: ignore[no-any-return]
-
-
-def _require_co_simulation(path: Path, folder: Path, description: Any, fmpy: ModuleType) -> None:
+def _require_co_simulation(path: Path, folder: Path, description: Any, fmpy: Any) -> None:
     version = str(description.fmiVersion)
     if version[0] not in ("2", "3"):
         raise RunError(f"{path}: FMI {version} is not one of FMI 2 and 3")
@@ -131,7 +119,7 @@ def _require_co_simulation(path: Path, folder: Path, description: Any, fmpy: Mod
 
 
 def _port(variable: Any, units: Mapping[str, Any]) -> Port:
-    fault = "" if variable.type in _REAL else f"its type is {variable.type}, and only real numbers are connected"
+    fault = "" if variable.type in ("Real", "Float64") else f"its type is {variable.type}, and only real numbers are connected"
     if variable.dimensions:
         fault = "it is an array, and only single numbers are connected"
     name = variable.unit or (variable.declaredType.unit if variable.declaredType is not None else None) or ""
@@ -144,7 +132,7 @@ def _unit(unit: Any) -> Unit | None:
     if unit is None or unit.baseUnit is None:
         return None
     base = unit.baseUnit
-    powers = tuple(int(getattr(base, name) or 0) for name in _BASE_UNITS)
+    powers = tuple(int(getattr(base, name) or 0) for name in ("kg", "m", "s", "A", "K", "mol", "cd"))
     return Unit(name=unit.name, powers=powers, factor=float(base.factor or 1.0), offset=float(base.offset or 0.0))
 
 

@@ -82,7 +82,10 @@ def co_simulate(plan: Plan, *, out: Path | None = None, progress: Progress | Non
         SimulationError: the motion of the model cannot go on.
         OutputError: the table cannot be written.
     """
-    _require_exchanges(plan)
+    for participant in plan.parties:
+        if (count := plan.end / participant.step) > _MOST:
+            words = f"steps of communication of {participant.step:g} s are {count:.1e} exchanges to {plan.end:g} s"
+            raise RunError(f"{participant.fmu.path}: {words}; say --communication-step, or end earlier by --end")
     run = _run(plan, out, progress)
     return replace(run, estimator=partial(_estimate, plan)) if estimate else run
 
@@ -98,7 +101,7 @@ def _estimate(plan: Plan, run: Trajectory) -> ErrorEstimate:
         except (SimulationError, ControllerError):
             return None
 
-    return compare(run, rerun, remaining=change.remaining).estimate
+    return compare(run, rerun, remaining=change.remaining)[0]
 
 
 def _run(plan: Plan, out: Path | None, progress: Progress | None) -> Trajectory:
@@ -108,7 +111,7 @@ def _run(plan: Plan, out: Path | None, progress: Progress | None) -> Trajectory:
             rows.append(row)
             places.append(coordinates)
             if table is not None:
-                write_all(table.file, (",".join(map(_text, row)) + "\n").encode())
+                write_all(table.file, (",".join(repr(number).removesuffix(".0") for number in row) + "\n").encode())
             if progress is not None:
                 progress(row[0] / (plan.end or 1.0))
     values = np.array(rows)
@@ -117,11 +120,6 @@ def _run(plan: Plan, out: Path | None, progress: Progress | None) -> Trajectory:
         t=values[:, 0], columns=Columns(columns), units=Columns(plan.units), steps=sum(1 for _ in _exchange_times(plan)), evaluations=0,
         seconds=perf_counter() - begun, undetermined=(), failure=None, table=out, coordinates=np.array(places),
     )  # fmt: skip
-
-
-def _text(number: float) -> str:
-    """The shortest digits that mean the number."""
-    return repr(number).removesuffix(".0")
 
 
 @contextmanager
@@ -178,20 +176,9 @@ def _times(plan: Plan) -> Iterator[tuple[float, bool]]:
 
 
 def _exchange_times(plan: Plan) -> Iterator[float]:
-    """The times of exchanges after the start."""
     steps = [participant.step for participant in plan.parties]
     times = merge(*(map(mul, repeat(step), range(1, _count(plan.end, step) + 1)) for step in steps))
     return (next(group) for _, group in groupby(times, lambda time: round(time / (_ROUNDING * plan.step))))
-
-
-def _require_exchanges(plan: Plan) -> None:
-    """Check that the number of communication steps is plausible."""
-    for participant in plan.parties:
-        if (count := plan.end / participant.step) > _MOST:
-            raise RunError(
-                f"{participant.fmu.path}: steps of communication of {participant.step:g} s are {count:.1e} exchanges to {plan.end:g} s; say"
-                " --communication-step, or end earlier by --end"
-            )
 
 
 def _begin(plan: Plan, simulation: Simulation, ends: "list[_End]") -> None:

@@ -18,8 +18,6 @@ from fmpy.simulation import instantiate_fmu
 from cutjoint.model.text import printable
 from cutjoint.toolchain.supervisor import end_session
 
-_DISCARD = 2
-
 
 class Slave:
     """The one instance of the FMU in a folder; errors are raised by FMPy, without a class of their own, and by the loader."""
@@ -38,7 +36,7 @@ class Slave:
     def _note(self, *message: Any) -> None:
         """Keep a message of the FMU; the last three arguments are status, category and text in both versions."""
         status, _, text = message[-3:]
-        if status >= _DISCARD:
+        if status >= 2:  # discard, error or fatal
             self.said = printable(text.decode(errors="replace") if isinstance(text, bytes) else str(text))
 
     def begin(self, end: float) -> None:

@@ -26,6 +26,10 @@ from cutjoint.topology.records import Topology
 
 #: Components in the global frame.
 Triple: TypeAlias = tuple[float, float, float]
+_LARGEST_POWER = 12
+Array = NDArray[np.float64]
+#: A rotation (rad) or a shift (m) below this is rounding of differences of coordinates, and counts as zero.
+ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,9 +65,6 @@ class Numbers:
         """An expression over the variables of its law and ``t`` alone."""
         known = {symbol: sympy.Float(value) for symbol, value in self.values.items()}
         return sympy.sympify(expression).xreplace(dict(self.inputs)).xreplace(known)
-
-
-_LARGEST_POWER = 12
 
 
 class RealNumbers:
@@ -104,12 +105,6 @@ def real(value: float) -> str:
 def expression(law: Scalar) -> str:
     """A law as an expression over its variables' names."""
     return " ".join(_Printer({"math_macros": {}}).doprint(sympy.sympify(law)).split())
-
-
-Array = NDArray[np.float64]
-
-#: A rotation (rad) or a shift (m) below this is rounding of differences of coordinates, and counts as zero.
-ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -77,9 +77,8 @@ class Tree:
         while waiting:
             ready = next((j for j in waiting if j.base in self.origins or j.follower in self.origins), None)
             if ready is None:
-                raise ModelError(
-                    [problem_of(waiting[0].span, f"joint '{waiting[0].name}'", "is attached to nothing", "connect it to the ground")]
-                )
+                name = f"joint '{waiting[0].name}'"
+                raise ModelError([problem_of(waiting[0].span, name, "is attached to nothing", "connect it to the ground")])
             waiting.remove(ready)
             if ready.base in self.origins and ready.follower in self.origins:
                 self.loops.append(ready)
@@ -294,7 +293,6 @@ class _Urdf(Tree):
         return ()
 
     def _moving_joints(self, link: str) -> list[str]:
-        """The moving joints between the ground and a body."""
         carried, way = {child: (joint, parent) for joint, parent, child in self.tree}, []
         while link in carried:
             joint, link = carried[link]

@@ -12,12 +12,10 @@ from cutjoint.model.errors import nearest
 from cutjoint.package.errors import RunError, plural
 from cutjoint.package.extensions import find_package
 from cutjoint.package.locations import require_input
-from cutjoint.run.binary_tables import WRITERS, read_columns
+from cutjoint.run.binary_tables import BINARY, read_columns
 
 #: From the name of a column to its times, as they stand in the file, and its values, NaN where one is missing.
 Columns: TypeAlias = Callable[[str], tuple[Array, Array]]
-
-_MDF = (".mf4", ".mdf", ".dat")
 
 
 def read_data(path: Path, time: str) -> Columns:
@@ -28,14 +26,13 @@ def read_data(path: Path, time: str) -> Columns:
     """
     require_input(path)
     try:
-        columns = _mdf(path) if path.suffix.lower() in _MDF else _table(path, time)
+        return _mdf(path) if path.suffix.lower() in (".mf4", ".mdf", ".dat") else _table(path, time)
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         raise RunError(f"{path}: it cannot be read: {error}") from None
-    return columns
 
 
 def _table(path: Path, time: str) -> Columns:
-    found = read_columns(path) if path.suffix in WRITERS else _csv(path)
+    found = read_columns(path) if path.suffix in BINARY else _csv(path)
 
     def column(name: str) -> tuple[Array, Array]:
         for each in filter(None, (name, time)):

@@ -17,6 +17,12 @@ NULL, NEAR = 1e-8, 1e-4
 
 #: A share in a combination below which a name is left out, and the collinearity (Brun, Reichert and Kuensch, 2001) that is much.
 _SHARE, COLLINEAR = 0.05, 20.0
+#: Shares of the parameters and of the cost by which an iteration that changes no more ends the fit.
+_STEP, _CHANGE = 1e-10, 1e-8
+#: Residuals below this share of a signal's size are rounding, and judged no further.
+_ROUNDING = 1e-7
+#: Exit statuses of verdicts.
+STATUSES = {"": 0, "not converged": 3, "not identified": 4, "residual not white": 5}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,19 +85,6 @@ def _named(directions: Array, names: Sequence[str]) -> tuple[dict[str, float], .
 def describe(combination: dict[str, float]) -> str:
     """A combination in words: relative changes that cancel."""
     return ", ".join(f"{name} {100 * share:+.3g} %" for name, share in combination.items())
-
-
-#: Shares of the parameters and of the cost by which an iteration that changes no more ends the fit.
-_STEP, _CHANGE = 1e-10, 1e-8
-
-#: Residuals below this share of a signal's size are rounding, and judged no further.
-_ROUNDING = 1e-7
-
-#: The probability, for all signals together, that white noise counts as not white.
-_LEVEL = 0.01
-
-#: Exit statuses of verdicts.
-STATUSES = {"": 0, "not converged": 3, "not identified": 4, "residual not white": 5}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -330,8 +323,8 @@ class Solver:
         if after.open or wide:
             faults["not identified"] = "; ".join([*map(describe, after.open), *wide])
         tested = [r for r in results if r.p_value is not None and not r.validation]
-        coloured = [r for r in tested if r.p_value is not None and r.p_value < _LEVEL / len(tested)]
-        if coloured:
+        level = 0.01  # the probability, for all signals together, that white noise counts as not white
+        if coloured := [r for r in tested if r.p_value is not None and r.p_value < level / len(tested)]:
             faults["residual not white"] = ", ".join(f"{r.signal} of {r.experiment}" for r in coloured)
         return faults
 

@@ -5,7 +5,6 @@ exp(a) [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2], [0, 0, exp(d3), t3], [0,
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import inf
 
 import numpy as np
@@ -15,20 +14,10 @@ from cutjoint.fits.records import Parameter
 from cutjoint.model.records import Scalar, Span
 from cutjoint.package.errors import RunError
 
-_NAMES = ("a", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
 
-
-@dataclass(frozen=True, kw_only=True)
-class Inertia:
-    """The parameters of a body, and the numbers of the model as expressions of them."""
-
-    parameters: tuple[Parameter, ...]
-    ties: Mapping[str, Scalar]
-
-
-def tie_inertia(body: str, known: Mapping[str, float], span: Span) -> Inertia:
-    """Mass, centre of mass and inertia of a body as functions of ten parameters ``BODY.a`` to ``BODY.t3``.
-    These are dimensionless changes of the model's.
+def tie_inertia(body: str, known: Mapping[str, float], span: Span) -> tuple[tuple[Parameter, ...], Mapping[str, Scalar]]:
+    """Ten parameters ``BODY.a`` to ``BODY.t3``, and mass, centre of mass and inertia of a body as functions of these.
+    They are dimensionless changes of the model's.
 
     Raises:
         RunError: its numbers do not stand in the file, or no density has them.
@@ -45,7 +34,7 @@ def tie_inertia(body: str, known: Mapping[str, float], span: Span) -> Inertia:
     except np.linalg.LinAlgError:
         raise RunError(f"no density has the mass and inertia of '{body}': the largest moment is not below the sum of the others") from None
     # J = m [[S + c c', c], [c', 1]] with S = F F'; the change acts in the axes of F, where the body is a unit one
-    symbols = [sympy.Symbol(f"{body}.{name}", real=True) for name in _NAMES]
+    symbols = [sympy.Symbol(f"{body}.{name}", real=True) for name in ("a", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")]
     a, d1, d2, d3, s12, s23, s13, t1, t2, t3 = symbols
     upper = sympy.Matrix([[sympy.exp(d1), s12, s13, t1], [0, sympy.exp(d2), s23, t2], [0, 0, sympy.exp(d3), t3], [0, 0, 0, 1]])
     frame = sympy.Matrix([[*row, x] for row, x in zip(factor, c, strict=True)] + [[0, 0, 0, 1]])
@@ -61,4 +50,4 @@ def tie_inertia(body: str, known: Mapping[str, float], span: Span) -> Inertia:
         Parameter(name=str(s), symbol=s, unit="", start=0.0, low=-inf, high=inf, mean=inf, deviation=inf, size=1.0, span=span)
         for s in symbols
     )  # fmt: skip
-    return Inertia(parameters=tuple(made), ties=ties)
+    return tuple(made), ties

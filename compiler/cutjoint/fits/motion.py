@@ -37,11 +37,7 @@ class Followed:
 
 
 def follow(model: Model, scene: Scene, names: tuple[str, ...]) -> Followed:
-    """Let joints follow inputs in a scene.
-
-    Raises:
-        RunError: a joint is not in the model, or has not just one coordinate.
-    """
+    """Let joints follow inputs in a scene. Raises RunError: a joint is not in the model, or has not just one coordinate."""
     joints = {joint.name: joint for joint in model.joints}
     for name in names:
         if name not in joints or len(joints[name].element.coordinates) != 1:

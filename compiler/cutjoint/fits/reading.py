@@ -12,7 +12,7 @@ import sympy
 
 from cutjoint.fits import document as parts
 from cutjoint.fits.data import Columns, read_data
-from cutjoint.fits.inertias import Inertia, tie_inertia
+from cutjoint.fits.inertias import tie_inertia
 from cutjoint.fits.motion import Followed, follow, smooth
 from cutjoint.fits.records import Array, Experiment, Parameter, Signal, Study
 from cutjoint.formulate.inputs import input_parameters, tunable_parameters
@@ -29,7 +29,7 @@ from cutjoint.model.records import Binding, Model, Scalar, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.scenes import find_case
-from cutjoint.sweeps.code import Reader
+from cutjoint.sweeps.code import Reader, dimension_of
 from cutjoint.topology.reading import read_model, read_model_text
 
 #: The bandwidth of measured motions, Hz, and its dimension.
@@ -61,8 +61,6 @@ def read_fit(study: AnyPath | Mapping[str, Any]) -> Study:
 
 
 class _Reading:
-    """The steps of reading one study."""
-
     def __init__(self, source: Source, problems: Problems, document: parts.Document, folder: Path) -> None:
         self.source, self.problems, self.document, self.folder = source, problems, document, folder
         scope = Scope(source=source, problems=problems, directory=Directory(frozenset(), {}, frozenset()), names={}, values={})
@@ -70,7 +68,6 @@ class _Reading:
         self.models: dict[str, Model] = {}
         self.data: dict[tuple[str, str], Columns] = {}
         self.terms: dict[str, Term] = {}
-        self.inertias: dict[str, Inertia] = {}
 
     def study(self) -> Study:
         """The study; raises ModelError with all problems."""
@@ -78,18 +75,20 @@ class _Reading:
         self._read_models()
         known = {p.name: p for model in self.models.values() for p in (*tunable_parameters(model), *input_parameters(model))}
         fitted = [self._parameter(name, part, known.get(name)) for name, part in document.parameters.items()]
+        ties: dict[str, Scalar] = {}
         for i, name in enumerate(document.inertias):
             try:
-                self.inertias[name] = tie_inertia(name, {n: p.value for n, p in known.items()}, self.source.value_span(("inertias", i)))
+                shaped, tied = tie_inertia(name, {n: p.value for n, p in known.items()}, self.source.value_span(("inertias", i)))
             except RunError as error:
                 self._fail(("inertias", i), str(error))
-        fitted += [p for inertia in self.inertias.values() for p in inertia.parameters]
-        ties: dict[str, Scalar] = {name: value for inertia in self.inertias.values() for name, value in inertia.ties.items()}
+            else:
+                fitted += shaped
+                ties |= tied
         for name, text in document.ties.items():
             if name not in known or name in document.parameters or name in ties:
                 why = "is a parameter of the fit" if name in {*document.parameters, *ties} else "is no number of the models"
                 self._fail(("ties", name), f"'{name}' {why}", nearest(name, known, "they have"), at_key=True)
-            ties[name] = self._expression(text, ("ties", name), _dimension(known[name].unit) if name in known else None)
+            ties[name] = self._expression(text, ("ties", name), dimension_of(known[name].unit) if name in known else None)
         experiments = [self._experiment(name, part) for name, part in document.experiments.items()]
         used = {symbol for value in ties.values() for symbol in value.free_symbols}
         used |= {s for e in experiments for v in (*e.starts.values(), *(x for g in e.signals for x in (g.gain, g.bias, g.delay)))
@@ -139,7 +138,7 @@ class _Reading:
 
     def _parameter(self, name: str, part: parts.Fitted, own: Any) -> Parameter:
         keys: Keys = ("parameters", name)
-        dimension = _dimension(own.unit) if own is not None and own.unit else None
+        dimension = dimension_of(own.unit) if own is not None and own.unit else None
         if own is None and part.start is not None:
             dimension = self._term(part.start, (*keys, "start"), {}).dimension
 
@@ -277,7 +276,7 @@ class _Reading:
         seconds = self._factor(of.time_unit, ("experiments",), TIME)
         t, values = self._column(self._data(part.data or of.data, str(part.time or of.time)), str(part.column or name), seconds)
         whole = np.isfinite(values)
-        factor = self._factor(part.unit, (*keys, "unit"), _dimension(own[name].unit) if own[name].unit else None, own[name].unit)
+        factor = self._factor(part.unit, (*keys, "unit"), dimension_of(own[name].unit) if own[name].unit else None, own[name].unit)
         return {"t": t[whole] - begin, "value": values[whole] * factor, "interpolation": part.interpolation}
 
     def _motions(self, keys: Keys, part: parts.Experiment, followed: Followed, inputs: dict[str, Any], begin: float) -> tuple[str, ...]:
@@ -289,7 +288,7 @@ class _Reading:
         coordinates = {joint.name: joint.element.coordinates for joint in followed.model.joints}
         for name, moved in part.motion.items():
             own = followed.inputs[name]
-            factor = self._factor(moved.unit, (*keys, "motion", name, "unit"), _dimension(own.unit))
+            factor = self._factor(moved.unit, (*keys, "motion", name, "unit"), dimension_of(own.unit))
             t, values = self._column(data, str(moved.column or f"{name}.{coordinates[name][0]}"), seconds)
             rates = None if moved.rate is None else self._column(data, str(moved.rate), seconds)[1] * factor
             spline, noise = smooth(t - begin, values * factor, rates, 0.5 / band)
@@ -317,10 +316,6 @@ class _Reading:
         elif fault := fault_of_hertz(unit, own):
             self._fail(keys, fault)
         return one.value
-
-
-def _dimension(unit: str) -> Dimension | None:
-    return measure(1.0, unit).dimension if unit else None
 
 
 def _read_tunable(path: Path, names: Sequence[str], whole: Sequence[str]) -> Model:

@@ -171,7 +171,6 @@ class _Case:
                 raise RunError(f"{words}; give the starts of as many coordinates and their rates, or of {', '.join(sim.states)}") from None
 
     def _poses(self, theta: Array, by_theta: Array) -> tuple[Array, Array, Array]:
-        """Outputs and derivatives at each pose."""
         sim, rows = self.sim, len(self.experiment.signals[0].values)
         self._choose()
         by, values, derivatives = [*self.names, *self.coordinates], [], []

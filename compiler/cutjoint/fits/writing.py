@@ -28,9 +28,7 @@ def as_json(fit: Fit) -> str:
                "interval": fit.intervals[i].tolist()}
         for i, name in enumerate(fit.names)
     }  # fmt: skip
-    signals = [
-        {key: value for key, value in vars(s).items() if key not in ("times", "measured", "predicted")} for s in fit.signals
-    ]  # fmt: skip
+    signals = [{key: value for key, value in vars(s).items() if key not in ("times", "measured", "predicted")} for s in fit.signals]
     content = {
         "cutjoint_fit_result": 1, "verdict": fit.verdict, "faults": dict(fit.faults), "parameters": parameters,
         "numbers": dict(fit.numbers), "cost": fit.cost, "iterations": fit.iterations, "runs": fit.runs, "starts": fit.starts,

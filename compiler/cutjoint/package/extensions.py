@@ -1,7 +1,7 @@
 """The door for other packages: what they add to cutjoint, by entry points.
 
-A `Door` is a group of entry points, and the contract that each of them gives.  The additions of this project's own packages are known by
-their names, so that a command offers them, and names the package of one that is not installed.
+An `ExtensionPoint` is a group of entry points, and the contract that each of them gives.  The additions of this project's own packages are
+known by their names, so that a command offers them, and names the package of one that is not installed.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar, cast
 
@@ -94,11 +94,8 @@ class ExtensionPoint(Generic[C]):
         return {point.name: point for point in _entry_points().select(group=self.group)}
 
 
-@cache
-def _entry_points() -> EntryPoints:
-    """The entry points of all packages, which are read once."""
-    return cast(EntryPoints, entry_points())
-
+#: The entry points of all packages, which are read once.
+_entry_points = cache(entry_points)
 
 #: Commands of click.
 COMMANDS: ExtensionPoint[Any] = ExtensionPoint(group="cutjoint.commands", what="a command", packages={"bench": BENCH})

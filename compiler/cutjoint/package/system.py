@@ -38,11 +38,7 @@ def user() -> int:
 
 
 def lock(number: int) -> None:
-    """Lock an open file for this process, by its descriptor, until it is closed.
-
-    Raises:
-        BlockingIOError: another process has it.
-    """
+    """Lock an open file for this process, by its descriptor, until it is closed. Raises BlockingIOError: another process has it."""
     if sys.platform == "win32":
         os.lseek(number, _LOCKED, os.SEEK_SET)
         try:

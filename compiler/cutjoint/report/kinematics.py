@@ -27,6 +27,7 @@ _OF_AXLE = {
     STEERING: ("ackermann", STEERING_RATIO),
 }  # fmt: skip
 _TITLES = {TRAVEL: "both wheels up and down", ROLL: "roll: one wheel up, the other down", STEERING: "steering"}
+_SHOWN_ONCE = ("brake_support_angle", "drive_support_angle", "anti_brake", "anti_drive")
 
 
 def kinematics_tables(found: AxleKinematics) -> Iterator[Table]:
@@ -63,9 +64,6 @@ def _design(found: AxleKinematics) -> Table:
     for spring in found.axle.springs:
         design.add_row(f"motion ratio {spring.name}", _number(columns[f"{spring.name}.{MOTION_RATIO}"][here], "1"))
     return design
-
-
-_SHOWN_ONCE = ("brake_support_angle", "drive_support_angle", "anti_brake", "anti_drive")
 
 
 def _sweep(found: AxleKinematics, name: str) -> Table:
@@ -115,11 +113,7 @@ def compliance_tables(found: AxleCompliance) -> Iterator[Table]:
 
 
 def write_compliance(found: AxleCompliance, path: Path) -> Path:
-    """Write the figures as a CSV file of one row; a second file has the units.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
+    """Write the figures as a CSV file of one row; a second file has the units. Raises OutputError: it cannot be written."""
     rows = (",".join(found.units), ",".join(f"{found.figures[name] + 0.0:.17g}" for name in found.units))
     return write_table(path, found.units, "\n".join((*rows, "")))
 
@@ -162,6 +156,5 @@ def _picture(found: AxleKinematics, name: str, title: str, path: Path) -> Path:
 
 
 def _varies(values: np.ndarray) -> bool:
-    """True if a figure changes by more than rounding."""
     known = values[np.isfinite(values)]
     return known.size > 1 and bool(np.ptp(known) > 1e-9)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cutjoint.model.records import Plot
 from cutjoint.package.errors import RunError
-from cutjoint.run.binary_tables import WRITERS
+from cutjoint.run.binary_tables import BINARY
 from cutjoint.run.display import in_units
 from cutjoint.run.figures import Line, as_png, draw, labelled
 from cutjoint.run.result_files import write_whole
@@ -27,7 +27,8 @@ def plot_run(
     Axes have the units of ``display`` where these fit, else those of the columns.
     Without ``plots`` there is a picture for each dimension, a panel a quantity; elements of one name in several instances share a panel.
     """
-    beside = {name: in_units(other, _units_of(run, other), display)[0] for name, other in (beside or {}).items()}
+    others = {name: (other, {n: unit for n, unit in run.units.items() if n in other}) for name, other in (beside or {}).items()}
+    beside = {name: in_units(other, units, display)[0] for name, (other, units) in others.items()}
     columns, units = in_units(run.columns, run.units, display)
     own, run = run.units, replace(run, columns=columns, units=units)
     if plots:
@@ -40,17 +41,8 @@ def plot_run(
     return [_picture(run, title, unit, quantities, folder, beside) for unit, quantities in groups.items()]
 
 
-def _units_of(run: Trajectory, other: Mapping[str, Array]) -> Mapping[str, str]:
-    """The units of those columns of a table that a run has too."""
-    return {name: unit for name, unit in run.units.items() if name in other}
-
-
 def read_others(paths: Iterable[Path]) -> Others:
-    """The tables of other runs, by the names of their files without endings.
-
-    Raises:
-        RunError: a file is no table of a run.
-    """
+    """The tables of other runs, by the names of their files without endings. Raises RunError: a file is no table of a run."""
     found: dict[str, Mapping[str, Array]] = {}
     for path in paths:
         try:
@@ -64,7 +56,7 @@ def read_others(paths: Iterable[Path]) -> Others:
 
 def _require_table(path: Path) -> None:
     """Check that a file begins as the table of a run; ValueError otherwise."""
-    if path.suffix in WRITERS:
+    if path.suffix in BINARY:
         return
     with path.open("rb") as file:
         if file.read(2) not in (b"t,", b"t\n"):

@@ -20,10 +20,47 @@ if TYPE_CHECKING:
     from cutjoint.analysis.skew import RatedChoice, RatedOption
     from cutjoint.analysis.trims import Trimmed
     from cutjoint.model.records import Model
-    from cutjoint.run.results import Batch, EnergyBalance, ErrorEstimate, Residuals, RunStatistics, Trajectory
+    from cutjoint.run.results import Batch, ErrorEstimate, Residuals, RunStatistics, Trajectory
     from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
     from cutjoint.tasks.batch import BatchArtifact
     from cutjoint.topology.records import Topology
+
+#: The description of a model with prescribed motion only.
+KINEMATIC = "kinematic: guides prescribe all degrees of freedom; runs report guide forces and all reactions"
+#: Descriptions of an ordinary design position, and of one with rounded numbers.
+_ORDINARY, _NEARLY = (" as in ", "rigid, "), "some equations are nearly redundant"
+#: Above this condition number, lengths were probably meant to be equal.
+_NEARLY_SINGULAR = 1e5
+#: The number of named equations that could be left out instead.
+_SHOWN = 6
+_FIGURES = ("operations", "counted once", "redundant", "condition")
+#: The words of `check` in a line each: (word, meaning, whether it stands in the tables of loops alone).
+_LEGEND = (
+    ("rank", "number of independent equations; degrees of freedom are the coordinates less the rank", True),
+    ("condition", "ratio of the largest to the smallest singular value, 1 at best; above 1e5 numbers of the file may be rounded", True),
+    ("base body", "the last common body on the paths from the ground to both bodies of the cut joint", True),
+    ("width", "the largest number of bodies to which a body of the loop is coupled; operations grow with it", True),
+    ("(chosen)", "chosen by the compiler, since neither the model nor a force prescribes the cut", True),
+    ("redundant", "equations that depend on others; harmless, but reactions that they share are indeterminate", True),
+    ("operations", "predicted for an evaluation with this cut; counted once: parts evaluated in lanes count as one", True),
+    ("massless", "massless links, whose motion the others determine", False),
+    ("isomorphic", "parts that differ in numbers only, evaluated in lanes", False),
+)  # fmt: skip
+#: How the values of indeterminate reactions are chosen.
+LEAST = "the solution with the smallest multipliers of cut joints"
+#: The facts that every run reports.
+_REPORTED = (
+    "motion", "warning", "note", SHIPPED, "switched to", "impacts", "stiff", "locked at the start by", "initial velocities not specified",
+    "indeterminate",
+)  # fmt: skip
+#: The note on runs that are interpreted because there is no compiler.
+_GAIN = f"interpreted; generated code is 5 to 20 times as fast: {ADVICE}"
+#: The largest number of outputs that a line names.
+_NAMED = 4
+#: The share of steps limited by stability from which a run is called stiff.
+STIFF = 0.1
+#: A run with so few steps limited by stability is not called stiff.
+FEW_STEPS = 10
 
 
 def closing_equations(model: Model) -> str:
@@ -61,11 +98,15 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
     massless = sum(1 for b in model.bodies if b.is_massless)
     guided = sum(1 for t in topology.tree if t.joint.guide is not None)
     widest = max((loop.width for loop in topology.loops), default=0)
+    signals = [signal for signal in model.signals if not signal.reported]
+    further: Mapping[str, Sequence[object]] = {
+        "gears": model.gears, "states": model.states, "signals": signals, "controllers": model.controllers,
+    }  # fmt: skip
     classes = [f"{len(c.roots)} x {c.size} bodies ({', '.join(c.roots)})" for c in topology.classes]
     return (
         ("bodies", f"{len(model.bodies)}, {massless} of them without mass and inertia"),
         ("joints", f"{len(topology.tree)} in the tree ({guided} guided), {len(topology.cuts)} cut"),
-        *((name, str(len(part))) for name, part in _further(model) if part),
+        *((name, str(len(part))) for name, part in further.items() if part),
         ("loops", f"{len(topology.loops)}, widest couples a body to {widest} other{'s' * (widest != 1)}"),
         *([("assemblies", _assemblies(model))] if model.embedded_loops else []),
         ("isomorphic subtrees", "; ".join(classes) or "none"),
@@ -80,21 +121,11 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
     )  # fmt: skip
 
 
-def _further(model: Model) -> tuple[tuple[str, Sequence[object]], ...]:
-    """Elements that most models do not have."""
-    signals = [signal for signal in model.signals if not signal.reported]
-    return ("gears", model.gears), ("states", model.states), ("signals", signals), ("controllers", model.controllers)
-
-
 def _motion(mobility: Mobility, guided: int) -> str:
     """Describe the motion of a model without degrees of freedom."""
     if mobility.degrees_of_freedom:
         return ""
     return KINEMATIC if guided else "none: loops and joints leave no degree of freedom, and no joint is guided"
-
-
-#: The description of a model with prescribed motion only.
-KINEMATIC = "kinematic: guides prescribe all degrees of freedom; runs report guide forces and all reactions"
 
 
 def _assemblies(model: Model) -> str:
@@ -118,12 +149,6 @@ def _design_position(mobility: Mobility) -> str:
     if mobility.condition > _NEARLY_SINGULAR:
         condition += f": {_NEARLY}; are the file's numbers rounded?"
     return f"rank {mobility.rank} as in {others}, {condition}" if mobility.poses > 1 else f"rigid, {condition}"
-
-
-#: Descriptions of an ordinary design position, and of one with rounded numbers.
-_ORDINARY, _NEARLY = (" as in ", "rigid, "), "some equations are nearly redundant"
-#: Above this condition number, lengths were probably meant to be equal.
-_NEARLY_SINGULAR = 1e5
 
 
 def loop_table(topology: Topology) -> Table:
@@ -155,10 +180,6 @@ def _redundant_equation(redundant: RedundantEquation) -> str:
     return f"{redundant.equation} (or one of {', '.join(others)})" if others else redundant.equation
 
 
-#: The number of named equations that could be left out instead.
-_SHOWN = 6
-
-
 def cut_choices(choices: Sequence[RatedChoice], redundant: int) -> str:
     """The cut joint of each loop, why it is cut, and up to three alternatives, the best first.
 
@@ -172,9 +193,6 @@ def cut_choices(choices: Sequence[RatedChoice], redundant: int) -> str:
         lines += [f" {choice.used.option.joint.name}".ljust(width) + _figures(choice.used, base), f"   {choice.reason}"]
         lines += [f"   or {o.option.joint.name}".ljust(width) + _figures(o, base) for o in choice.alternatives]
     return "\n".join(lines)
-
-
-_FIGURES = ("operations", "counted once", "redundant", "condition")
 
 
 def _figures(rated: RatedOption, base: int) -> str:
@@ -196,27 +214,9 @@ def describe_output_times(run: SimulatorRun) -> str:
     )
 
 
-#: The words of `check` in a line each: (word, meaning, whether it stands in the tables of loops alone).
-_LEGEND = (
-    ("rank", "number of independent equations; degrees of freedom are the coordinates less the rank", True),
-    ("condition", "ratio of the largest to the smallest singular value, 1 at best; above 1e5 numbers of the file may be rounded", True),
-    ("base body", "the last common body on the paths from the ground to both bodies of the cut joint", True),
-    ("width", "the largest number of bodies to which a body of the loop is coupled; operations grow with it", True),
-    ("(chosen)", "chosen by the compiler, since neither the model nor a force prescribes the cut", True),
-    ("redundant", "equations that depend on others; harmless, but reactions that they share are indeterminate", True),
-    ("operations", "predicted for an evaluation with this cut; counted once: parts evaluated in lanes count as one", True),
-    ("massless", "massless links, whose motion the others determine", False),
-    ("isomorphic", "parts that differ in numbers only, evaluated in lanes", False),
-)  # fmt: skip
-
-
 def legend(*, with_loops: bool) -> Table:
     """The words of `check` and their meaning."""
     return facts("words", [(word, meaning) for word, meaning, of_loops in _LEGEND if with_loops or not of_loops])
-
-
-#: How the values of indeterminate reactions are chosen.
-LEAST = "the solution with the smallest multipliers of cut joints"
 
 
 def indeterminate_reactions(columns: Iterable[str]) -> str:
@@ -249,16 +249,6 @@ def trim_facts(found: Trimmed) -> list[tuple[str, str]]:
     if found.from_random_start:
         facts.append(("warning", "no solution near the given start; this one was found from random coordinates: check its pose"))
     return [*facts, ("largest residual", f"{found.residual:.1e} of the change by a full-size step of the unknowns")]
-
-
-#: The facts that every run reports.
-_REPORTED = (
-    "motion", "warning", "note", SHIPPED, "switched to", "impacts", "stiff", "locked at the start by", "initial velocities not specified",
-    "indeterminate",
-)  # fmt: skip
-
-#: The note on runs that are interpreted because there is no compiler.
-_GAIN = f"interpreted; generated code is 5 to 20 times as fast: {ADVICE}"
 
 
 def reported_facts(counts: Iterable[tuple[str, str]], compilation: Compilation, run: Trajectory) -> list[tuple[str, str]]:
@@ -303,7 +293,7 @@ def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
         *([("switched to", run.fallback)] if run.fallback else []),
         *_statistics_facts(run.statistics),
-        *_balance_facts(run.energy),
+        *([("work and energy", f"differ by {e.defect:.1e} J at most, of {e.kinetic + e.exchanged:.2g} J")] if (e := run.energy) else []),
         *locking_force_facts(run.locking_forces),
         *_unspecified_speeds(c.start, run.undetermined),
         *([("indeterminate", f"{', '.join(run.indeterminate)}: {LEAST}")] if run.indeterminate else []),
@@ -317,21 +307,12 @@ def _compiled(c: Compilation) -> str:
     return f"{_build_time(c.compile_seconds)} ({how})"
 
 
-def _balance_facts(energy: EnergyBalance | None) -> list[tuple[str, str]]:
-    words = "" if energy is None else f"differ by {energy.defect:.1e} J at most, of {energy.kinetic + energy.exchanged:.2g} J"
-    return [("work and energy", words)] if words else []
-
-
 def _unspecified_speeds(start: Start, undetermined: tuple[str, ...]) -> list[tuple[str, str]]:
     """The independent speeds chosen by the run; none if it starts at rest, since no speed is given."""
     if start.at_rest or not undetermined:
         return []
     chosen = "minimum norm" if start.closes_loops else "zero"
     return [("initial velocities not specified", f"{len(undetermined)}, {chosen}: {', '.join(undetermined)}")]
-
-
-#: The largest number of outputs that a line names.
-_NAMED = 4
 
 
 def error_facts(error: ErrorEstimate) -> Table:
@@ -377,12 +358,12 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
 
 def _statistics_facts(statistics: RunStatistics) -> list[tuple[str, str]]:
     """The effort of a Lagrangian method or of an integrator with steps of its own."""
-    if not statistics.solver:
-        return [*_residual_facts(statistics.residuals), *_stepping_facts(statistics)]
-    fallbacks = f", {statistics.pivoting_fallbacks} with pivoting" if statistics.pivoting_fallbacks else ""
-    facts = [("solver", f"{statistics.solver}, {statistics.factorisations} factorisations{fallbacks}")]
-    facts += [("penalty", f"{statistics.penalty:.3g}")] if statistics.penalty == statistics.penalty else []
-    facts += [("substeps", f"{statistics.substeps}")] if statistics.substeps else []
+    facts = []
+    if statistics.solver:
+        fallbacks = f", {statistics.pivoting_fallbacks} with pivoting" if statistics.pivoting_fallbacks else ""
+        facts = [("solver", f"{statistics.solver}, {statistics.factorisations} factorisations{fallbacks}")]
+        facts += [("penalty", f"{statistics.penalty:.3g}")] if statistics.penalty == statistics.penalty else []
+        facts += [("substeps", f"{statistics.substeps}")] if statistics.substeps else []
     return [*facts, *_residual_facts(statistics.residuals), *_stepping_facts(statistics)]
 
 
@@ -406,9 +387,3 @@ def _stepping_facts(statistics: RunStatistics) -> list[tuple[str, str]]:
         advice = "use an implicit integrator, as the method recursive-newton has by default"
         facts.append(("stiff", f"{statistics.stiff_steps} steps limited by stability, not accuracy: {advice}"))
     return facts
-
-
-#: The share of steps limited by stability from which a run is called stiff.
-STIFF = 0.1
-#: A run with so few steps limited by stability is not called stiff.
-FEW_STEPS = 10

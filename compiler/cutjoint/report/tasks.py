@@ -30,6 +30,20 @@ from cutjoint.tasks.realtime import StepTimes
 
 #: Smaller values (m, rad) are rounding errors.
 _NOTHING = 1e-12
+_PERCENTILES = (50.0, 90.0, 99.0, 99.9)
+#: Classes of the histogram per power of ten.
+_CLASSES = 5
+#: The smallest share of a mode's kinetic energy for which a coordinate is listed, and the largest number of listed coordinates.
+_LISTED, _MOST = 0.05, 4
+#: The words of `modes` and their meaning.
+_MODE_WORDS = (
+    ("eigenvalue", "real part: growth rate, negative if the mode decays; imaginary part: angular frequency"),
+    ("moves", "coordinates with amplitudes (m, rad) relative to the first; signs and angles are phases;  in brackets the "
+     "share of the kinetic energy, negative if a coordinate moves against its base, so that others "
+     "exceed 100 %; states have none; wx is a rotation about x"),
+    ("without dampers", "the same without damping; a real eigenvalue means an unstable equilibrium"),
+    ("rigid-body modes", "motions without restoring force, each by its leading coordinate"),
+)  # fmt: skip
 
 
 def pose_table(state: MechanismState) -> Table:
@@ -85,11 +99,6 @@ def _posed(state: MechanismState) -> list[str]:
 
 # Steps against the clock
 
-_PERCENTILES = (50.0, 90.0, 99.0, 99.9)
-
-#: Classes of the histogram per power of ten.
-_CLASSES = 5
-
 
 def time_tables(times: StepTimes) -> Iterator[Table]:
     """Percentiles and missed deadlines, and the histogram."""
@@ -129,21 +138,6 @@ def _histogram(times: StepTimes) -> Table:
         low, high = (_short(10 ** ((classes.min() + i + k) / _CLASSES)) for k in (0, 1))
         histogram.add_row(low, high, str(count), Bar(float(np.log(1 + counts.max())), 0, float(np.log(1 + count))))
     return histogram
-
-
-#: The smallest share of a mode's kinetic energy for which a coordinate is listed, and the largest number of listed coordinates.
-_LISTED, _MOST = 0.05, 4
-
-
-#: The words of `modes` and their meaning.
-_MODE_WORDS = (
-    ("eigenvalue", "real part: growth rate, negative if the mode decays; imaginary part: angular frequency"),
-    ("moves", "coordinates with amplitudes (m, rad) relative to the first; signs and angles are phases;  in brackets the "
-     "share of the kinetic energy, negative if a coordinate moves against its base, so that others "
-     "exceed 100 %; states have none; wx is a rotation about x"),
-    ("without dampers", "the same without damping; a real eigenvalue means an unstable equilibrium"),
-    ("rigid-body modes", "motions without restoring force, each by its leading coordinate"),
-)  # fmt: skip
 
 
 def mode_tables(modes: Modes) -> Iterator[Table | str]:
@@ -196,7 +190,7 @@ def _table(title: str, modes: tuple[Mode, ...], *, damped: bool = True) -> Table
     made.add_column("moves\n(share of the kinetic energy)", overflow="fold")
     for mode in modes:
         value, frequency, *figures = (text for _, text in mode_figures(mode))
-        made.add_row(value, frequency, *(figures if damped else ()), _listed(mode.shape))
+        made.add_row(value, frequency, *(figures if damped else ()), ", ".join(" ".join(each) for each in participants(mode.shape)))
     return made
 
 
@@ -214,10 +208,6 @@ def _eigenvalue(value: complex) -> str:
     sign = "±" if value.imag else ""
     real = f"{value.real:.5g}" if value.real or not value.imag else ""
     return f"{real} {sign}{value.imag:.5g}i".strip() if value.imag else real
-
-
-def _listed(shape: Mapping[str, Participant]) -> str:
-    return ", ".join(f"{name} {amplitude}" for name, amplitude in participants(shape))
 
 
 def participants(shape: Mapping[str, Participant]) -> tuple[tuple[str, str], ...]:
@@ -278,11 +268,6 @@ def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> 
     )  # fmt: skip
     title = f"{full.model.name}, scene {full.scene.name}, method {full.method}"
     return table(title, ("model", "motion", *figures), rows, numbers=figures)
-
-
-def note_lines(variant: ReducedModel) -> Iterator[str]:
-    """The notes of a reduced model, with places in the file; changes come first."""
-    yield from map(str, (*variant.done, *variant.left))
 
 
 def choice_table(choice: Choice, scene: Scene) -> Table:

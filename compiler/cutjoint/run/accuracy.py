@@ -13,8 +13,8 @@ from cutjoint.model.ranges import count_steps
 from cutjoint.package.locations import AnyPath, path_of
 from cutjoint.run.fallbacks import retry_failed
 from cutjoint.run.outputs import is_stream
-from cutjoint.run.record import RunFile, Settings
-from cutjoint.run.results import Array, Columns, EnergyBalance, ErrorEstimate, NearJump, Trajectory
+from cutjoint.run.record import Settings
+from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 
@@ -35,6 +35,31 @@ _LEAST, _ITERATIONS = 1e-10, 100
 _ABOVE, _COARSEST, _SURE = 100.0, 1e-2, 0.7
 
 _Begin = Callable[[SimulatorRun], Trajectory]
+_ANGLES = ("rad", "mrad", "deg")
+#: Outputs with larger relative errors have not converged, even if positions have; those below the second share of the largest value of
+#: their unit are zero by symmetry.
+_ROUGH, _LITTLE = 0.1, 1e-3
+#: A tenth of the tolerance takes at least this many times the steps if the tolerance limits them: 10^(1/8) for dop853.
+_BOUND = 1.1
+#: Differences of runs fall at least by this factor with finer steps, if they are caused by the steps.
+_FALLING = 1.5
+#: Differences below this share of an output's largest value are small even if they fall no further.
+_SMALL = 1e-5
+#: Differences below this share of the largest output of the unit are rounding errors, for example of zeros by symmetry.
+_ROUNDING = 1e-8
+#: The error of a jump's time is at most this multiple of the difference between two runs.
+_LATE = 1.5
+#: A smaller share of the run's energy causes no warning.
+_SMALL_SHARE = 1e-3
+#: A mechanism with the energy of a smaller speed (m/s, rad/s) is at rest: a start at rest may accelerate by as much in a second, and the
+#: default absolute tolerance of steps has this size.
+_REST = 1e-6
+#: Steps explain a defect of this many times its change between two runs, since that may be small by chance, and between more runs.
+_EXPLAINED_BY_ONE, _EXPLAINED = 100.0, 10.0
+#: A smaller violation, m or rad, causes no warning.
+_SMALL_VIOLATION = 1e-6
+#: Violations of runs with other steps that differ by less than this factor are not caused by the steps.
+_SAME = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,14 +166,12 @@ def _refine_to_goal(plan: SimulatorRun, goal: float, begin: _Begin, search: _Beg
         level += 1
     run = run if written == level or search is begin else begin(_finer(plan, change, level))
     others = [other for other in runs if other is not run]
-    return _with_estimate(run, _judged(plan, run, errors or _unknown(run), converged=reached, others=others, slow=slow))
+    estimate = _judged(plan, run, errors or dict.fromkeys(run.columns, inf), converged=reached, others=others, slow=slow)
+    return replace(run, estimator=lambda _: estimate)
 
 
 def _returns_next(change: Change, last: Trajectory | None, before: Mapping[str, float] | None, goal: float) -> bool:
-    """Return whether the next run, not the ``last`` one, meets the goal if errors fall as steps explain.
-
-    ``before`` is the distance of the last one from a coarser one.
-    """
+    """Return whether the next run meets the goal if errors fall as steps explain; ``before``: how far the last is from a coarser one."""
     if last is None or before is None:
         return False
     own, following = (
@@ -169,11 +192,8 @@ def _finest_completed(plan: SimulatorRun, goal: float, begin: _Begin) -> Traject
     """The finest run that reaches its end, with its error as for given steps, and compared with the goal."""
     run = begin(plan)
     found = estimate_error(plan, run)
-    return _with_estimate(run, replace(found, converged=found.converged and _meets_goal(run, found.max_error, goal)))
-
-
-def _with_estimate(run: Trajectory, estimate: ErrorEstimate) -> Trajectory:
-    return replace(run, estimator=lambda _: estimate)
+    met = replace(found, converged=found.converged and _meets_goal(run, found.max_error, goal))
+    return replace(run, estimator=lambda _: met)
 
 
 def _change_of(plan: SimulatorRun) -> Change:
@@ -200,7 +220,6 @@ def _own_errors(remaining: float, difference: Mapping[str, float], before: Mappi
 
 
 def _meets_goal(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
-    """Return whether all outputs that the goal applies to meet it."""
     return all(errors[name] <= goal * size for name, size in _judged_by(run, errors).items())
 
 
@@ -208,10 +227,6 @@ def _judged_by(run: Trajectory, errors: Mapping[str, float]) -> dict[str, float]
     """Reference sizes of positions and angles, 1 / PLACES[unit]; without any, of all outputs, by their largest absolute values."""
     judged = {name: 1.0 / PLACES[run.units[name]] for name in errors if run.units[name] in PLACES}
     return judged or {name: float(np.max(np.abs(run[name]))) for name in errors}
-
-
-def _unknown(run: Trajectory) -> dict[str, float]:
-    return dict.fromkeys(run.columns, inf)
 
 
 def _judged(
@@ -230,7 +245,10 @@ def _judged(
         difference = {} if closed is None else differences(plan.jumps, run, closed)
         errors = {name: max(error, difference.get(name, 0.0)) for name, error in errors.items()}
         converged = converged and closed is not None and (plan.goal is None or _meets_goal(run, errors, plan.goal))
-        warnings.append(describe_violation(violation, is_known=closed is not None))
+        counted = "the errors include its effect, found by a run with error control"
+        effect = "the errors do not include its effect" if closed is None else counted
+        words = f"constraint violation of loops up to {violation:.2g} m or rad, with other steps too: {effect}"
+        warnings.append(f"{words}; use closure proximal")
     if run.failure is None and inf in errors.values():
         warnings.append(_describe_failure_of_finer(plan))
     return ErrorEstimate(
@@ -249,14 +267,7 @@ def _describe_failure_of_finer(plan: SimulatorRun) -> str:
     return "" if failure is None else f"with finer steps: {failure}"
 
 
-_ANGLES = ("rad", "mrad", "deg")
-#: Outputs with larger relative errors have not converged, even if positions have; those below the second share of the largest value of
-#: their unit are zero by symmetry.
-_ROUGH, _LITTLE = 0.1, 1e-3
-
-
 def _find_rough(run: Trajectory, errors: Mapping[str, float]) -> tuple[str, ...]:
-    """The outputs whose errors are a large share of their largest values."""
     largest = _largest_by_unit(run)
     sizes = {name: max(float(np.max(np.abs(run[name]), initial=0.0)), _LITTLE * largest[run.units[name]]) for name in errors}
     return tuple(name for name, e in errors.items() if max(_ROUGH * sizes[name], _ROUNDING * largest[run.units[name]]) < e < inf)
@@ -291,45 +302,41 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
         bound = times > 0 and other is not None and _are_bound(change, run, other)
         return (_run_with_other_steps(plan, run) if bound else None) or other
 
-    compared = compare(run, rerun, remaining=change.remaining, jumps=plan.jumps)
-    return _judged(plan, run, compared.estimate.max_error, converged=compared.estimate.converged, others=compared.others)
+    estimate, others = compare(run, rerun, remaining=change.remaining, jumps=plan.jumps)
+    return _judged(plan, run, estimate.max_error, converged=estimate.converged, others=others)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Comparison:
-    """The ``estimate`` of a run's errors by ``others``, the same run with other steps; infinite errors where there are none."""
+def compare(
+    run: Trajectory, rerun: Callable[[int], Trajectory | None], *, remaining: float, jumps: Sequence[float] = ()
+) -> tuple[ErrorEstimate, Sequence[Trajectory]]:  # fmt: skip
+    """The errors of a run's outputs, and the same run with other steps, the closest last; infinite errors where it has none.
 
-    estimate: ErrorEstimate
-    others: Sequence[Trajectory]
-
-
-def compare(run: Trajectory, rerun: Callable[[int], Trajectory | None], *, remaining: float, jumps: Sequence[float] = ()) -> Comparison:
-    """The error of each output of a run; ``rerun(n)`` repeats it with steps refined n times (coarser for n < 0), None if it fails. One
-    refinement leaves the share ``remaining`` of an error. The difference from the refined run is the error, up to the smaller error of the
-    refined run. A third run, coarser or still finer, shows whether differences fall. They do not in chaotic motion or at a bifurcation, and
-    need not at the level of rounding. If they fall faster than the integrator's order explains, the agreement is chance, and a share of the
-    third run's difference is the error. If no finer run reaches its end, the difference from a coarser one bounds the error.
+    ``rerun(n)`` repeats the run with steps refined n times (coarser for n < 0), None if it fails. One refinement leaves the share
+    ``remaining`` of an error. The difference from the refined run is the error, up to the smaller error of the refined run. A third run,
+    coarser or still finer, shows whether differences fall. They do not in chaotic motion or at a bifurcation, and need not at the level of
+    rounding. If they fall faster than the integrator's order explains, the agreement is chance, and a share of the third run's difference
+    is the error. If no finer run reaches its end, the difference from a coarser one bounds the error.
     """
     finer = rerun(1) if run.failure is None else None
     coarser = rerun(-1) if run.failure is None else None
     if finer is None:
-        difference = _unknown(run) if coarser is None else differences(jumps, coarser, run)
+        difference = dict.fromkeys(run.columns, inf) if coarser is None else differences(jumps, coarser, run)
         coarsest = None if coarser is None else rerun(-2)
         converged = False
         if coarser is not None and coarsest is not None:
             converged = not find_not_converging(run, differences(jumps, coarsest, coarser), difference)
         estimate = ErrorEstimate(max_error=Columns(difference), units=run.units, converged=converged)
-        return Comparison(estimate=estimate, others=[] if coarser is None else [coarser])
+        return estimate, [] if coarser is None else [coarser]
     difference = differences(jumps, run, finer)
     if coarser is not None:
         before, after = differences(jumps, coarser, run), difference
     else:
         finest = rerun(2)
-        before, after = difference, _unknown(run) if finest is None else differences(jumps, finer, finest)
+        before, after = difference, dict.fromkeys(run.columns, inf) if finest is None else differences(jumps, finer, finest)
     errors = _own_errors(remaining, difference, {} if coarser is None else before)
     converged = not find_not_converging(run, before, after)
     estimate = ErrorEstimate(max_error=Columns(errors), units=run.units, converged=converged, rough=_find_rough(run, errors))
-    return Comparison(estimate=estimate, others=[finer] if coarser is None else [coarser, finer])
+    return estimate, [finer] if coarser is None else [coarser, finer]
 
 
 def _controlled(plan: SimulatorRun) -> Trajectory | None:
@@ -339,10 +346,7 @@ def _controlled(plan: SimulatorRun) -> Trajectory | None:
 
 
 def _try(plan: SimulatorRun, change: Change, times: int) -> Trajectory | None:
-    """The run with refined steps and samples at the same times; None if it fails.
-
-    Its iteration tolerance is smaller, unless rounding prevents that.
-    """
+    """The run with refined steps and samples at the same times, its iterations too unless rounding prevents that; None if it fails."""
     shares = (_FOR_ESTIMATE, _IN_SEQUENCE, 1.0) if times > 0 and change.setting == "dt" else (1.0,)
     runs = (_completed(_finer(plan, change, times, share)) for share in shares)
     return next((run for run in runs if run is not None), None)
@@ -351,10 +355,6 @@ def _try(plan: SimulatorRun, change: Change, times: int) -> Trajectory | None:
 def _are_bound(change: Change, run: Trajectory, finer: Trajectory) -> bool:
     """Return whether something else than the tolerance limits nearly all steps of a run, such as samples of controllers."""
     return change is STRICTER and finer.steps < _BOUND * run.steps
-
-
-#: A tenth of the tolerance takes at least this many times the steps if the tolerance limits them: 10^(1/8) for dop853.
-_BOUND = 1.1
 
 
 def _run_with_other_steps(plan: SimulatorRun, run: Trajectory) -> Trajectory | None:
@@ -366,7 +366,6 @@ def _run_with_other_steps(plan: SimulatorRun, run: Trajectory) -> Trajectory | N
 
 
 def _completed(plan: SimulatorRun, begin: _Begin = start) -> Trajectory | None:
-    """A run that reaches its end; None if it fails."""
     try:
         run = begin(plan)
     except SimulatorError:
@@ -375,23 +374,17 @@ def _completed(plan: SimulatorRun, begin: _Begin = start) -> Trajectory | None:
 
 
 def _finer(plan: SimulatorRun, change: Change, times: int, further: float = _IN_SEQUENCE) -> SimulatorRun:
-    """The run with steps refined so many times; shorter steps reduce the iteration tolerance by ``further`` each time."""
-    return replace(plan, run_file=_changed(plan.run_file, change, times, further))
+    """The run with steps refined so many times; shorter steps reduce the iteration tolerance by ``further`` each time.
 
-
-def _changed(run_file: RunFile, change: Change, times: int, further: float) -> RunFile:
-    """A run file with a change applied so many times.
-
-    A tolerance of steps is that of their iterations too. Shorter steps need a smaller iteration tolerance: otherwise two runs would agree
-    by their common iteration error.
+    Otherwise two runs would agree by their common iteration error. A tolerance of steps is that of their iterations too.
     """
-    settings, factor = run_file.settings, change.factor**times
-    if change.setting == "dt":
-        stride = count_steps(settings.dt, run_file.end, run_file.output_step).stride
-        finer = replace(settings, dt=settings.dt * factor)
-        finer = _iterated_further(finer, times, further) if times > 0 else finer
-        return replace(run_file, settings=finer, output_step=settings.dt * stride)
-    return run_file.with_tolerance(factor)
+    run_file, settings, factor = plan.run_file, plan.run_file.settings, change.factor**times
+    if change is STRICTER:
+        return replace(plan, run_file=run_file.with_tolerance(factor))
+    stride = count_steps(settings.dt, run_file.end, run_file.output_step).stride
+    finer = replace(settings, dt=settings.dt * factor)
+    finer = _iterated_further(finer, times, further) if times > 0 else finer
+    return replace(plan, run_file=replace(run_file, settings=finer, output_step=settings.dt * stride))
 
 
 def _iterated_further(settings: Settings, times: int, further: float) -> Settings:
@@ -402,16 +395,6 @@ def _iterated_further(settings: Settings, times: int, further: float) -> Setting
         settings, tolerance=tolerance, absolute_tolerance=None if absolute is None else absolute * tolerance / settings.tolerance,
         iterations=max(settings.iterations, _ITERATIONS), fixed_cost=False,
     )  # fmt: skip
-
-
-#: Differences of runs fall at least by this factor with finer steps, if they are caused by the steps.
-_FALLING = 1.5
-#: Differences below this share of an output's largest value are small even if they fall no further.
-_SMALL = 1e-5
-#: Differences below this share of the largest output of the unit are rounding errors, for example of zeros by symmetry.
-_ROUNDING = 1e-8
-#: The error of a jump's time is at most this multiple of the difference between two runs.
-_LATE = 1.5
 
 
 def differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> dict[str, float]:
@@ -448,28 +431,14 @@ def uncertain_jumps(run: Trajectory, other: Trajectory, within: float) -> dict[s
     """
     found: dict[str, float] = {}
     for jump in run.near_jumps:
-        late = _LATE * abs(jump.after - _after(other, jump, within))
+        same = (j.after for j in other.near_jumps if j.column == jump.column and abs(j.time - jump.time) < within)
+        late = _LATE * abs(jump.after - next(same, copysign(within, jump.after)))
         if abs(jump.after) <= late:
             found[jump.column] = max(found.get(jump.column, 0.0), jump.size)
     return found
 
 
-def _after(run: Trajectory, sought: NearJump, within: float) -> float:
-    """The time (s) after the same row a run has the jump."""
-    same = (jump for jump in run.near_jumps if jump.column == sought.column and abs(jump.time - sought.time) < within)
-    found = next(same, None)
-    return copysign(within, sought.after) if found is None else found.after
-
-
 # Energy balance
-
-#: A smaller share of the run's energy causes no warning.
-_SMALL_SHARE = 1e-3
-#: A mechanism with the energy of a smaller speed (m/s, rad/s) is at rest: a start at rest may accelerate by as much in a second, and the
-#: default absolute tolerance of steps has this size.
-_REST = 1e-6
-#: Steps explain a defect of this many times its change between two runs, since that may be small by chance, and between more runs.
-_EXPLAINED_BY_ONE, _EXPLAINED = 100.0, 10.0
 
 
 def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
@@ -478,29 +447,21 @@ def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
     Exact steps have no defect, so its change with the steps estimates it. A defect that does not change is no error of the steps.
     """
     balances = [other.energy for other in others if other.energy is not None and other.failure is None]
-    if run.energy is None or not balances or not run.energy.share > _SMALL_SHARE:
+    energy = run.energy
+    if energy is None or not balances or not energy.share > _SMALL_SHARE or energy.kinetic < energy.of_unit_speed * _REST**2:
         return ""
-    if run.energy.kinetic < run.energy.of_unit_speed * _REST**2:
-        return ""
-    change = max(abs(run.energy.defect - other.defect) for other in balances)
+    change = max(abs(energy.defect - other.defect) for other in balances)
     explained = change * (_EXPLAINED_BY_ONE if len(balances) == 1 else _EXPLAINED)
-    return _imbalance(run.energy, change) if run.energy.defect > explained else ""
-
-
-def _imbalance(energy: EnergyBalance, change: float) -> str:
+    if energy.defect <= explained:
+        return ""
     return (
-        f"work and energy differ by {energy.defect:.2g} J, of {energy.kinetic + energy.exchanged:.2g} J in all, and with other steps by "
-        f"{change:.1g} J more or less: the cause is not the step size but the loop closure or a guide that jumps; "
+        f"work and energy differ by {energy.defect:.2g} J, of {energy.kinetic + energy.exchanged:.2g} J in all, and with other "
+        f"steps by {change:.1g} J more or less: the cause is not the step size but the loop closure or a guide that jumps; "
         "the errors do not include it"
     )
 
 
 # Constraint violation of loops
-
-#: A smaller violation, m or rad, causes no warning.
-_SMALL_VIOLATION = 1e-6
-#: Violations of runs with other steps that differ by less than this factor are not caused by the steps.
-_SAME = 1.5
 
 
 def find_common_violation(run: Trajectory, others: Sequence[Trajectory]) -> float:
@@ -510,10 +471,3 @@ def find_common_violation(run: Trajectory, others: Sequence[Trajectory]) -> floa
     """
     violation, violations = run.statistics.residuals.position, [other.statistics.residuals.position for other in others]
     return violation if violation > _SMALL_VIOLATION and any(violation / _SAME < other < violation * _SAME for other in violations) else 0.0
-
-
-def describe_violation(violation: float, *, is_known: bool) -> str:
-    """The warning of such a violation; ``is_known`` is whether the errors of the run include its effect."""
-    counted = "the errors include its effect, found by a run with error control"
-    known = counted if is_known else "the errors do not include its effect"
-    return f"constraint violation of loops up to {violation:.2g} m or rad, with other steps too: {known}; use closure proximal"

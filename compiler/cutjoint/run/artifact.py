@@ -119,11 +119,7 @@ class Artifact:
         return self.equations.mechanism
 
     def settings(self, options: Options) -> Settings:
-        """The settings of a run for which a caller gives options.
-
-        Raises:
-            RunError: options exclude each other, or no run has them.
-        """
+        """The settings of a run for which a caller gives options. Raises RunError: options exclude each other, or no run has them."""
         scene = with_options(self.scene_as_compiled, self.method, options)
         return find_settings(scene, METHODS[self.method], self.implementation, options)
 
@@ -208,11 +204,7 @@ def _continuation(
 
 
 def require_end(run: Trajectory, artifact: Artifact, changed: Mapping[str, float]) -> Trajectory:
-    """Check that a run with ``changed`` parameters (SI units) came to its end.
-
-    Raises:
-        FailedRunError: it failed.
-    """
+    """Check that a run with ``changed`` parameters (SI units) came to its end; FailedRunError if not."""
     if run.failure is not None:
         where = describe_failure(run.failure, artifact.scene.name, artifact.places, artifact, changed)
         raise FailedRunError(f"{where}; {describe_rest(run.table)}", run)
@@ -220,25 +212,18 @@ def require_end(run: Trajectory, artifact: Artifact, changed: Mapping[str, float
 
 
 def _leaves_choice(artifact: Artifact, options: Options) -> bool:
-    """Return whether neither scene nor caller chooses a method, an integrator, or the treatment of events."""
     scene, settings = artifact.scene, artifact.scene.numerics.of_method(artifact.method)
     named = (scene.method or None, settings.integrator, settings.events, options.integrator, options.events)
     return artifact.method == DEFAULT_METHOD and all(name is None for name in named)
 
 
 def _other_settings(artifact: Artifact, options: Options, integrator: str) -> Iterator[Settings]:
-    """The settings of a run by each other integrator that the simulator has."""
     for name in (name for name in INTEGRATORS if name != integrator):
         with suppress(RunError):  # it does not support the method, or not these options
             yield artifact.settings(replace(options, integrator=name))
 
 
 def _require_tangents(artifact: Artifact, options: Options) -> None:
-    """Check that a run can report the Jacobians of its accelerations.
-
-    Raises:
-        RunError: the method or the integrator does not have them, or steps end at events.
-    """
     settings = artifact.settings(options)
     if not (METHODS[artifact.method].tangents and INTEGRATORS[settings.integrator].tangents and not settings.events):
         methods, integrators = (names_of(METHODS, lambda m: m.tangents)), names_of(INTEGRATORS, lambda i: i.tangents)
@@ -246,11 +231,7 @@ def _require_tangents(artifact: Artifact, options: Options) -> None:
 
 
 def _require_additions(artifact: Artifact, settings: Settings) -> None:
-    """Check that a simulator has the solver and the integrator of a run; generic solvers have all.
-
-    Raises:
-        RunError: one is of another package, and the simulator is compiled without it.
-    """
+    """Check that a simulator has the solver and the integrator of a run, which may be of other packages; generic solvers have all."""
     named = {settings.integrator, settings.solver} & {*INTEGRATORS.added.names(), *SOLVERS.added.names()}
     for name in named - set(artifact.additions):
         if not artifact.implementation.is_generic:

@@ -2,8 +2,8 @@
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
-from math import isfinite
+from collections.abc import Callable, Mapping, Sequence
+from math import isfinite, nan
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -18,6 +18,8 @@ from cutjoint.run.simulator import failure_of
 
 #: The values that the results of a run have for each column, and their names in a table.
 _KINDS = {"end": "end", "min": "minimum", "max": "maximum"}
+#: Called with a fault and what to do.
+Fail = Callable[[str, str], None]
 
 
 def read_cases(path: Path, model: Model) -> list[dict[str, float]]:
@@ -26,47 +28,58 @@ def read_cases(path: Path, model: Model) -> list[dict[str, float]]:
     Raises:
         RunError: a name or a number is wrong; the message has its line.
     """
-    if path.is_char_device():
-        raise RunError(f"{path}: a device, which has no end; name a file")
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream, skipinitialspace=True)
-            rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(cell.strip() for cell in row)]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise RunError(f"{path}: not a table in UTF-8: {error}; save it as CSV UTF-8, with commas") from None
-    if len(rows) < 2:
-        raise RunError(f"{path}: no runs; write the names of parameters in the first line and a line of numbers for each run")
-    line, names = rows[0]
-    _check_names(f"{path}:{line}", names, model)
-    return [_case(f"{path}:{line}", names, row) for line, row in rows[1:]]
 
+    def fail(message: str, hint: str) -> None:
+        raise RunError(f"{message}; {hint}")
 
-def _check_names(place: str, names: Sequence[str], model: Model) -> None:
+    (line, names), *rows = read_rows(path, fail)
+    place = f"{path}:{line}"
     for i, name in enumerate(names):
         if not name:
-            raise RunError(f"{place}: column {i + 1} has no name; write a parameter above it, or remove the comma")
+            fail(f"{place}: column {i + 1} has no name", "write a parameter above it, or remove the comma")
         if name in names[:i]:
-            raise RunError(f"{place}: parameter '{name}' stands above two columns; remove one")
+            fail(f"{place}: parameter '{name}' stands above two columns", "remove one")
         try:
             parameter_values(model, {name: 0.0})
         except RunError as error:
             raise RunError(f"{place}: {error}") from None
+    return [dict(zip(names, read_numbers(f"{path}:{line}", names, row, fail), strict=True)) for line, row in rows]
 
 
-def _case(place: str, names: Sequence[str], row: Sequence[str]) -> dict[str, float]:
-    if len(row) != len(names):
-        raise RunError(f"{place}: {plural(len(row), 'value')} for {plural(len(names), 'parameter')}; write values of {', '.join(names)}")
-    return {name: _number(place, name, text) for name, text in zip(names, row, strict=True)}
-
-
-def _number(place: str, name: str, text: str) -> float:
+def read_rows(path: Path, fail: Fail) -> list[tuple[int, list[str]]]:
+    """The lines of a CSV file that are not blank, the names first, each with its number; none after a fault."""
+    if path.is_char_device():
+        fail(f"{path}: a device, which has no end", "name a file")
+        return []
     try:
-        value = read_number(text)
-    except ValueError:
-        value = float("nan")
-    if not isfinite(value):
-        raise RunError(f"{place}: parameter '{name}': '{text}' is not a finite number; write a plain number in SI units")
-    return value
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream, skipinitialspace=True)
+            rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(cell.strip() for cell in row)]
+    except OSError as error:
+        fail(f"{path}: it cannot be read: {error.strerror}", "write the path of a table, in a study from its folder")
+    except (UnicodeDecodeError, csv.Error) as error:
+        fail(f"{path}: not a table in UTF-8: {error}", "save it as CSV UTF-8, with commas")
+    else:
+        if len(rows) > 1:
+            return rows
+        fail(f"{path}: no runs", "write the names of parameters in the first line and a line of numbers for each run")
+    return []
+
+
+def read_numbers(place: str, names: Sequence[str], row: Sequence[str], fail: Fail) -> list[float]:
+    """The numbers of a line, NaN after a fault."""
+    if len(row) != len(names):
+        fail(f"{place}: {plural(len(row), 'value')} for {plural(len(names), 'column')}", f"write values of {', '.join(names)}")
+        return [nan] * len(names)
+    values = []
+    for name, text in zip(names, row, strict=True):
+        try:
+            values.append(read_number(text))
+        except ValueError:
+            values.append(nan)
+        if not isfinite(values[-1]):
+            fail(f"{place}: column '{name}': '{text[:40]}' is not a finite number", "write a plain number in SI units")
+    return values
 
 
 class CaseTable:

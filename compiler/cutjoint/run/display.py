@@ -39,9 +39,7 @@ def read_units(wanted: Sequence[str]) -> Mapping[str, Measure]:
     return found
 
 
-def in_units(
-    columns: Mapping[str, Array], units: Mapping[str, str], wanted: Sequence[str]
-) -> tuple[dict[str, Array], dict[str, str]]:  # fmt: skip
+def in_units(columns: Mapping[str, Array], units: Mapping[str, str], wanted: Sequence[str]) -> tuple[dict[str, Array], dict[str, str]]:
     """Columns (samples,) and their units, converted to the ``wanted`` units of their quantities; attitudes of bodies are continuous.
 
     Raises:

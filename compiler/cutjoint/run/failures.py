@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from cutjoint.model.records import Scene
     from cutjoint.topology.records import Topology
 
+#: Messages of an impossible start, and the section of the scene that may cause it.
+_IMPOSSIBLE = {"the loop cannot close from the given coordinates": "positions", "the given speeds contradict the loops": "rates"}
+
 
 class IncompleteError(CutjointError, RuntimeError):
     """A task that did not reach its end; each subclass has the partial results."""
@@ -43,10 +46,6 @@ class FailedBatchError(IncompleteError):
         """All runs of the batch, each with its failure or None."""
         batch: Batch = self.args[1]
         return batch
-
-
-#: Messages of an impossible start, and the section of the scene that may cause it.
-_IMPOSSIBLE = {"the loop cannot close from the given coordinates": "positions", "the given speeds contradict the loops": "rates"}
 
 
 def places_of(topology: Topology, scene: Scene) -> dict[str, str]:

@@ -88,10 +88,8 @@ def retry_failed(
     return run if run.failure is None or not advise else replace(run, failure=with_trials(run.failure, plan, trials))
 
 
-def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | None) -> FailureReport:
+def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials) -> FailureReport:
     """The failure, with the results of trials as advice."""
-    if trials is None:
-        return failure
     known = failure.advice.partition(UNTRIED)[0].rstrip("; ")
     seen = " ".join(fallback.words for fallback in (*trials.helped, *trials.failed, *trials.skipped))
     crosses = failure.message == _SINGULAR
@@ -118,7 +116,6 @@ def _listed(fallbacks: tuple[Fallback, ...]) -> str:
 
 
 def _time_past(plan: SimulatorRun, failure: FailureReport) -> float:
-    """A time (s) a little after a failure, if that has a time."""
     step = plan.run_file.settings.dt
     steps = 1 if INTEGRATORS[plan.run_file.settings.integrator].adaptive else _STEPS
     return float(min(plan.run_file.end, failure.time + max(steps * step, _SHARE * failure.time)))

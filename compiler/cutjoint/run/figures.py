@@ -10,16 +10,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+#: Changes below this share of a column's size are rounding, in closed loops too.
+_ROUNDING = 1e-9
+
 
 class Picture(Figure):
     """A figure that a notebook shows as it is."""
 
     def _repr_png_(self) -> bytes:
         return as_png(self)
-
-
-#: Changes below this share of a column's size are rounding, in closed loops too.
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +66,8 @@ def _hide_rounding(panel: Axes) -> None:
             widen(limits[0] - 0.05 * size, limits[1] + 0.05 * size)
 
 
-def as_png(figure: Figure) -> bytes:
+def as_png(figure: Figure, dpi: int = 110) -> bytes:
     """The bytes of a PNG file, without date or version."""
     picture = BytesIO()
-    figure.savefig(picture, format="png", dpi=110, metadata={"Software": None})
+    figure.savefig(picture, format="png", dpi=dpi, metadata={"Software": None})
     return picture.getvalue()

@@ -34,7 +34,8 @@ def input_entries(model: Model, scene: Scene, values: Mapping[str, InputLike]) -
     for name in values:
         if name not in names:
             raise RunError(f"model '{model.name}' has no input '{name}'; it has {', '.join(names) or 'none'}")
-    return {name: _entry(f"input '{name}'", values[name], scene.end) for name in names if name in values}
+    found = {name: (f"input '{name}'", values[name]) for name in names if name in values}
+    return {n: read_table(w, x, 0.0, scene.end) if isinstance(x, Mapping) else _number(w, x) for n, (w, x) in found.items()}
 
 
 def read_table(what: str, values: Mapping[str, Any], start: float, end: float) -> dict[str, Any]:
@@ -58,11 +59,7 @@ def read_table(what: str, values: Mapping[str, Any], start: float, end: float) -
 
 
 def constant_inputs(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
-    """The inputs among ``changes``, by name, as constants.
-
-    Raises:
-        RunError: one has a unit that is not that of the input.
-    """
+    """The inputs among ``changes``, by name, as constants. Raises RunError: one has a unit that is not that of the input."""
     held = {p.name: (p, changes[p.name]) for p in input_parameters(model) if p.name in changes}
     for parameter, value in held.values():
         require_unit(parameter, value)
@@ -70,11 +67,7 @@ def constant_inputs(model: Model, changes: Mapping[str, float]) -> dict[str, flo
 
 
 def require_unit(parameter: Parameter, value: float) -> None:
-    """Check that a value that was written with a unit fits a parameter.
-
-    Raises:
-        RunError: it does not.
-    """
+    """Check that a value that was written with a unit fits a parameter; RunError if not."""
     if fault := fault_of_dimension(value, parameter.unit):
         raise RunError(f"{parameter.span}: parameter '{parameter.name}' {fault}")
 
@@ -86,12 +79,7 @@ def with_constant_inputs(model: Model, scene: Scene, parameters: Mapping[str, fl
     return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(value) for name, value in held.items()}}), others
 
 
-def _entry(what: str, value: InputLike, end: float) -> float | dict[str, Any]:
-    return read_table(what, value, 0.0, end) if isinstance(value, Mapping) else _number(what, value)
-
-
 def _require_table(what: str, table: Mapping[str, Sequence[float]], start: float, end: float) -> None:
-    """Check that times ascend from the start of a run to its end, with a value and optionally a rate at each."""
     times = table["t"]
     if len(times) < 2:
         raise RunError(f"{what}: {plural(len(times), 'time')}; a table has two or more, a constant is a number")

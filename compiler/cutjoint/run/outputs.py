@@ -11,13 +11,12 @@ from pathlib import Path
 
 from cutjoint.package.errors import CutjointError
 
+#: Endings of result files, which the names of accompanying files do not contain.
+ENDINGS = (".csv", ".parquet", ".arrow", ".npy")
+
 
 class OutputError(CutjointError, ValueError):
     """A file that is no valid output, or could not be written."""
-
-
-#: Endings of result files, which the names of accompanying files do not contain.
-ENDINGS = (".csv", ".parquet", ".arrow", ".npy")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +94,8 @@ def require_apart(
         OutputError: with a line for each output in conflict.
     """
     written = [*_of_tables(tables or {}), *([_Written(requested=f"{o} {p}", path=p)] for o, p in documents if p is not None)]
-    pictures = [] if plots is None else list(_pictures(plots))
+    found = [] if plots is None else sorted(plots.glob("*.png"))
+    pictures = [_Written(requested=f"--plots {plots}", path=path, part="the pictures") for path in found]
     problems = [problem for files in (*written, pictures) if (problem := _clash_with_inputs(files, inputs))]
     problems += [problem for one, other in combinations(written, 2) if (problem := _clash(one, other))]
     if plots is not None:
@@ -105,11 +105,7 @@ def require_apart(
 
 
 def require_folder(path: Path) -> None:
-    """Make a folder for results, if it is not there.
-
-    Raises:
-        OutputError: there is something else, or it cannot be made or written.
-    """
+    """Make a folder for results, if it is not there. Raises OutputError: there is something else, or it cannot be made or written."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -119,7 +115,6 @@ def require_folder(path: Path) -> None:
 
 
 def _of_tables(tables: Mapping[str, Path | None]) -> Iterator[list[_Written]]:
-    """The files of each table, itself first."""
     for option, path in tables.items():
         if path is None:
             continue
@@ -135,12 +130,6 @@ def _of_tables(tables: Mapping[str, Path | None]) -> Iterator[list[_Written]]:
         }  # fmt: skip
         files = [_Written(requested=requested, path=file, part=part) for part, file in beside.items()]
         yield [_Written(requested=requested, path=path), *files]
-
-
-def _pictures(folder: Path) -> Iterator[_Written]:
-    """The pictures in a folder of plots, each of which may be overwritten."""
-    for path in sorted(folder.glob("*.png")):
-        yield _Written(requested=f"--plots {folder}", path=path, part="the pictures")
 
 
 def _clash_with_inputs(files: Sequence[_Written], inputs: Mapping[str, Path | None]) -> str:

@@ -16,7 +16,7 @@ from typing import Any, BinaryIO, cast
 import numpy as np
 
 from cutjoint.package.system import IS_WINDOWS, lock, number_for_child, open_flags, set_mode
-from cutjoint.run.binary_tables import WRITERS, Array, encoded, require_writer
+from cutjoint.run.binary_tables import BINARY, Array, encoded, require_writer
 from cutjoint.run.outputs import OutputError, descriptor_of, error_of, is_stream, partial_of, reason_of, resolved, units_of
 from cutjoint.run.results import ErrorEstimate
 
@@ -59,7 +59,7 @@ class TableFile:
 
     def leave(self, reason: str) -> Path | None:
         """Close the incomplete table for a ``reason``; return the file with its rows, None if there are none."""
-        if not (os.fstat(self.file.fileno()).st_size if self._target.suffix in WRITERS else _cut_to_lines(self.file)):
+        if not (os.fstat(self.file.fileno()).st_size if self._target.suffix in BINARY else _cut_to_lines(self.file)):
             self._close_early()
             self._partial.unlink(missing_ok=True)
             self.file.close()
@@ -78,11 +78,7 @@ class TableFile:
 
 
 class Stream:
-    """A table that is written directly to a device, a pipe or an open descriptor.
-
-    Raises:
-        OutputError: it cannot be opened.
-    """
+    """A table that is written directly to a device, a pipe or an open descriptor. Raises OutputError: it cannot be opened."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -100,20 +96,12 @@ class Stream:
 
 
 def open_table(path: Path, units: Units | None = None) -> TableFile | Stream:
-    """Open a table for writing; a second file has the ``units``.
-
-    Raises:
-        OutputError: it cannot be written, or another process writes it.
-    """
+    """Open a table for writing; a second file has the ``units``. Raises OutputError: it cannot be written, or another process writes it."""
     return Stream(path) if is_stream(path) else TableFile(path, units)
 
 
 def write_table(path: Path, units: Units, text: str) -> Path:
-    """Write a complete table and a file with its units.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
+    """Write a complete table and a file with its units. Raises OutputError: it cannot be written."""
     table = open_table(path, units)
     try:
         write_all(table.file, text.encode())
@@ -132,7 +120,7 @@ class RunTables:
     def __init__(self, units: Units | None, *, out: Path | None, **others: Path | None) -> None:
         self._tables: dict[str, TableFile | Stream] = {}
         self._units = units
-        self._written = units is not None and out is not None and out.suffix in WRITERS
+        self._written = units is not None and out is not None and out.suffix in BINARY
         try:
             if out is not None:
                 if self._written:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cutjoint.model.errors import nearest
 from cutjoint.package.extensions import MissingPackageError, find_package
 from cutjoint.package.renamed import accept_old_names, with_old_members
-from cutjoint.run.binary_tables import WRITERS, read_columns
+from cutjoint.run.binary_tables import BINARY, read_columns
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.settings import StepSettings
 
@@ -344,7 +344,6 @@ class MechanismState:
 
 
 def _html_table(run: Trajectory) -> str:
-    """HTML rows, one for each column of a run, with its error if known."""
     known = run.__dict__.get("error")
     headings = ["", "unit", "first", "last", "smallest", "largest", *([] if known is None else ["error at most"])]
     rows = [_html_row("th", headings)]
@@ -372,31 +371,25 @@ def read_locking_forces(summary: Mapping[str, Any]) -> dict[str, tuple[float, st
 
 def read_statistics(summary: Mapping[str, Any]) -> RunStatistics:
     """The statistics that a simulator's summary reports."""
-    residuals = {name: nan if value is None else value for name, value in summary.get("residuals", {}).items()}
     plain = {name: summary[name] for name in RunStatistics.__dataclass_fields__ if name in summary}
-    impacts = tuple(_impact(each) for each in summary.get("impacts", ()))
-    return RunStatistics(**{**plain, "residuals": Residuals(**residuals), "impacts": impacts})
+    impacts = tuple(Impact(**_numbers(each)) for each in summary.get("impacts", ()))
+    return RunStatistics(**{**plain, "residuals": Residuals(**_numbers(summary.get("residuals", {}))), "impacts": impacts})
 
 
-def _impact(summary: Mapping[str, Any]) -> Impact:
-    work = summary["work"]
-    return Impact(time=summary["time"], element=summary["element"], work=nan if work is None else work)
+def _numbers(entries: Mapping[str, Any]) -> dict[str, Any]:
+    """Entries of a summary; null stands for a number that is not finite."""
+    return {name: nan if value is None else value for name, value in entries.items()}
 
 
 def read_energy(summary: Mapping[str, Any]) -> EnergyBalance | None:
     """The energy balance of a simulator's summary, if it has one."""
     balance = summary.get("energy")
-    return None if balance is None else EnergyBalance(**{name: nan if value is None else value for name, value in balance.items()})
-
-
-def read_near_jumps(summary: Mapping[str, Any]) -> tuple[NearJump, ...]:
-    """The jumps near samples that a simulator's summary reports."""
-    return tuple(NearJump(**each) for each in summary.get("near_jumps", ()))
+    return None if balance is None else EnergyBalance(**_numbers(balance))
 
 
 def read_table(path: Path) -> tuple[Array, dict[str, Array]]:
     """Read time and columns of a result table: Parquet, Arrow or NumPy by its suffix, else CSV with one header row."""
-    if path.suffix in WRITERS:
+    if path.suffix in BINARY:
         columns = read_columns(path)
         return columns.pop(TIME), columns
     header, *lines = path.read_text(encoding="utf-8").splitlines() or [TIME]

@@ -129,7 +129,8 @@ def disc_pieces(segments: Sequence[RoadSegment], start: float, radius: float) ->
     """The envelope of a disc of the given radius, minus the radius."""
     corners = _polygon(segments, start)
     pieces: list[Piece] = []
-    for part in _envelope([*_offset_lines(corners, radius), *_arcs(corners, radius)]):
+    arcs = [_Candidate(Piece(kind="arc", start=x - radius, a=z - radius, b=radius, c=x), x - radius, x + radius) for x, z in corners]
+    for part in _envelope([*_offset_lines(corners, radius), *arcs]):
         if part.last - part.first >= 1e-12 and not (pieces and _continues(pieces[-1], part.piece)):
             pieces.append(_from(part.piece, part.first))
     return pieces
@@ -174,11 +175,6 @@ def _offset_lines(corners: Sequence[tuple[float, float]], radius: float) -> Iter
         yield _Candidate(piece, xa - lean, xb - lean)
 
 
-def _arcs(corners: Sequence[tuple[float, float]], radius: float) -> Iterable[_Candidate]:
-    for x, z in corners:
-        yield _Candidate(Piece(kind="arc", start=x - radius, a=z - radius, b=radius, c=x), x - radius, x + radius)
-
-
 def _envelope(candidates: Sequence[_Candidate]) -> list[_Candidate]:
     """The highest curve at every x, in pieces from left to right, by divide and conquer."""
     if len(candidates) < 2:
@@ -188,7 +184,6 @@ def _envelope(candidates: Sequence[_Candidate]) -> list[_Candidate]:
 
 
 def _higher(one: Sequence[_Candidate], other: Sequence[_Candidate]) -> list[_Candidate]:
-    """The upper envelope of two envelopes."""
     parts: list[_Candidate] = []
     breaks = sorted({x for c in (*one, *other) for x in (c.first, c.last) if math.isfinite(x)})
     ahead = [list(reversed(one)), list(reversed(other))]
@@ -236,7 +231,6 @@ def _continues(before: Piece, piece: Piece) -> bool:
 
 
 def _from(piece: Piece, start: float) -> Piece:
-    """Copy a piece of a curve with another beginning."""
     a = piece.height(start) if piece.kind == "line" else piece.a
     return Piece(kind=piece.kind, start=start, a=a, b=piece.b, c=piece.c)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
+from functools import reduce
 from math import fmod, isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -18,7 +19,7 @@ from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.parse import quantity_symbol
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_state
-from cutjoint.model.records import VALUE, Aim, Binding, Body, Controller, Model, Scalar, Scene
+from cutjoint.model.records import VALUE, Aim, Binding, Body, Model, Scalar, Scene
 from cutjoint.model.scenes.starts import fault_of_quaternion, normalised
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import InputLike, input_entries, require_unit, with_constant_inputs
@@ -37,6 +38,12 @@ _NOTHING_ASKED = Options()
 
 #: The part that depends on parameters without being in a run file: the check of masses and inertias.
 MASSES = "masses"
+#: The last formulated start; the runs of a batch use it again with other parameters.
+_LAST: list[tuple[Model, Scene, Any]] = []
+#: The most samples of a controller in a run.
+MOST_SAMPLES = 1e8
+#: The largest distance of a number of steps from a whole one.
+_WHOLE = 1e-6
 
 
 def parameter_values(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
@@ -97,7 +104,10 @@ def make_run_file(
     scene = with_options(scene, method, options, has_rows=task != "realtime")
     settings = find_settings(scene, METHODS[method], implementation, options)
     parameters = parameter_values(model, changes)
-    every = _merge_inputs(constant_inputs(model, changes), inputs)
+    constant = constant_inputs(model, changes)
+    if twice := [name for name in inputs if name in constant]:
+        raise RunError(f"input '{twice[0]}' is given twice; give it in one of the two ways")
+    every = {**constant, **inputs}
     entries = input_entries(model, scene, every)
     if task in ("simulate", "realtime", "batch"):
         _require_steps(scene, settings, task)
@@ -122,9 +132,7 @@ def trimmed(
     return model, found, {**inputs, **{u.name: float(found.inputs[u.name]) for u in scene.trim.find if u.kind == "input"}}
 
 
-def find_trim(
-    model: Model, scene: Scene, changes: Mapping[str, float], by: Sequence[str] = ()
-) -> tuple[Model, Scene, "Trimmed"]:  # fmt: skip
+def find_trim(model: Model, scene: Scene, changes: Mapping[str, float], by: Sequence[str] = ()) -> tuple[Model, Scene, "Trimmed"]:
     """Solve the scene's trim and insert the results in model and scene; also return the solution.
     ``changes`` are values (SI units) of parameters and inputs.  The solution has gradients ``by`` tunable parameters.
 
@@ -188,12 +196,6 @@ def _with_start_inputs(scene: Scene, inputs: Mapping[str, InputLike]) -> Scene:
     if not scene.assemble:
         return scene
     return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(_at_start(x)) for name, x in inputs.items()}})
-
-
-def _merge_inputs(held: Mapping[str, float], inputs: Mapping[str, InputLike]) -> dict[str, InputLike]:
-    if twice := [name for name in inputs if name in held]:
-        raise RunError(f"input '{twice[0]}' is given twice; give it in one of the two ways")
-    return {**held, **inputs}
 
 
 def changing_parts(model: Model, scene: Scene) -> tuple[str, ...]:
@@ -298,10 +300,6 @@ def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> No
             raise RunError(f"{scene.span}: {reason}; use cutjoint batch, which {words[1]} each run's")
 
 
-#: The last formulated start; the runs of a batch use it again with other parameters.
-_LAST: list[tuple[Model, Scene, Any]] = []
-
-
 def formulated_start(model: Model, scene: Scene) -> Any:
     """The `TrimmedStart` of a scene with a trim, the `AimedStart` of others."""
     from cutjoint.analysis.aims import AimedStart  # imported here because other starts do not need it
@@ -333,11 +331,7 @@ def sources_of_parts(model: Model, scene: Scene) -> dict[str, Mapping[str, Scala
 
 
 def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Check coordinates, speeds or states of a start and normalise quaternions.
-
-    Raises:
-        RunError: one is too large or outside of its bounds, or a quaternion's length is not one.
-    """
+    """The coordinates, speeds or states of a start, or the fault of one: too large, out of bounds; quaternions of length 1, normalised."""
     kinds, turned = {joint.name: joint.kind for joint in model.joints}, []
     bounds = {state.entry: state.bounds for state in model.states}
     for name, value in values.items():
@@ -377,11 +371,7 @@ class Evaluator:
         self._values = {p.symbol: changed.get(p.name, p.value) for p in taken}
 
     def __call__(self, expression: Scalar, what: str = "an expression") -> float:
-        """Return the value of an expression, which messages call ``what``.
-
-        Raises:
-            RunError: it has none, or none that is finite.
-        """
+        """Return the value of an expression, which messages call ``what``. Raises RunError: it has none, or none that is finite."""
         if not hasattr(expression, "free_symbols"):
             return float(expression)
         value = evaluate(expression, self._values)
@@ -403,12 +393,6 @@ def _road(scene: Scene, radius: float) -> dict[str, Any]:
 
 # Equal steps and the samples of controllers: steps end where a controller is due
 
-#: The most samples of a controller in a run.
-MOST_SAMPLES = 1e8
-
-#: The largest distance of a number of steps from a whole one.
-_WHOLE = 1e-6
-
 
 def require_sampling(model: Model, scene: Scene, integrator: str) -> None:
     """Check that an integrator can stop at the controllers' samples, and that there are not too many.
@@ -427,27 +411,18 @@ def require_sampling(model: Model, scene: Scene, integrator: str) -> None:
 
 
 def require_fitting_steps(model: Model, scene: Scene, dt: float) -> None:
-    """Check that fixed steps of ``dt`` (s) divide all sample intervals and offsets.
-
-    Raises:
-        RunError: they do not.
-    """
+    """Check that fixed steps of ``dt`` (s) divide all sample intervals and offsets; RunError if not."""
     times = [time for controller in model.controllers for time in (controller.every, controller.offset) if time > 0]
     for controller in model.controllers:
         for name, time in (("every", controller.every), ("offset", controller.offset)):
             if abs(time / dt - round(time / dt)) > _WHOLE:
-                raise RunError(f"{scene.span}: scene '{scene.name}': {_fault(controller, name, time, dt)}; {_advice(times, dt)}")
-
-
-def _fault(controller: Controller, name: str, time: float, dt: float) -> str:
-    return f"steps of {dt:.9g} s do not divide {name}, {time:.9g} s, of the controller '{controller.name}' (line {controller.span.line})"
+                words = f"steps of {dt:.9g} s do not divide {name}, {time:.9g} s, of the controller '{controller.name}'"
+                raise RunError(f"{scene.span}: scene '{scene.name}': {words} (line {controller.span.line}); {_advice(times, dt)}")
 
 
 def _advice(times: Sequence[float], dt: float) -> str:
     """Advice that names the nearest step that divides all times, if there is one."""
-    whole = times[0]
-    for time in times[1:]:
-        whole = _common(whole, time)
+    whole = reduce(_common, times)
     if whole < 1e-6 * min(times):
         return "no steps divide all intervals: write others, or leave dt out for steps that end at samples by themselves"
     nearest = min((whole / n for n in {max(1, int(whole / dt)), int(whole / dt) + 1}), key=lambda step: abs(step - dt))

@@ -109,22 +109,20 @@ def find_settings(scene: Scene, method: Method, implementation: Implementation, 
         _require_fixed_cost(method, integrator, closure, events)
     chosen, start, own = numerics.of_method(method.name), numerics.of_method(START), numerics.methods.get(method.name, {})
     updates = own.get("multiplier_updates", chosen.multiplier_updates if method.default_updates is None else method.default_updates)
+    # as a share of 1 (m, rad, m/s, rad/s) the relative one, if none is given
+    absolute = chosen.tolerance if chosen.absolute_tolerance is None else chosen.absolute_tolerance
     settings = Settings(
-        integrator=integrator.name,
-        solver=_solver(method, implementation, options.solver) if integrator.uses_solver else None,
-        dt=_step(scene, chosen.dt, integrator),
+        integrator=integrator.name, solver=_solver(method, implementation, options.solver) if integrator.uses_solver else None,
+        dt=_step(scene, chosen.dt, integrator), tolerance=chosen.tolerance,
         penalty=chosen.penalty if closure.penalty_of_each_cut else _penalty(numerics, method, integrator),
-        tolerance=chosen.tolerance,
-        iterations=chosen.iterations if options.iterations is None else options.iterations,
-        multiplier_updates=int(updates),
-        fixed_cost=options.iterations is not None,
-        events=events,
-        absolute_tolerance=_absolute_tolerance(chosen) if "absolute_tolerance" in integrator.settings else None,
+        iterations=chosen.iterations if options.iterations is None else options.iterations, fixed_cost=options.iterations is not None,
+        multiplier_updates=int(updates), events=events,
+        absolute_tolerance=absolute if "absolute_tolerance" in integrator.settings else None,
         spectral_radius=chosen.spectral_radius if "spectral_radius" in integrator.settings else None,
         stabilisation=Stabilisation(
             closure=closure.name, penalty=start.penalty, damping_ratio=start.damping_ratio, frequency=start.frequency
         ),
-    )
+    )  # fmt: skip
     _require_ranges(scene, settings)
     return settings
 
@@ -178,11 +176,6 @@ def find_goal(scene: Scene, method: str, integrator: str, options: Options) -> f
 
 
 def _require_accuracy(options: Options) -> None:
-    """Check that a caller who gives an accuracy says nothing else of the steps.
-
-    Raises:
-        RunError: the step, the solver's tolerance or the iterations are given too.
-    """
     others = {"dt": options.dt, "solver_tolerance": options.tolerance, "iterations": options.iterations}
     require_settings(accuracy=options.accuracy)
     if superfluous := [name for name, value in others.items() if value is not None]:
@@ -267,11 +260,6 @@ def _penalty(numerics: Numerics, method: Method, integrator: Integrator) -> floa
         return penalty
     penalty = numerics.of_method(method.name).penalty
     return penalty if penalty is None or integrator.largest_penalty is None else min(penalty, integrator.largest_penalty)
-
-
-def _absolute_tolerance(settings: Numerics) -> float:
-    """The absolute error that a step may have: as a share of 1 (m, rad, m/s, rad/s) the relative one, if none is given."""
-    return settings.tolerance if settings.absolute_tolerance is None else settings.absolute_tolerance
 
 
 def _require_ranges(scene: Scene, settings: Settings) -> None:

@@ -70,7 +70,7 @@ def call_simulator(
         except OSError as error:
             raise SimulatorError(f"cannot write the run file in {tempfile.gettempdir()}: {error.strerror}") from None
         number = number_for_child(file)
-        open_files = [number, *(place["descriptor"] for place in run_file.values() if _is_descriptor(place))]
+        open_files = [number, *(place["descriptor"] for place in run_file.values() if isinstance(place, Mapping) and "descriptor" in place)]
         command = [str(binary), path_for_child(number)]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": complaint, **passing(open_files)}
         # from before the simulator begins: what it writes first may be what somebody waits for with a signal
@@ -85,11 +85,6 @@ def call_simulator(
     if summary["status"] == "interrupted":
         raise SimulatorError(_when(summary))
     return summary
-
-
-def _is_descriptor(place: Any) -> bool:
-    """Return whether a path in a run file is an open descriptor."""
-    return isinstance(place, Mapping) and "descriptor" in place
 
 
 @contextmanager
@@ -144,11 +139,7 @@ def _when(summary: Mapping[str, Any]) -> str:
 
 
 def _begin(command: Sequence[str], **how: Any) -> subprocess.Popen[str]:
-    """A simulator that has begun.
-
-    Raises:
-        SimulatorError: the system does not run it, as where the cache is on a disk whose programs must not be run.
-    """
+    """A simulator that has begun; the system may not run it, as where the cache is on a disk whose programs must not be run."""
     try:
         return subprocess.Popen(command, **how)
     except OSError as error:

@@ -2,11 +2,11 @@
 
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -18,17 +18,22 @@ from cutjoint.run.results import (
     Array,
     Columns,
     FailureReport,
+    NearJump,
     Trajectory,
     columns_of,
     read_energy,
     read_locking_forces,
-    read_near_jumps,
     read_statistics,
 )
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 
 #: Jumps within this share of a sample interval of a sample are reported.
 _BESIDE = 0.05
+#: The numbers of a summary that are added; lists of impacts and near jumps are joined.
+_SUMS = frozenset((
+    "steps", "rows", "bytes", "seconds", "evaluations", "iterations", "factorisations", "substeps", "pivoting_fallbacks", "rejected",
+    "events", "stiff_steps", "impacts", "near_jumps",
+))  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +134,8 @@ def start(
     """
     require_apart({}, tables={"out": out, "steps": steps, "tangents": tangents})
     requested = RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents)
-    with requested as tables, _coordinates_file(run.with_coordinates) as file:
+    unnamed: AbstractContextManager[Any] = tempfile.TemporaryFile(buffering=0) if run.with_coordinates else nullcontext()  # noqa: SIM115
+    with requested as tables, unnamed as file:
         place = {} if file is None else {"coordinates_out_rows": place_of(file, "the temporary table of coordinates")}
         run_file = {**run.run_file.entries(), **tables.places, **place}
         summary = call_simulator(run.simulator, run_file, progress, seconds=seconds, description=run.description)
@@ -149,7 +155,8 @@ def start(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         indeterminate=indeterminate, statistics=read_statistics(summary), energy=read_energy(summary), table=table,
-        near_jumps=read_near_jumps(summary), coordinates=coordinates, fallback=fallback, locking_forces=read_locking_forces(summary),
+        near_jumps=tuple(NearJump(**each) for each in summary.get("near_jumps", ())), coordinates=coordinates,
+        fallback=fallback, locking_forces=read_locking_forces(summary),
     )  # fmt: skip
 
 
@@ -166,29 +173,14 @@ def _read_coordinates(file: BinaryIO, rows: int) -> Array:
     return read_rows(file, os.fstat(file.fileno()).st_size // (8 * rows))[:, 1:] if rows else np.zeros((0, 0))
 
 
-@contextmanager
-def _coordinates_file(wanted: bool) -> Iterator[BinaryIO | None]:
-    """An unnamed file for the coordinates of a run; None if they are not requested."""
-    if not wanted:
-        yield None
-        return
-    with tempfile.TemporaryFile(buffering=0) as file:
-        yield cast(BinaryIO, file)
-
-
-#: The numbers of a summary that are added; lists of impacts and near jumps are joined.
-_SUMS = frozenset((
-    "steps", "rows", "bytes", "seconds", "evaluations", "iterations", "factorisations", "substeps", "pivoting_fallbacks", "rejected",
-    "events", "stiff_steps", "impacts", "near_jumps",
-))  # fmt: skip
-
-
 def merge_summaries(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
     """The summary of both parts, which ends as the second does.
 
     The defect of work and energy is at most the sum of both.
     """
-    return {**_without_end(first), **second, **{name: _merge_entry(name, first, second) for name in first.keys() & second.keys()}}
+    ends = ("message", "time", "step", "element", "residual", "advice", "guards", "kept")  # of a failure
+    begun = {name: value for name, value in first.items() if name not in ends}
+    return {**begun, **second, **{name: _merge_entry(name, first, second) for name in first.keys() & second.keys()}}
 
 
 def _merge_entry(name: str, first: Mapping[str, Any], second: Mapping[str, Any]) -> Any:
@@ -205,12 +197,5 @@ def _merge_entry(name: str, first: Mapping[str, Any], second: Mapping[str, Any])
     return list(dict.fromkeys((*one, *other))) if name == "undetermined" else other
 
 
-def _without_end(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """A summary without the entries that describe a failure."""
-    ends = ("message", "time", "step", "element", "residual", "advice", "guards", "kept")
-    return {name: value for name, value in summary.items() if name not in ends}
-
-
-def _largest(one: float | None, other: float | None) -> float | None:
-    """The larger number; None if one of them is not finite."""
+def _largest(one: float | None, other: float | None) -> float | None:  # None is a number that is not finite
     return None if one is None or other is None else max(one, other)

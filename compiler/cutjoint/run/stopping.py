@@ -138,10 +138,7 @@ def _registered(request: StopRequest, handled: bool) -> Iterator[None]:
 
 @contextmanager
 def _handled(usual: Mapping[signal.Signals, Any], handle: Callable[[int, FrameType | None], None]) -> Iterator[bool]:
-    """Handle by ``handle``, while this lasts, all signals with their ``usual`` handling; give whether there are any.
-
-    Python has signals in its main thread alone.
-    """
+    """Handle by ``handle``, in the main thread, all signals with their ``usual`` handling; give whether there are any."""
     in_main = threading.current_thread() is threading.main_thread()
     taken = {s: found for s, found in usual.items() if in_main and signal.getsignal(s) == found}
     for s in taken:

@@ -29,8 +29,6 @@ from cutjoint.stepping.values import (
     weigh_each,
 )
 
-_WITHOUT_ADJOINT = "load the model with adjoint=True"
-
 #: The largest number of records of a run.
 _MOST_RECORDS = 1 << 24
 
@@ -61,8 +59,7 @@ class Derivatives(Linear):
 
     def forward_sensitivities(
         self, steps: int, outputs: Sequence[str], by: Sequence[str], *, every: int = 1, initial_sensitivities: Array | None = None,
-        events: int = 0,
-        inputs: Mapping[str, InputTrajectoryLike] | None = None,
+        events: int = 0, inputs: Mapping[str, InputTrajectoryLike] | None = None,
     ) -> ForwardSensitivities:  # fmt: skip
         """Take a number of steps, with the derivatives of outputs by parameters, inputs and initial states.
 
@@ -107,17 +104,15 @@ class Derivatives(Linear):
         start, rows = self.time, steps // every + 1
         values, derivatives = np.empty((rows, len(chosen))), np.empty((rows, len(chosen), len(numbers)))
         tell = self._record_events(events, len(numbers), len(chosen))
-        changes = columns.changes(trajectories)
-        self._follow(trajectories, changes=changes)
+        self._follow(trajectories, changes=columns.changes(trajectories))
         self._call(
             self.library.forward_sensitivities, steps, len(numbers), numbers.ctypes.data, matrix.ctypes.data, len(chosen),
-            chosen.ctypes.data,
-            every, values.ctypes.data, derivatives.ctypes.data,
+            chosen.ctypes.data, every, values.ctypes.data, derivatives.ctypes.data,
         )  # fmt: skip
-        at = tell() if events else None
-        times = np.linspace(start, self.time, rows)
-        return ForwardSensitivities(times=times, values=values, derivatives=derivatives, outputs=tuple(outputs), by=columns.names,
-            events=at)
+        return ForwardSensitivities(
+            times=np.linspace(start, self.time, rows), values=values, derivatives=derivatives, outputs=tuple(outputs), by=columns.names,
+            events=tell() if events else None,
+        )  # fmt: skip
 
     def adjoint_sensitivities(
         self, steps: int, outputs: Sequence[str], by: Sequence[str], weights: Array | str | Callable[[Array, Array], Array], *,
@@ -141,7 +136,7 @@ class Derivatives(Linear):
             SimulationError: a step failed or an event has no derivative (the state is that at the beginning); or there
                 was no `reset`.
         """
-        self._require(self.library.record > 0, _WITHOUT_ADJOINT)
+        self._require(self.library.record > 0, "load the model with adjoint=True")
         require_list("by", by)
         states, chosen = self.states, self._chosen(steps, outputs, every)
         rows, size = steps // every + 1, (len(states), len(self.library.names["input"]), len(self.library.names["parameter"]))
@@ -251,19 +246,17 @@ class Derivatives(Linear):
         def make() -> EventSensitivities:
             number = min(found.value, most)
             times, derivatives_of_times, values, derivatives = (each[:number] for each in arrays)
-            names = tuple(self.library.names["event"][i] for i in which[:number])
-            return EventSensitivities(names=names, times=times, derivatives_of_times=derivatives_of_times, values=values,
-                derivatives=derivatives)
+            return EventSensitivities(
+                names=tuple(self.library.names["event"][i] for i in which[:number]), times=times,
+                derivatives_of_times=derivatives_of_times, values=values, derivatives=derivatives,
+            )  # fmt: skip
 
         return make
 
     @staticmethod
     def _begun(initial_sensitivities: Array, states: Values, by: Sequence[str]) -> Array:
-        """The changes of states at the beginning of a run."""
-        if np.shape(initial_sensitivities) != (len(states), len(by)):
-            raise ValueError(
-                f"initial_sensitivities: it is {np.shape(initial_sensitivities)}, not ({len(states)}, {len(by)}), states and numbers"
-            )
+        if (shape := np.shape(initial_sensitivities)) != (len(states), len(by)):
+            raise ValueError(f"initial_sensitivities: it is {shape}, not ({len(states)}, {len(by)}), states and numbers")
         return np.asarray(initial_sensitivities, dtype=np.float64)
 
     def _place_of(self, places: Mapping[str, int], name: str) -> int:

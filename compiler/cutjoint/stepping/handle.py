@@ -13,8 +13,6 @@ from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.library import Library
 from cutjoint.stepping.values import Array, Values
 
-_NOT_LINEARISED = "load the model with linearise=True"
-
 #: The largest length of a library's error message.
 _TEXT = 600
 
@@ -94,7 +92,7 @@ class Handle:
 
     def _require_dofs(self) -> int:
         dofs = self.library.dofs
-        self._require(dofs is not None, _NOT_LINEARISED)
+        self._require(dofs is not None, "load the model with linearise=True")
         return int(dofs or 0)
 
     def _call(self, function: Callable[..., int], *arguments: object) -> None:

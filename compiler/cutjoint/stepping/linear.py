@@ -28,9 +28,6 @@ _AT_REST, _SINGULAR = 1e-3, 1e-11
 #: Steps of differences: relative to the number, and in its unit if the number is zero.
 _SHARE, _SHARE_OF_NOUGHT = 1e-3, 1e-4
 
-#: Factors of that step that are tried if differences of two widths disagree.
-_NARROWER = (1.0, 1 / 16, 1 / 256)
-
 
 class Linear(States):
     """A simulation with its linear model and the quantities derived from it."""
@@ -126,11 +123,7 @@ class Linear(States):
         return EigenvalueSensitivities(values=values, derivatives=derivatives, by=tuple(by))
 
     def _differentiate(self, name: str, find: Callable[[float], Array]) -> Array:
-        """Fourth-order difference of a function of the model with respect to a parameter or input, at a constant state.
-
-        Raises:
-            ValueError: the number is at a non-smooth point or a jump.
-        """
+        """Fourth-order difference of a function of the model by a parameter or input, at a constant state where that function is smooth."""
         here, numbers = self.snapshot(), self.parameters if name in self.parameters else self.inputs
         places = {each: i for i, each in enumerate((*self.parameters, *self.inputs))}
         value = self.parameters[name] if find_place(places, name) < len(self.parameters) else self.get_input(name)
@@ -142,7 +135,7 @@ class Linear(States):
             finally:
                 self.restore(here)
 
-        for share in _NARROWER:
+        for share in (1.0, 1 / 16, 1 / 256):  # narrower where differences of two widths disagree
             h = share * (_SHARE * abs(value) or _SHARE_OF_NOUGHT)
             found = [find_at(steps * h) for steps in DIFFERENCE_STEPS]
             if not is_non_smooth(found, h):

@@ -43,14 +43,12 @@ def load(
             integrator.
         ToolchainError: a tool is not installed, or the compiler failed.
     """
-    _require_method(method)
     read, chosen = load_model(model, scene, tunable)
     if functions is not None:
         read = leave_to_host(read)
     return load_scene(
         with_inputs(read, external_wrenches=external_wrenches, terrain=terrain), chosen, method=method, integrator=integrator,
-        linearise=linearise,
-        adjoint=adjoint, poses=poses, flags=flags, functions=functions,
+        linearise=linearise, adjoint=adjoint, poses=poses, flags=flags, functions=functions,
     )  # fmt: skip
 
 
@@ -59,7 +57,8 @@ def load_scene(
     adjoint: bool = False, poses: bool = False, flags: Sequence[str] = FLAGS, functions: Mapping[str, Callable[..., object]] | None = None,
 ) -> Simulation:  # fmt: skip
     """Compile a scene of a loaded model; arguments and errors as of `load`."""
-    _require_method(method)
+    if method not in STEPS:
+        raise RunError(f"method: '{method}' is not one of simulations to step, {', '.join(STEPS)}")
     scene = with_default_closure(scene, method, integrator)
     load_events = (linearise or adjoint) and needs_load_events(scene, method, integrator)
     generated = generate(model, scene, scene.outputs, method=method, poses=poses, load_events=load_events)
@@ -93,7 +92,6 @@ def _find_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> 
 
 
 def _functions_of(model: Model, callables: Mapping[str, Callable[..., object]]) -> dict[str, HostFunction]:
-    """The functions of a model whose code Python supplies."""
     names = functions_of_host(model)
     if not names:
         return {}
@@ -106,8 +104,3 @@ def _functions_of(model: Model, callables: Mapping[str, Callable[..., object]]) 
         if update := callables.get(f"{function.name}_update"):
             found[f"{function.name}_update"] = HostFunction(arguments=numbers, memory=memory, results=0, call=update)
     return found
-
-
-def _require_method(method: str) -> None:
-    if method not in STEPS:
-        raise RunError(f"method: '{method}' is not one of simulations to step, {', '.join(STEPS)}")

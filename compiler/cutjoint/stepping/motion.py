@@ -141,8 +141,7 @@ class Motion(Handle):
             KeyError: there is no such input.
             SimulationError: a number is not finite.
         """
-        place = find_place({each: i for i, each in enumerate(self.library.names["input"])}, name)
-        self._call(self.library.set_input, place, value, rate, acceleration)
+        self._call(self.library.set_input, self.inputs.place(name), value, rate, acceleration)
 
     def get_input(self, name: str) -> float:
         """Value of an input at the present time, set or from the scene.
@@ -152,4 +151,4 @@ class Motion(Handle):
             SimulationError: there was no `reset`.
         """
         self._require_start()
-        return float(self.library.input(self.address, find_place({each: i for i, each in enumerate(self.library.names["input"])}, name)))
+        return float(self.library.input(self.address, self.inputs.place(name)))

@@ -104,7 +104,6 @@ def _at_rest(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Sce
 
 
 def _begin(model: Model, scene: Scene, parameters: Mapping[str, float], at: float | None) -> Simulation:
-    """A simulation at the scene's start, or at a time."""
     sim = load_scene(model, scene, linearise=True, poses=False)
     sim.parameters.update({name: value for name, value in parameter_values(model, parameters).items() if name in sim.parameters})
     sim.reset()

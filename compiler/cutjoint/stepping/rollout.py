@@ -70,7 +70,6 @@ def _split(inputs: Mapping[str, ArrayLike], steps: int) -> tuple[dict[str, Array
 
 
 def _columns(by_name: Mapping[str, ArrayLike]) -> dict[str, Array]:
-    """One value for all simulations, or one for each."""
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in by_name.items()}
     for name, values in arrays.items():
         if values.ndim > 1:
@@ -106,7 +105,7 @@ def _alone(
 
 def _in_lanes(
     simulation: Simulation, lanes: Lanes, begins: Sequence[bytes], columns: Sequence[Mapping[str, Array]], rows: Array
-) -> Callable[[int], None]:
+) -> Callable[[int], None]:  # fmt: skip
     """A function that runs simulations together, at most as many as there are lanes, from an index on."""
     parameters, inputs = (
         ([values.place(name) for name in by_name], np.column_stack([*by_name.values()]) if by_name else np.empty((len(begins), 0)))

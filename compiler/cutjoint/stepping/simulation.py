@@ -24,12 +24,6 @@ class Simulation(Derivatives):
         """Copy the simulation with its state; without a `reset` only its parameters and inputs."""
         return _rebuilt(*self.__reduce__()[1])
 
-    def __copy__(self) -> Simulation:
-        return self.copy()
-
-    def __deepcopy__(self, memo: object) -> Simulation:
-        return self.copy()
-
     def __reduce__(self) -> tuple[Callable[..., Simulation], tuple[Library, bytes | None, Array, Array, dict[str, float], StepSettings]]:
         snapshot = self.snapshot() if self._is_started else None
         arrays = self.parameters.array.copy(), self.inputs.array.copy()

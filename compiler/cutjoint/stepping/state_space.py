@@ -24,11 +24,7 @@ _MOST_SAMPLES = 10_000
 
 
 def need(module: str) -> Any:
-    """A module of SciPy, or python-control.
-
-    Raises:
-        MissingPackageError: it is not installed.
-    """
+    """A module of SciPy, or python-control. Raises MissingPackageError: it is not installed."""
     words = f"this needs {module.partition('.')[0]}: pip install 'cutjoint[control]'"
     return find_package(module, otherwise=MissingPackageError(words))
 

@@ -15,11 +15,7 @@ Array = NDArray[np.float64]
 
 
 def find_place(places: Mapping[str, int], name: str, otherwise: str = "") -> int:
-    """The index of a name; with a remedy ``otherwise``, no name of another element is proposed.
-
-    Raises:
-        KeyError: there is none.
-    """
+    """The index of a name; with a remedy ``otherwise``, no name of another element is proposed. Raises KeyError: there is none."""
     try:
         return places[name]
     except KeyError:

@@ -12,13 +12,11 @@ from cutjoint.stepping.values import Array
 
 #: Corner frequencies (Hz) and qualities of ISO 2631-1's weightings: f3 = f4, Q4, and the upward step's f5, Q5, f6, Q6; what they weight.
 WEIGHTINGS: Mapping[str, tuple[float, ...]] = {"Wk": (12.5, 0.63, 2.37, 0.91, 3.35, 0.91), "Wd": (2.0, 0.63), "Wc": (8.0, 0.63)}
-_WEIGHTED = "m/s^2"
 
 #: Reference spatial frequency of the classes of ISO 8608, cycles per metre.
 _REFERENCE = 0.1
 #: Panels of the quadrature over frequencies, and points of each.
 _PANELS, _POINTS = 240, 8
-_NONE: Mapping[str, tuple[float, float]] = MappingProxyType({})
 
 
 def weighting(name: str, frequencies: Array) -> Array:
@@ -71,8 +69,8 @@ class RandomVibration:
 
 
 def random_vibration(
-    model: StateSpace, *, road: str | float, speed: float, places: Mapping[str, tuple[float, float]] = _NONE, weight: str = "Wk",
-    points: int = 400,
+    model: StateSpace, *, road: str | float, speed: float, places: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+    weight: str = "Wk", points: int = 400,
 ) -> RandomVibration:  # fmt: skip
     """Random vibration of a model whose inputs are heights of a road, at a speed (m/s).
 
@@ -106,7 +104,7 @@ def random_vibration(
     nodes, shares = _nodes(first, last, model.poles)
     found = densities(nodes)
     rms = np.sqrt(shares @ found)
-    is_acceleration = np.array([model.units.get(name) == _WEIGHTED for name in model.outputs])
+    is_acceleration = np.array([model.units.get(name) == "m/s^2" for name in model.outputs])
     weighted = np.where(is_acceleration, np.sqrt((shares * weighting(weight, nodes) ** 2) @ found), np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         variation = np.where(np.abs(model.y) > 1e-9 * rms, rms / np.abs(model.y), np.nan)

@@ -25,30 +25,28 @@ from cutjoint.sweeps.work import Chunk, Rows, Work
 #: Timeout for an answer, s.  The look-up of a name cannot be interrupted and may take as long again.
 _PATIENCE = 4.0
 
-#: The largest port number.
-_PORTS = 65_535
-
 #: The form of addresses of Dask schedulers.
 _ADDRESS = re.compile(r"(?:tcp|tls|ucx|ws|wss)://(?P<host>[\w.-]+|\[[0-9a-fA-F:.]+\]):(?P<port>[0-9]{1,5})", re.ASCII)
+#: Timeout for finding a scheduler, s.
+_WAIT = 10
+#: Timeout for cancelling tasks at the end, s.
+_LEAVE = 2
+#: Interval for asking the scheduler for its workers, s.
+_OFTEN = 1.0
+#: Timers of Dask's workers, fifty or a hundred times a second, for its dashboard: the profile of tasks, which ends at the call of a
+#: library, and the delays of the event loop.  They are stopped in a worker while it has a sweep.
+_TIMERS = "profile", "tick"
 
 
 def dask() -> Any:
-    """Dask's `distributed`.
-
-    Raises:
-        RunError: it is not installed.
-    """
+    """Dask's `distributed`. Raises RunError: it is not installed."""
     return find_package("distributed", otherwise=RunError("--scheduler needs Dask: pip install 'cutjoint[dask]'"))
 
 
 def require_address(address: str) -> tuple[str, int]:
-    """Check the form of a scheduler's address; its host and port.
-
-    Raises:
-        RunError: it is none.
-    """
+    """Check the form of a scheduler's address; its host and port. Raises RunError: it is none."""
     found = _ADDRESS.fullmatch(address)
-    if found is None or not 0 < int(found["port"]) <= _PORTS:
+    if found is None or not 0 < int(found["port"]) <= 65_535:
         raise RunError(f"--scheduler {address[:60]!a}: not an address; write for example tcp://10.0.0.1:8786")
     return found["host"].strip("[]"), int(found["port"])
 
@@ -95,7 +93,6 @@ async def _identify(distributed: Any, address: str) -> Any:
 
 
 def _describe(answer: Any) -> str:
-    """The reason that there was no answer, in words."""
     if isinstance(answer, socket.gaierror):
         return f"the host's name is not known ({answer.strerror})"
     causes = list(_causes(answer))
@@ -110,24 +107,10 @@ def _describe(answer: Any) -> str:
 
 
 def _causes(answer: Any) -> Iterator[BaseException]:
-    """An error and its causes."""
     while isinstance(answer, BaseException):
         yield answer
         answer = answer.__cause__
 
-
-#: Timeout for finding a scheduler, s.
-_WAIT = 10
-
-#: Timeout for cancelling tasks at the end, s.
-_LEAVE = 2
-
-#: Interval for asking the scheduler for its workers, s.
-_OFTEN = 1.0
-
-#: Timers of Dask's workers, fifty or a hundred times a second, for its dashboard: the profile of tasks, which ends at the call of a
-#: library, and the delays of the event loop.  They are stopped in a worker while it has a sweep.
-_TIMERS = "profile", "tick"
 
 #: In each worker: its work by digest.
 _works: dict[str, Work] = {}
@@ -243,7 +226,9 @@ class Cluster:
         except (CancelledError, OSError, TimeoutError):
             raise RunError(f"--scheduler {self._address}: the scheduler has gone") from None
         if isinstance(rows, str):
-            self._refuse(future, rows)
+            for worker in next(iter(self._client.who_has([future]).values()), ()):
+                self._refuse(worker, rows)
+            self._require_fit()
             self.submit(chunk)
             return None
         assert isinstance(rows, Rows)
@@ -256,25 +241,27 @@ class Cluster:
         self._client.close(timeout=_LEAVE)
 
     def _check_workers(self, workers: set[str]) -> None:
-        """Find out which of new workers can run the libraries.
-
-        Raises:
-            RunError: none can.
-        """
+        """Find out which of new workers can run the libraries. Raises RunError: none can."""
         found = self._client.run(find_fault, self._key, __version__, workers=sorted(workers), on_error="return")
         for worker, fault in found.items():
             if said := str(fault):  # the message of an exception
-                self._refused[worker] = said
-                self._note(f"worker {self._name(worker)} is refused: {said}")
+                self._refuse(worker, said)
             else:
                 self._fit.add(worker)
-        if not self._fit:
-            raise self._no_worker_error()
+        self._require_fit()
 
-    def _no_worker_error(self) -> RunError:
+    def _refuse(self, worker: str, why: str) -> None:
+        self._fit.discard(worker)
+        if worker not in self._refused:
+            self._refused[worker] = why
+            self._note(f"worker {self._name(worker)} is refused: {why}")
+
+    def _require_fit(self) -> None:
+        if self._fit:
+            return
         refused = "; ".join(f"{self._name(worker)}: {why}" for worker, why in self._refused.items())
         advice = "flags in the study, such as -O3 -march=x86-64-v2, build for other processors"
-        return RunError(f"--scheduler {self._address}: no worker can run the study: {refused}; {advice}")
+        raise RunError(f"--scheduler {self._address}: no worker can run the study: {refused}; {advice}")
 
     def _name(self, worker: str) -> str:
         known = self._client.scheduler_info(n_workers=-1)["workers"].get(worker, {})
@@ -282,11 +269,7 @@ class Cluster:
         return worker if name == worker else f"'{name}' ({worker})"
 
     def _poll(self) -> None:
-        """See whether the scheduler is there; judge new workers, and have chunks performed anew whose workers have all gone.
-
-        Raises:
-            RunError: the scheduler has gone.
-        """
+        """See whether the scheduler is there; judge new workers, and have chunks performed anew whose workers have all gone."""
         try:
             self._present = dict(self._client.nthreads())
         except (OSError, TimeoutError, CancelledError):
@@ -298,13 +281,3 @@ class Cluster:
             del self._chunks[key]
             self.submit(chunk)
         self._next_poll = monotonic() + _OFTEN
-
-    def _refuse(self, future: Any, why: str) -> None:
-        """Exclude the workers of a chunk that cannot run the libraries; an error if none is left."""
-        for worker in next(iter(self._client.who_has([future]).values()), ()):
-            self._fit.discard(worker)
-            if worker not in self._refused:
-                self._refused[worker] = why
-                self._note(f"worker {self._name(worker)} is refused: {why}")
-        if not self._fit:
-            raise self._no_worker_error()

@@ -28,6 +28,13 @@ from cutjoint.run.scenes import with_default_closure
 from cutjoint.sweeps.kernel import Kernel, find_target
 from cutjoint.sweeps.records import Kind, Study, Variable
 
+_CALLS = {
+    Kind.PARAMETER: ("set_parameter", "parameter", ""), Kind.INPUT: ("set_input", "input", ", 0.0, 0.0"),
+    Kind.POSITION: ("set_start_coordinate", "coordinate", ""), Kind.RATE: ("set_start_speed", "speed", ""),
+}  # fmt: skip
+#: The largest number of rows of a run, and of a group of lanes; a chunk of runs stays in memory.
+_MOST_ROWS = 10_000_000
+
 
 def with_runs(
     standalone: Standalone, study: Study, scene: Scene, columns: Sequence[Column], names: Mapping[str, Sequence[str]]
@@ -49,14 +56,7 @@ def with_runs(
     return standalone.with_code(text)
 
 
-_CALLS = {
-    Kind.PARAMETER: ("set_parameter", "parameter", ""), Kind.INPUT: ("set_input", "input", ", 0.0, 0.0"),
-    Kind.POSITION: ("set_start_coordinate", "coordinate", ""), Kind.RATE: ("set_start_speed", "speed", ""),
-}  # fmt: skip
-
-
 def _calls(p: str, variables: Sequence[Variable], names: Mapping[str, Sequence[str]]) -> list[tuple[Variable, str]]:
-    """The call that sets each variable except the scene in a simulation."""
     calls = []
     for i, v in enumerate(variables):
         if v.kind is not Kind.SCENE:
@@ -73,9 +73,7 @@ def _place(v: Variable, names: Sequence[str]) -> int:
     return list(names).index(v.name)
 
 
-def _following(
-    p: str, study: Study, scene: Scene, symbols: Mapping[Scalar, Scalar], names: Mapping[str, Sequence[str]]
-) -> list[str]:  # fmt: skip
+def _following(p: str, study: Study, scene: Scene, symbols: Mapping[Scalar, Scalar], names: Mapping[str, Sequence[str]]) -> list[str]:
     """The calls that set all quantities of a start that depend on parameters of the study."""
     model, changed = study.model, {v.name for v in study.variables if v.kind is Kind.PARAMETER}
     moving = {q.symbol for q in model.parameters if q.name in changed}
@@ -153,12 +151,7 @@ def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
     )  # fmt: skip
 
 
-#: The largest number of rows of a run, and of a group of lanes; a chunk of runs stays in memory.
-_MOST_ROWS = 10_000_000
-
-
 def _count_rows(scene: Scene, standalone: Standalone) -> tuple[int, float]:
-    """The number of rows of a run, and their interval, s."""
     row_step, end, rows = float(standalone.run_file.output_step), float(standalone.run_file.end), 1
     while (rows - 1) * row_step < end * (1 - 1e-12):
         rows += 1
@@ -173,7 +166,7 @@ def _reaches_break_even(study: Study, program: Program, standalone: Standalone) 
     return lanes_break_even(program.operations("evaluate"), steps * study.runs / len(study.scenes))
 
 
-def _dimension(unit: str) -> Dimension | None:
+def dimension_of(unit: str) -> Dimension | None:
     """The dimension of a unit; a number without a unit fits any."""
     return measure(1.0, unit).dimension if unit else None
 
@@ -193,7 +186,7 @@ class Reader:
     def __init__(self, model: Model, further: Mapping[str, tuple[Term, tuple[Output, ...]]] | None = None) -> None:
         self._elements, self._further = elements_of(model), further or {}
         self._own = frozenset(element.name for group in (model.states, model.signals) for element in group)
-        fixed = {p.name: Term(p.symbol, _dimension(p.unit)) for p in model.parameters if p.binding is not Binding.INPUT}
+        fixed = {p.name: Term(p.symbol, dimension_of(p.unit)) for p in model.parameters if p.binding is not Binding.INPUT}
         moving = {p.symbol for p in model.parameters if p.binding is Binding.INPUT}
         derived = {d.name: Term(d.value) for d in model.derived if moving.isdisjoint(d.value.free_symbols)}
         self._names = {**fixed, **derived, "t": Term(variable("t"), TIME)}
@@ -215,7 +208,7 @@ class Reader:
                 outputs.update({o.column: o for o in read})
                 return term
             output = outputs.setdefault(name, self._output(name, span))
-            return Term(quantity_symbol(output.element, output.quantity), _dimension(self._unit(output)))
+            return Term(quantity_symbol(output.element, output.quantity), dimension_of(self._unit(output)))
 
         term = read_term(value, Names(self._names, self._own, quantity))
         self.outputs |= {output.column: output for _, output in sorted(outputs.items())}

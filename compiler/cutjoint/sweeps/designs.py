@@ -24,6 +24,13 @@ from cutjoint.sweeps.records import Array, Kind, Study, of_kind
 if TYPE_CHECKING:
     from cutjoint.sweeps.run import Sweep
 
+#: The step of central differences at a mean, as a share of the standard deviation.
+STEP = 0.1
+#: Resamples for confidence intervals, and their confidence level.
+_DRAWS, _SHARE = 200, 0.95
+#: The probabilities of the reported quantiles.
+QUANTILES = (0.00135, 0.05, 0.5, 0.95, 0.99865)
+
 # Masses
 
 
@@ -51,7 +58,6 @@ class Masses:
         return {run: fault for run, fault in found.items() if fault}
 
     def _fault(self, values: Array) -> str:
-        """The reason that no body can have the masses of one run; "" if they can."""
         model = self._study.model
         changes = {name: float(values[place]) for name, place in self._places.items()}
         try:
@@ -143,10 +149,6 @@ def draw(design: Design, extents: Sequence[Extent], names: Sequence[str] = ()) -
     return np.stack([np.array(extent.levels)[at] for extent, at in zip(extents, places, strict=True)], axis=1)
 
 
-#: The step of central differences at a mean, as a share of the standard deviation.
-STEP = 0.1
-
-
 def correlation(names: Sequence[str], pairs: Sequence[tuple[str, str, float]]) -> Array:
     """The correlation matrix."""
     found = np.eye(len(names))
@@ -191,9 +193,6 @@ def _stats() -> Any:
 
 # Sobol' indices: the share of each variable in the variance of an objective, by itself and with all that it does together with others.
 # The estimator is SciPy's (scipy.stats.sobol_indices, Saltelli 2010), over the runs of the design `sobol_indices`.
-
-#: Resamples for confidence intervals, and their confidence level.
-_DRAWS, _SHARE = 200, 0.95
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -246,10 +245,6 @@ def _estimate(values: Array) -> tuple[Array, Array]:
     sets = {"f_A": values[:1], "f_B": values[1:2], "f_AB": values[2:, np.newaxis]}
     found = sobol_indices(func=sets, n=values.shape[1])
     return found.first_order, found.total_order
-
-
-#: The probabilities of the reported quantiles.
-QUANTILES = (0.00135, 0.05, 0.5, 0.95, 0.99865)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -136,7 +136,6 @@ REDUCTIONS = (
 )  # fmt: skip
 
 
-
 class Kinematics(Part):
     """Options of the kinematics of an axle, as of the command."""
 
@@ -234,9 +233,8 @@ class Objective(Part):
         if isinstance(self.of, TaskOptions) and len(self.of.model_fields_set) != 1:
             raise shape_error("'of' needs one task", "write for example of: {kinematics: {axle: front}}")
         if (self.at is not None) != (reductions[0] in ("percentile", "crossing")):
-            words = "percentile and crossing need 'at'" if self.at is None and reductions[0] in ("percentile", "crossing") else ""
-            if words or self.at is not None:
-                raise shape_error(words or "'at' belongs to percentile and crossing", "write for example {percentile: x, at: 95}")
+            words = "percentile and crossing need 'at'" if self.at is None else "'at' belongs to percentile and crossing"
+            raise shape_error(words, "write for example {percentile: x, at: 95}")
         if self.direction is not None and self.crossing is None:
             raise shape_error("'direction' belongs to crossing", "leave it out")
         return self

@@ -31,6 +31,10 @@ _FEATURES = {
     "__AVX512VBMI__": "avx512vbmi", "__AVX512VBMI2__": "avx512_vbmi2", "__AVX512IFMA__": "avx512ifma", "__AVXVNNI__": "avx_vnni",
     "__FMA4__": "fma4", "__XOP__": "xop", "__ARM_FEATURE_SVE": "sve", "__ARM_FEATURE_SVE2": "sve2", "__ARM_FEATURE_ATOMICS": "atomics",
 }  # fmt: skip
+#: The largest length of a failed run's message.
+_TEXT = 400
+_loaded: dict[str, tuple[Any, int]] = {}
+_lock = threading.Lock()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,11 +57,7 @@ class Target:
 
 
 def find_target(flags: Sequence[str]) -> Target:
-    """The target of the compiler with flags.
-
-    Raises:
-        ToolchainError: there is no compiler, or it does not take the flags.
-    """
+    """The target of the compiler with flags. Raises ToolchainError: there is no compiler, or it does not take the flags."""
     compiler = find_compiler()
     words = (*compiler.command, *flags, "-x", "c++", "-dM", "-E", os.devnull)
     call = subprocess.run(words, capture_output=True, text=True, check=False, cwd=os.sep)
@@ -66,21 +66,15 @@ def find_target(flags: Sequence[str]) -> Target:
         raise ToolchainError(f"flags {shlex.join(flags)}: the compiler refuses them: {said}; write others")
     macros = {line.split()[1] for line in call.stdout.splitlines() if line.startswith("#define")}
     features = tuple(sorted(feature for macro, feature in _FEATURES.items() if macro in macros))
-    return Target(
-        system=platform.system(), machine=platform.machine(), features=features, compiler=compiler.name, flags=tuple(flags)
-    )  # fmt: skip
+    return Target(system=platform.system(), machine=platform.machine(), features=features, compiler=compiler.name, flags=tuple(flags))
 
 
 def _present() -> frozenset[str]:
-    """The features of this machine's processor, by Linux's names."""
     lines = [line.partition(":") for line in processor()]
     return frozenset(word for name, _, words in lines if name in ("flags", "Features") for word in words.split())
 
 
 # Kernels
-
-#: The largest length of a failed run's message.
-_TEXT = 400
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,9 +94,8 @@ class KernelResults:
 class Kernel:
     """The runs of a study in one scene as a library.
 
-    ``content`` is the library, in which so many ``lanes`` at most go side by side (1: one by one), or a part of that number.
-    A run has ``rows`` rows, ``row_step`` (s)
-    apart, and takes the ``steps`` of an integrator.
+    ``content`` is the library, in which so many ``lanes`` at most go side by side (1: one by one), or a part of that number. A run has
+    ``rows`` rows, ``row_step`` (s) apart, and takes the ``steps`` of an integrator.
     """
 
     model: str
@@ -127,11 +120,7 @@ class Kernel:
         return np.arange(self.rows, dtype=np.float64) * self.row_step
 
     def run(self, values: Array) -> KernelResults:
-        """Runs with values (runs, variables).
-
-        Raises:
-            OSError: the library cannot be loaded here.
-        """
+        """Runs with values (runs, variables). Raises OSError: the library cannot be loaded here."""
         values, runs = np.ascontiguousarray(values, dtype=np.float64), len(values)
         function, size = _functions(self)
         series, memory = np.empty((runs, self.series, self.rows)), np.zeros(size // 8)
@@ -142,7 +131,7 @@ class Kernel:
             reached.ctypes.data, times.ctypes.data, texts.ctypes.data, _TEXT,
         )  # fmt: skip
         times[status == 0] = np.nan
-        failures = {int(run): _decode(texts[run]) for run in np.flatnonzero(status)}
+        failures = {int(run): bytes(texts[run]).partition(b"\0")[0].decode("utf-8", "replace") for run in np.flatnonzero(status)}
         return KernelResults(series=series, reached=reached, failures=failures, times=times)
 
 
@@ -158,14 +147,6 @@ def require_loadable(kernels: Sequence[Kernel]) -> str:
     return ""
 
 
-def _decode(text: Any) -> str:
-    return bytes(text).partition(b"\0")[0].decode("utf-8", "replace")
-
-
-_loaded: dict[str, tuple[Any, int]] = {}
-_lock = threading.Lock()
-
-
 def _functions(kernel: Kernel) -> tuple[Any, int]:
     """The function of a library that runs a study, and the bytes of memory that it takes.  The file is removed once it is loaded, or
     by the next process where a worker is killed meanwhile."""
@@ -174,14 +155,9 @@ def _functions(kernel: Kernel) -> tuple[Any, int]:
             with temporary_folder() as folder:
                 file = folder / f"lib{kernel.digest[:16]}.so"
                 file.write_bytes(kernel.content)
-                _loaded[kernel.digest] = _declared(ctypes.CDLL(os.fspath(file)), f"{kernel.model}_study")
+                library, name, pointer = ctypes.CDLL(os.fspath(file)), f"{kernel.model}_study", ctypes.c_void_p
+                function, size = getattr(library, name), getattr(library, f"{name}_bytes")
+                function.restype, size.restype, long = None, ctypes.c_size_t, ctypes.c_long
+                function.argtypes = (pointer, ctypes.c_size_t, long, long, ctypes.c_double, *([pointer] * 6), ctypes.c_size_t)
+                _loaded[kernel.digest] = function, size()
         return _loaded[kernel.digest]
-
-
-def _declared(library: Any, name: str) -> tuple[Any, int]:
-    function, size, pointer = getattr(library, name), getattr(library, f"{name}_bytes"), ctypes.c_void_p
-    function.restype, size.restype = None, ctypes.c_size_t
-    function.argtypes = (
-        pointer, ctypes.c_size_t, ctypes.c_long, ctypes.c_long, ctypes.c_double, *([pointer] * 6), ctypes.c_size_t,
-    )  # fmt: skip
-    return function, size()

@@ -21,11 +21,6 @@ def reduce_series(objective: Objective, series: Array, times: Array, row_step: f
     return objective.factor * _REDUCTIONS[objective.reduction](objective, window, float(times[first]), row_step)
 
 
-def _integral(window: Array, step: float) -> Array:
-    ends = (window[:, 0] + window[:, -1]) / 2
-    return np.asarray((window.sum(axis=-1) - ends) * step)
-
-
 def _rms(window: Array) -> Array:
     return np.asarray(np.sqrt((window * window).mean(axis=-1)))
 
@@ -66,7 +61,7 @@ _REDUCTIONS: Mapping[str, Callable[[Objective, Array, float, float], Array]] = {
     "mean": lambda o, w, t, h: w.mean(axis=-1),
     "rms": lambda o, w, t, h: _rms(w),
     "deviation": lambda o, w, t, h: _rms(_without_mean(w)),
-    "integral": lambda o, w, t, h: _integral(w, h),
+    "integral": lambda o, w, t, h: (w.sum(axis=-1) - (w[:, 0] + w[:, -1]) / 2) * h,
     "percentile": lambda o, w, t, h: np.asarray(np.percentile(w, o.at, axis=-1)),
     "crossing": _crossing,
     "frequency": lambda o, w, t, h: _spectrum(w)[0] / (w.shape[1] * h),

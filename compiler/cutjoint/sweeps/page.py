@@ -74,8 +74,9 @@ def make_page(study: Study, done: Sweep, command: str, replays: Mapping[int, Rep
     }  # fmt: skip
     content = shown.astype("<i4").tobytes() + b"".join(values[shown].astype("<f4").tobytes() for values in numbers)
     folder = templates_folder()
-    script = (folder / "sweep/page.js").read_text(encoding="utf-8")
-    page: str = _environment().get_template("page.html.jinja").render(
+    script, loader = (folder / "sweep/page.js").read_text(encoding="utf-8"), jinja2.FileSystemLoader(folder / "sweep")
+    environment = jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    page: str = environment.get_template("page.html.jinja").render(
         title=escape(f"{study.model.name}: {study.runs} runs"), about=as_data(about), numbers=base64.b64encode(content).decode(),
         script=script, hash=script_hash(script),
         styles=[(folder / name).read_text(encoding="utf-8") for name in ("view/page.css", "sweep/page.css")],
@@ -157,14 +158,7 @@ def _note(study: Study, shown: int, failed: int) -> str:
     return " · ".join(words)
 
 
-def _environment() -> jinja2.Environment:
-    loader = jinja2.FileSystemLoader(templates_folder() / "sweep")
-    return jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-
-
-def replay_runs(
-    study: Study, runs: Mapping[int, int | None], folder: Path, done: Callable[[int], None]
-) -> dict[int, Replay]:  # fmt: skip
+def replay_runs(study: Study, runs: Mapping[int, int | None], folder: Path, done: Callable[[int], None]) -> dict[int, Replay]:
     """Write the pages of runs into a folder, each over that of the run that it names; returns them by their runs.  Runs that cannot be
     shown have none.  ``done`` receives how many runs there were.
 
@@ -204,8 +198,8 @@ def replay(study: Study, run: int, view: Path, ghost: GhostRun | None = None) ->
     held = with_default_closure(scene, study.method, study.integrator)
     artifact = compile_scene(model, held, CompileOptions(method=study.method, flags=study.flags))
     done = simulate(
-        artifact, parameters=parameters,
-        integrator=steps.integrator, tolerance=steps.tolerance, events=steps.events, coordinates=True, error=False, check=False,
+        artifact, parameters=parameters, integrator=steps.integrator, tolerance=steps.tolerance, events=steps.events, coordinates=True,
+        error=False, check=False,
     )  # fmt: skip
     if done.failure is not None and not done.t.size:
         raise RunError(f"--replay {run}: it failed before its first row, so that there is nothing to show: {done.failure}")

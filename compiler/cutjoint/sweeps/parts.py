@@ -55,10 +55,8 @@ class Parts:
             raise
 
     def _resume(self) -> None:
-        """Begin, or continue an earlier call."""
         file = self.folder / _MANIFEST
-        found = _read_manifest(file)
-        if found is not None:
+        if (found := _read_manifest(file)) is not None:
             require_same(found, self.layout.manifest, self.folder)
             return
         if os.path.lexists(file):
@@ -107,11 +105,7 @@ class Parts:
         self._note(f"{path} {why}: it is now {place}" + ("" if why != _UNFIT else ", and its runs are repeated"))
 
     def write(self, rows: Rows) -> None:
-        """The rows of a chunk.
-
-        Raises:
-            OutputError: they cannot be written.
-        """
+        """The rows of a chunk. Raises OutputError: they cannot be written."""
         first, last = rows.first, rows.first + len(rows.values)
         buffer = BytesIO()
         arrow().parquet.write_table(self.layout.table(rows), buffer, compression="zstd")
@@ -207,11 +201,7 @@ def _regrouped(tables: Iterator[Any], size: int) -> Iterator[Any]:
 
 
 def require_same(found: Mapping[str, Any], asked: Mapping[str, Any], place: Path) -> None:
-    """Check that rows that are there are of the same study.
-
-    Raises:
-        OutputError: they are not; it says what differs.
-    """
+    """Check that rows that are there are of the same study. Raises OutputError: they are not; it says what differs."""
     differing = [key for key in asked if found.get(key) != asked[key]]
     if differing:
         raise OutputError(f"{place} has rows of another sweep: {', '.join(differing)} differ; remove it, or write elsewhere")

@@ -41,9 +41,7 @@ from cutjoint.topology.reading import read_model, read_model_text
 _LABELS = {"parameters": "parameter", "positions": "position", "rates": "rate", "objectives": "objective"}
 
 #: The dimensions of options of tasks that are numbers; None of those without one of their own.
-_OPTIONS = {
-    "travel": LENGTH, "radius": LENGTH, "steer_travel": None, "share": NONE, "at": TIME, "from_": NONE / TIME, "to": NONE / TIME,
-}  # fmt: skip
+_OPTIONS = {"travel": LENGTH, "radius": LENGTH, "steer_travel": None, "share": NONE, "at": TIME, "from_": NONE / TIME, "to": NONE / TIME}
 
 
 def element_of(path: Keys) -> tuple[str, int]:
@@ -76,8 +74,6 @@ def read_study_text(text: str, file: str) -> Study:
 
 
 class _Reading:
-    """The steps of reading one study."""
-
     def __init__(self, source: Source, problems: Problems, document: Document) -> None:
         self.source, self.problems, self.document = source, problems, document
         self.folder = Path(source.file).parent
@@ -97,7 +93,7 @@ class _Reading:
         self.model = model = in_scene(model, scenes[0])
         reader, shown = Reader(model), document.trajectories
         objectives = [self._objective(name, part, reader, scenes) for name, part in document.objectives.items()]
-        kept = [] if shown is None else [self._trajectory(i, text, reader) for i, text in enumerate(shown.outputs)]
+        kept = [] if shown is None else [self._series(text, ("trajectories", "outputs", i), reader) for i, text in enumerate(shown.outputs)]
         design = Variables(self.where, document, model, self.folder).design(scenes)
         for name in document.objectives.keys() & {*TAKEN, *(v.name for v in design.variables)}:
             keys = ("objectives", name)
@@ -215,8 +211,7 @@ class _Reading:
             factor = 1.0 / one.value
         return Objective(
             name=name, reduction=part.reduction, series=-1, begin=window[0], end=window[1], limits=self._limits(part, keys),
-            goal=part.goal or "smaller",
-            unit=part.unit or unit, factor=factor, asked=asked, of=of,
+            goal=part.goal or "smaller", unit=part.unit or unit, factor=factor, asked=asked, of=of,
         )  # fmt: skip
 
     def _limits(self, part: ObjectivePart, keys: Keys) -> tuple[float, float] | None:
@@ -228,7 +223,6 @@ class _Reading:
         return low, high
 
     def _fitting(self, where: Element, unit: str, dimension: Dimension | None, keys: Keys, own: str = "") -> Measure | None:
-        """The unit of an objective, which fits its dimension."""
         one = read_unit(where, unit, (*keys, "unit"))
         if one is not None and dimension not in (None, one.dimension):
             where.fail(f"unit {unit} does not fit: it is in {described(dimension)}", "write a unit of that", (*keys, "unit"))
@@ -237,7 +231,6 @@ class _Reading:
         return one
 
     def _factor(self, where: Element, part: ObjectivePart, unit: str, series: Series, keys: Keys) -> float:
-        """The factor from SI units to the unit of an objective, which fits its dimension."""
         dimension = {"crossing": TIME, "frequency": NONE / TIME}.get(part.reduction, series.dimension)
         if part.reduction == "integral" and dimension is not None:
             dimension *= TIME
@@ -250,9 +243,6 @@ class _Reading:
             words = f"the unit converts, and the expression is multiplied by {float(written):g} for it already"
             where.fail(words, f"write it in SI units: 'unit: {unit}' divides it by {one.value:g}", (*keys, part.reduction))
         return 1.0 / one.value
-
-    def _trajectory(self, i: int, text: str, reader: Reader) -> int:
-        return self._series(text, ("trajectories", "outputs", i), reader)
 
     def _series(self, value: int | float | str, keys: Keys, reader: Reader) -> int:
         """The place of an expression among the series; what is wrong with it is noted."""

@@ -18,7 +18,7 @@ from itertools import islice
 from math import ceil
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -52,6 +52,8 @@ _MOST_BYTES = 32_000_000
 
 #: Called with the number of completed runs and that of all runs.
 Progress = Callable[[int, int], None]
+#: The version of the table format; it changes if columns or their meaning change.
+FORMAT = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,14 +82,12 @@ class Sweep:
     @property
     def manifest(self) -> dict[str, Any]:
         """Origin of the table: digests, versions, design."""
-        found: dict[str, Any] = json.loads(self.table.schema.metadata[MANIFEST])
-        return found
+        return cast(dict[str, Any], json.loads(self.table.schema.metadata[MANIFEST]))
 
     @property
     def failures(self) -> list[str | None]:
         """Reason of each run's failure, or None."""
-        found: list[str | None] = self.table["failure"].to_pylist()
-        return found
+        return cast(list[str | None], self.table["failure"].to_pylist())
 
     def find_indices(self, objective: str) -> Indices:
         """Sobol' indices of an objective; needs the design `sobol_indices`.
@@ -147,9 +147,9 @@ def perform_study(
     say, begin = note or (lambda text: None), perf_counter()
     arrow()
     has_tasks = any(o.asked is not None for o in study.objectives)
-    if scheduler is not None and has_tasks:
-        raise RunError("tasks other than runs are done on this machine: leave out the scheduler, or their objectives")
     if scheduler is not None:
+        if has_tasks:
+            raise RunError("tasks other than runs are done on this machine: leave out the scheduler, or their objectives")
         require_address(scheduler)
     require_file(out)
     require_room(Layout(study=study, manifest={}), out)
@@ -218,19 +218,14 @@ class _Driver:
                 if request.number is not None:
                     raise request.error("interrupted")
                 if (rows := self.workers.take(1.0)) is not None:
-                    waiting, done = waiting - 1, done + len(rows.values)
-                    self._record_speed(len(rows.values), rows.seconds)
+                    runs, self.seconds = len(rows.values), self.seconds + rows.seconds
+                    waiting, done, self.performed, self._largest = waiting - 1, done + runs, self.performed + runs, max(self._largest, runs)
                     self.parts.write(rows)
                     if self.progress is not None:
                         self.progress(done, self.study.runs)
         except BaseException as error:
             error.add_note(f"{done} of {self.study.runs} runs are in {self.parts.folder}; repeat the call to continue")
             raise
-
-    def _record_speed(self, runs: int, seconds: float) -> None:
-        self.performed += runs
-        self.seconds += seconds
-        self._largest = max(self._largest, runs)
 
     def _chunks(self, ranges: list[tuple[int, int]]) -> Iterator[Chunk]:
         """The runs in order, in chunks of similar work as far as durations are known."""
@@ -264,40 +259,21 @@ class _Driver:
         return in_lanes(max(1, min(most, ceil(work / each))), lanes)
 
 
-#: The version of the table format; it changes if columns or their meaning change.
-FORMAT = 2
-
-
 def make_manifest(study: Study, kernels: Sequence[Kernel]) -> dict[str, Any]:
     """The manifest of a study's table; rows that have the same one are the same, bit by bit."""
     target = kernels[0].target if kernels else find_target(study.flags)
     return {
-        "format": FORMAT,
-        "cutjoint": __version__,
-        "name": study.model.name,
-        "model": sha256(study.model.content.encode()).hexdigest(),
-        "study": study.digest,
-        "source": {kernel.scene: kernel.source for kernel in kernels},
-        "library": {kernel.scene: kernel.digest for kernel in kernels},
-        "method": study.method,
-        **{each.name: {k.scene: getattr(k.steps, each.name) for k in kernels} for each in fields(StepSettings)},
-        "lanes": {kernel.scene: kernel.lanes for kernel in kernels},
-        "compiler": target.compiler,
-        "flags": list(target.flags),
-        "processor": [target.machine, *target.features],
-        "design": dict(study.design),
-        "runs": study.runs,
+        "format": FORMAT, "cutjoint": __version__, "name": study.model.name,
+        "model": sha256(study.model.content.encode()).hexdigest(), "study": study.digest,
+        "source": {kernel.scene: kernel.source for kernel in kernels}, "library": {kernel.scene: kernel.digest for kernel in kernels},
+        "method": study.method, **{each.name: {k.scene: getattr(k.steps, each.name) for k in kernels} for each in fields(StepSettings)},
+        "lanes": {kernel.scene: kernel.lanes for kernel in kernels}, "compiler": target.compiler, "flags": list(target.flags),
+        "processor": [target.machine, *target.features], "design": dict(study.design), "runs": study.runs,
         "versions": {name: version(name) for name in ("numpy", "pyarrow")},
     }  # fmt: skip
 
 
 def steps_of(manifest: Mapping[str, Any]) -> dict[str, str]:
     """Describe the steps of each scene's runs."""
-    return {
-        scene: f"{StepSettings(**{each.name: manifest[each.name][scene] for each in fields(StepSettings)})}, runs {_describe_lanes(lanes)}"
-        for scene, lanes in manifest["lanes"].items()
-    }
-
-
-def _describe_lanes(lanes: int) -> str:
-    return "one by one" if lanes == 1 else "in lanes"
+    steps = {scene: StepSettings(**{f.name: manifest[f.name][scene] for f in fields(StepSettings)}) for scene in manifest["lanes"]}
+    return {scene: f"{how}, runs {'one by one' if manifest['lanes'][scene] == 1 else 'in lanes'}" for scene, how in steps.items()}

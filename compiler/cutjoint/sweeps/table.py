@@ -28,14 +28,12 @@ MANIFEST = b"cutjoint"
 
 #: The largest size of a row group, in bytes and in rows; readers load the groups that they need.
 _GROUP_BYTES, _GROUP_ROWS = 16_000_000, 65_536
+#: The size of a digest, of the end of a file after its footer (length and mark), and of blocks for reading, bytes.
+_DIGEST, _TAIL, _BLOCK = 32, 8, 1 << 20
 
 
 def arrow() -> Any:
-    """PyArrow.
-
-    Raises:
-        RunError: it is not installed.
-    """
+    """PyArrow. Raises RunError: it is not installed."""
     words = "tables of sweeps need PyArrow: pip install 'cutjoint[sweep]'"
     return find_package("pyarrow", "pyarrow.parquet", otherwise=RunError(words))
 
@@ -136,21 +134,13 @@ def is_whole(out: Path, layout: Layout) -> bool:
 
 
 def require_file(out: Path) -> None:
-    """Check that a table can stand at a path.
-
-    Raises:
-        OutputError: it is a device, a pipe or a folder.
-    """
+    """Check that a table can stand at a path. Raises OutputError: it is a device, a pipe or a folder."""
     if is_stream(out) or out.is_dir():
         raise OutputError(f"{out}: the table of a sweep is a file, which is renamed when it is whole; write the name of one")
 
 
 def require_room(layout: Layout, out: Path) -> None:
-    """Check that a table and its parts fit on the disk.
-
-    Raises:
-        RunError: they do not; it names the line of the design.
-    """
+    """Check that a table and its parts fit on the disk. Raises RunError: they do not; it names the line of the design."""
     folder = next(parent for parent in resolved(out).parents if parent.exists())
     needed, free = 2 * layout.row_bytes * layout.study.runs, shutil.disk_usage(folder).free
     if needed > free:
@@ -158,10 +148,6 @@ def require_room(layout: Layout, out: Path) -> None:
             f"{layout.study.span}: design: {layout.study.runs} runs take about {needed / 1e9:.3g} GB at {folder}, which has "
             f"{free / 1e9:.3g} GB left; write fewer runs or thinner trajectories, or write elsewhere"
         )
-
-
-#: The size of a digest, of the end of a file after its footer (length and mark), and of blocks for reading, bytes.
-_DIGEST, _TAIL, _BLOCK = 32, 8, 1 << 20
 
 
 def seal(file: BinaryIO, label: str) -> None:
@@ -194,7 +180,6 @@ def _find_footer(file: BinaryIO) -> int:
 
 
 def _digest(file: BinaryIO, label: str, rows: int, footer: int) -> bytes:
-    """The digest of a label, of the bytes up to the end of ``rows`` and of those from the ``footer`` on."""
     digest = sha256(label.encode())
     file.seek(0)
     left = rows

@@ -30,6 +30,9 @@ REDUCTIONS_OF = {
     "kinematics": _OF_TRAVEL, "modes": ("value",), "response": ("value",), "inverse": tuple(r for r in REDUCTIONS if r not in _AT),
     "equilibrium": ("value",),
 }  # fmt: skip
+_OF_MODE = {"frequency": "Hz", "damping": "", "real": "1/s"}
+#: The smallest modal assurance criterion of a tracked mode, and the smallest part into which its parameter path is divided.
+_ALIKE, _LEAST_PART = 0.9, 1 / 64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,17 +54,10 @@ class Result:
         return float(reduce_series(objective, values[np.newaxis], axis, axis[1] - axis[0])[0])
 
     def unit_of(self, name: str, reduction: str) -> str:
-        """The unit of a reduction of a result.
-
-        Raises:
-            RunError: there is no such result.
-        """
+        """The unit of a reduction of a result. Raises RunError: there is no such result."""
         if name not in self.units:
             raise RunError(f"the task has no result '{name}'; {nearest(name, self.units, 'results')}")
-        unit = self.units[name]
-        if reduction == "slope":
-            return f"{unit or 1}/{self.axis_unit}"
-        return unit
+        return f"{self.units[name] or 1}/{self.axis_unit}" if reduction == "slope" else self.units[name]
 
 
 def _design(axis: Array) -> int:
@@ -119,17 +115,8 @@ def _modes(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
     return find
 
 
-_OF_MODE = {"frequency": "Hz", "damping": "", "real": "1/s"}
-#: The smallest modal assurance criterion of a tracked mode, and the smallest part into which its parameter path is divided.
-_ALIKE, _LEAST_PART = 0.9, 1 / 64
-
-
 def _track_mode(mode: Mode, modes_at_share: Callable[[float], Sequence[Mode]]) -> Mode:
-    """A mode at the end of a parameter path, which is subdivided until successive mode shapes are similar.
-
-    Raises:
-        RunError: it mixes with another one.
-    """
+    """A mode at the end of a parameter path, which is subdivided until successive mode shapes are similar; it may mix with another one."""
     share, part = 0.0, 1.0
     while share < 1.0:
         part = min(part, 1.0 - share)
@@ -204,8 +191,7 @@ def _equilibrium(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task
 
 #: Functions that make the tasks whose results can be objectives, and the reductions of each.
 TASKS: Mapping[str, Callable[[Model, Scene, Mapping[str, Any]], Task]] = {
-    "kinematics": _kinematics, "modes": _modes, "response": _response, "inverse": _inverse,
-    "equilibrium": _equilibrium,
+    "kinematics": _kinematics, "modes": _modes, "response": _response, "inverse": _inverse, "equilibrium": _equilibrium,
 }  # fmt: skip
 
 

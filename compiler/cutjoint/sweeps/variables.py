@@ -1,10 +1,9 @@
 """The variables of a study: the parts of the model that they change, their ranges, and their values for each run."""
 
-import csv
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from math import inf, isfinite, isnan, nan
+from math import inf, isnan, nan
 from pathlib import Path
 from typing import TypeAlias
 
@@ -15,13 +14,13 @@ from cutjoint.model.document.source import Path as Keys
 from cutjoint.model.errors import nearest
 from cutjoint.model.expressions.quantities import JOINT_QUANTITIES
 from cutjoint.model.expressions.scope import Element
-from cutjoint.model.expressions.units import fault_of_hertz, measure
+from cutjoint.model.expressions.units import fault_of_hertz
 from cutjoint.model.ranges import fault_of
 from cutjoint.model.records import COORDINATES, Binding, Model, Parameter, Scene, Span
 from cutjoint.model.scenes.starts import read_states
-from cutjoint.model.text import read_number
-from cutjoint.package.errors import plural
+from cutjoint.run.cases import read_numbers, read_rows
 from cutjoint.sweeps import designs
+from cutjoint.sweeps.code import dimension_of
 from cutjoint.sweeps.designs import Extent
 from cutjoint.sweeps.document import MOST_RUNS, Between, Csv, Document, Listed, SobolIndices, Spread, Tolerances, Values
 from cutjoint.sweeps.records import Array, Kind, Variable
@@ -157,7 +156,6 @@ class Variables:
         return "the model has no such name", nearest(name, known, "it has") or "give a parameter binding: param, or tunable: ['*.mass']"
 
     def _named(self, name: str, section: str, span: Span) -> tuple[Variable, Read]:
-        """A variable by its name, and what reads its numbers."""
         if section != "parameters":
             kind = Kind.POSITION if section == "positions" else Kind.RATE
             return Variable(name=name, kind=kind, unit=self._states.get(name, ""), span=span), self._state_reader(section, name)
@@ -166,7 +164,7 @@ class Variables:
         return Variable(name=name, kind=kind, unit=unit, span=span), self._number_reader(unit)
 
     def _number_reader(self, unit: str) -> Read:
-        dimension = measure(1.0, unit).dimension if unit else None
+        dimension = dimension_of(unit)
 
         def read(value: int | float | str, keys: Keys) -> float:
             number = self._at(keys).number(value, dimension, keys)
@@ -177,8 +175,6 @@ class Variables:
         return read
 
     def _state_reader(self, section: str, name: str) -> Read:
-        """The reader of a state, by the rules of a scene's start."""
-
         def read(value: int | float | str, keys: Keys) -> float:
             at = replace(self._where, label=self._at(keys).label)
             states = read_states(at, {name: value}, section, self._joints) if name in self._states else {}
@@ -187,7 +183,6 @@ class Variables:
         return read
 
     def _extent(self, values: Values, keys: Keys, read: Read) -> Extent:
-        """The range of a variable, in the form that the design needs."""
         if isinstance(values, tuple):
             return Extent(levels=tuple(read(value, (*keys, i)) for i, value in enumerate(values)))
         if isinstance(values, (int, float, str)):
@@ -255,48 +250,12 @@ class Variables:
 
     def _csv(self, design: Csv) -> tuple[list[Variable], Array]:
         keys = ("design", "csv")
-        names, rows = read_numbers(self._folder / design.csv, lambda message, hint: self._fail(keys, message, hint))
+        path = self._folder / design.csv
+
+        def fail(message: str, hint: str) -> None:
+            self._fail(keys, message, hint)
+
+        (_, names), *rows = read_rows(path, fail) or [(0, list[str]())]
+        numbers = np.array([read_numbers(f"{path}:{line}", names, row, fail) for line, row in rows], dtype=float)
         self._end()
-        return [self._found(name, keys)[0] for name in names], rows
-
-
-#: Notes what is wrong, and what to do.
-Fail = Callable[[str, str], None]
-
-
-def read_numbers(path: Path, fail: Fail) -> tuple[list[str], Array]:
-    """Names and numbers (rows, names) of a CSV file (SI units), without blank lines; ``fail`` is called with errors and their lines."""
-    empty: tuple[list[str], Array] = ([], np.zeros((0, 0)))
-    if path.is_char_device():
-        fail(f"{path} is a device, which has no end", "name a file")
-        return empty
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream, skipinitialspace=True)
-            rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(cell.strip() for cell in row)]
-    except OSError as error:
-        fail(f"{path} cannot be read: {error.strerror}", "write its path from the folder of the study")
-        return empty
-    except (UnicodeDecodeError, csv.Error) as error:
-        fail(f"{path} is not a table in UTF-8: {error}", "save it as CSV UTF-8, with commas")
-        return empty
-    if len(rows) < 2:
-        fail(f"{path} has no runs", "write names in the first line and a line of numbers for each run")
-        return empty
-    names = rows[0][1]
-    return names, np.array([_numbers(f"{path}:{line}", names, row, fail) for line, row in rows[1:]], dtype=float)
-
-
-def _numbers(place: str, names: Sequence[str], row: Sequence[str], fail: Fail) -> list[float]:
-    if len(row) != len(names):
-        fail(f"{place}: {plural(len(row), 'value')} for {plural(len(names), 'name')}", "write one for each")
-        return [nan] * len(names)
-    values = []
-    for name, text in zip(names, row, strict=True):
-        try:
-            values.append(read_number(text))
-        except ValueError:
-            values.append(nan)
-        if not isfinite(values[-1]):
-            fail(f"{place}: {name}: '{text[:40]}' is not a finite number", "write a plain number in SI units")
-    return values
+        return [self._found(name, keys)[0] for name in names], numbers

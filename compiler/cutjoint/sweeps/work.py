@@ -70,11 +70,7 @@ class Work:
     tasks: Callable[[int, Array], Mapping[int, float]] | None = None
 
     def perform(self, chunk: Chunk) -> Rows:
-        """The rows of a chunk.
-
-        Raises:
-            OSError: a library cannot be loaded here.
-        """
+        """The rows of a chunk. Raises OSError: a library cannot be loaded here."""
         begin, values, runs = perf_counter(), chunk.values, len(chunk.values)
         scenes = values[:, 0].astype(int) if self.has_scenes else np.zeros(runs, dtype=int)
         objectives, times = np.full((runs, len(self.objectives)), np.nan), np.full(runs, np.nan)

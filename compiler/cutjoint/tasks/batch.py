@@ -33,17 +33,18 @@ from cutjoint.run.failures import FailedBatchError, count_failures, describe_fai
 from cutjoint.run.inputs import InputLike, input_entries
 from cutjoint.run.results import Array, Batch, Columns, Trajectory
 from cutjoint.run.run_file import changing_parts, constant_inputs, find_dependent_parts, make_run_file, parameter_values, trimmed
-from cutjoint.run.scenes import ModelLike, load_model, with_closure
+from cutjoint.run.scenes import ModelLike, load_model, method_of, with_closure, with_default_closure
 from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance, require_settings
 from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
 from cutjoint.run.simulator_run import SimulatorRun, Start, start
 from cutjoint.run.stopping import stop_requests
-from cutjoint.tasks.compiled import compile_unless_compiled
 from cutjoint.toolchain.build import FLAGS, Binary, build
 from cutjoint.toolchain.compiler import must_interpret
 
 #: The method whose runs are evaluated side by side.
 (METHOD,) = names_of(METHODS, lambda m: m.batch)
+#: Makes the runs of a batch, reports progress and results, and returns the time of the steps, s.
+_Execute = Callable[[Progress | None, Receive], float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +68,9 @@ class BatchArtifact:
         return f"<BatchArtifact of '{self.model.name}', scene '{self.scene.name}': {self.equations.unknowns} unknowns, {self.binary.path}>"
 
 
-def compile_batch(model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (),
-    flags: Sequence[str] = FLAGS) -> BatchArtifact:
+def compile_batch(
+    model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), flags: Sequence[str] = FLAGS
+) -> BatchArtifact:  # fmt: skip
     """Compile a model for batches of one scene, by default the only one; errors as of `compile_model`."""
     return compile_scene_batch(*load_model(model, scene, tunable), flags=flags)
 
@@ -105,18 +107,15 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
 
 
 def _compile_alone(model: Model, scene: Scene, flags: Sequence[str]) -> BatchArtifact:
-    """Steps of runs that are made one by one."""
     single = compile_scene(model, scene, CompileOptions(method=METHOD, flags=flags))
     assert isinstance(single.equations, RecursiveEquations)
     return BatchArtifact(
         model=single.topology.model, scene=scene, equations=single.equations, binary=single.binary,
-        generate_seconds=single.generate_seconds,
-        compile_seconds=single.compile_seconds, single=single,
+        generate_seconds=single.generate_seconds, compile_seconds=single.compile_seconds, single=single,
     )  # fmt: skip
 
 
 def _require_batch(scene: Scene) -> None:
-    """Check that a scene requests nothing that batches do not support."""
     numerics = scene.numerics
     integrator = INTEGRATORS[numerics.integrator or DEFAULT_INTEGRATOR]
     faults = (
@@ -194,10 +193,6 @@ def simulate_batch(
     return batch
 
 
-#: Makes the runs of a batch, reports progress and results, and returns the time of the steps, s.
-_Execute = Callable[[Progress | None, Receive], float]
-
-
 def _plan_side_by_side(
     artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], requested: Options, threads: int
 ) -> tuple[StepSettings, _Execute]:  # fmt: skip
@@ -232,11 +227,7 @@ def _plan_one_by_one(
 
 
 def _in_order(plans: Sequence[SimulatorRun], threads: int) -> Iterator[Trajectory]:
-    """The runs of plans, some at a time.
-
-    Raises:
-        Interrupted, Terminated: a signal has come; those that were begun have ended.
-    """
+    """The runs of plans, some at a time. Raises Interrupted, Terminated: a signal has come; those that were begun have ended."""
     with stop_requests() as request, ThreadPoolExecutor(threads) as pool:
         runs = [pool.submit(start, plan) for plan in plans]
         try:
@@ -281,6 +272,19 @@ def _columns(results: Sequence[Mapping[str, Any]], kind: str, names: Sequence[st
     missing = [None] * len(names)
     rows = np.array([r.get(kind, missing) for r in results], dtype=float).reshape(len(results), len(names))
     return Columns({name: rows[:, i] for i, name in enumerate(names)})
+
+
+def compile_unless_compiled(
+    model: ModelLike, scene: str | None = None, tunable: Sequence[str] = (), method: str | None = None, integrator: str | None = None,
+    dt: float | None = None,
+) -> Artifact:  # fmt: skip
+    """A compiled model as it is; any other compiled by `compile_model`.
+    The method is the scene's by default; the closure is that of the requested integrator, or of equal steps ``dt`` (s)."""
+    if isinstance(model, Artifact) and scene is None and not tunable and method in (None, model.method):
+        return model
+    read, chosen = load_model(model, scene, tunable)
+    wanted = method or method_of(chosen)
+    return compile_scene(read, with_default_closure(chosen, wanted, integrator, dt), CompileOptions(method=wanted))
 
 
 def simulate(

@@ -155,7 +155,6 @@ class InverseDynamics:
         return list({o.column: o for o in outputs}.values())
 
     def _guide_force(self, joint: Joint, run: Trajectory) -> Array:
-        """The guide's own force."""
         terms = guide_terms(self._model, joint)
         return np.asarray(sum(evaluate(factor, self._numbers) * run[o.column] for o, factor in terms))
 

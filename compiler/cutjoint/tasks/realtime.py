@@ -22,7 +22,7 @@ from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import ModelLike
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator import call_simulator, failure_of
-from cutjoint.tasks.compiled import compile_unless_compiled
+from cutjoint.tasks.batch import compile_unless_compiled
 from cutjoint.toolchain.compiler import find_compiler
 
 
@@ -127,8 +127,9 @@ def run_in_real_time(
         if failure is not None and failure.message.startswith("the fixed point did not converge"):
             failure = replace(failure, advice=f"{failure.advice}; or --iterations 6, a fixed number in each step, converged or not")
         table = tables.finish(summary.get("bytes")) if failure is None else tables.leave(str(failure))
-    times = StepTimes(period=run_file.settings.dt, durations=columns["duration"], lateness=columns["lateness"], failure=failure,
-        table=table)
+    times = StepTimes(
+        period=run_file.settings.dt, durations=columns["duration"], lateness=columns["lateness"], failure=failure, table=table
+    )  # fmt: skip
     if check and failure is not None:
         where = describe_failure(failure, artifact.scene.name, artifact.places, artifact, parameters or {})
         raise FailedRealTimeError(f"{where}; {describe_rest(table)}", times)

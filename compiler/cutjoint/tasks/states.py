@@ -216,8 +216,7 @@ def find_scene_modes(
     if modes.degrees_of_freedom != usual:
         raise RunError(
             f"{where}: a singular pose: {modes.degrees_of_freedom} directions are free there and {usual} nearby, so that small motions are "
-            f"not "
-            "those of linear equations; linearise elsewhere"
+            "not those of linear equations; linearise elsewhere"
         )
     return modes
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 #: Default flags for generated code, unless $CUTJOINT_FLAGS is set; measured on the Iltis, see docs/evidence/performance.md.
 FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3 -march=native").split())
+_PLAIN = Kind()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +33,6 @@ class Binary:
     fresh: bool
     compiler: str
     flags: tuple[str, ...]
-
-
-_PLAIN = Kind()
 
 
 def write_source(source: Source, folder: Path) -> None:
@@ -64,11 +62,7 @@ def build(source: Source, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) 
 
 
 def is_built(source: Source, *, flags: Sequence[str] = FLAGS) -> bool:
-    """Return whether the cache has the simulator of a source.
-
-    Raises:
-        ToolchainError: there is no compiler.
-    """
+    """Return whether the cache has the simulator of a source. Raises ToolchainError: there is no compiler."""
     return is_sound(_place_of(source, find_compiler(), flags, _PLAIN))
 
 
@@ -96,14 +90,10 @@ def build_interpreter(driver: str, *, flags: Sequence[str] = FLAGS) -> Binary:
     if must_interpret():
         return Binary(path=shipped_interpreter(driver), fresh=False, compiler=SHIPPED, flags=())
     compiler = find_compiler()
-    part = interpreter_part(driver, compiler, flags)
-    installed, cached = part.places
-    fresh = False
+    installed, cached = interpreter_part(driver, compiler, flags).places
+    fresh = not is_sound(cached) and not is_sound(installed) and make_drivers(driver, compiler, flags, _PLAIN, cache_folder())
     if not is_sound(cached):
-        if is_sound(installed):
-            store(installed, cached)
-        else:
-            fresh = make_drivers(driver, compiler, flags, _PLAIN, cache_folder())
+        store(installed, cached)
     return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
 
 
@@ -134,16 +124,12 @@ def build_files(
         for file, text in files.items():
             write_text(folder / "source" / file, text)
         definitions = (f"-D{name}_FLAGS={' '.join(flags)}", *settings, *there)
-        build_project(folder / "source", folder / "out", compiler, flags, *definitions, runs=platform is None, shared=_is_library(made))
+        is_library, here = bool(Path(made).suffix), platform is None
+        build_project(folder / "source", folder / "out", compiler, flags, *definitions, runs=here, shared=is_library)
         return folder / "out" / made
 
     find_or_make(cached, make)
     return cached
-
-
-def _is_library(made: str) -> bool:
-    """Return whether a built file is a shared library, by its suffix; programs have none."""
-    return bool(Path(made).suffix)
 
 
 def _build_in(folder: Path, source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> Path:
@@ -153,7 +139,7 @@ def _build_in(folder: Path, source: Source, compiler: Compiler, flags: Sequence[
         write_source(source, folder / "source")
         known = fetch_objects(objects, folder / "objects")
         places = (f"-DCUTJOINT_RUNTIME={plain_runtime(folder)}", f"-DCUTJOINT_OBJECTS={folder / 'objects'}", *kind.definitions(folder))
-        build_project(folder / "source", out, compiler, flags, *places, *definitions, shared=_is_library(source.product))
+        build_project(folder / "source", out, compiler, flags, *places, *definitions, shared=bool(Path(source.product).suffix))
         store_parts(missing, out, cache_folder())
     store_objects([o for o in objects if o not in known], out)
     return out / source.product

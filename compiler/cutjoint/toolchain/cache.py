@@ -41,11 +41,7 @@ def installed_folder() -> Path:
 
 
 def is_sound(file: Path) -> bool:
-    """True where a file of the cache is there and is as it was stored.
-
-    Raises:
-        ToolchainError: somebody else can write there.
-    """
+    """True where a file of the cache is there and is as it was stored. Raises ToolchainError: somebody else can write there."""
     beside = _digest_place(file)
     for each in (file, beside):
         _trust_of(each).require(each)
@@ -75,11 +71,7 @@ def find_or_make(file: Path, make: Callable[[Path], Path]) -> bool:
 
 @contextmanager
 def exclusive(file: Path) -> Iterator[None]:
-    """One process at a time for a file of the cache.
-
-    Raises:
-        ToolchainError: the cache cannot be written.
-    """
+    """One process at a time for a file of the cache. Raises ToolchainError: the cache cannot be written."""
     folder = _store_of(file)
     lock = folder / f"{PREFIX}{'-'.join(file.relative_to(folder).with_suffix('').parts)}.lock"
     with ExitStack() as stack:
@@ -109,11 +101,7 @@ def store(file: Path, target: Path) -> None:
 
 
 def fetch(file: Path, target: Path) -> bool:
-    """Copy a file out of the cache; returns whether the copy is what was stored.
-
-    Raises:
-        ToolchainError: somebody else can write there.
-    """
+    """Copy a file out of the cache; returns whether the copy is what was stored. Raises ToolchainError: somebody else can write there."""
     if not is_sound(file):
         return False
     try:
@@ -124,11 +112,7 @@ def fetch(file: Path, target: Path) -> bool:
 
 
 def read_record(place: Path) -> Any:
-    """A record of the cache; None where there is none, or a damaged one.
-
-    Raises:
-        ToolchainError: somebody else can write there.
-    """
+    """A record of the cache; None where there is none, or a damaged one. Raises ToolchainError: somebody else can write there."""
     _trust_of(place).require(place)
     try:
         digest, _, text = place.read_bytes().partition(b"\n") if place.is_file() else (b"", b"", b"")
@@ -152,11 +136,7 @@ def write_record(place: Path, record: Any) -> None:
 
 
 def require_writable(folder: Path) -> None:
-    """Check that files can be stored in a folder.
-
-    Raises:
-        ToolchainError: it cannot be written.
-    """
+    """Check that files can be stored in a folder. Raises ToolchainError: it cannot be written."""
     with _writing(folder), temporary_folder(_made(folder)):
         pass
 
@@ -176,7 +156,6 @@ def _digest_place(file: Path) -> Path:
 
 
 def _describe(file: Path) -> str:
-    """Digest and kind of a file."""
     with file.open("rb") as stream:
         digest = file_digest(stream, "sha256").hexdigest()
         program = os.fstat(stream.fileno()).st_mode & stat.S_IXUSR
@@ -184,11 +163,7 @@ def _describe(file: Path) -> str:
 
 
 def _made(folder: Path) -> Path:
-    """A folder of a store, or the store, which is made if it is not there.
-
-    Raises:
-        ToolchainError: somebody else can write there.
-    """
+    """A folder of a store, or the store, which is made if it is not there; refused if somebody else can write there."""
     if not folder.is_dir():
         for part in (*reversed(folder.parents), folder):
             if not part.is_dir():
@@ -219,18 +194,11 @@ def _clear_place(target: Path) -> None:
 
 @contextmanager
 def _writing(folder: Path) -> Iterator[None]:
-    """Errors of the file system as what to do about them."""
     try:
         yield
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise ToolchainError(
-            f"the cache {folder} cannot be written: {reason}; set $CUTJOINT_CACHE to a folder that can"
-        ) from error
-
-
-#: Parts of the runtime that only one kind of simulator needs.
-_PARTS = ("batch", "interpreter")
+        fault = f"the cache {folder} cannot be written: {error.strerror or error}"
+        raise ToolchainError(f"{fault}; set $CUTJOINT_CACHE to a folder that can") from error
 
 
 def digest_of(parts: Sequence[str]) -> str:
@@ -241,7 +209,7 @@ def digest_of(parts: Sequence[str]) -> str:
 @cache
 def runtime_digest(*, part: str = "") -> str:
     """A digest of the runtime's headers and sources; of those that only one kind of simulator has, with its ``part``."""
-    return tree_digest(runtime_folder(), left_out={*_PARTS} - {part})
+    return tree_digest(runtime_folder(), left_out={"batch", "interpreter"} - {part})
 
 
 def tree_digest(folder: Path, *, left_out: Set[str] = frozenset()) -> str:

@@ -54,7 +54,6 @@ def _start(command: Sequence[str], environment: Mapping[str, str], folder: Path)
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """Wait for a supervisor, which ends a running tool first."""
     assert process.stdin is not None
     process.stdin.close()
     process.wait()

@@ -47,6 +47,10 @@ _PRINTED = "2\n"
 
 #: The status of a program that the system refuses to run, for example on a disk mounted with noexec.
 _NOT_STARTED = 126
+#: Warnings are errors if the environment asks for it, as the tests do (from CMake 3.24 on); a user's compiler may have others.
+_STRICT = ("-DCMAKE_COMPILE_WARNING_AS_ERROR=ON",) if os.environ.get("CUTJOINT_STRICT", "0") != "0" else ()
+#: CMake's message about a program that it does not recognise as a compiler.
+_UNKNOWN = "compiler identification is unknown"
 
 
 def are_known(flags: Sequence[str]) -> bool:
@@ -76,9 +80,7 @@ def require_flags(
         write_record(place, True)
 
 
-def _find_fault(
-    compiler: Compiler, flags: Sequence[str], folder: Path, environment: Mapping[str, str], runs: bool, shared: bool
-) -> str:  # fmt: skip
+def _find_fault(compiler: Compiler, flags: Sequence[str], folder: Path, environment: Mapping[str, str], runs: bool, shared: bool) -> str:
     """The fault of flags in words; "" if they have none."""
     try:
         words = shlex.split(" ".join(flags))  # as CMake splits them
@@ -104,13 +106,6 @@ def _first_error(said: str) -> str:
     telling = ("error", "undefined", "recompile with")
     found = next((line for line in lines if any(word in line.lower() for word in telling)), lines[0] if lines else "")
     return f": {found}" if found else ""
-
-
-#: Warnings are errors if the environment asks for it, as the tests do (from CMake 3.24 on); a user's compiler may have others.
-_STRICT = ("-DCMAKE_COMPILE_WARNING_AS_ERROR=ON",) if os.environ.get("CUTJOINT_STRICT", "0") != "0" else ()
-
-#: CMake's message about a program that it does not recognise as a compiler.
-_UNKNOWN = "compiler identification is unknown"
 
 
 def plain_runtime(folder: Path) -> Path:
@@ -168,18 +163,13 @@ def zig_tools(folder: Path, *zig: str, target: Sequence[str] = ()) -> dict[str, 
 
 
 def _script(file: Path, command: Sequence[str]) -> Path:
-    """A program that calls a command with further arguments appended."""
     file.write_bytes(b"#!/bin/sh\nexec " + os.fsencode(shlex.join(command)) + b' "$@"\n')
     file.chmod(0o700)
     return file
 
 
 def _compile(source: Path, out: Path, environment: Mapping[str, str], compiler: Compiler, flags: Sequence[str]) -> None:
-    """Build the configured project, and report progress to a listener.
-
-    Raises:
-        ToolchainError: the compiler refused it.
-    """
+    """Build the configured project, and report progress to a listener."""
     command, environment = [str(find_tool("cmake")), "--build", str(out)], {**environment, "NINJA_STATUS": STATUS}
     if not has_listener():
         _call(command, environment, compiler, flags)
@@ -194,11 +184,7 @@ def _compile(source: Path, out: Path, environment: Mapping[str, str], compiler: 
 def _call(
     command: Sequence[str], environment: Mapping[str, str], compiler: Compiler, flags: Sequence[str], watch: Watch | None = None
 ) -> str:  # fmt: skip
-    """The output of a command; ``watch`` is called with the files that it makes.
-
-    Raises:
-        ToolchainError: it failed.
-    """
+    """The output of a command, which must succeed; ``watch`` is called with the files that it makes."""
     lines = []
     with tool(command, environment, Path(environment["TMPDIR"])) as process:
         assert process.stdout is not None
@@ -215,7 +201,6 @@ def _call(
 
 
 def _advice(text: str, compiler: Compiler, flags: Sequence[str]) -> str:
-    """The advice about a message of CMake or the compiler."""
     if "No space left on device" in text:
         return "make room on the disk, or set $CUTJOINT_CACHE to a folder on another one"
     if "CMakeTestCXXCompiler" in text or _UNKNOWN in text:

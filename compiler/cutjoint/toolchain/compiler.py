@@ -39,6 +39,11 @@ _VARIABLES = (
 
 #: Timeout for a compiler's version, s.
 _PATIENCE = 30.0
+#: The properties of a processor that "native" depends on, as /proc/cpuinfo names them on x86, ARM, POWER, RISC-V and s390.
+_CAPABILITIES = (
+    "vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU architecture", "CPU variant", "CPU part", "Features", "cpu", "isa",
+    "uarch", "features",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,11 +105,7 @@ def must_interpret() -> bool:
 
 
 def require_tools(*missing: str) -> None:
-    """Check that the build tools are installed, and that nothing else is ``missing``.
-
-    Raises:
-        MissingToolsError: a tool is missing.
-    """
+    """Check that the build tools are installed, and that nothing else is ``missing``. Raises MissingToolsError: a tool is missing."""
     absent = [*(tool for tool in ("cmake", "ninja") if find_tool(tool) is None), *missing]
     if absent:
         fault = f"missing: {', '.join(absent)};"
@@ -126,7 +127,6 @@ def tools_path() -> str:
 
 
 def _command_of_environment() -> tuple[str, ...]:
-    """The command in $CXX; empty if it is not set."""
     requested = os.environ.get("CXX", "").strip()
     try:
         words = [requested] if find_tool(requested) else shlex.split(requested)
@@ -141,7 +141,6 @@ def _command_of_environment() -> tuple[str, ...]:
 
 
 def _usual_command() -> tuple[str, ...]:
-    """The first installed compiler; empty if there is none."""
     if found := find_tool("g++") or find_tool("clang++"):
         return (found,)
     return (found, "c++") if (found := find_zig()) else ()
@@ -168,11 +167,7 @@ def _for_all_processors(command: tuple[str, ...]) -> tuple[str, ...]:
 
 @cache
 def ask_version(command: tuple[str, ...]) -> str:
-    """The first line of the compiler's version message.
-
-    Raises:
-        ToolchainError: it says none.
-    """
+    """The first line of the compiler's version message. Raises ToolchainError: it says none."""
     fault = "it prints no version"
     try:
         done = subprocess.run(
@@ -192,13 +187,6 @@ def ask_version(command: tuple[str, ...]) -> str:
 def resolve(flags: Sequence[str]) -> tuple[str, ...]:
     """Flags as keys of the cache have them: with the processor that "native" stands for, since machines may share a cache."""
     return (*flags, *(processor() if any("native" in flag for flag in flags) else ()))
-
-
-#: The properties of a processor that "native" depends on, as /proc/cpuinfo names them on x86, ARM, POWER, RISC-V and s390.
-_CAPABILITIES = (
-    "vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU architecture", "CPU variant", "CPU part", "Features", "cpu", "isa",
-    "uarch", "features",
-)  # fmt: skip
 
 
 @cache

@@ -73,7 +73,6 @@ class Kind:
         return () if self.precision in PRECISIONS else (PRECISIONS.added.load(self.precision).folder,)
 
     def _added_folders(self) -> tuple[Path, ...]:
-        """The distinct folders of the additions."""
         solvers = SOLVERS.added.names() if self.additions else ()
         doors = ((SOLVERS if name in solvers else INTEGRATORS).added for name in self.additions)
         return tuple(sorted({door.load(name).folder for door, name in zip(doors, self.additions, strict=True)}))
@@ -211,7 +210,6 @@ def _installed_drivers() -> Path:
 
 
 def _library() -> Path:
-    """The folder for parts that all caches share; the cache if the installation is not writable."""
     installed = _installed_drivers()
     try:
         require_writable(installed)

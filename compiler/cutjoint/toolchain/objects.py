@@ -83,7 +83,6 @@ def store_objects(objects: Sequence[Object], out: Path) -> None:
 
 
 def _code(files: Mapping[str, str], name: str) -> Iterator[str]:
-    """The code of a generated file, and of those that it includes."""
     yield _COMMENT.sub("", files[name])
     for included in _INCLUDE.findall(files[name]):
         if included in files:
@@ -97,6 +96,5 @@ def _project_digest() -> str:
 
 
 def _prepared(file: Path) -> Path:
-    """A path for a file; makes its folder."""
     file.parent.mkdir(parents=True, exist_ok=True)
     return file

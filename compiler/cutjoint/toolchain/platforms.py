@@ -1,12 +1,18 @@
 """Platforms that code is compiled for: this machine's, and others by Debian's cross-compilers; and the machine that times are of."""
 
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain.compiler import Compiler, ask_version, find_compiler, find_tool, require_tools
+
+_AVX2 = ("-mavx2", "-mfma")
+#: GCC does not align the stack for AVX on Windows (its bug 54412); the assembler writes moves that take any address.
+_UNALIGNED = "-Wa,-muse-unaligned-vector-move"
+#: The names of a processor's widest vector registers, by CPU flag.
+_VECTORS = {"avx512f": "AVX-512", "avx2": "AVX2"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,9 +45,8 @@ class Platform:
         require_tools()
         found = find_tool(f"{self.tools}-g++")
         if found is None:
-            raise ToolchainError(
-                f"missing: {self.tools}-g++, which compiles for {self.system} on {self.processor}; apt-get install {self.package}"
-            )
+            words = f"which compiles for {self.system} on {self.processor}; apt-get install {self.package}"
+            raise ToolchainError(f"missing: {self.tools}-g++, {words}")
         return Compiler(command=(found,), version=ask_version((found,)))
 
     @property
@@ -54,10 +59,6 @@ class Platform:
             f"-DCMAKE_FIND_ROOT_PATH=/usr/{self.tools}", "-DCMAKE_FIND_ROOT_PATH_MODE_LIBRARY=ONLY",
         )  # fmt: skip
 
-
-_AVX2 = ("-mavx2", "-mfma")
-#: GCC does not align the stack for AVX on Windows (its bug 54412); the assembler writes moves that take any address.
-_UNALIGNED = "-Wa,-muse-unaligned-vector-move"
 
 #: Platforms by the names that commands use.
 PLATFORMS: Mapping[str, Platform] = {
@@ -80,23 +81,12 @@ def machine() -> Mapping[str, str]:
     return {"processor": _processor(), "system": platform.system(), "python": platform.python_version()}
 
 
-#: The names of a processor's widest vector registers, by CPU flag.
-_VECTORS = {"avx512f": "AVX-512", "avx2": "AVX2"}
-
-
 def _processor() -> str:
-    cores = 0
-    vectors = ""
-    name = platform.processor() or platform.machine()
-    for line in _lines(Path("/proc/cpuinfo")):
+    cores, vectors, name, known = 0, "", platform.processor() or platform.machine(), Path("/proc/cpuinfo")
+    for line in known.read_text(encoding="utf-8").splitlines() if known.exists() else ():
         key, _, value = (part.strip() for part in line.partition(":"))
         cores += key == "processor"
         name = value if key == "model name" else name
         if key == "flags":
             vectors = next((f" with {words}" for flag, words in _VECTORS.items() if flag in value.split()), "")
     return f"{name}{vectors}, {cores} cores" if cores else name
-
-
-def _lines(path: Path) -> Iterator[str]:
-    if path.exists():
-        yield from path.read_text(encoding="utf-8").splitlines()

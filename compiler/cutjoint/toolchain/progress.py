@@ -98,18 +98,15 @@ class Watch:
         return _spread([self._known[name][0] * self._growth(name) for name in self._left])
 
     def _growth(self, name: str) -> float:
-        """The estimated growth of a file's time: proportional to the size of its source."""
         before, now = self._known[name][1], self._size(name)
         return now / before if before and now else 1.0
 
     def _size(self, name: str) -> int:
-        """The size of an object file's source, bytes; zero outside the project."""
         file = self._source / _source_of(name)
         return file.stat().st_size if file.is_file() else 0
 
 
 def _source_of(name: str) -> str:
-    """The source of an object file: CMakeFiles/TARGET.dir/SOURCE.o."""
     return "/".join(Path(name.removesuffix(".o")).parts[2:])
 
 

@@ -80,11 +80,17 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def remove_stale(place: Path) -> None:
-    """Remove this user's unused locks and their temporary folders."""
+    """Remove this user's unused locks and their temporary folders; the lock of one that cannot be removed stays for the next attempt."""
     for lock in place.glob(f"{PREFIX}*.lock"):
         with suppress(OSError, Timeout):
             if lock.lstat().st_uid == user():
-                _remove(lock)
+                with FileLock(lock, blocking=False):
+                    if lock.with_suffix("").is_dir():
+                        shutil.rmtree(lock.with_suffix(""))
+                    lock.unlink(missing_ok=True)
+
+
+_remove_stale_once = cache(remove_stale)
 
 
 @atexit.register
@@ -93,22 +99,3 @@ def _remove_all() -> None:
     for folder in list(_in_use):
         shutil.rmtree(folder, ignore_errors=True)
         folder.with_suffix(".lock").unlink(missing_ok=True)
-
-
-@cache
-def _remove_stale_once(place: Path) -> None:
-    remove_stale(place)
-
-
-def _remove(lock: Path) -> None:
-    """Remove a lock and its folder.
-
-    Raises:
-        Timeout: a process holds it.
-        OSError: something in the folder cannot be removed; the lock then stays for the next attempt.
-    """
-    folder = lock.with_suffix("")
-    with FileLock(lock, blocking=False):
-        if folder.is_dir():
-            shutil.rmtree(folder)
-        lock.unlink(missing_ok=True)

@@ -40,11 +40,7 @@ SECTION = "cutjoint"
 
 
 def require_zig() -> str:
-    """The compiler for WebAssembly.
-
-    Raises:
-        MissingToolsError: ziglang is not installed.
-    """
+    """The compiler for WebAssembly. Raises MissingToolsError: ziglang is not installed."""
     if zig := find_zig():
         return zig
     raise MissingToolsError("missing: ziglang, which compiles for WebAssembly; pip install 'cutjoint[compiler]'")
@@ -58,7 +54,8 @@ def build_module(name: str, files: Mapping[str, str], digest: str) -> bytes:
         ToolchainError: it refused the code.
     """
     zig = require_zig()
-    exports = [f"-Wl,--export={function}" for file, text in files.items() if file.endswith(".h") for function in _functions(name, text)]
+    headers, declared = (text for file, text in files.items() if file.endswith(".h")), rf"^[\w ]+[ *]+({name}_\w+)\([^;{{]*\);$"
+    exports = [f"-Wl,--export={f}" for header in headers for f in sorted({*re.findall(declared, header, re.MULTILINE)})]
     linked = ("-mexec-model=reactor", f"-Wl,-z,stack-size={_STACK}", "-s", *exports)
     return _build(f"{name}.wasm", files, digest, (zig, "c++"), (zig, "cc"), _WASM, linked).read_bytes()
 
@@ -103,12 +100,6 @@ def mathematics() -> Mathematics:
     """The library for folders, with the flags of a project that compiles it."""
     files = {f"libm/{file.name}": file.read_text(encoding="utf-8") for file in sorted((runtime_folder() / "libm").iterdir())}
     return Mathematics(files=files, cxx=_EXACT, c=_LIBM)
-
-
-def _functions(name: str, header: str) -> list[str]:
-    """The functions that a C header declares."""
-    declared = re.findall(rf"^[\w ]+[ *]+({name}_\w+)\([^;{{]*\);$", header, re.MULTILINE)
-    return sorted(set(declared))
 
 
 def _call(command: Sequence[str], folder: Path, scratch: Path) -> None:

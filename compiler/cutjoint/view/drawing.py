@@ -4,7 +4,7 @@ Bodies are drawn by their meshes or shapes, else as bars between their attachmen
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,10 @@ _WITHIN = 1.5
 _MANY = 6
 _LONG = {JointKind.PRISMATIC, JointKind.CYLINDRICAL, JointKind.POINT_ON_LINE}
 _TURNING = {JointKind.REVOLUTE, JointKind.SCREW, JointKind.UNIVERSAL}
+#: The camera follows a body that moves further than this many extents of the mechanism; rotation about a pivot gives at most two.
+_FAR = 3.0
+#: The number of times at which a node's position is sampled.
+_SAMPLES = 50
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +51,6 @@ class BodyParts:
         return {name: tuple(shapes) for name, shapes in parts.items()}
 
     def _attachments(self) -> dict[str, list[Array]]:
-        """The distinct attachment points of each body."""
         held: dict[str, list[Array]] = {}
         for body, point in attached_points(self.model, self.scene):
             place, shapes = point_of(self.numbers, point), held.setdefault(body, [])
@@ -113,7 +116,6 @@ class BodyParts:
 
 
 def _distance(point: Array, start: Array, end: Array) -> float:
-    """The distance of a point from a line between two points."""
     way = end - start
     share = np.clip((point - start) @ way / (way @ way), 0.0, 1.0)
     return float(np.linalg.norm(point - start - share * way))
@@ -130,16 +132,11 @@ def draw(placed: Placed, t: Array, *, failed: str = "", columns: Mapping[tuple[s
     nodes = [Node(name=GROUND, parts=parts[GROUND], translation=np.zeros((1, 3)))]
     for body in model.bodies:
         centre, pose = point_of(numbers, body.centre_of_mass), placed.poses[body.name]
-        nodes.append(
-            Node(
-                name=body.name, parts=tuple(_moved(part, -centre) for part in parts[body.name]), translation=pose.place(centre),
-                rotation=quaternions_of(pose.rotation), about={"body": body.name},
-            )
-        )  # fmt: skip
+        own = tuple(replace(part, mesh=replace(part.mesh, points=part.mesh.points - centre)) for part in parts[body.name])
+        place, turn = pose.place(centre), quaternions_of(pose.rotation)
+        nodes.append(Node(name=body.name, parts=own, translation=place, rotation=turn, about={"body": body.name}))
     forces = ForceNodes(model=model, scene=placed.scene, numbers=numbers, sizes=placed.sizes, poses=placed.poses, up=up)
-    arrows = Arrows(
-        model=model, scene=placed.scene, numbers=numbers, sizes=placed.sizes, poses=placed.poses, up=up, columns=columns or {}
-    )  # fmt: skip
+    arrows = Arrows(model=model, scene=placed.scene, numbers=numbers, sizes=placed.sizes, poses=placed.poses, up=up, columns=columns or {})
     return Drawing(name=model.name, t=t, nodes=(*nodes, *forces.all(), *mark(placed, failed), *arrows.all()), up=up)
 
 
@@ -148,19 +145,6 @@ def up_of(numbers: Numbers, model: Model) -> Array:
     gravity = point_of(numbers, model.gravity)
     size = float(np.linalg.norm(gravity))
     return -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
-
-
-def _moved(part: Part, shift: Array) -> Part:
-    mesh = part.mesh
-    return Part(
-        mesh=Mesh(points=mesh.points + shift, normals=mesh.normals, faces=mesh.faces), colour=part.colour, roughness=part.roughness
-    )  # fmt: skip
-
-
-#: The camera follows a body that moves further than this many extents of the mechanism; rotation about a pivot gives at most two.
-_FAR = 3.0
-#: The number of times at which a node's position is sampled.
-_SAMPLES = 50
 
 
 def find_camera(placed: Placed, drawing: Drawing) -> Camera:

@@ -44,8 +44,6 @@ _CAR_KEYS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }  # fmt: skip
 _PAIRS = (("ArrowLeft", "ArrowRight"), ("ArrowDown", "ArrowUp"), ("KeyA", "KeyD"), ("KeyS", "KeyW"), ("KeyJ", "KeyL"), ("KeyK", "KeyI"))
 
-_OF_CARS = _PAIRS[:4]
-
 #: The reach of an input from its value at rest: of lengths as a share of the mechanism's extent, of moments of its weight at one metre, of
 #: forces its weight, else in SI units.
 _OF_EXTENT, _OF_MOMENT = 0.1, 0.1
@@ -176,13 +174,8 @@ def simulated(model: Model, scene: Scene, method: str) -> Standalone:
         level = HeightTable(start=(0.0, 0.0), step=(1.0, 1.0), heights=((0.0, 0.0),) * 2, bilinear=False, span=scene.span)
         scene = replace(scene, road=replace(scene.road, surface=level))
     standalone = make_standalone(generate(model, scene, outputs, method=method, poses=True), equal_steps=True)
-    return replace(standalone, lays_roads=_lays_roads(standalone))
-
-
-def _lays_roads(standalone: Standalone) -> bool:
-    """Return whether wheels meet a road as points, which other roads know; rigid discs meet an envelope."""
-    equations = standalone.parts.stepped
-    return bool(equations.roads) and equations.scene.road.contact == "point"
+    equations = standalone.parts.stepped  # wheels may meet other roads as points, not as rigid discs, which meet an envelope
+    return replace(standalone, lays_roads=bool(equations.roads) and equations.scene.road.contact == "point")
 
 
 def _wheels(model: Model) -> Iterator[tuple[Force, Wheel]]:
@@ -280,9 +273,8 @@ def _read_drive(path: Path) -> _Saved:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"])) or "the file"
-        raise RunError(
-            f"--replay {path}: no drive; save one in a page of cutjoint drive as 'drive (JSON)' ({escaped(where)}: {first['msg']})"
-        ) from None
+        words = f"save one in a page of cutjoint drive as 'drive (JSON)' ({escaped(where)}: {first['msg']})"
+        raise RunError(f"--replay {path}: no drive; {words}") from None
 
 
 def _find_roles(model: Model) -> dict[str, Ends]:
@@ -307,11 +299,7 @@ class _Axes:
     ranges: Mapping[str, Ends]
 
     def find(self) -> list[dict[str, Any]]:
-        """A description of each for the page; those with a role come first.
-
-        Raises:
-            RunError: an option names nothing that moves.
-        """
+        """A description of each for the page; those with a role come first. Raises RunError: an option names nothing that moves."""
         known = {p.name: p for p in (*input_parameters(self.model), *tunable_parameters(self.model))}
         for ends in (*self.roles.values(), *self.ranges.values()):
             if ends.name not in known:
@@ -320,7 +308,7 @@ class _Axes:
                 if value is not None:
                     require_unit(known[ends.name], value)
         by_name = {ends.name: role for role, ends in self.roles.items()}
-        keys = iter([pair for pair in _PAIRS if not self.roles or pair not in _OF_CARS])
+        keys = iter([pair for pair in _PAIRS if not self.roles or pair not in _PAIRS[:4]])
         first = sorted(known, key=lambda name: list(self.roles).index(by_name[name]) if name in by_name else len(self.roles))
         return [self._axis(known[name], by_name.get(name, ""), keys) for name in first]
 

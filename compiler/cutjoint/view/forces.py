@@ -19,6 +19,11 @@ from cutjoint.view.sizes import Placed, named_visuals, point_of
 _LARGEST_TURN = 2.0
 #: The largest number of drawn cells of a track with a surface.
 _MOST_CELLS = 20_000
+#: The length of the longest arrow, as a share of the mechanism's extent.
+_LONGEST = 0.3
+#: The smallest drawn share of the longest arrow; a mesh without size has no normals.
+_SMALLEST = 1e-6
+_COMPONENTS = ("Fx", "Fy", "Fz")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,13 +156,6 @@ def _profile(pieces: list[Piece], first: float, last: float) -> tuple[Array, Arr
     points = np.array([x, z])
     moves = np.concatenate([[True], np.abs(np.diff(points)).max(axis=0) > 1e-9])
     return points[0, moves], points[1, moves]
-
-
-#: The length of the longest arrow, as a share of the mechanism's extent.
-_LONGEST = 0.3
-#: The smallest drawn share of the longest arrow; a mesh without size has no normals.
-_SMALLEST = 1e-6
-_COMPONENTS = ("Fx", "Fy", "Fz")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,11 +31,7 @@ class GhostRun:
 
 
 def read_page(path: Path, option: str) -> GhostRun:
-    """The run of a page.
-
-    Raises:
-        RunError: the file is no such page, or a page without a run.
-    """
+    """The run of a page. Raises RunError: the file is no such page, or a page without a run."""
     try:
         with path.open("rb") as file:
             content = file.read(_LARGEST + 1)
@@ -61,7 +57,6 @@ def _read(file: str, text: str) -> GhostRun:
 
 
 def _element(text: str, name: str) -> str:
-    """The content of an HTML element, unchanged."""
     found = re.search(f'<script type="application/[a-z-]+" id="{name}"(?: data-crc="([0-9]+)")?>([^<]*)</script>', text)
     if found is None or (found[1] and int(found[1]) != crc32(found[2].encode())):
         raise ValueError(name)

@@ -1,7 +1,6 @@
 """Binary glTF that anyone may have written, read strictly: Khronos Group, glTF 2.0 specification, 2021.
 
-Written here: trimesh draws sparse and normalised numbers, fans, and what an
-extension must unpack, wrongly and silently.
+Written here: trimesh draws sparse and normalised numbers, fans, and what an extension must unpack, wrongly and silently.
 """
 
 import base64
@@ -151,11 +150,7 @@ class Document(_Described):
 
 
 def read_glb(content: bytes) -> "Glb":
-    """The document of a file and its bytes.
-
-    Raises:
-        GlbError: the file is none, or needs what is not known here.
-    """
+    """The document of a file and its bytes. Raises GlbError: the file is none, or needs what is not known here."""
     text, binary = _chunks(content)
     try:
         document = Document.model_validate_json(text)
@@ -287,7 +282,6 @@ class Glb:
         return np.ndarray((count, width), kind, content, described.byte_offset + offset, (stride, np.dtype(kind).itemsize))
 
     def _buffer(self, index: int) -> bytes:
-        """The bytes of a buffer, which are in the file."""
         buffer = _at(self.document.buffers, index, "buffer")
         if buffer.uri is None:
             content = self.binary if index == 0 else b""

@@ -61,24 +61,19 @@ class _Writer:
         animations = [self._animation(name, motion) for name, motion in self._motions.items()]
         document = {
             "asset": {"version": "2.0", "generator": f"cutjoint {__version__}"},
-            "scene": 0,
-            "scenes": [{"name": drawing.name, "nodes": [0]}],
+            "scene": 0, "scenes": [{"name": drawing.name, "nodes": [0]}],
             "nodes": [{**root, **({"children": list(range(1, len(nodes) + 1))} if nodes else {})}, *nodes],
-            "meshes": self._meshes,
-            "materials": [_material(colour, roughness) for colour, roughness in self._materials],
-            "animations": [animation for animation in animations if animation],
-            "accessors": self._accessors,
-            "bufferViews": self._views,
+            "meshes": self._meshes, "materials": [_material(colour, roughness) for colour, roughness in self._materials],
+            "animations": [animation for animation in animations if animation], "accessors": self._accessors, "bufferViews": self._views,
             "buffers": [{"byteLength": len(self.buffer)}] if self.buffer else [],
-        }
+        }  # fmt: skip
         return {key: value for key, value in document.items() if value != []}
 
     def _node(self, node: Node) -> dict[str, Any]:
         if node.parts:
             self._meshes.append({"name": node.name, "primitives": [self._primitive(part) for part in node.parts]})
         return {
-            "name": node.name,
-            **({"mesh": len(self._meshes) - 1} if node.parts else {}),
+            "name": node.name, **({"mesh": len(self._meshes) - 1} if node.parts else {}),
             "translation": _numbers(node.translation[0]), "rotation": _numbers(node.rotation[0]), "scale": _numbers(node.scale[0]),
             **({"extras": dict(node.about)} if node.about else {}),
         }  # fmt: skip

@@ -4,7 +4,6 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +19,9 @@ _LETTER, _ROW, _PADDING, _GAP, _LANE = 7.0, 40.0, 20.0, 34.0, 16.0
 _MARGIN = 24.0
 #: Heights are tried in such steps, and keep so far from the middle of bodies.
 _STEP, _CLEAR = 4.0, 18.0
+#: Pixels of the graph in an inch, and of a body's half height; the largest side of a picture in inches.
+_PIXELS, _HALF, _LARGEST = 72.0, 11.0, 60.0
+_TREE, _CUT = "0.35", "tab:red"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +128,6 @@ class _Layout:
         return {name: row + count - 1 for name, row in rows.items()}
 
     def _outwards(self) -> Iterator[str]:
-        """The bodies, each followed by its subtree."""
         stack = [*reversed(self._children.get(GROUND, ()))]
         while stack:
             name = stack.pop()
@@ -236,17 +237,14 @@ def _short(name: str, beside: str) -> str:
     return short if dot and beside.startswith(f"{instance}.") else name
 
 
-#: Pixels of the graph in an inch, and of a body's half height; the largest side of a picture in inches.
-_PIXELS, _HALF, _LARGEST = 72.0, 11.0, 60.0
-_TREE, _CUT = "0.35", "tab:red"
-
-
 def picture_graph(topology: Topology) -> bytes:
     """Bodies and joints as `draw_graph` places them, of the tree in grey, cut ones and gears in dashed red.  The same topology gives
     the same bytes."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.patches import FancyBboxPatch
+
+    from cutjoint.run.figures import as_png
 
     graph = draw_graph(topology, (), {})
     shrunk = min(1.0, _LARGEST * _PIXELS / max(graph.width, graph.height))
@@ -263,9 +261,7 @@ def picture_graph(topology: Topology) -> bytes:
         box = (body.x, body.y - _HALF), body.width, 2 * _HALF
         axes.add_patch(FancyBboxPatch(*box, boxstyle="round,pad=0,rounding_size=4", facecolor=colour, edgecolor="0.2", alpha=0.9))
         axes.text(body.x + body.width / 2, body.y, body.short, ha="center", va="center", fontsize=8 * shrunk)
-    picture = BytesIO()
-    figure.savefig(picture, format="png", dpi=100, metadata={"Software": None})
-    return picture.getvalue()
+    return as_png(figure, dpi=100)
 
 
 def _draw_tree(axes: "Axes", link: GraphLink, base: GraphBody, follower: GraphBody, shrunk: float) -> None:

@@ -19,7 +19,6 @@ from cutjoint.package.errors import RunError
 
 #: Seconds between updates of a page, and between keep-alive messages.
 _PAUSE, _LIFE = 1 / 60, 5.0
-_LOCAL = ("localhost", "127.0.0.1")
 
 
 class Poses:
@@ -107,7 +106,7 @@ def _handler(poses: Poses, page: bytes, *, is_open: bool) -> type[BaseHTTPReques
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             name = self.headers.get("Host", "").rpartition(":")[0]
-            if not is_open and name not in _LOCAL:
+            if not is_open and name not in ("localhost", "127.0.0.1"):
                 self.send_error(403)  # a foreign host name that resolves to this address
             elif self.path == "/":
                 self._begin("text/html; charset=utf-8", ("Content-Length", str(len(page))))

@@ -20,11 +20,7 @@ _BYTES, _TRIANGLES, _FAR = 50_000_000, 200_000, 1e6
 
 
 def require_meshes(model: Model, numbers: Numbers) -> None:
-    """Check that all meshes of a model can be drawn.
-
-    Raises:
-        ModelError: files are not there or are no meshes; all of them.
-    """
+    """Check that all meshes of a model can be drawn. Raises ModelError: files are not there or are no meshes; all of them."""
     problems: list[Problem] = []
     for body in model.bodies:
         try:

@@ -11,6 +11,8 @@ from cutjoint.view.motions import rotation_to
 from cutjoint.view.records import Array, Faces, Mesh
 
 _AROUND = 20
+#: The length at which the wire of a coil has a round section, in radii of the coil.
+_DRAWN = 8.0
 
 
 def _grid_faces(rows: int, columns: int) -> Faces:
@@ -109,7 +111,6 @@ def _outermost(points: Array) -> Array:
 
 
 def _polygon(corners: Array, normal: Array) -> Mesh:
-    """A flat side with corners in any order."""
     middle = corners.mean(axis=0)
     right = (corners[0] - middle) / np.linalg.norm(corners[0] - middle)
     around = np.argsort(np.arctan2((corners - middle) @ np.cross(normal, right), (corners - middle) @ right))
@@ -122,10 +123,6 @@ def arrow(length: float) -> Mesh:
     """An arrow from the origin along z."""
     shaft, head, neck = 0.035 * length, 0.085 * length, 0.74 * length
     return revolved([(0.0, 0.0), (shaft, 0.0), (shaft, neck), (head, neck), (0.0, length)], 16)
-
-
-#: The length at which the wire of a coil has a round section, in radii of the coil.
-_DRAWN = 8.0
 
 
 @cache

@@ -15,7 +15,7 @@ import numpy as np
 from cutjoint.compile.c_export import module_script
 from cutjoint.emit.source import environment
 from cutjoint.model.expressions.quantities import bodies_of
-from cutjoint.model.records import Joint, Model, Plot, Vector
+from cutjoint.model.records import Model, Plot, Vector
 from cutjoint.package.locations import licence_of_musl, templates_folder
 from cutjoint.run.results import Trajectory
 from cutjoint.view import meshes
@@ -26,6 +26,16 @@ from cutjoint.view.motions import PERIOD, Motion
 from cutjoint.view.records import ALARM, Array, Node, Part
 from cutjoint.view.sizes import Placed, force_points
 from cutjoint.view.sliders import Sliders
+
+#: The page's own script is these files in this order, in one function.
+SCRIPTS = (
+    "trouble", "data", "over", "picture", "time", "names", "bodies", "values", "looks", "saving", "failure", "motions", "graph", "sliders",
+    "live", "controls",
+)  # fmt: skip
+#: More files of pages with a simulation that runs, before the last.
+DRIVING = ("ground", "keeping", "drive")
+#: The number of last rows of a failed run that are played slowly.
+LAST_ROWS = 40
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,19 +63,6 @@ class Camera:
     follow: str
 
 
-#: The page's own script is these files in this order, in one function.
-SCRIPTS = (
-    "trouble", "data", "over", "picture", "time", "names", "bodies", "values", "looks", "saving", "failure", "motions", "graph", "sliders",
-    "live", "controls",
-)  # fmt: skip
-
-#: More files of pages with a simulation that runs, before the last.
-DRIVING = ("ground", "keeping", "drive")
-
-#: The number of last rows of a failed run that are played slowly.
-LAST_ROWS = 40
-
-
 @dataclass(frozen=True, kw_only=True)
 class Drive:
     """A simulation for a page: its ``module`` of WebAssembly, and ``facts`` about its steps and what moves its inputs."""
@@ -76,9 +73,8 @@ class Drive:
 
 def make_page(
     *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], camera: Camera,
-    failure: "Failure | None" = None, motions: Sequence[Motion] = (), ghost: GhostRun | None = None,
-    graph: Graph | None = None, sliders: Sliders | None = None, is_live: bool = False, plots: Sequence[Plot] = (),
-    drive: Drive | None = None,
+    failure: "Failure | None" = None, motions: Sequence[Motion] = (), ghost: GhostRun | None = None, graph: Graph | None = None,
+    sliders: Sliders | None = None, is_live: bool = False, plots: Sequence[Plot] = (), drive: Drive | None = None,
 ) -> str:  # fmt: skip
     """The page of a .glb file and the columns of its run; names are data there, whatever they are.  One that is live asks where it comes
     from for poses, one to ``drive`` has its simulation inside.  Named ``plots`` are chosen as columns are."""
@@ -87,10 +83,8 @@ def make_page(
         "title": title, "scene": scene, "note": note, "bodies": list(bodies), "outlook": asdict(camera), "rows": int(t.size),
         "failure": None if failure is None else {**asdict(failure), "since": float(t[-min(t.size, LAST_ROWS)])},
         "motions": [{"name": m.name, "facts": list(m.facts)} for m in motions], "period": PERIOD,
-        **({"live": True} if is_live else {}),
-        **({"drive": drive.facts} if drive else {}),
-        "sliders": None if sliders is None else sliders.facts,
-        "graph": None if graph is None else asdict(graph),
+        **({"live": True} if is_live else {}), **({"drive": drive.facts} if drive else {}),
+        "sliders": None if sliders is None else sliders.facts, "graph": None if graph is None else asdict(graph),
         "over": None if ghost is None else {"name": ghost.name, "rows": int(ghost.drawing.t.size), "columns": list(ghost.columns)},
         "plots": [asdict(plot) for plot in plots if {plot.x, *plot.y} <= {"t", *(c.name for c in columns)}],
         "columns": [{"name": c.name, "unit": c.unit, "bodies": list(c.bodies)} for c in columns],
@@ -177,16 +171,12 @@ def mark(placed: Placed, element: str) -> Iterator[Node]:
 
 
 def _points(model: Model, element: str) -> Iterator[tuple[str, Vector]]:
-    joints = {joint.name: joint for joint in model.joints}
+    joints = {joint.name: (joint.base, joint.at) for joint in model.joints}
     for body in (body for body in model.bodies if body.name == element):
         yield body.name, body.centre_of_mass
     for gear in (gear for gear in model.gears if gear.name == element):
-        yield from (_joint_point(joints[name]) for name in dict.fromkeys(gear.joints))
+        yield from (joints[name] for name in dict.fromkeys(gear.joints))
     if element in joints:
-        yield _joint_point(joints[element])
+        yield joints[element]
     for force in (force for force in model.forces if force.name == element):
         yield from force_points(force)
-
-
-def _joint_point(joint: Joint) -> tuple[str, Vector]:
-    return joint.base, joint.at

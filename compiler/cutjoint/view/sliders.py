@@ -49,8 +49,7 @@ class Sliders:
     @property
     def facts(self) -> Mapping[str, Any]:
         """All but the script."""
-        names = ("q", "charts", "sliders", "bodies", "others")
-        return {name: list(getattr(self, name)) for name in names}
+        return {name: list(value) for name, value in vars(self).items() if name != "script"}
 
 
 def make_sliders(model: Model, scene: Scene, parameters: Mapping[str, float], q: Array | None) -> Sliders | None:
@@ -116,9 +115,7 @@ def _others(model: Model, scene: Scene, numbers: Numbers) -> Iterator[dict[str, 
             yield {"name": joint.name, "from": at(joint.base, joint.at), "to": at(joint.follower, joint.to)}
 
 
-def coordinates_of(
-    equations: RecursiveEquations, poses: Mapping[str, BodyPose], scalars: Mapping[str, Mapping[str, float]]
-) -> Array:  # fmt: skip
+def coordinates_of(equations: RecursiveEquations, poses: Mapping[str, BodyPose], scalars: Mapping[str, Mapping[str, float]]) -> Array:
     """The tree's coordinates of a pose: ``scalars`` by joint and name, quaternions from the bodies' rotations (1, 3, 3)."""
     q = design_coordinates(equations)
     tree = {t.joint.name: t for t in equations.topology.tree}

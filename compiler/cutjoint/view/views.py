@@ -82,9 +82,7 @@ def read_ghost(ghost: Path | None, view: Path | None) -> GhostRun | None:
     return read_page(ghost, "--ghost")
 
 
-def show_run(
-    model: Model, scene: Scene, method: str, parameters: Mapping[str, float], run: Trajectory, *, variant: str = ""
-) -> ViewSpec:  # fmt: skip
+def show_run(model: Model, scene: Scene, method: str, parameters: Mapping[str, float], run: Trajectory, *, variant: str = "") -> ViewSpec:
     """A run that has coordinates, in as many of its rows as a page takes; of a reduced model the ``variant`` is named."""
     assert run.coordinates is not None
     held, others = with_constant_inputs(model, scene, parameters)
@@ -102,9 +100,7 @@ def show_run(
     )  # fmt: skip
 
 
-def _find_poses(
-    model: Model, scene: Scene, method: str, t: Array, q: Array, parameters: Mapping[str, float]
-) -> Mapping[str, BodyPose]:  # fmt: skip
+def _find_poses(model: Model, scene: Scene, method: str, t: Array, q: Array, parameters: Mapping[str, float]) -> Mapping[str, BodyPose]:
     """The poses of all bodies from the coordinates of a method's rows; what is fixed to the ground has none of its own."""
     topology = build_topology(model)
     if METHODS[method].formulation is not Formulation.NATURAL:
@@ -180,9 +176,7 @@ def drive_page(model: Model, scene: Scene, parameters: Mapping[str, float], driv
     return content
 
 
-def _content(
-    kind: str, shown: ViewSpec, ghost: GhostRun | None, *, is_live: bool = False, drive: Drive | None = None
-) -> str | bytes:  # fmt: skip
+def _content(kind: str, shown: ViewSpec, ghost: GhostRun | None, *, is_live: bool = False, drive: Drive | None = None) -> str | bytes:
     placed = _placed(shown, shown.poses, shown.t)
     outputs = {o.column: (o.element, o.quantity) for o in shown.scene.outputs}
     values = {outputs[c.name]: c.values for c in shown.columns if c.name in outputs and c.values.size == shown.t.size}

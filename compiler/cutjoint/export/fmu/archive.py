@@ -43,6 +43,49 @@ PICTURES: Mapping[int, str] = {2: "model.png", 3: "documentation/diagram.png"}
 
 #: The time of all entries of an archive, the earliest one that it can have.
 _NO_TIME = (1980, 1, 1, 0, 0, 0)
+_REFERENCES = "const fmi3ValueReference*, size_t"
+_KNOWN = f", {_REFERENCES}, {_REFERENCES}, const fmi3Float64*, size_t, fmi3Float64*, size_t"
+Function = tuple[str, str, str]
+#: Functions that no FMU has: names without the prefix, C++ arguments after the instance, and the missing ability.
+MISSING: tuple[Function, ...] = (
+    ("GetNumberOfVariableDependencies", ", fmi3ValueReference, size_t*", "dependencies that change"),
+    ("GetVariableDependencies", ", fmi3ValueReference, size_t*, fmi3ValueReference*, size_t*, int*, size_t", "dependencies that change"),
+    ("EnterConfigurationMode", "", "configuration mode"),
+    ("ExitConfigurationMode", "", "configuration mode"),
+    ("GetIntervalDecimal", f", {_REFERENCES}, fmi3Float64*, int*", "clocks"),
+    ("GetIntervalFraction", f", {_REFERENCES}, fmi3UInt64*, fmi3UInt64*, int*", "clocks"),
+    ("GetShiftDecimal", f", {_REFERENCES}, fmi3Float64*", "clocks"),
+    ("GetShiftFraction", f", {_REFERENCES}, fmi3UInt64*, fmi3UInt64*", "clocks"),
+    ("SetIntervalDecimal", f", {_REFERENCES}, const fmi3Float64*", "clocks"),
+    ("SetIntervalFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*", "clocks"),
+    ("SetShiftDecimal", f", {_REFERENCES}, const fmi3Float64*", "clocks"),
+    ("SetShiftFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*", "clocks"),
+    ("EvaluateDiscreteStates", "", "discrete states"),
+    ("GetOutputDerivatives", f", {_REFERENCES}, const fmi3Int32*, fmi3Float64*, size_t", "derivatives of outputs"),
+    ("ActivateModelPartition", ", fmi3ValueReference, fmi3Float64", "model partitions"),
+)
+#: Functions that only FMUs for co-simulation with event mode have.
+OF_STEPS: tuple[Function, ...] = (("EnterStepMode", "", "event mode"),)
+#: Functions that these and FMUs for model exchange have.
+OF_EVENTS: tuple[Function, ...] = (
+    ("EnterEventMode", "", "event mode"),
+    ("UpdateDiscreteStates", ", fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Float64*", "event mode"),
+)
+#: Functions that only FMUs for model exchange have.
+OF_EXCHANGE: tuple[Function, ...] = (
+    ("GetDirectionalDerivative", _KNOWN, "directional derivatives"),
+    ("GetAdjointDerivative", _KNOWN, "adjoint derivatives"),
+    ("EnterContinuousTimeMode", "", "model exchange"),
+    ("CompletedIntegratorStep", ", fmi3Boolean, fmi3Boolean*, fmi3Boolean*", "model exchange"),
+    ("SetTime", ", fmi3Float64", "model exchange"),
+    ("SetContinuousStates", ", const fmi3Float64*, size_t", "model exchange"),
+    ("GetContinuousStateDerivatives", ", fmi3Float64*, size_t", "model exchange"),
+    ("GetEventIndicators", ", fmi3Float64*, size_t", "model exchange"),
+    ("GetContinuousStates", ", fmi3Float64*, size_t", "model exchange"),
+    ("GetNominalsOfContinuousStates", ", fmi3Float64*, size_t", "model exchange"),
+    ("GetNumberOfEventIndicators", ", size_t*", "model exchange"),
+    ("GetNumberOfContinuousStates", ", size_t*", "model exchange"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,9 +126,7 @@ class Fmu:
         files = {**model, f"fmi{self.version}.cpp": self.layer, **self.project}
         return build_files(name, files, f"{name}{there.suffix}", self.standalone.digest, flags, *settings, platform=there)
 
-    def pack(
-        self, *, sources: bool, binary: bool, picture: bytes, platforms: Sequence[str] = (), target: str | None = None
-    ) -> bytes:  # fmt: skip
+    def pack(self, *, sources: bool, binary: bool, picture: bytes, platforms: Sequence[str] = (), target: str | None = None) -> bytes:
         """The archive: sources, a binary for each of the ``platforms`` (default: this machine), and a ``picture`` (PNG) of the topology.
         ``target`` and errors as of `build`."""
         subject = replace(self.subject, sources=tuple(n for n in self.sources if n.endswith(".cpp")) if sources else ())
@@ -127,7 +168,9 @@ def make_fmu(
     stops = version == 3 and KINDS[kind][0] and standalone.steps.finds_events and bool(described.indicators)
     page, view = Page.of(described, method), _view(standalone, interface, version, kind, stops)
     kept, layer = page.render("fmu/kept.cpp.jinja", **view), page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")
-    token = _token([*map(without_mark, [*standalone.files.values(), layer]), repr(interface)])
+    texts = [*map(without_mark, [*standalone.files.values(), layer]), repr(interface)]
+    digits = sha256("\0".join(texts).encode()).hexdigest()
+    token = "{" + "-".join((digits[:8], digits[8:12], digits[12:16], digits[16:20], digits[20:32])) + "}"  # a GUID that follows from texts
     subject = Subject(
         name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=(), kind=kind,
         stops_at_events=stops, steps=", ".join(filter(None, (
@@ -161,7 +204,6 @@ def choose_target(flags: Sequence[str], target: str | None = None) -> str:
 
 
 def _require_method(method: str, kind: str) -> None:
-    """Check that FMUs of a kind have a method."""
     if method not in METHODS:
         raise RunError(f"method: '{method}' has no FMUs; use {join_or(tuple(METHODS))}")
     if method != DEFAULT_METHOD and KINDS[kind][1]:
@@ -186,18 +228,10 @@ def _view(standalone: Standalone, interface: Interface, version: int, kind: str,
 
 
 def _code_of(standalone: Standalone) -> list[str]:
-    """The header and the C++ file of the model."""
     return [name for name in standalone.files if name.endswith((".cpp", ".h"))]
 
 
-def _token(parts: Sequence[str]) -> str:
-    """A GUID that follows from texts."""
-    digits = sha256("\0".join(parts).encode()).hexdigest()
-    return "{" + "-".join((digits[:8], digits[8:12], digits[12:16], digits[16:20], digits[20:32])) + "}"
-
-
 def _require_platform() -> str:
-    """The name of this machine's platform."""
     name = name_here()
     if name is None:
         raise RunError("FMUs have no binaries for this machine; export with --sources, or name another --platform")
@@ -214,56 +248,6 @@ def _pack(files: Mapping[str, bytes]) -> bytes:
             entry.create_system, entry.compress_type = 3, zipfile.ZIP_DEFLATED
             packed.writestr(entry, content)
     return archive.getvalue()
-
-
-_REFERENCES = "const fmi3ValueReference*, size_t"
-_KNOWN = f", {_REFERENCES}, {_REFERENCES}, const fmi3Float64*, size_t, fmi3Float64*, size_t"
-
-Function = tuple[str, str, str]
-
-#: Functions that no FMU has: names without the prefix, C++ arguments after the instance, and the missing ability.
-MISSING: tuple[Function, ...] = (
-    ("GetNumberOfVariableDependencies", ", fmi3ValueReference, size_t*", "dependencies that change"),
-    ("GetVariableDependencies", ", fmi3ValueReference, size_t*, fmi3ValueReference*, size_t*, int*, size_t", "dependencies that change"),
-    ("EnterConfigurationMode", "", "configuration mode"),
-    ("ExitConfigurationMode", "", "configuration mode"),
-    ("GetIntervalDecimal", f", {_REFERENCES}, fmi3Float64*, int*", "clocks"),
-    ("GetIntervalFraction", f", {_REFERENCES}, fmi3UInt64*, fmi3UInt64*, int*", "clocks"),
-    ("GetShiftDecimal", f", {_REFERENCES}, fmi3Float64*", "clocks"),
-    ("GetShiftFraction", f", {_REFERENCES}, fmi3UInt64*, fmi3UInt64*", "clocks"),
-    ("SetIntervalDecimal", f", {_REFERENCES}, const fmi3Float64*", "clocks"),
-    ("SetIntervalFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*", "clocks"),
-    ("SetShiftDecimal", f", {_REFERENCES}, const fmi3Float64*", "clocks"),
-    ("SetShiftFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*", "clocks"),
-    ("EvaluateDiscreteStates", "", "discrete states"),
-    ("GetOutputDerivatives", f", {_REFERENCES}, const fmi3Int32*, fmi3Float64*, size_t", "derivatives of outputs"),
-    ("ActivateModelPartition", ", fmi3ValueReference, fmi3Float64", "model partitions"),
-)
-
-#: Functions that only FMUs for co-simulation with event mode have.
-OF_STEPS: tuple[Function, ...] = (("EnterStepMode", "", "event mode"),)
-
-#: Functions that these and FMUs for model exchange have.
-OF_EVENTS: tuple[Function, ...] = (
-    ("EnterEventMode", "", "event mode"),
-    ("UpdateDiscreteStates", ", fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Float64*", "event mode"),
-)
-
-#: Functions that only FMUs for model exchange have.
-OF_EXCHANGE: tuple[Function, ...] = (
-    ("GetDirectionalDerivative", _KNOWN, "directional derivatives"),
-    ("GetAdjointDerivative", _KNOWN, "adjoint derivatives"),
-    ("EnterContinuousTimeMode", "", "model exchange"),
-    ("CompletedIntegratorStep", ", fmi3Boolean, fmi3Boolean*, fmi3Boolean*", "model exchange"),
-    ("SetTime", ", fmi3Float64", "model exchange"),
-    ("SetContinuousStates", ", const fmi3Float64*, size_t", "model exchange"),
-    ("GetContinuousStateDerivatives", ", fmi3Float64*, size_t", "model exchange"),
-    ("GetEventIndicators", ", fmi3Float64*, size_t", "model exchange"),
-    ("GetContinuousStates", ", fmi3Float64*, size_t", "model exchange"),
-    ("GetNominalsOfContinuousStates", ", fmi3Float64*, size_t", "model exchange"),
-    ("GetNumberOfEventIndicators", ", size_t*", "model exchange"),
-    ("GetNumberOfContinuousStates", ", size_t*", "model exchange"),
-)
 
 
 def missing_functions(*, exchanges: bool, stops_at_events: bool) -> tuple[Function, ...]:

@@ -19,6 +19,14 @@ _ANGLE = "rad"
 
 #: The purposes of an FMU, by the names of `cutjoint export --kind`: co-simulation, model exchange.
 KINDS: Mapping[str, tuple[bool, bool]] = {"cs": (True, False), "me": (False, True), "both": (True, True)}
+#: The names in FMI 3 of the abilities of co-simulation that stops at events.
+_STOPS = ("hasEventMode", "mightReturnEarlyFromDoStep", "providesIntermediateUpdate", "canReturnEarlyAfterIntermediateUpdate")
+#: As FMI names and orders them; the radian comes last.
+BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+_FACTOR = re.compile(r"(?P<sign>/?)\s*(?P<name>[A-Za-z]+|1)(?:(?:\^|\*\*)(?P<power>-?[0-9]+))?")
+_RADIANS = ("rad", "radian", "radians")
+#: Names of angles that an exponent of the radian stands for.
+_ANGLES = (*_RADIANS, "mrad", "deg", "degree", "degrees")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +49,6 @@ class Subject:
     steps: str
 
 
-#: The names in FMI 3 of the abilities of co-simulation that stops at events.
-_STOPS = ("hasEventMode", "mightReturnEarlyFromDoStep", "providesIntermediateUpdate", "canReturnEarlyAfterIntermediateUpdate")
-
-
 def write_description(subject: Subject, interface: Interface, version: int) -> str:
     """modelDescription.xml for FMI ``version``, 2 or 3."""
     return (_write_2 if version == 2 else _write_3)(subject, interface)
@@ -62,7 +66,6 @@ def write_build_description(subject: Subject) -> str:
 
 
 def _write_2(subject: Subject, interface: Interface) -> str:
-    variables = interface.variables
     root = Element("fmiModelDescription", {"fmiVersion": "2.0", "guid": subject.token, **_common(subject)})
     if interface.indicators:
         root.set("numberOfEventIndicators", str(len(interface.indicators)))
@@ -75,15 +78,7 @@ def _write_2(subject: Subject, interface: Interface) -> str:
         able = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true" if interface.inputs else "false"}
         able["maxOutputDerivativeOrder"] = "0"
         _add_sources(SubElement(root, "CoSimulation", {"modelIdentifier": subject.name, **able, **states}), subject)
-    _add_general(root, subject, variables)
-    listed = SubElement(root, "ModelVariables")
-    first = len(variables) - len(interface.indicators) - 2 * len(interface.states)
-    for reference, variable in enumerate(variables):
-        real = SubElement(SubElement(listed, "ScalarVariable", _attributes(reference, variable)), "Real", _value(variable))
-        if variable.derives is not None:
-            real.set("derivative", str(variable.derives + 1))
-        if first <= reference < first + len(interface.states):
-            real.set("reinit", "true")
+    _add_variables(root, subject, interface, 2)
     structure = SubElement(root, "ModelStructure")
     for tag, unknowns in _structure(interface, ("Outputs", "Derivatives", "InitialUnknowns")):
         group = SubElement(structure, tag)
@@ -111,17 +106,7 @@ def _write_3(subject: Subject, interface: Interface) -> str:
         able = {"canHandleVariableCommunicationStepSize": "true", **states, "maxOutputDerivativeOrder": "0"}
         stops = dict.fromkeys(_STOPS if subject.stops_at_events else (), "true")
         SubElement(root, "CoSimulation", {"modelIdentifier": subject.name, **able, **stops})
-    _add_general(root, subject, variables)
-    listed = SubElement(root, "ModelVariables")
-    first = len(variables) - len(interface.indicators) - 2 * len(interface.states)
-    for reference, variable in enumerate(variables):
-        real = SubElement(listed, "Float64", {**_attributes(reference, variable), **_value(variable)})
-        if variable.derives is not None:
-            real.set("derivative", str(variable.derives))
-        if subject.stops_at_events and variable.causality == "output":
-            real.set("intermediateUpdate", "true")
-        if first <= reference < first + len(interface.states):
-            real.set("reinit", "true")
+    _add_variables(root, subject, interface, 3)
     structure = SubElement(root, "ModelStructure")
     for tag, unknowns in _structure(interface, ("Output", "ContinuousStateDerivative", "InitialUnknown")):
         for reference, known in unknowns:
@@ -145,15 +130,28 @@ def _structure(interface: Interface, tags: tuple[str, str, str]) -> Iterator[tup
     return ((tag, group) for tag, group in groups.items() if group)
 
 
-def _add_general(root: Element, subject: Subject, variables: Sequence[Variable]) -> None:
-    """Units, categories of messages, and the scene's experiment."""
+def _add_variables(root: Element, subject: Subject, interface: Interface, version: int) -> None:
+    """Units, categories of messages, the scene's experiment, and all variables."""
+    variables = interface.variables
     _add_units(root, variables)
     categories = SubElement(root, "LogCategories")
     SubElement(categories, "Category", name="logStatusError", description="Wrong calls")
     SubElement(categories, "Category", name="logStatusDiscard", description="Motions that cannot continue")
-    SubElement(
-        root, "DefaultExperiment", startTime="0.0", stopTime=repr(float(subject.end)), stepSize=repr(float(subject.output_step))
-    )
+    SubElement(root, "DefaultExperiment", startTime="0.0", stopTime=repr(float(subject.end)), stepSize=repr(float(subject.output_step)))
+    listed = SubElement(root, "ModelVariables")
+    first = len(variables) - len(interface.indicators) - 2 * len(interface.states)
+    for reference, variable in enumerate(variables):
+        about, value = _attributes(reference, variable), _value(variable)
+        if version == 2:
+            real = SubElement(SubElement(listed, "ScalarVariable", about), "Real", value)
+        else:
+            real = SubElement(listed, "Float64", {**about, **value})
+        if variable.derives is not None:
+            real.set("derivative", str(variable.derives + (version == 2)))  # FMI 2 counts from 1
+        if version == 3 and subject.stops_at_events and variable.causality == "output":
+            real.set("intermediateUpdate", "true")
+        if first <= reference < first + len(interface.states):
+            real.set("reinit", "true")
 
 
 def _attributes(reference: int, variable: Variable) -> dict[str, str]:
@@ -199,12 +197,6 @@ def _text(root: Element) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 
 
-#: As FMI names and orders them; the radian comes last.
-BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-
-_FACTOR = re.compile(r"(?P<sign>/?)\s*(?P<name>[A-Za-z]+|1)(?:(?:\^|\*\*)(?P<power>-?[0-9]+))?")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Unit:
     """A unit: exponents of the base units, if whole, and its factor; with radians also the unit to display and its factor."""
@@ -228,11 +220,6 @@ def describe_unit(name: str) -> Unit | None:
     display = (re.sub(r"\brad\b", "deg", name), math.degrees(1.0) ** shown) if shown else None
     exponents = {base: int(power) for base, power in powers.items() if power} if whole else {}
     return Unit(name=name, exponents=exponents, factor=found.value, display=display)
-
-
-_RADIANS = ("rad", "radian", "radians")
-#: Names of angles that an exponent of the radian stands for.
-_ANGLES = (*_RADIANS, "mrad", "deg", "degree", "degrees")
 
 
 def _power_of(name: str, angles: Sequence[str]) -> int:

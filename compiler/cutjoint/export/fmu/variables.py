@@ -18,6 +18,15 @@ from cutjoint.run.run_file import Evaluator
 
 #: The unit of a joint's attitude, a quaternion.
 _PLAIN = ""
+_STATES = ("An independent coordinate, chosen again during the motion", "The rate of an independent coordinate", "A first-order state")
+#: The numbers of a pose, in the order of the C interface, with words and units.
+_POSE = (
+    *((axis, f"Place along {axis}", "m") for axis in "xyz"),
+    *((f"q{part}", f"Part {part} of the unit quaternion of the attitude", "") for part in "wxyz"),
+    *((f"v{axis}", f"Velocity along {axis}", "m/s") for axis in "xyz"),
+    *((f"w{axis}", f"Angular velocity about {axis}", "rad/s") for axis in "xyz"),
+    *((f"d{axis}", f"Place along {axis} in the design position", "m") for axis in "xyz"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,15 +91,12 @@ class Interface:
 
 
 def _beside(taken: set[str], variable: Variable) -> Variable:
-    """A variable with a name that is not taken."""
     while variable.name in taken:
         variable = replace(variable, name=f"{variable.name}_")
     return variable
 
 
-def make_interface(
-    equations: RecursiveEquations, run_file: RunFile, dofs: int | None = None, posed: Sequence[str] = ()
-) -> Interface:
+def make_interface(equations: RecursiveEquations, run_file: RunFile, dofs: int | None = None, posed: Sequence[str] = ()) -> Interface:
     """The variables of a C export: those for model exchange too if it has degrees of freedom, and the poses of ``posed`` elements.
 
     Raises:
@@ -150,9 +156,7 @@ def _with_states(interface: Interface, equations: RecursiveEquations, dofs: int)
         for o, found in zip(interface.outputs, columns, strict=True)
     )
     rates = tuple(rate for i in rated for rate in _rates(interface.inputs[i]))
-    return replace(
-        interface, outputs=outputs, rated=rated, rates=rates, states=states, derivatives=derivatives, indicators=indicators
-    )  # fmt: skip
+    return replace(interface, outputs=outputs, rated=rated, rates=rates, states=states, derivatives=derivatives, indicators=indicators)
 
 
 def _rates(value: Variable) -> tuple[Variable, Variable]:
@@ -163,23 +167,10 @@ def _rates(value: Variable) -> tuple[Variable, Variable]:
     )
 
 
-_STATES = ("An independent coordinate, chosen again during the motion", "The rate of an independent coordinate", "A first-order state")
-
-
 def _local(name: str, description: str, dependencies: tuple[int, ...] = ()) -> Variable:
     return Variable(
         name=name, causality="local", variability="continuous", description=description, unit=_PLAIN, start=None, dependencies=dependencies
     )  # fmt: skip
-
-
-#: The numbers of a pose, in the order of the C interface, with words and units.
-_POSE = (
-    *((axis, f"Place along {axis}", "m") for axis in "xyz"),
-    *((f"q{part}", f"Part {part} of the unit quaternion of the attitude", "") for part in "wxyz"),
-    *((f"v{axis}", f"Velocity along {axis}", "m/s") for axis in "xyz"),
-    *((f"w{axis}", f"Angular velocity about {axis}", "rad/s") for axis in "xyz"),
-    *((f"d{axis}", f"Place along {axis} in the design position", "m") for axis in "xyz"),
-)
 
 
 def _pose(element: str) -> Iterator[Variable]:
@@ -202,9 +193,7 @@ def _settings(run_file: RunFile) -> Iterator[Variable]:
 
 
 def _starts(equations: RecursiveEquations, run_file: RunFile) -> Iterator[Start]:
-    units = {
-        f"{joint.name}.{name}": unit for joint in equations.topology.model.joints for name, unit in JOINTS[joint.kind].units.items()
-    }
+    units = {f"{joint.name}.{name}": unit for joint in equations.topology.model.joints for name, unit in JOINTS[joint.kind].units.items()}
     units |= {state.entry: state.unit for state in equations.topology.model.states}
     for kind, part, names in (
         ("coordinate", run_file.positions, equations.coordinate_names), ("speed", run_file.rates, equations.speed_names),
@@ -246,18 +235,14 @@ def _outputs(equations: RecursiveEquations, starts: Sequence[Start], counts: tup
         }  # fmt: skip
         return tuple(sorted(places))
 
+    found_by_column = find_dependencies(equations, [s.name for s in starts])
     return tuple(
         Variable(
             name=c.name, causality="output", variability="continuous", description=f"{o.quantity} of {o.element}", unit=c.unit, start=None,
             dependencies=initial(found),
         )
-        for c, o, found in zip(
-            equations.columns, equations.outputs, find_dependencies(equations, [s.name for s in starts]), strict=True
-        )
+        for c, o, found in zip(equations.columns, equations.outputs, found_by_column, strict=True)
     )  # fmt: skip
-
-
-_PARAMETERS = "parameters"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -293,7 +278,7 @@ def find_leaves(blocks: Iterable[Block]) -> LeafSymbols:
             waiting += block.args
         elif of.data == INPUTS:
             inputs |= {row // len(INPUT_ORDERS) for row in rows}
-        elif of.data == _PARAMETERS:
+        elif of.data == "parameters":
             parameters |= set(rows)
         else:
             symbols.add(str(of.data))

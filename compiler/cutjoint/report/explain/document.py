@@ -47,6 +47,13 @@ STAGES = (
     "inputs", "kinematics", "body", "joint", "inertia", "signal", "force", "closure", "constraint", "condensation", "accelerations",
     "multipliers", "force_residual", "tangent",
 )  # fmt: skip
+#: The functions whose equations are printed; the others solve, check and report with the same blocks.
+_FUNCTIONS = ("evaluate", "dynamic_residual", "constraint_residual", "guard", "scene_inputs", "sample")
+#: What differs between elements of one form: names, numbers of unnamed blocks, numbers.
+_OWN = re.compile(r"\\text\{ [^}]* \}|x_\{\d+|\d+(?:\.\d+)?")
+_ROW = r" \cr "
+#: The lines of one element in a sweep.
+Lines = tuple[str, list[str]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,15 +114,10 @@ def parameter_costs(equations: RecursiveEquations, program: Program) -> tuple[Co
 
 def _saved(equations: RecursiveEquations, program: Program, parameter: Parameter) -> int:
     """The operations of ``evaluate`` that folding in the parameter's value saves."""
-    model = _close(equations.topology.model, parameter)
-    _, closed = derive(replace(equations.topology, model=model), equations.scene)
-    return program.operations("evaluate") - closed.operations("evaluate")
-
-
-def _close(model: Model, parameter: Parameter) -> Model:
-    """The model with the parameter's value folded in."""
-    closed = replace(parameter, binding=Binding.CONST)
-    return replace(model, parameters=tuple(closed if p is parameter else p for p in model.parameters))
+    model, closed = equations.topology.model, replace(parameter, binding=Binding.CONST)
+    model = replace(model, parameters=tuple(closed if p is parameter else p for p in model.parameters))
+    program_of_closed = derive(replace(equations.topology, model=model), equations.scene)[1]
+    return program.operations("evaluate") - program_of_closed.operations("evaluate")
 
 
 def _dependent(program: Program, index: int) -> set[int]:
@@ -192,18 +194,6 @@ def _where(force: Force, model: Model) -> tuple[str, str]:
     return bodies, ", ".join(f"{field} {where}" for field, where in places.items())
 
 
-#: The functions whose equations are printed; the others solve, check and report with the same blocks.
-_FUNCTIONS = ("evaluate", "dynamic_residual", "constraint_residual", "guard", "scene_inputs", "sample")
-
-#: What differs between elements of one form: names, numbers of unnamed blocks, numbers.
-_OWN = re.compile(r"\\text\{ [^}]* \}|x_\{\d+|\d+(?:\.\d+)?")
-
-_ROW = r" \cr "
-
-#: The lines of one element in a sweep.
-Lines = tuple[str, list[str]]
-
-
 def printed(equations: Equations) -> Formulas:
     """The formulas of what a step computes."""
     return Formulas(equations, (block for f in equations.functions if f.name in _FUNCTIONS for block in f.results.values()))
@@ -260,7 +250,11 @@ def explain(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, done: S
     """
     # Model -> Program
     start, program = derive(build_topology(model), scene)
-    equations, compiled = _compiled(start, program, method, scene)
+    equations: Equations = start
+    if METHODS[method].has_system:
+        equations, compiled = schedule_system(start, method, scene.outputs, lanes=False)
+    else:
+        compiled = program
     # Program -> Markdown
     topology = start.topology
     counterparts = [find_counterparts(c) for c in topology.classes]
@@ -275,12 +269,6 @@ def explain(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, done: S
         costs=None if isinstance(equations, SystemEquations) else cost_table(parameter_costs(start, program)),
     )  # fmt: skip
     return re.sub(r"\n{3,}", "\n\n", text).rstrip("\n") + "\n"
-
-
-def _compiled(start: RecursiveEquations, program: Program, method: str, scene: Scene) -> tuple[Equations, Program]:
-    if not METHODS[method].has_system:
-        return start, program
-    return schedule_system(start, method, scene.outputs, lanes=False)
 
 
 def is_reduced(model: Model, scene: Scene) -> bool:

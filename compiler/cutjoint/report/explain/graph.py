@@ -71,7 +71,6 @@ def _system_rows(equations: SystemEquations) -> list[tuple[str, str]]:
 
 
 def _operation_rows(program: Program) -> list[tuple[str, str]]:
-    """The operations of each function, and of what comes before it."""
     return [
         *((f"operations of `{f.name}`", str(program.operations(f.name))) for f in program.functions),
         ("operations when parameters are loaded", _early(program, program.loaded, BindingTime.PARAM)),
@@ -92,24 +91,18 @@ def tree_lines(topology: Topology) -> tuple[str, ...]:
     lines = [f"- {code(GROUND)}"]
     for t in topology.tree:
         depth[t.child] = depth[t.parent] + 1
-        facts = [t.joint.kind, unknowns_of(t), *(["reversed"] if t.reversed else [])]
+        unknowns = "guided" if t.joint.guide is not None else plural(len(t.joint.element.speeds), "unknown")
+        facts = [t.joint.kind, unknowns, *(["reversed"] if t.reversed else [])]
         tail = ", massless" if t.child in massless else ""
         lines.append(f"{'  ' * depth[t.child]}- {code(t.child)} by {code(t.joint.name)} ({', '.join(facts)}){tail}")
     return tuple(lines)
-
-
-def unknowns_of(t: TreeJoint) -> str:
-    """The number of speeds that a joint leaves unknown, in words."""
-    return "guided" if t.joint.guide is not None else plural(len(t.joint.element.speeds), "unknown")
 
 
 def cut_table(equations: RecursiveEquations) -> Table:
     """One row a cut joint."""
     sizes = {closure.joint: len(closure.names) for closure in equations.closures}
     rows = [
-        (
-            code(c.name), line_of(c), c.kind, "the model" if c.cut else "the compiler", code(c.base), code(c.follower), str(sizes[c.name]),
-        )
+        (code(c.name), line_of(c), c.kind, "the model" if c.cut else "the compiler", code(c.base), code(c.follower), str(sizes[c.name]))
         for c in equations.topology.cuts
     ]  # fmt: skip
     return make_table(("cut joint", "line", "kind", "cut by", "base", "follower", "equations"), rows)
@@ -123,14 +116,13 @@ def loop_table(topology: Topology) -> Table:
 
 def class_entries(classes: Sequence[SubtreeClass], counterparts: Sequence[Sequence[Counterparts]]) -> tuple[Entry, ...]:
     """One entry a class of isomorphic subtrees, its members side by side."""
-    return tuple(_class_entry(c, rows) for c, rows in zip(classes, counterparts, strict=True))
-
-
-def _class_entry(members: SubtreeClass, rows: Sequence[Counterparts]) -> Entry:
-    n = len(members.roots)
-    cells = ([code(name) for name in row] + [""] * (n - len(row)) for row in rows)
-    title = f"{n} isomorphic subtrees of {plural(members.size, 'body', 'bodies')}"
-    return Entry(title=title, table=make_table([f"of {code(r)}" for r in members.roots], cells))
+    entries = []
+    for members, rows in zip(classes, counterparts, strict=True):
+        n = len(members.roots)
+        cells = ([code(name) for name in row] + [""] * (n - len(row)) for row in rows)
+        title = f"{n} isomorphic subtrees of {plural(members.size, 'body', 'bodies')}"
+        entries.append(Entry(title=title, table=make_table([f"of {code(r)}" for r in members.roots], cells)))
+    return tuple(entries)
 
 
 def elimination(topology: Topology, operations: dict[tuple[str, str], int]) -> Entry:

@@ -72,9 +72,7 @@ class Values:
     """The numbers of a model at values of all its parameters."""
 
     def __init__(self, model: Model, parameters: Mapping[str, float]) -> None:
-        self.parameters = tuple(
-            replace(p, value=float(parameters.get(p.name, p.value)), binding=Binding.CONST) for p in model.parameters
-        )
+        self.parameters = tuple(replace(p, value=float(parameters.get(p.name, p.value)), binding=Binding.CONST) for p in model.parameters)
         self._symbols = {p.symbol: p.value for p in self.parameters}
 
     def number(self, expression: Scalar | float) -> float:
@@ -135,9 +133,7 @@ def _pairs(model: Model, values: Values) -> dict[str, tuple[_WheelCandidate, _Wh
 def _wheel_of(force: Force) -> _WheelCandidate | None:
     """The wheel that a force carries, if it is a tyre or a wheel by its kind, or a tyre by its name."""
     if isinstance(force, OnRoad):
-        return _WheelCandidate(
-            name=force.name, body=force.body, centre=force.centre, axis=force.axis, radius=force.radius, span=force.span
-        )  # fmt: skip
+        return _WheelCandidate(name=force.name, body=force.body, centre=force.centre, axis=force.axis, radius=force.radius, span=force.span)
     if TYRE not in force.name.rpartition(".")[2].split("_"):
         return None
     if isinstance(force, AxialForce):
@@ -308,7 +304,6 @@ def _steering(model: Model, values: Values, bodies: set[str], chassis: str, stee
 
 
 def _is_rack(joint: Joint, values: Values, chassis: str) -> bool:
-    """Return whether a joint is a slider of the chassis along y."""
     if joint.element.kind is not JointKind.PRISMATIC or chassis not in (joint.base, joint.follower):
         return False
     axis = values.vector(joint.axes[0])

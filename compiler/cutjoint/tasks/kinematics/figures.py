@@ -163,9 +163,7 @@ def _of_axle(axle: Axle, pose: Pose) -> Iterator[tuple[str, float]]:
 
 def _roll_centre(axle: Axle, pose: Pose, grounds: list[Array]) -> Array:
     """Point (y, z) in which the normals to the paths of both contact centres intersect; NaN if they are parallel."""
-    paths = np.array([
-        contact_velocity(wheel, state, i)[1:] for i, (wheel, state) in enumerate(zip(axle.wheels, pose.wheels, strict=True))
-    ])  # fmt: skip
+    paths = np.array([contact_velocity(wheel, state, i)[1:] for i, (wheel, state) in enumerate(zip(axle.wheels, pose.wheels, strict=True))])
     if abs(np.linalg.det(paths)) <= _NOTHING:
         return np.full(2, np.nan)
     return np.linalg.solve(paths, np.array([path @ ground[1:] for path, ground in zip(paths, grounds, strict=True)]))

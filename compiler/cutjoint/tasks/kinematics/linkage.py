@@ -164,11 +164,8 @@ class Linkage:
             tilt = np.cross((self._by_speeds(values, rotation_rate) @ free).T, values[outward][:, 0])
             if max(np.abs(self._by_speeds(values, velocity) @ free).max(initial=0.0), np.abs(tilt).max(initial=0.0)) > _NOTHING:
                 joints = [c.joint for c in self.charts if np.abs(free[c.v : c.v + len(c.speed_names)]).max() > 0.1]
-                raise RunError(
-                    f"{self.axle.part.span}: axle '{self.axle.name}': its wheels move although their heights are prescribed, "
-                    "with the joints "
-                    f"{', '.join(joints)}; --steer names the joint that steers"
-                )
+                words = f"its wheels move although their heights are prescribed, with the joints {', '.join(joints)}"
+                raise RunError(f"{self.axle.part.span}: axle '{self.axle.name}': {words}; --steer names the joint that steers")
 
     def close(self, q: Array, prescribed: Array) -> Pose | None:
         """The pose near coordinates with what is prescribed there; None where the loops do not close."""
