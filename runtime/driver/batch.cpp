@@ -16,17 +16,10 @@
 #include <vector>
 
 #include "cutjoint/core/stepping/lane_steps.hpp"
-#include "cutjoint/domains.hpp"
-#include "cutjoint/state.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/initial_state.hpp"
-#include "cutjoint/json.hpp"
-#include "cutjoint/mechanism.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
-#include "cutjoint/run_file.hpp"
-#include "cutjoint/settings.hpp"
-#include "cutjoint/stop.hpp"
 
 namespace cutjoint::batch {
 

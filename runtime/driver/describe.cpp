@@ -1,5 +1,4 @@
 // Descriptions from the constants of generated code.
-#include "cutjoint/constants.hpp"
 
 #include "cutjoint/lagrangian/system.hpp"
 

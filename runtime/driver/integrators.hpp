@@ -1,17 +1,12 @@
 // The integrators of the recursive method, compiled once: integrators.cpp has them with the flags of generated code.
 #pragma once
 
-#include "cutjoint/core/constraints/projection.hpp"
-#include "cutjoint/core/mechanism/relative.hpp"
 #include "cutjoint/core/runge_kutta/scheme.hpp"
 #include "cutjoint/core/runge_kutta/tables.hpp"
 #include "cutjoint/core/runge_kutta/closed_loop_dynamics.hpp"
-#include "cutjoint/core/stepping/indicator_cells.hpp"
-#include "cutjoint/core/stepping/stepper.hpp"
 #include "cutjoint/core/stepping/trapezoidal.hpp"
 #include "cutjoint/integrator_table.hpp"
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/precision.hpp"
 
 #ifndef CUTJOINT_INSTANTIATE
 #define CUTJOINT_INSTANTIATE extern template

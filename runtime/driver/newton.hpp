@@ -1,13 +1,9 @@
 // The integrators of the methods with Newton's iteration, compiled once: newton.cpp has them with the flags of generated code.
 #pragma once
 
-#include "cutjoint/core/newton/augmented.hpp"
-#include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/core/newton/recursive_newton.hpp"
 #include "cutjoint/core/newton/classical.hpp"
 #include "cutjoint/lagrangian/solver.hpp"
-#include "cutjoint/lagrangian/system.hpp"
-#include "cutjoint/precision.hpp"
 
 #ifndef CUTJOINT_INSTANTIATE
 #define CUTJOINT_INSTANTIATE extern template

@@ -8,7 +8,6 @@
 #include "cutjoint/core/stepping/substeps.hpp"
 #include "cutjoint/core/stepping/trapezoidal_rule.hpp"
 #include "cutjoint/program.hpp"
-#include "cutjoint/read_settings.hpp"
 #include "cutjoint/run.hpp"
 #include "cutjoint/simulated.hpp"
 

@@ -8,8 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "cutjoint/core/numbers/vectors.hpp"
-#include "cutjoint/mechanism.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/state.hpp"
 

@@ -12,8 +12,6 @@
 #include <string_view>
 #include <vector>
 
-#include "cutjoint/json.hpp"
-#include "cutjoint/mechanism.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/state.hpp"
 

@@ -5,10 +5,7 @@
 #include <vector>
 
 #include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/json.hpp"
-#include "cutjoint/mechanism.hpp"
 #include "cutjoint/run_file.hpp"
-#include "cutjoint/state.hpp"
 
 namespace cutjoint {
 

@@ -1,7 +1,6 @@
 // Adapters of generated classes to virtual functions.
 #pragma once
 
-#include "cutjoint/any_mechanism.hpp"
 #include "cutjoint/lagrangian/any_system.hpp"
 
 namespace cutjoint {

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "cutjoint/core/mechanism/loop_fits.hpp"
-#include "cutjoint/mechanism.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {

@@ -9,10 +9,8 @@
 
 #include "cutjoint/core/start/initialisation.hpp"
 #include "cutjoint/domains.hpp"
-#include "cutjoint/mechanism.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
-#include "cutjoint/state.hpp"
 
 namespace cutjoint {
 

@@ -7,8 +7,6 @@
 #include <vector>
 
 #include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/json.hpp"
-#include "cutjoint/mechanism.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {

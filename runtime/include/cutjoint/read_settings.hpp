@@ -10,7 +10,6 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/json.hpp"
 #include "cutjoint/read_json.hpp"
 #include "cutjoint/settings.hpp"
 

@@ -11,15 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "cutjoint/state.hpp"
-#include "cutjoint/json.hpp"
 #include "cutjoint/initial_state.hpp"
-#include "cutjoint/mechanism.hpp"
 #include "cutjoint/near_jumps.hpp"
-#include "cutjoint/table.hpp"
 #include "cutjoint/pace.hpp"
 #include "cutjoint/read_settings.hpp"
-#include "cutjoint/settings.hpp"
 #include "cutjoint/stop.hpp"
 
 namespace cutjoint {

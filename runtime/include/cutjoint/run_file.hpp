@@ -10,9 +10,6 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/core/inputs/inputs.hpp"
-#include "cutjoint/json.hpp"
-#include "cutjoint/mechanism.hpp"
 #include "cutjoint/read_json.hpp"
 #include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/state.hpp"

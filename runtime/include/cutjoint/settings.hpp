@@ -6,8 +6,6 @@
 #include <string>
 
 #include "cutjoint/core/simulation/simulation_settings.hpp"
-#include "cutjoint/core/constraints/stabilisation.hpp"
-#include "cutjoint/core/stepping/trapezoidal.hpp"
 #include "cutjoint/integrator_table.hpp"
 
 namespace cutjoint {

@@ -10,18 +10,13 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/core/numbers/vectors.hpp"
 #include "cutjoint/core/simulation/simulation.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/energy_balance.hpp"
 #include "cutjoint/examine.hpp"
 #include "cutjoint/guards.hpp"
-#include "cutjoint/json.hpp"
 #include "cutjoint/near_jumps.hpp"
 #include "cutjoint/read_settings.hpp"
-#include "cutjoint/run_file.hpp"
-#include "cutjoint/settings.hpp"
-#include "cutjoint/state.hpp"
 #include "cutjoint/stop.hpp"
 
 namespace cutjoint {

@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "cutjoint/json.hpp"
-#include "cutjoint/open_file.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/shortest_text.hpp"
 

@@ -10,10 +10,8 @@
 #include <vector>
 
 #include "cutjoint/core/newton/static_factor.hpp"
-#include "cutjoint/interpreter/program.hpp"
 #include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/interpreter/mechanism.hpp"
-#include "cutjoint/lagrangian/any_system.hpp"
 #include "cutjoint/lagrangian/system.hpp"
 #include "cutjoint/read_json.hpp"
 

@@ -9,7 +9,6 @@
 
 #include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/lagrangian/eigen_solvers.hpp"
-#include "cutjoint/lagrangian/solver.hpp"
 
 namespace cutjoint {
 

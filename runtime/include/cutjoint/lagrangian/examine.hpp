@@ -6,11 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "cutjoint/json.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
-#include "cutjoint/lagrangian/system.hpp"
 #include "cutjoint/run_file.hpp"
-#include "cutjoint/state.hpp"
 
 namespace cutjoint {
 

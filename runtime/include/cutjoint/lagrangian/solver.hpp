@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "cutjoint/core/newton/newton.hpp"
-#include "cutjoint/core/newton/static_solver.hpp"
 #include "cutjoint/lagrangian/system.hpp"
 #include "cutjoint/settings.hpp"
 

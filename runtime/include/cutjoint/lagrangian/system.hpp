@@ -6,7 +6,6 @@
 
 #include "cutjoint/lagrangian/any_system.hpp"
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/constants.hpp"
 
 namespace cutjoint {
 

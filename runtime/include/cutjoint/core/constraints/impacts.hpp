@@ -8,10 +8,7 @@
 #include <span>
 #include <type_traits>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/numbers/dense.hpp"
-#include "cutjoint/core/numbers/vectors.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {

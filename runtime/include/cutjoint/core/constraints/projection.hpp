@@ -8,9 +8,6 @@
 #include <limits>
 #include <span>
 
-#include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/vectors.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/numbers/selection.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/core/simulation/fault.hpp"

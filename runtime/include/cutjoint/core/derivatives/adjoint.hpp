@@ -9,7 +9,6 @@
 #include <type_traits>
 
 #include "cutjoint/core/derivatives/step_derivatives.hpp"
-#include "cutjoint/core/mechanism/transposed_charts.hpp"
 
 namespace cutjoint {
 

@@ -9,18 +9,10 @@
 #include <span>
 #include <type_traits>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/derivatives/residual_jacobian.hpp"
 #include "cutjoint/core/roads/dual_road.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/inputs/input_trajectories.hpp"
-#include "cutjoint/core/inputs/inputs.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/minimal.hpp"
-#include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/core/constraints/stabilisation.hpp"
-#include "cutjoint/core/start/start.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
 

@@ -9,11 +9,8 @@
 #include <span>
 #include <utility>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/numbers/bordered.hpp"
-#include "cutjoint/core/numbers/dual.hpp"
 #include "cutjoint/core/inputs/inputs.hpp"
-#include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/core/constraints/stabilisation.hpp"
 #include "cutjoint/core/mechanism/transposed_charts.hpp"
 

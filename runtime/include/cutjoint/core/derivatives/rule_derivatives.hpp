@@ -7,12 +7,6 @@
 #include <limits>
 #include <type_traits>
 
-#include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/bordered.hpp"
-#include "cutjoint/core/numbers/dual.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
-#include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/core/mechanism/transposed_charts.hpp"
 #include "cutjoint/core/derivatives/derivatives.hpp"
 #include "cutjoint/core/newton/step_rule.hpp"
 

@@ -8,8 +8,6 @@
 #include <limits>
 #include <type_traits>
 
-#include "cutjoint/core/stepping/coefficients.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/constraints/impacts.hpp"
 #include "cutjoint/core/derivatives/rule_derivatives.hpp"
 #include "cutjoint/core/radau/stage_derivatives.hpp"

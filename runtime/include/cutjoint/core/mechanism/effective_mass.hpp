@@ -6,11 +6,7 @@
 #include <cstddef>
 #include <limits>
 
-#include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/dense.hpp"
 #include "cutjoint/core/start/reactions.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
 

@@ -8,15 +8,8 @@
 #include <optional>
 #include <span>
 
-#include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/dense.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/numbers/vectors.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
-#include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/core/start/start.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
 

@@ -7,9 +7,6 @@
 #include <type_traits>
 #include <utility>
 
-#include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/vectors.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 

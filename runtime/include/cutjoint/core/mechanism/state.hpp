@@ -9,9 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
-#include "cutjoint/core/mechanism/chart.hpp"
 #include "cutjoint/core/numbers/vectors.hpp"
 
 namespace cutjoint {

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <cstddef>
 
-#include "cutjoint/core/newton/workspace.hpp"
-#include "cutjoint/core/newton/newton.hpp"
 #include "cutjoint/core/stepping/newton_steps.hpp"
 
 namespace cutjoint {

@@ -7,8 +7,6 @@
 #include <limits>
 
 #include "cutjoint/core/newton/guarded_solver.hpp"
-#include "cutjoint/core/newton/newton.hpp"
-#include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/core/stepping/newton_steps.hpp"
 
 namespace cutjoint {

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "cutjoint/core/newton/static_solver.hpp"
-#include "cutjoint/core/newton/system.hpp"
 
 namespace cutjoint {
 

@@ -9,7 +9,6 @@
 
 #include "cutjoint/core/numbers/dense.hpp"
 #include "cutjoint/core/newton/static_solver.hpp"
-#include "cutjoint/core/newton/system.hpp"
 
 namespace cutjoint {
 

@@ -6,7 +6,6 @@
 #include <type_traits>
 #include <utility>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
 
 namespace cutjoint {

@@ -7,11 +7,8 @@
 #include <limits>
 #include <span>
 
-#include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/vectors.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/newton/static_solver.hpp"
-#include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 

@@ -5,12 +5,9 @@
 #include <cstddef>
 #include <span>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/numbers/bordered.hpp"
 #include "cutjoint/core/numbers/dense.hpp"
-#include "cutjoint/core/numbers/dual.hpp"
 #include "cutjoint/core/radau/table.hpp"
-#include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/core/mechanism/transposed_charts.hpp"
 
 namespace cutjoint::radau {

@@ -11,7 +11,6 @@
 
 #include "cutjoint/core/newton/complex_solver.hpp"
 #include "cutjoint/core/radau/step_start.hpp"
-#include "cutjoint/core/radau/table.hpp"
 
 namespace cutjoint::radau {
 

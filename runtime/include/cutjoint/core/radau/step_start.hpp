@@ -9,17 +9,8 @@
 #include <optional>
 #include <utility>
 
-#include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/stepping/coefficients.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
-#include "cutjoint/core/newton/workspace.hpp"
 #include "cutjoint/core/newton/recursive_newton.hpp"
-#include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/core/radau/table.hpp"
-#include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/core/roads/road.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/core/stepping/step_control.hpp"
 #include "cutjoint/core/stepping/indicator_cells.hpp"
 

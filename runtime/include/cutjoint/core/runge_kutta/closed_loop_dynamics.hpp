@@ -8,13 +8,8 @@
 #include <span>
 #include <utility>
 
-#include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/vectors.hpp"
 #include "cutjoint/core/constraints/projection.hpp"
 #include "cutjoint/core/mechanism/relative.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/core/stepping/indicator_cells.hpp"
 
 namespace cutjoint::runge_kutta {

@@ -8,7 +8,6 @@
 #include <limits>
 
 #include "cutjoint/core/stepping/coefficients.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 

@@ -5,7 +5,6 @@
 
 #include "cutjoint/core/simulation/checked_simulation.hpp"
 #include "cutjoint/core/derivatives/derivatives.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
 

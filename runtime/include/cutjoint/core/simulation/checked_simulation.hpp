@@ -8,8 +8,6 @@
 #include <new>
 #include <type_traits>
 
-#include "cutjoint/core/stepping/step_statistics.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/simulation/simulation.hpp"
 
 namespace cutjoint {

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <new>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/stepping/lane_steps.hpp"
 #include "cutjoint/core/simulation/simulation.hpp"
 

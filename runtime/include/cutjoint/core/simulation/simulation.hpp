@@ -8,20 +8,11 @@
 #include <optional>
 #include <type_traits>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/stepping/step_statistics.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/inputs/host_inputs.hpp"
 #include "cutjoint/core/start/initialisation.hpp"
 #include "cutjoint/core/inputs/input_trajectories.hpp"
-#include "cutjoint/core/inputs/inputs.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
-#include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/core/inputs/sampling.hpp"
-#include "cutjoint/core/simulation/simulation_settings.hpp"
-#include "cutjoint/core/constraints/stabilisation.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
 

@@ -6,13 +6,9 @@
 #include <cstddef>
 #include <limits>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/mechanism/effective_mass.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/constraints/stabilisation.hpp"
 #include "cutjoint/core/start/start.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
 

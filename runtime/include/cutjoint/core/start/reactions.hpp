@@ -5,10 +5,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/numbers/dense.hpp"
-#include "cutjoint/core/numbers/vectors.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {

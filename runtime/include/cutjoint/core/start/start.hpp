@@ -9,15 +9,10 @@
 #include <span>
 #include <utility>
 
-#include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/numbers/dense.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/start/reactions.hpp"
-#include "cutjoint/core/numbers/vectors.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/core/numbers/selection.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
 

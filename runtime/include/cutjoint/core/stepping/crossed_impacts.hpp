@@ -6,11 +6,9 @@
 #include <limits>
 #include <type_traits>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/constraints/impacts.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
 

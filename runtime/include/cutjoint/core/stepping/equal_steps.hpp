@@ -5,11 +5,8 @@
 #include <span>
 #include <utility>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/core/stepping/indicator_cells.hpp"
 

@@ -4,17 +4,11 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
-#include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/core/runge_kutta/scheme.hpp"
 #include "cutjoint/core/runge_kutta/tables.hpp"
 #include "cutjoint/core/runge_kutta/closed_loop_dynamics.hpp"
-#include "cutjoint/core/simulation/simulation_settings.hpp"
 #include "cutjoint/core/start/start.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/core/stepping/stepped_integrator.hpp"
-#include "cutjoint/core/stepping/stepper.hpp"
 
 namespace cutjoint {
 

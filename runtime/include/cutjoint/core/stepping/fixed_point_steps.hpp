@@ -3,19 +3,11 @@
 
 #include <type_traits>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/stepping/crossed_impacts.hpp"
-#include "cutjoint/core/stepping/fixed_point.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/constraints/impacts.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/relative.hpp"
-#include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/core/inputs/sampling.hpp"
 #include "cutjoint/core/simulation/simulation_settings.hpp"
 #include "cutjoint/core/start/start.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
-#include "cutjoint/core/stepping/trapezoidal.hpp"
 
 namespace cutjoint {
 

@@ -6,9 +6,6 @@
 #include <cstddef>
 #include <limits>
 
-#include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/core/stepping/interpolant.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 

@@ -9,7 +9,6 @@
 #include <span>
 #include <utility>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/roads/road.hpp"
 

@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <span>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 

@@ -4,17 +4,9 @@
 #include <array>
 #include <cstddef>
 
-#include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/stepping/step_statistics.hpp"
-#include "cutjoint/core/inputs/inputs.hpp"
 #include "cutjoint/core/mechanism/instances.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
-#include "cutjoint/core/simulation/simulation_settings.hpp"
-#include "cutjoint/core/constraints/stabilisation.hpp"
 #include "cutjoint/core/start/start.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
-#include "cutjoint/core/stepping/trapezoidal.hpp"
 
 namespace cutjoint {
 

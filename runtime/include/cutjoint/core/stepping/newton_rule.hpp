@@ -4,10 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/newton/recursive_newton.hpp"
-#include "cutjoint/core/stepping/newton_steps.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint::stepping {
 

@@ -5,17 +5,9 @@
 #include <optional>
 #include <type_traits>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/stepping/crossed_impacts.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/constraints/impacts.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/newton/newton.hpp"
-#include "cutjoint/core/newton/static_solver.hpp"
-#include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/core/simulation/simulation_settings.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
 

@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <limits>
 
-#include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/simulation/simulation_settings.hpp"
 
 namespace cutjoint {

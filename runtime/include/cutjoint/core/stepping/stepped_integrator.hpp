@@ -5,10 +5,8 @@
 #include <cstddef>
 #include <type_traits>
 
-#include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/constraints/impacts.hpp"
 #include "cutjoint/core/simulation/simulation_settings.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint::stepping {
 

@@ -8,7 +8,6 @@
 #include <type_traits>
 #include <utility>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/stepping/step_control.hpp"
 

@@ -1,16 +1,9 @@
 // Equal steps of a simulation, divided into substeps at events.
 #pragma once
 
-#include "cutjoint/core/numbers/arrays.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
-#include "cutjoint/core/roads/road.hpp"
-#include "cutjoint/core/simulation/simulation_settings.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/core/stepping/equal_steps.hpp"
 #include "cutjoint/core/stepping/implicit_scheme.hpp"
 #include "cutjoint/core/stepping/stepped_integrator.hpp"
-#include "cutjoint/core/stepping/stepper.hpp"
 
 namespace cutjoint {
 

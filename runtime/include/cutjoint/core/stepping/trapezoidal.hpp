@@ -7,15 +7,8 @@
 #include <span>
 #include <type_traits>
 
-#include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/stepping/fixed_point.hpp"
-#include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/numbers/vectors.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/constraints/projection.hpp"
-#include "cutjoint/core/mechanism/retraction.hpp"
-#include "cutjoint/core/numbers/selection.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
 
 namespace cutjoint {
 

@@ -3,13 +3,8 @@
 
 #include <cmath>
 
-#include "cutjoint/core/simulation/fault.hpp"
-#include "cutjoint/core/numbers/vectors.hpp"
-#include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/mechanism/relative.hpp"
 #include "cutjoint/core/simulation/simulation_settings.hpp"
-#include "cutjoint/core/mechanism/state.hpp"
-#include "cutjoint/core/stepping/trapezoidal.hpp"
 
 namespace cutjoint::stepping {
 
