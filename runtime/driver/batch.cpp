@@ -1,19 +1,7 @@
 // The driver of batches of the recursive method.
 #include "cutjoint/batch/driver.hpp"
 
-#include <algorithm>
-#include <array>
-#include <atomic>
-#include <chrono>
-#include <cstddef>
-#include <exception>
-#include <memory>
 #include <mutex>
-#include <optional>
-#include <span>
-#include <string_view>
-#include <thread>
-#include <vector>
 
 #include "cutjoint/core/stepping/lane_steps.hpp"
 #include "cutjoint/guards.hpp"

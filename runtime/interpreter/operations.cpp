@@ -2,7 +2,6 @@
 // depend on the processor.
 #include "cutjoint/interpreter/operations.hpp"
 
-#include <cmath>
 #include <cstring>
 
 #include "cutjoint/core/numbers/functions.hpp"

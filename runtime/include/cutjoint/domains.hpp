@@ -1,12 +1,7 @@
 // Finds the law without a value that made a step fail.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
 #include <cstdio>
-#include <string>
-#include <vector>
 
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/state.hpp"

@@ -1,16 +1,10 @@
 // The balance of work and energy of a run: a check independent of the integrator.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <chrono>
-#include <cmath>
-#include <cstddef>
 #include <cstdio>
 #include <optional>
-#include <string>
-#include <string_view>
-#include <vector>
 
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/state.hpp"

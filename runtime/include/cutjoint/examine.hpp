@@ -1,9 +1,6 @@
 // Evaluation of a mechanism for tests: its functions at given states, and the Jacobians of its accelerations.
 #pragma once
 
-#include <cstddef>
-#include <vector>
-
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/run_file.hpp"
 

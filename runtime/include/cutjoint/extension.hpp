@@ -3,7 +3,6 @@
 
 #include <initializer_list>
 #include <map>
-#include <string>
 
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"

@@ -1,10 +1,6 @@
 // Checks that forces omitted from a model would not act, and that omitted equations hold.
 #pragma once
 
-#include <cstddef>
-#include <string>
-#include <vector>
-
 #include "cutjoint/core/mechanism/loop_fits.hpp"
 #include "cutjoint/state.hpp"
 

@@ -1,12 +1,6 @@
 // The start of a run in relative coordinates, as requested by its run file.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <string>
-#include <string_view>
-#include <vector>
-
 #include "cutjoint/core/start/initialisation.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/run_file.hpp"

@@ -1,11 +1,6 @@
 // Samples so close to a jump of a column that another run may have them on its other side.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <vector>
-
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/state.hpp"
 

@@ -3,9 +3,7 @@
 
 #include <chrono>
 #include <cstddef>
-#include <string_view>
 #include <thread>
-#include <vector>
 #if __has_include(<sys/mman.h>)
 #include <sys/mman.h>
 #endif

@@ -1,13 +1,7 @@
 // A program around a run: one argument, the run file; errors as text; the exit status.
 #pragma once
 
-#include <cstddef>
-#include <exception>
-#include <iostream>
 #include <new>
-#include <stdexcept>
-#include <string>
-#include <string_view>
 
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"

@@ -1,15 +1,6 @@
 // Reads a run's settings; values out of range and unknown keys and words are rejected by name.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <optional>
-#include <string>
-#include <string_view>
-#include <utility>
-#include <vector>
-
 #include "cutjoint/read_json.hpp"
 #include "cutjoint/settings.hpp"
 

@@ -1,15 +1,7 @@
 // The driver: a run file (JSON) in, a table (CSV, doubles) and a summary (JSON) out.
 #pragma once
 
-#include <algorithm>
-#include <chrono>
-#include <cmath>
 #include <deque>
-#include <iostream>
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
 
 #include "cutjoint/initial_state.hpp"
 #include "cutjoint/near_jumps.hpp"

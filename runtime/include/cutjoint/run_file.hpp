@@ -1,14 +1,7 @@
 // Roads, parameters, inputs and states in a run file.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cstddef>
 #include <memory>
-#include <string>
-#include <string_view>
-#include <utility>
-#include <vector>
 
 #include "cutjoint/read_json.hpp"
 #include "cutjoint/core/roads/road.hpp"

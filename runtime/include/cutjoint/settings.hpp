@@ -1,8 +1,6 @@
 // The settings of a run.
 #pragma once
 
-#include <limits>
-#include <optional>
 #include <string>
 
 #include "cutjoint/core/simulation/simulation_settings.hpp"

@@ -1,15 +1,6 @@
 // A simulation for the driver, with its observers: guards, the balance of work and energy, impacts, residuals.
 #pragma once
 
-#include <array>
-#include <cstddef>
-#include <limits>
-#include <optional>
-#include <string_view>
-#include <type_traits>
-#include <utility>
-#include <vector>
-
 #include "cutjoint/core/simulation/simulation.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/energy_balance.hpp"

@@ -1,11 +1,6 @@
 // Failures of runs, and the states of mechanisms.
 #pragma once
 
-#include <stdexcept>
-#include <string>
-#include <string_view>
-#include <vector>
-
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/mechanism.hpp"

@@ -1,18 +1,13 @@
 // Files that a run writes: tables of numbers over time, as CSV and as plain doubles.
 #pragma once
 
-#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <memory>
 #include <optional>
 #include <span>
-#include <stdexcept>
-#include <string>
-#include <string_view>
 #include <system_error>
 #include <unistd.h>
-#include <vector>
 
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"

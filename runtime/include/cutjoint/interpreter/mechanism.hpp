@@ -1,10 +1,7 @@
 // A mechanism whose program is data.
 #pragma once
 
-#include <string>
-#include <string_view>
 #include <utility>
-#include <vector>
 
 #include "cutjoint/interpreter/program.hpp"
 #include "cutjoint/mechanism.hpp"

@@ -1,12 +1,6 @@
 // Programs as data: scheduled by the compiler (emit/interpreted.py), read and run instruction by instruction.
 #pragma once
 
-#include <algorithm>
-#include <cstddef>
-#include <cstdint>
-#include <initializer_list>
-#include <stdexcept>
-#include <string>
 #include <vector>
 
 #include "cutjoint/core/inputs/inputs.hpp"

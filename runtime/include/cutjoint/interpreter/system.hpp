@@ -1,14 +1,6 @@
 // A system with a tangent whose program is data.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cstddef>
-#include <string>
-#include <string_view>
-#include <utility>
-#include <vector>
-
 #include "cutjoint/core/newton/static_factor.hpp"
 #include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/interpreter/mechanism.hpp"

@@ -1,11 +1,7 @@
 // Selection of the linear solver by name.
 #pragma once
 
-#include <concepts>
-#include <memory>
 #include <stdexcept>
-#include <string>
-#include <string_view>
 
 #include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/lagrangian/eigen_solvers.hpp"

@@ -3,10 +3,6 @@
 #pragma once
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <string>
-#include <string_view>
-#include <vector>
 
 #include "cutjoint/lagrangian/system.hpp"
 #include "cutjoint/state.hpp"

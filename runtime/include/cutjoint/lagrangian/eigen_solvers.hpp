@@ -4,9 +4,6 @@
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 #include <Eigen/SparseLU>
-#include <algorithm>
-#include <optional>
-#include <vector>
 
 #include "cutjoint/lagrangian/matrix.hpp"
 #include "cutjoint/lagrangian/solver.hpp"

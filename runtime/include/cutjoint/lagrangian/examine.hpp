@@ -1,10 +1,7 @@
 // Evaluation of a system for tests: its functions at given states, and the times of the parts of an iteration.
 #pragma once
 
-#include <algorithm>
 #include <chrono>
-#include <string_view>
-#include <vector>
 
 #include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/run_file.hpp"

@@ -1,8 +1,6 @@
 // Whole sparse matrices from lower triangles.
 #pragma once
 
-#include <vector>
-
 #include "cutjoint/lagrangian/system.hpp"
 
 namespace cutjoint {

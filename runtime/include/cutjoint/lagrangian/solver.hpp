@@ -2,9 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <string>
-#include <string_view>
-#include <vector>
 
 #include "cutjoint/core/newton/newton.hpp"
 #include "cutjoint/lagrangian/system.hpp"

@@ -1,9 +1,6 @@
 // Descriptions of systems.
 #pragma once
 
-#include <string_view>
-#include <vector>
-
 #include "cutjoint/lagrangian/any_system.hpp"
 #include "cutjoint/mechanism.hpp"
 

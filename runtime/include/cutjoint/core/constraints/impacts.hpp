@@ -1,13 +1,6 @@
 // Jumps of guides' rates: the impulses of guides and loops at that instant.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <span>
-#include <type_traits>
-
 #include "cutjoint/core/numbers/dense.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 

@@ -1,12 +1,8 @@
 // Projects positions and velocities onto the cut joints' constraints, in the metric of the masses.
 #pragma once
 
-#include <algorithm>
 #include <array>
-#include <cmath>
-#include <cstddef>
 #include <limits>
-#include <span>
 
 #include "cutjoint/core/numbers/selection.hpp"
 #include "cutjoint/core/mechanism/state.hpp"

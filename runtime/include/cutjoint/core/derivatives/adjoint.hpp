@@ -1,13 +1,6 @@
 // Adjoint sensitivities: derivatives of objectives of a run, computed from its end to its beginning.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <type_traits>
-
 #include "cutjoint/core/derivatives/step_derivatives.hpp"
 
 namespace cutjoint {

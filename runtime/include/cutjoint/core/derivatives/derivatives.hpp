@@ -1,14 +1,6 @@
 // Derivatives of a motion and of its outputs with respect to independent coordinates, their rates and inputs.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <span>
-#include <type_traits>
-
 #include "cutjoint/core/derivatives/residual_jacobian.hpp"
 #include "cutjoint/core/roads/dual_road.hpp"
 #include "cutjoint/core/inputs/input_trajectories.hpp"

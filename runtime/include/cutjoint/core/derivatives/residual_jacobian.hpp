@@ -1,14 +1,6 @@
 // Derivatives of accelerations by the linearised force residual.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstddef>
-#include <cstdint>
-#include <span>
-#include <utility>
-
 #include "cutjoint/core/numbers/bordered.hpp"
 #include "cutjoint/core/inputs/inputs.hpp"
 #include "cutjoint/core/constraints/stabilisation.hpp"

@@ -1,12 +1,6 @@
 // Derivatives of the end of a step by the trapezoidal rule.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cstddef>
-#include <limits>
-#include <type_traits>
-
 #include "cutjoint/core/derivatives/derivatives.hpp"
 #include "cutjoint/core/newton/step_rule.hpp"
 

@@ -1,12 +1,7 @@
 // Derivatives of the end of a step with respect to its beginning, inputs and parameters.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cstddef>
 #include <cstring>
-#include <limits>
-#include <utility>
 
 #include "cutjoint/core/derivatives/substep_derivatives.hpp"
 

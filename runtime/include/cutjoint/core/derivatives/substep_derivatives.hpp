@@ -1,13 +1,6 @@
 // Derivatives of the end of a substep with respect to its beginning; it may end at an event, whose time depends on the seeds.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <type_traits>
-
 #include "cutjoint/core/constraints/impacts.hpp"
 #include "cutjoint/core/derivatives/rule_derivatives.hpp"
 #include "cutjoint/core/radau/stage_derivatives.hpp"

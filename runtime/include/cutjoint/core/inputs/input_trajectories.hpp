@@ -1,8 +1,6 @@
 // Inputs over the time of a run, and what changes with their numbers.
 #pragma once
 
-#include <algorithm>
-#include <cstddef>
 #include <limits>
 
 #include "cutjoint/core/numbers/arrays.hpp"

@@ -1,14 +1,9 @@
 // Values that controllers hold between their samples.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <limits>
 #include <span>
-#include <type_traits>
-#include <utility>
-#include <vector>
 
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/mechanism/chart.hpp"

@@ -1,10 +1,6 @@
 // Equations of motion in independent coordinates, and Jacobians of points of bodies with respect to their rates.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cstddef>
-
 #include "cutjoint/core/simulation/checked_minimal.hpp"
 #include "cutjoint/core/mechanism/poses.hpp"
 

@@ -1,11 +1,6 @@
 // The masses that cut joints feel: what resists a relative acceleration of base and follower.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-
 #include "cutjoint/core/start/reactions.hpp"
 
 namespace cutjoint {

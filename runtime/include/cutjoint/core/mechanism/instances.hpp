@@ -1,10 +1,6 @@
 // Several instances of a mechanism in SIMD lanes: selections, norms, roads and inputs.
 #pragma once
 
-#include <array>
-#include <cstddef>
-#include <span>
-
 #include "cutjoint/core/numbers/lanes.hpp"
 #include "cutjoint/core/numbers/selection.hpp"
 #include "cutjoint/core/roads/road.hpp"

@@ -1,7 +1,6 @@
 // Loop embeddings with tunable geometry: functions that close the loops, fitted when parameters are loaded.
 #pragma once
 
-#include <cmath>
 #include <cstddef>
 #include <cstring>
 #include <initializer_list>

@@ -1,10 +1,7 @@
 // The contract of a mechanism between generated code (or the generic solver) and the integrators.
 #pragma once
 
-#include <cstddef>
 #include <span>
-#include <type_traits>
-#include <vector>
 
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/mechanism/chart.hpp"

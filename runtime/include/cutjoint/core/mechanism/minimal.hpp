@@ -1,12 +1,7 @@
 // Minimal coordinates of a mechanism, one for each degree of freedom.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <limits>
 #include <optional>
-#include <span>
 
 #include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/core/start/start.hpp"

@@ -1,11 +1,7 @@
 // A mechanism in relative coordinates as an ordinary differential equation.
 #pragma once
 
-#include <algorithm>
-#include <cstddef>
 #include <limits>
-#include <type_traits>
-#include <utility>
 
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/core/mechanism/state.hpp"

@@ -1,11 +1,7 @@
 // From coordinates and a step of the speeds' integrals to new coordinates.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
-#include <cstddef>
-#include <span>
-#include <type_traits>
 
 #include "cutjoint/core/mechanism/mechanism.hpp"
 

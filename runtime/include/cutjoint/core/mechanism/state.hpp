@@ -1,14 +1,6 @@
 // The state of a mechanism, and reference sizes of its coordinates and velocities, beside which violations and changes are rounding.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <span>
-#include <type_traits>
-#include <utility>
-#include <vector>
-
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/numbers/vectors.hpp"
 

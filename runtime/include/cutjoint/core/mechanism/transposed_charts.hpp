@@ -2,9 +2,6 @@
 #pragma once
 
 #include <array>
-#include <cmath>
-#include <cstddef>
-#include <span>
 
 #include "cutjoint/core/numbers/dual.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"

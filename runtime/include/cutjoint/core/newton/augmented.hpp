@@ -1,10 +1,6 @@
 // The index-3 augmented Lagrangian method with mass-orthogonal projections (Cuadrado et al. 2000, section 2.1).
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-
 #include "cutjoint/core/stepping/newton_steps.hpp"
 
 namespace cutjoint {

@@ -1,11 +1,6 @@
 // The index-3 classical Lagrangian method with projections (Cuadrado et al. 2000, section 2.2).
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-
 #include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/core/stepping/newton_steps.hpp"
 

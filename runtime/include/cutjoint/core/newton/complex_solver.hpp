@@ -1,11 +1,6 @@
 // L U of a complex matrix with the pattern of a tangent.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <utility>
-
 #include "cutjoint/core/newton/static_solver.hpp"
 
 namespace cutjoint {

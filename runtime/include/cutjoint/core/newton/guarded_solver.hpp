@@ -1,11 +1,7 @@
 // A fixed pivot order with a check, and the dense solver with pivoting that takes over if it is unsafe.
 #pragma once
 
-#include <algorithm>
 #include <array>
-#include <cmath>
-#include <cstddef>
-#include <limits>
 
 #include "cutjoint/core/numbers/dense.hpp"
 #include "cutjoint/core/newton/static_solver.hpp"

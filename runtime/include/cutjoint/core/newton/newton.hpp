@@ -2,12 +2,7 @@
 // methods of Cuadrado et al. 2000 (sections 2.1 and 2.2) share.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <limits>
 #include <optional>
-#include <span>
 
 #include "cutjoint/core/newton/step_rule.hpp"
 #include "cutjoint/core/newton/workspace.hpp"

@@ -1,10 +1,6 @@
 // Newton's iteration on the recursion: the augmented Lagrangian method in relative coordinates, with tangents that are reused.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-
 #include "cutjoint/core/newton/augmented.hpp"
 #include "cutjoint/core/newton/guarded_solver.hpp"
 

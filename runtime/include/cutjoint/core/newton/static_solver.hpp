@@ -1,12 +1,9 @@
 // The emitted factorisation of a system with its static pivot order.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <iterator>
 #include <limits>
-#include <type_traits>
 
 #include "cutjoint/core/newton/system.hpp"
 

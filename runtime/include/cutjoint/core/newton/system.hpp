@@ -1,11 +1,6 @@
 // The contract of a system with a tangent between generated code (or the generic solver) and the steps of Newton's iteration.
 #pragma once
 
-#include <cstddef>
-#include <span>
-#include <type_traits>
-#include <utility>
-
 #include "cutjoint/core/mechanism/mechanism.hpp"
 
 namespace cutjoint {

@@ -1,12 +1,6 @@
 // A system with its tangent's factors and arrays, for Newton's iteration, the start and projections.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <span>
-
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/newton/static_solver.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"

@@ -1,12 +1,9 @@
 // L U of a bordered block-diagonal matrix.
 #pragma once
 
-#include <algorithm>
 #include <array>
-#include <cstddef>
 #include <cstdint>
 #include <iterator>
-#include <utility>
 
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/numbers/dual.hpp"

@@ -1,11 +1,6 @@
 // Dual numbers in SIMD lanes.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cstddef>
-#include <type_traits>
-
 #include "cutjoint/core/roads/dual_road.hpp"
 #include "cutjoint/core/numbers/lanes.hpp"
 

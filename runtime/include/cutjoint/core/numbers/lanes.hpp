@@ -1,7 +1,6 @@
 // SIMD lanes of reals: the members of a class of equal parts of a mechanism.
 #pragma once
 
-#include <cmath>
 #include <cstring>
 #include <type_traits>
 

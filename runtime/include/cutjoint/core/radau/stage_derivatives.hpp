@@ -1,10 +1,6 @@
 // Derivatives of the stages of a step by Radau IIA, by the force residuals in them.
 #pragma once
 
-#include <array>
-#include <cstddef>
-#include <span>
-
 #include "cutjoint/core/numbers/bordered.hpp"
 #include "cutjoint/core/numbers/dense.hpp"
 #include "cutjoint/core/radau/table.hpp"

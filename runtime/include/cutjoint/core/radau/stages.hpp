@@ -1,14 +1,6 @@
 // The coupled stages of a step by Radau IIA, by Newton's iteration on their accelerations.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <span>
-#include <utility>
-
 #include "cutjoint/core/newton/complex_solver.hpp"
 #include "cutjoint/core/radau/step_start.hpp"
 

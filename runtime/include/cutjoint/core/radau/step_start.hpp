@@ -1,14 +1,6 @@
 // The state from which Radau IIA steps continue: its mode, loops and errors.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <optional>
-#include <utility>
-
 #include "cutjoint/core/newton/recursive_newton.hpp"
 #include "cutjoint/core/radau/table.hpp"
 #include "cutjoint/core/stepping/step_control.hpp"

@@ -1,9 +1,6 @@
 // Coefficients of Radau IIA of order 5.
 #pragma once
 
-#include <array>
-#include <cstddef>
-
 #include "cutjoint/core/stepping/coefficients.hpp"
 
 namespace cutjoint::radau {

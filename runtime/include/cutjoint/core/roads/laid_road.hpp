@@ -1,9 +1,6 @@
 // A road that a host sets at run time: line segments, equal for both sides, and a surface on them.
 #pragma once
 
-#include <array>
-#include <cstddef>
-
 #include "cutjoint/core/roads/road.hpp"
 
 namespace cutjoint {

@@ -1,11 +1,6 @@
 // Roads: piecewise profiles of height and slope over x, left and right of y = 0, plus a surface.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <span>
-
 #include "cutjoint/core/roads/surface.hpp"
 
 namespace cutjoint {

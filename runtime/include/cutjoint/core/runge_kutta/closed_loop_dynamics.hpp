@@ -1,13 +1,6 @@
 // A mechanism as a differential equation for explicit methods.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <span>
-#include <utility>
-
 #include "cutjoint/core/constraints/projection.hpp"
 #include "cutjoint/core/mechanism/relative.hpp"
 #include "cutjoint/core/stepping/indicator_cells.hpp"

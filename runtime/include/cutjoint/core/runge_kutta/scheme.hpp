@@ -1,12 +1,6 @@
 // An explicit Runge-Kutta method as a scheme of steps.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-
 #include "cutjoint/core/stepping/coefficients.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"

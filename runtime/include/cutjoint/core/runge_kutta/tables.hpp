@@ -4,9 +4,6 @@
 // `stages` to `all` are for these alone.  A step is stiff if its length times the largest eigenvalue exceeds `stiff`.
 #pragma once
 
-#include <array>
-#include <cstddef>
-
 #include "cutjoint/core/stepping/coefficients.hpp"
 
 namespace cutjoint::runge_kutta {

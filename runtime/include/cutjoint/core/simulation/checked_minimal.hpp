@@ -1,8 +1,6 @@
 // Minimal coordinates of a simulation for the C interface, and derivatives.
 #pragma once
 
-#include <cstddef>
-
 #include "cutjoint/core/simulation/checked_simulation.hpp"
 #include "cutjoint/core/derivatives/derivatives.hpp"
 

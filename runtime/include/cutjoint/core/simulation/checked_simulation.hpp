@@ -1,12 +1,9 @@
 // A simulation for the C interface: the caller's memory, checked calls, statuses, names.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <limits>
 #include <new>
-#include <type_traits>
 
 #include "cutjoint/core/simulation/simulation.hpp"
 

@@ -1,8 +1,6 @@
 // Simulations of one model stepped together in SIMD lanes.
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <cstdint>
 #include <new>
 

@@ -1,13 +1,6 @@
 // One simulation of a model. It neither throws nor prints; if its classes know their sizes, all its memory is inside.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <optional>
-#include <type_traits>
-
 #include "cutjoint/core/stepping/step_statistics.hpp"
 #include "cutjoint/core/inputs/host_inputs.hpp"
 #include "cutjoint/core/start/initialisation.hpp"

@@ -1,8 +1,6 @@
 // The settings of a simulation.
 #pragma once
 
-#include <optional>
-
 #include "cutjoint/core/constraints/stabilisation.hpp"
 #include "cutjoint/core/stepping/trapezoidal.hpp"
 

@@ -1,11 +1,6 @@
 // From given coordinates and velocities to a state from which integration can begin.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-
 #include "cutjoint/core/mechanism/effective_mass.hpp"
 #include "cutjoint/core/constraints/stabilisation.hpp"
 #include "cutjoint/core/start/start.hpp"

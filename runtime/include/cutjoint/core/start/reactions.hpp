@@ -1,10 +1,6 @@
 // Reaction forces of prescribed coordinates of a mechanism at rest.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-
 #include "cutjoint/core/numbers/dense.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
 

@@ -1,13 +1,7 @@
 // A consistent start: closed loops, speeds that keep them closed, accelerations with their multipliers, static equilibrium.
 #pragma once
 
-#include <algorithm>
 #include <array>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <span>
-#include <utility>
 
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/start/reactions.hpp"

@@ -1,11 +1,6 @@
 // Equal steps across jumps of guides' rates.
 #pragma once
 
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <type_traits>
-
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/constraints/impacts.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"

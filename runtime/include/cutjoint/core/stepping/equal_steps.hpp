@@ -1,10 +1,6 @@
 // Equal steps that are split at events.
 #pragma once
 
-#include <cstddef>
-#include <span>
-#include <utility>
-
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/mechanism/retraction.hpp"
 #include "cutjoint/core/mechanism/state.hpp"

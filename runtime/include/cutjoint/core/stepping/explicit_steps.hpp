@@ -1,9 +1,6 @@
 // Steps of a simulation by an explicit Runge-Kutta method.
 #pragma once
 
-#include <algorithm>
-#include <cstddef>
-
 #include "cutjoint/core/runge_kutta/scheme.hpp"
 #include "cutjoint/core/runge_kutta/tables.hpp"
 #include "cutjoint/core/runge_kutta/closed_loop_dynamics.hpp"

@@ -1,12 +1,7 @@
 // The fixed point of a step: where its iteration starts, how it is mixed, and Newton's iteration where it fails.
 #pragma once
 
-#include <algorithm>
 #include <array>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <span>
 
 #include "cutjoint/core/numbers/arrays.hpp"
 #include "cutjoint/core/numbers/vectors.hpp"

@@ -1,8 +1,6 @@
 // Steps of a simulation by the trapezoidal rule.
 #pragma once
 
-#include <type_traits>
-
 #include "cutjoint/core/stepping/crossed_impacts.hpp"
 #include "cutjoint/core/mechanism/relative.hpp"
 #include "cutjoint/core/inputs/sampling.hpp"

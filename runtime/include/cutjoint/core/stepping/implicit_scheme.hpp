@@ -1,11 +1,6 @@
 // Scheme for implicit steps: it keeps the states at the ends of attempts.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-
 #include "cutjoint/core/stepping/interpolant.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 

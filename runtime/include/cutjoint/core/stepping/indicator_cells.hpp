@@ -1,13 +1,7 @@
 // Modes of forces, guides and drives: which of their formulas are in force, and when that changes.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
 #include <iterator>
-#include <limits>
-#include <span>
-#include <utility>
 
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/roads/road.hpp"

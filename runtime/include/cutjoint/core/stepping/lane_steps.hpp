@@ -1,9 +1,6 @@
 // Steps of several instances of a mechanism in SIMD lanes, and a mechanism whose instances find accelerations of several states at once.
 #pragma once
 
-#include <array>
-#include <cstddef>
-
 #include "cutjoint/core/stepping/step_statistics.hpp"
 #include "cutjoint/core/mechanism/instances.hpp"
 #include "cutjoint/core/start/start.hpp"

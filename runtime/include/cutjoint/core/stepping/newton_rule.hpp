@@ -1,9 +1,6 @@
 // The rules of `recursive-newton` for steps that are split at events.
 #pragma once
 
-#include <cmath>
-#include <limits>
-
 #include "cutjoint/core/newton/recursive_newton.hpp"
 
 namespace cutjoint::stepping {

@@ -1,10 +1,6 @@
 // Steps of a simulation by Newton's iteration.
 #pragma once
 
-#include <cstddef>
-#include <optional>
-#include <type_traits>
-
 #include "cutjoint/core/stepping/crossed_impacts.hpp"
 #include "cutjoint/core/newton/newton.hpp"
 #include "cutjoint/core/simulation/simulation_settings.hpp"

@@ -1,11 +1,6 @@
 // How long the steps of an adaptive method are.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <span>
-
 #include "cutjoint/core/mechanism/mechanism.hpp"
 #include "cutjoint/core/numbers/vectors.hpp"
 

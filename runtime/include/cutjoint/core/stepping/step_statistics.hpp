@@ -1,11 +1,6 @@
 // What a step did: constraint violations, statistics, and limits of these.
 #pragma once
 
-#include <array>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-
 #include "cutjoint/core/simulation/simulation_settings.hpp"
 
 namespace cutjoint {

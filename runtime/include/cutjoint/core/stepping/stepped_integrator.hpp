@@ -1,10 +1,6 @@
 // The common base of integrators with a stepper.
 #pragma once
 
-#include <algorithm>
-#include <cstddef>
-#include <type_traits>
-
 #include "cutjoint/core/constraints/impacts.hpp"
 #include "cutjoint/core/simulation/simulation_settings.hpp"
 

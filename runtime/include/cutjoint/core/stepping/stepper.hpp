@@ -1,12 +1,7 @@
 // Steps that end at events, where a formula of the forces, guides or drives changes.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
 #include <limits>
-#include <type_traits>
-#include <utility>
 
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/stepping/step_control.hpp"

@@ -1,12 +1,6 @@
 // The trapezoidal rule with fixed-point iteration on the accelerations (Cuadrado et al. 2000, eqs. 43-44).
 #pragma once
 
-#include <array>
-#include <cmath>
-#include <cstddef>
-#include <span>
-#include <type_traits>
-
 #include "cutjoint/core/stepping/fixed_point.hpp"
 #include "cutjoint/core/constraints/projection.hpp"
 

@@ -1,8 +1,6 @@
 // The recursive method's trapezoidal rule for steps that are split at events.
 #pragma once
 
-#include <cmath>
-
 #include "cutjoint/core/mechanism/relative.hpp"
 #include "cutjoint/core/simulation/simulation_settings.hpp"
 
