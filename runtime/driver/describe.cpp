@@ -8,9 +8,7 @@ namespace {
 
 /// A list as a vector of what the description has.
 template <class To, class Value>
-void take(std::vector<To>& taken, const constants::List<Value>& values) {
-  taken.assign(values.begin(), values.end());
-}
+void take(std::vector<To>& taken, const constants::List<Value>& values) { taken.assign(values.begin(), values.end()); }
 
 void fill(Description& d, const constants::Mechanism& mechanism) {
   d.name = mechanism.name;

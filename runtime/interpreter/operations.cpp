@@ -95,9 +95,7 @@ struct SurfaceLookup {
 
 /// A condition as a number.
 template <class T>
-T number(auto condition) {
-  return condition ? T{} + 1.0 : T{};
-}
+T number(auto condition) { return condition ? T{} + 1.0 : T{}; }
 
 struct Entry {
   std::string_view name;

@@ -26,9 +26,7 @@ class Model {
   }
 
   /** Whether the core has a function of the C interface, by its name without the prefix. */
-  has(name) {
-    return `${this.facts.name}_${name}` in this.exports;
-  }
+  has(name) { return `${this.facts.name}_${name}` in this.exports; }
 
   /** Calls a function of the C interface. */
   call(name, ...values) {
@@ -52,13 +50,9 @@ class Model {
   }
 
   /** A view of doubles in the module's memory; creating a simulation may invalidate it. */
-  doubles(at, length) {
-    return new Float64Array(this.exports.memory.buffer, at, length);
-  }
+  doubles(at, length) { return new Float64Array(this.exports.memory.buffer, at, length); }
 
-  bytes(at, length) {
-    return new Uint8Array(this.exports.memory.buffer, at, length);
-  }
+  bytes(at, length) { return new Uint8Array(this.exports.memory.buffer, at, length); }
 
   /** The zero-terminated text at an address; '' for a null pointer. */
   text(at) {
@@ -74,9 +68,7 @@ class Model {
   }
 
   /** The address of new memory, which begins a page and is permanent. */
-  take(bytes) {
-    return this.exports.memory.grow(Math.ceil(bytes / PAGE)) * PAGE;
-  }
+  take(bytes) { return this.exports.memory.grow(Math.ceil(bytes / PAGE)) * PAGE; }
 
   #table(kind) {
     const entries = [];
@@ -92,9 +84,7 @@ class Simulation {
   #sim;
   #release;
 
-  constructor(model, sim, release) {
-    [this.#model, this.#sim, this.#release] = [model, sim, release];
-  }
+  constructor(model, sim, release) { [this.#model, this.#sim, this.#release] = [model, sim, release]; }
 
   /** Frees the memory; no call may follow. */
   free() {

@@ -61,8 +61,7 @@ class Domains {
       }
       if (const std::vector<Chart>& charts = subject_.description().charts; charts.empty())
         for (std::size_t i = 0; i < at_.q.size(); ++i) at_.q[i] = from_.q[i] + delta_[i];
-      else
-        retract<Real>(charts, from_.q.data(), delta_.data(), at_.q.data());
+      else retract<Real>(charts, from_.q.data(), delta_.data(), at_.q.data());
     }
     at_.t = from_.t + s;
     subject_.begin_step(at_.t, Real(1));
@@ -84,8 +83,7 @@ class Domains {
   bool has_forces() {
     if constexpr (requires { subject_.dynamic_residual(nullptr, nullptr, nullptr, nullptr, Real(0), nullptr, nullptr); })
       subject_.dynamic_residual(at_.q.data(), at_.v.data(), from_.vdot.data(), from_.lambda.data(), Real(0), forces_.data(), residual_.data());
-    else
-      subject_.evaluate(at_.q.data(), at_.v.data(), from_.lambda.data(), forces_.data(), residual_.data());
+    else subject_.evaluate(at_.q.data(), at_.v.data(), from_.lambda.data(), forces_.data(), residual_.data());
     return std::isfinite(static_cast<double>(largest(forces_)));
   }
 

@@ -185,8 +185,7 @@ class EnergyBalance {
     subject_.begin_step(state.t, Real(1));
     if constexpr (requires { subject_.energy(nullptr, nullptr, nullptr, nullptr, nullptr); })
       subject_.energy(state.q.data(), state.v.data(), state.vdot.data(), state.lambda.data(), energy.data());
-    else
-      throw_no_energy();
+    else throw_no_energy();
     return energy;
   }
 

@@ -23,9 +23,7 @@ Integrators<Subject>& added_integrators() {
 
 /// Whether an integrator is among them.
 template <class Subject>
-bool is_added(const std::string& name) {
-  return added_integrators<Subject>().contains(name);
-}
+bool is_added(const std::string& name) { return added_integrators<Subject>().contains(name); }
 
 /// Adds to integrators, or to the solvers of `library_solvers`, before the program begins.
 struct Added {

@@ -20,8 +20,7 @@ void report_moved(Subject& subject, const State<typename Subject::real_type>& st
   const auto& charts = subject.description().charts;
   if (charts.empty())
     for (std::size_t i = 0; i < q.size(); ++i) q[i] += shift[i];
-  else
-    retract<Real>(charts, state.q.data(), shift.data(), q.data());
+  else retract<Real>(charts, state.q.data(), shift.data(), q.data());
   subject.report(q.data(), v.data(), state.vdot.data(), state.lambda.data(), column);
 }
 
@@ -76,8 +75,7 @@ class NearJumps {
     }
     if (far == end) return;
     const Real size = abs(at_far - at_near);
-    if (size > change / 2)
-      found_.push_back({static_cast<double>(t), column, static_cast<double>(far), static_cast<double>(size)});
+    if (size > change / 2) found_.push_back({static_cast<double>(t), column, static_cast<double>(far), static_cast<double>(size)});
   }
 
   Real within_;

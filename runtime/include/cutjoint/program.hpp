@@ -26,10 +26,8 @@ inline std::string printable(std::string_view text) {
     const auto byte = static_cast<unsigned char>(text[i]);
     const bool wide = byte == 0xc2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xa0;
     const unsigned char shown = wide ? static_cast<unsigned char>(text[++i]) : byte;
-    if (wide || byte < 0x20 || byte == 0x7f)
-      printed.append("\\x").append({digits[shown / 16], digits[shown % 16]});
-    else
-      printed.push_back(text[i]);
+    if (wide || byte < 0x20 || byte == 0x7f) printed.append("\\x").append({digits[shown / 16], digits[shown % 16]});
+    else printed.push_back(text[i]);
   }
   return printed;
 }

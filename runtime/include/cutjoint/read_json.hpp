@@ -62,9 +62,7 @@ Real number_of(const Json& value, std::string_view key) {
 
 /// The number under a key.
 template <class Real>
-Real read_number(const Json& object, const char* key) {
-  return number_of<Real>(value_of(object, key), key);
-}
+Real read_number(const Json& object, const char* key) { return number_of<Real>(value_of(object, key), key); }
 
 /// An integer from `least` to `most`.
 inline int read_integer(const Json& object, const char* key, int least, int most = std::numeric_limits<int>::max()) {

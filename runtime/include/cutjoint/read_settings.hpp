@@ -166,9 +166,7 @@ class SettingsReader {
 
 /// The settings of a run file for a program.  Throws runtime_error that names the error and the allowed values.
 template <class Real>
-RunSettings read_settings(const Json& file, const Abilities& abilities) {
-  return SettingsReader<Real>(file, abilities).read();
-}
+RunSettings read_settings(const Json& file, const Abilities& abilities) { return SettingsReader<Real>(file, abilities).read(); }
 
 /// The numbers of steps of a run and per row of its table; cutjoint/model/ranges.py has the same.
 struct Steps {
@@ -195,8 +193,6 @@ Steps count_steps(const RunSettings& settings, bool row_each = false) {
 
 /// The total length of a run's steps, s.
 template <class Real>
-double length_of(const RunSettings& settings) {
-  return static_cast<double>(count_steps<Real>(settings).number) * settings.dt;
-}
+double length_of(const RunSettings& settings) { return static_cast<double>(count_steps<Real>(settings).number) * settings.dt; }
 
 }  // namespace cutjoint

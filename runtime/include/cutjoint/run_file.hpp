@@ -284,9 +284,7 @@ class ModelData {
   InputSource<Real> inputs() { return inputs_.source(); }
 
   template <class M>
-  void drive(M& mechanism) {
-    mechanism.drive_by(inputs());
-  }
+  void drive(M& mechanism) { mechanism.drive_by(inputs()); }
 
   template <class M>
   void load_mechanism(M& mechanism, const StabilisationSettings& stabilisation, const std::vector<Real>& penalties) {
@@ -322,9 +320,7 @@ std::vector<bool> read_given(const Json& by_name, const std::vector<std::string_
 
 /// The array under a key.
 template <class Real>
-std::vector<Real> read_array(const Json& object, const char* key) {
-  return object.at(key).get<std::vector<Real>>();
-}
+std::vector<Real> read_array(const Json& object, const char* key) { return object.at(key).get<std::vector<Real>>(); }
 
 /// A state with the keys t, q, v, vdot and lambda.
 template <class Real>

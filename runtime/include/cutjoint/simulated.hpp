@@ -149,11 +149,7 @@ class Simulated {
   }
 
   /// The last state, in the form that `evaluate` reads.
-  Json state() const
-    requires(!Integrator::finds_events)
-  {
-    return write(simulation_.state(), simulation_.discrete_values());
-  }
+  Json state() const requires(!Integrator::finds_events) { return write(simulation_.state(), simulation_.discrete_values()); }
 
   /// Save the state, if a guard may end the run after it.
   void keep() {
@@ -164,9 +160,7 @@ class Simulated {
   Json kept() const { return kept_ ? write(kept_->first, kept_->second) : Json(); }
 
   /// The functions of the mechanism or system at the run file's states.
-  Json evaluate()
-    requires(!Integrator::finds_events)
-  {
+  Json evaluate() requires(!Integrator::finds_events) {
     Json results = Json::array();
     if constexpr (is_newton) {
       data_.load_system(subject_);
@@ -181,16 +175,12 @@ class Simulated {
   }
 
   /// The Jacobians of the accelerations at the last state.
-  Json differentiate()
-    requires(!Integrator::finds_events && Mechanism<Subject>)
-  {
+  Json differentiate() requires(!Integrator::finds_events && Mechanism<Subject>) {
     return cutjoint::differentiate(subject_, simulation_.state());
   }
 
   /// Seconds of the parts of an iteration, at the start or at the run file's `state`, with the weights of a step.
-  Json time_solver()
-    requires(!Integrator::finds_events && requires(Integrator& steps) { steps.newton(); })
-  {
+  Json time_solver() requires(!Integrator::finds_events && requires(Integrator& steps) { steps.newton(); }) {
     const Weights<Real> weights = steps().newton().step_weights();
     const State<Real> at = file_.contains("state") ? read_state<Real>(file_.at("state")) : simulation_.state();
     return time_parts(subject_, *settings_.solver, at, weights, weights.constraint / weights.stiffness, file_);

@@ -24,10 +24,8 @@ struct Failure : std::runtime_error {
 /// The names of the velocities of a mechanism, or of a system's unknowns.
 template <class Described>
 const std::vector<std::string_view>& speeds_of(const Described& d) {
-  if constexpr (requires { d.unknowns(); })
-    return d.unknowns();
-  else
-    return d.speeds;
+  if constexpr (requires { d.unknowns(); }) return d.unknowns();
+  else return d.speeds;
 }
 
 /// A fault of a core with the name of the failed element, and optionally of the method.

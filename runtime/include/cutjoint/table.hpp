@@ -46,9 +46,7 @@ class OutputFile {
     void operator()(std::FILE* file) const { std::fclose(file); }
   };
 
-  [[noreturn]] void fail() const {
-    throw std::runtime_error("cannot write " + name_ + ": " + std::generic_category().message(errno));
-  }
+  [[noreturn]] void fail() const { throw std::runtime_error("cannot write " + name_ + ": " + std::generic_category().message(errno)); }
 
   std::string name_;
   std::unique_ptr<std::FILE, Close> file_;

@@ -29,9 +29,7 @@ const run = {
 
 /** An input or a parameter moved by keys, a slider, touch or a gamepad: `place` is from -1 to 1, with 0 at rest. */
 class Axis {
-  constructor(about) {
-    Object.assign(this, about, { place: 0, wanted: 0, touched: about.role !== '', sent: undefined });
-  }
+  constructor(about) { Object.assign(this, about, { place: 0, wanted: 0, touched: about.role !== '', sent: undefined }); }
   get value() {
     const end = this.place < 0 ? this.low : this.high;
     return this.rest + Math.abs(this.place) * (end - this.rest);

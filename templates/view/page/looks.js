@@ -2,9 +2,7 @@
 const SIDES = { front: [1, 0, 0], side: [0, -1, 0], top: [0, 0, 1] };
 
 /** Looks along an axis of the model, or as at the start. */
-function lookFrom(side) {
-  home(SIDES[side]);
-}
+function lookFrom(side) { home(SIDES[side]); }
 
 function seeThrough(on) {
   const materials = new Set(clickable.flatMap((mesh) => [mesh.material, mesh.userData.plain].filter(Boolean)));

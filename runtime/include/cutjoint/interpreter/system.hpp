@@ -31,9 +31,7 @@ class Factorisation {
 
  private:
   template <std::size_t n>
-  static std::vector<std::array<int, n>> read(const Json& list) {
-    return list.get<std::vector<std::array<int, n>>>();
-  }
+  static std::vector<std::array<int, n>> read(const Json& list) { return list.get<std::vector<std::array<int, n>>>(); }
 
   /// Rejects an index from which an array has too few numbers.
   static void require(int first, int count, std::size_t end) {

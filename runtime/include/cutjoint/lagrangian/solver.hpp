@@ -37,9 +37,7 @@ struct SolverKind {
 };
 
 template <class Solver, class Real>
-std::unique_ptr<LinearSolver<Real>> make_solver() {
-  return std::make_unique<Solver>();
-}
+std::unique_ptr<LinearSolver<Real>> make_solver() { return std::make_unique<Solver>(); }
 
 /// The library solvers of this program: those of Eigen (driver/solvers.cpp), then those of extensions.
 template <class Real>

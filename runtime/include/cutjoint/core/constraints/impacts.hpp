@@ -129,9 +129,7 @@ class Struck {
   }
 
   /// Accelerations so large that forces are below rounding.
-  void masses_of_system(const Coordinates<S>& q)
-    requires is_system
-  {
+  void masses_of_system(const Coordinates<S>& q) requires is_system {
     const Real large(16384);
     rest();
     subject_.dynamic_residual(q.data(), still_.data(), v_.data(), zero(), Real(0), weight_.data(), rest_.data());

@@ -31,10 +31,8 @@ template <class M, class Penalties>
 void load_mechanism(M& mechanism, const typename M::real_type* parameters, const Road<typename M::real_type>* roads,
                     const StabilisationSettings& stabilisation, const Penalties& penalties) {
   using Real = typename M::real_type;
-  if constexpr (requires { mechanism.load(parameters, roads); })
-    mechanism.load(parameters, roads);
-  else if (is_projected(stabilisation.closure))
-    mechanism.load(parameters, {.penalties = penalties.data()}, roads);
+  if constexpr (requires { mechanism.load(parameters, roads); }) mechanism.load(parameters, roads);
+  else if (is_projected(stabilisation.closure)) mechanism.load(parameters, {.penalties = penalties.data()}, roads);
   else
     mechanism.load(parameters,
                    {.penalty = penalties.empty() ? Real(1) : penalties.front(),

@@ -89,9 +89,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     void take(const StateOf<M>& state) { StateOf<M>::operator=(state); }
 
     template <class Use>
-    void visit(Use use) {
-      use(this->q), use(this->v), use(this->vdot), use(this->lambda), use(mean);
-    }
+    void visit(Use use) { use(this->q), use(this->v), use(this->vdot), use(this->lambda), use(mean); }
 
     void clear() {
       visit([](auto& numbers) { numbers.fill(0.0); });

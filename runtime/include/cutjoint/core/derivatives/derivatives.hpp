@@ -76,8 +76,7 @@ class Derivatives {
       dx_.fill(Dual());
       du_.fill(Dual());
       for (Dual& x : parameters_) x.derivative = Tangents{};
-      for (std::size_t k = 0, j = from; k < number; ++k, ++j)
-        number_at(j).derivative[k] = 1.0;
+      for (std::size_t k = 0, j = from; k < number; ++k, ++j) number_at(j).derivative[k] = 1.0;
       if (from < after && from + number > states + inputs) load_parameters(simulation);
       if (const Fault fault = derive(simulation.mechanism(), minimal, number)) return fault;
       for (std::size_t k = 0, j = from; k < number; ++k, ++j) {

@@ -354,9 +354,7 @@ class ResidualJacobian {
     return found;
   }();
 
-  bool decompose_plain(At& x) {
-    return x.decomposed_for == 0.0 || decompose(x, 0.0);
-  }
+  bool decompose_plain(At& x) { return x.decomposed_for == 0.0 || decompose(x, 0.0); }
 
   bool decompose(At& x, double h) {
     const auto fill = [&] {

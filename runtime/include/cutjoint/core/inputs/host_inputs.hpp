@@ -119,9 +119,7 @@ class SmoothedInputs {
   }
 
   /// Whether the host's inputs are unchanged.
-  bool is_unchanged(const Inputs& given) const {
-    return given == given_;
-  }
+  bool is_unchanged(const Inputs& given) const { return given == given_; }
 
   /// Whether those that move no guide are.
   bool others_are_unchanged(const Inputs& given) const {

@@ -43,14 +43,10 @@ struct Selection<Lanes<Number, N>> {
 
 /// The larger of two numbers; NaN if one is NaN.
 template <class Number, int N>
-Lanes<Number, N> larger(Lanes<Number, N> a, Lanes<Number, N> b) {
-  return where((b.v > a.v) | (b.v != b.v), b, a);
-}
+Lanes<Number, N> larger(Lanes<Number, N> a, Lanes<Number, N> b) { return where((b.v > a.v) | (b.v != b.v), b, a); }
 
 template <class Number, int N>
-Lanes<Number, N> smaller(Lanes<Number, N> a, Lanes<Number, N> b) {
-  return where((b.v < a.v) | (b.v != b.v), b, a);
-}
+Lanes<Number, N> smaller(Lanes<Number, N> a, Lanes<Number, N> b) { return where((b.v < a.v) | (b.v != b.v), b, a); }
 
 /// The largest absolute value in each lane.
 template <class Number, int N>

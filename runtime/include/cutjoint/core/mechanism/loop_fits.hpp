@@ -211,10 +211,8 @@ class LoopFitting {
       found[0] = mean_[j] * Real(1.0 / loops_.nodes);
       for (int k = 1; k < functions_[j].terms; ++k) {
         const int order = (k + 1) / 2;
-        if (loops_.is_periodic)
-          found[k] = Real((k % 2 ? -2.0 : 2.0) / (loops_.nodes * order)) * sums[k % 2 ? k + 1 : k - 1];
-        else
-          found[k] = Real(loops_.half / (loops_.nodes * k)) * (sums[k - 1] - sums[k + 1]);
+        if (loops_.is_periodic) found[k] = Real((k % 2 ? -2.0 : 2.0) / (loops_.nodes * order)) * sums[k % 2 ? k + 1 : k - 1];
+        else found[k] = Real(loops_.half / (loops_.nodes * k)) * (sums[k - 1] - sums[k + 1]);
       }
     }
   }

@@ -38,10 +38,8 @@ concept Mechanism = requires(M& m, typename M::real_type* out, const typename M:
 /// The charts of a mechanism.
 template <class M>
 std::span<const Chart> charts_of(const M& mechanism) {
-  if constexpr (Sized<M>)
-    return M::charts;
-  else
-    return mechanism.description().charts;
+  if constexpr (Sized<M>) return M::charts;
+  else return mechanism.description().charts;
 }
 
 /// The event indicators of a mechanism or system.
@@ -106,10 +104,8 @@ std::span<const double> scaled_nominals_of(const M& subject) {
 /// The first equation of each cut joint.
 template <class M>
 std::span<const int> cuts_of(const M& mechanism) {
-  if constexpr (Sized<M>)
-    return M::cuts;
-  else
-    return mechanism.description().cuts;
+  if constexpr (Sized<M>) return M::cuts;
+  else return mechanism.description().cuts;
 }
 
 }  // namespace cutjoint

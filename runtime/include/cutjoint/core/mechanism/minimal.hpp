@@ -118,9 +118,7 @@ class MinimalCoordinates {
 
   /// Displacements of dependent coordinates that remove constraint violations b, one number for each velocity; b and `room` are overwritten.
   template <class Number>
-  void solve(Number* b, Number* step, Number* room) const {
-    solve(*squares_, b, step, room);
-  }
+  void solve(Number* b, Number* step, Number* room) const { solve(*squares_, b, step, room); }
 
   /// All velocities for a unit rate of each independent coordinate, one column for each, in the pose of a state.
   Fault directions(Starter<M>& starter, const StateOf<M>& state, Real* columns) {

@@ -19,8 +19,7 @@ template <class Number>
   Number scale{};
   if constexpr (std::is_same_v<Number, Four>)
     for (int k = 0; k < 4; ++k) scale[k] = sqrt(square[k]);
-  else
-    scale = sqrt(square);
+  else scale = sqrt(square);
   scale = 1 / scale;
   turned[0] = (e[0] - x * e[1] - y * e[2] - z * e[3]) * scale;
   turned[1] = (e[1] + x * e[0] + y * e[3] - z * e[2]) * scale;
@@ -88,8 +87,7 @@ template <class Numbers>
 [[gnu::always_inline]] inline void displace(std::span<const Chart> charts, const Numbers& from, const typename Numbers::value_type* delta, Numbers& to) {
   if (charts.empty())
     for (std::size_t i = 0; i < from.size(); ++i) to[i] = from[i] + delta[i];
-  else
-    retract(charts, from.data(), delta, to.data());
+  else retract(charts, from.data(), delta, to.data());
 }
 
 /// How fast the turn of `retract` changes with its rotation vector: d(turn) = T d(theta), T = (1 + theta~/2)/(1 + |theta|^2/4), of each ball's

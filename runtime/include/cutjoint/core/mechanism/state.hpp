@@ -46,9 +46,7 @@ struct State {
   /// The design position at rest of a mechanism with a description: coordinates 0, unit quaternions.
   template <class Described>
     requires requires(const Described& d) { d.coordinates.size(), d.charts.size(); }
-  explicit State(const Described& d) : State(d.coordinates.size(), d.speeds.size(), d.equations.size()) {
-    set_balls(d.charts);
-  }
+  explicit State(const Described& d) : State(d.coordinates.size(), d.speeds.size(), d.equations.size()) { set_balls(d.charts); }
 
   /// The state's numbers in another type.
   template <class Other>

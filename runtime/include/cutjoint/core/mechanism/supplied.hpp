@@ -78,8 +78,7 @@ std::array<Real, results> supplied_results(Function function, const Real (&x)[co
       given.call(function, values, partials);
       for (std::size_t i = 0; i < results; ++i) {
         found[i] = Real(values[i]);
-        for (std::size_t j = 0; j < given.size; ++j)
-          found[i].derivative += along(partials[i * given.size + j], x[j].derivative);
+        for (std::size_t j = 0; j < given.size; ++j) found[i].derivative += along(partials[i * given.size + j], x[j].derivative);
       }
     } else {
       given.call(function, values, nullptr);
@@ -108,9 +107,7 @@ std::array<Real, results * (count - words)> supplied_partials(Function function,
 
 /// The value of a function with one result; for SIMD lanes with one call for each lane, for dual numbers with derivatives.
 template <class Real, std::size_t count>
-Real supplied(Supplied function, const Real (&x)[count]) {
-  return supplied_results<Real, 1, 0>(function, x)[0];
-}
+Real supplied(Supplied function, const Real (&x)[count]) { return supplied_results<Real, 1, 0>(function, x)[0]; }
 
 /// Its derivative with respect to one argument.
 template <class Real, std::size_t count>

@@ -29,10 +29,8 @@ constexpr TangentSizes static_tangent() {
 /// Where the entries of a system's tangent stand.
 template <class S>
 const auto& pattern_of(const S& system) {
-  if constexpr (Sized<S>)
-    return S::pattern;
-  else
-    return system.description().pattern;
+  if constexpr (Sized<S>) return S::pattern;
+  else return system.description().pattern;
 }
 
 /// The type of that.

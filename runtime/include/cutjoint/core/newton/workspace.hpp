@@ -175,10 +175,8 @@ class Workspace {
   Real size_of(const StateOf<S>& state, const Speeds<S>& values) const { return &values == &state.v ? speed_size(values) : acceleration_size(values); }
 
   std::span<const Chart> charts() const {
-    if constexpr (Sized<S>)
-      return S::charts;
-    else
-      return charts_;
+    if constexpr (Sized<S>) return S::charts;
+    else return charts_;
   }
 
   /// A fault of an unknown, or of an equation after the unknowns; of neither if the row is negative.

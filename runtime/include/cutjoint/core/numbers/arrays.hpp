@@ -79,9 +79,7 @@ class Fixed {
   void swap(Fixed& other) { std::swap_ranges(begin(), end(), other.begin()); }
 
   template <class Iterator>
-  void assign(Iterator first, Iterator last) {
-    std::copy(first, last, begin());
-  }
+  void assign(Iterator first, Iterator last) { std::copy(first, last, begin()); }
 
  private:
   T x_[n > 0 ? n : 1]{};

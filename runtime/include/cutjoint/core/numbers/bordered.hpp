@@ -52,9 +52,7 @@ struct Sides {
   Beside<side> x;
 
   template <class Of>
-  [[gnu::always_inline]] static Sides of(Of each) {
-    return {Beside<side>::of(each)};
-  }
+  [[gnu::always_inline]] static Sides of(Of each) { return {Beside<side>::of(each)}; }
   [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Sides& b) { x -= factor * b.x; }
   [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Number& b) { x -= factor * b; }
   [[gnu::always_inline]] void scale(const Beside<side>& factor) { x *= factor; }
@@ -66,9 +64,7 @@ struct Sides<side, DualPart, std::index_sequence<l...>> {
   DualPart x[side];
 
   template <class Of>
-  [[gnu::always_inline]] static Sides of(Of each) {
-    return {{each(l)...}};
-  }
+  [[gnu::always_inline]] static Sides of(Of each) { return {{each(l)...}}; }
   [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Sides& b) { ((x[l].derivative -= factor[l] * b.x[l].derivative), ...); }
   [[gnu::always_inline]] void subtract(const Beside<side>& factor, const DualPart& b) { ((x[l].derivative -= factor[l] * b.derivative), ...); }
   [[gnu::always_inline]] void scale(const Beside<side>& factor) { ((x[l].derivative *= factor[l]), ...); }
@@ -199,13 +195,9 @@ class Bordered {
     return reinterpret_cast<Beside<side>*>(x_.data() + places.front[s] + i * (places.length[s] + places.border[s]) * side);
   }
   template <std::size_t side>
-  const Beside<side>* row(std::size_t s, std::size_t i) const {
-    return const_cast<Bordered*>(this)->template row<side>(s, i);
-  }
+  const Beside<side>* row(std::size_t s, std::size_t i) const { return const_cast<Bordered*>(this)->template row<side>(s, i); }
   template <std::size_t side>
-  Beside<side>& scale(std::size_t s, std::size_t i) {
-    return reinterpret_cast<Beside<side>&>(scales_[places.lines[s] + i * side]);
-  }
+  Beside<side>& scale(std::size_t s, std::size_t i) { return reinterpret_cast<Beside<side>&>(scales_[places.lines[s] + i * side]); }
   /// Row and column of a pivot, and the rows and columns of its update.
   struct Pivot {
     Index row, column, rows = 0, columns = 0;

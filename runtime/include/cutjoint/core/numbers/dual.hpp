@@ -34,9 +34,7 @@ struct Side<count, std::index_sequence<p...>> {
 
   /// Construct each register from its index.
   template <class Each>
-  [[gnu::always_inline]] static Side of(Each each) {
-    return {{each(p)...}};
-  }
+  [[gnu::always_inline]] static Side of(Each each) { return {{each(p)...}}; }
 
   [[gnu::always_inline]] Side& operator+=(const Side& b) { return *this = *this + b; }
   [[gnu::always_inline]] Side& operator-=(const Side& b) { return *this = *this - b; }

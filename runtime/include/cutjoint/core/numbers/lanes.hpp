@@ -97,8 +97,7 @@ struct Lanes {
 template <class Side, int stride, class Number>
 Side strided(const Number* x) {
   typename Side::Vector v;
-  if constexpr (stride == 1 && std::is_same_v<Number, typename Side::real_type>)
-    std::memcpy(static_cast<void*>(&v), x, sizeof v);
+  if constexpr (stride == 1 && std::is_same_v<Number, typename Side::real_type>) std::memcpy(static_cast<void*>(&v), x, sizeof v);
   else
     for (int k = 0; k < Side::size; ++k) v[k] = typename Side::real_type(x[k * stride]);
   return v;
@@ -113,15 +112,11 @@ struct Row {
 
 /// The numbers from x on.
 template <class Side>
-Row<Side> row(typename Side::real_type* x) {
-  return {x};
-}
+Row<Side> row(typename Side::real_type* x) { return {x}; }
 
 /// condition ? yes : no in each lane, both evaluated.
 template <class Mask, PlainReal Real, int N>
-Lanes<Real, N> where(Mask condition, Lanes<Real, N> yes, Lanes<Real, N> no) {
-  return condition ? yes.v : no.v;
-}
+Lanes<Real, N> where(Mask condition, Lanes<Real, N> yes, Lanes<Real, N> no) { return condition ? yes.v : no.v; }
 
 /// The sum of all lanes, by halves.
 template <PlainReal Real, int N>

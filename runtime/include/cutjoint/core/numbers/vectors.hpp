@@ -47,9 +47,7 @@ typedef double FourProducts __attribute__((vector_size(32)));
 
 /// The larger of two numbers; NaN if one is NaN.
 template <class Real>
-Real larger(Real a, Real b) {
-  return b > a || b != b ? b : a;
-}
+Real larger(Real a, Real b) { return b > a || b != b ? b : a; }
 
 /// The largest absolute value; NaN if one is NaN.
 template <class Real>

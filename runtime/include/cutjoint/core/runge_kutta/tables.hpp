@@ -159,8 +159,6 @@ struct Dop853Table {
 
 /// The tolerance of the multipliers in each evaluation, where steps keep to one.
 template <class Table, class Real>
-Real tolerance_of_multipliers(Real tolerance) {
-  return Table::adaptive ? tolerance / 100 : Real(1e-12);
-}
+Real tolerance_of_multipliers(Real tolerance) { return Table::adaptive ? tolerance / 100 : Real(1e-12); }
 
 }  // namespace cutjoint::runge_kutta

@@ -68,16 +68,10 @@ class Simulation {
         start_(design_state(mechanism)), state_(start_), sampling_(mechanism), columns_(sizes_of(mechanism).columns) {}
 
   /// Read inputs from a source.
-  void drive_by(const InputSource<Real>& source)
-    requires(!Sized<M>)
-  {
-    mechanism_.drive_by(sampling_.source(source));
-  }
+  void drive_by(const InputSource<Real>& source) requires(!Sized<M>) { mechanism_.drive_by(sampling_.source(source)); }
 
   /// Let inputs, guides included, follow trajectories until none is given. The present state receives the accelerations of their values.
-  Fault set_input_trajectories(Trajectories* trajectories)
-    requires Sized<M>
-  {
+  Fault set_input_trajectories(Trajectories* trajectories) requires Sized<M> {
     apply_changes();
     trajectories_ = trajectories;
     if (trajectories) trajectories->begin(static_cast<double>(state_.t), settings_.dt);
@@ -218,18 +212,14 @@ class Simulation {
   }
 
   /// Integrate to a time or to the next event if that is earlier: `event` is then its indicator, else -1.
-  Fault advance_to_event(double until, int& event)
-    requires Integrator::finds_events
-  {
+  Fault advance_to_event(double until, int& event) requires Integrator::finds_events {
     event = -1;
     apply_settings();
     return call(Real(until), [this, until, &event] { return steps_to_event(Real(until), event); });
   }
 
   /// End of the next equal step, unless an event or the target time comes first; none for adaptive steps.
-  Real next_time()
-    requires Integrator::finds_events
-  {
+  Real next_time() requires Integrator::finds_events {
     apply_settings();
     return Integrator::adaptive ? std::numeric_limits<Real>::infinity() : next_whole();
   }
@@ -273,33 +263,17 @@ class Simulation {
   /// Limits of these, from the next step on; they belong to the host and are not part of the memory.
   Limits& limits() { return limits_; }
   /// Values that controllers hold; NaN before their first samples.
-  const auto& discrete_values() const
-    requires may_sample<Subject>
-  {
-    return sampling_.memory().values;
-  }
+  const auto& discrete_values() const requires may_sample<Subject> { return sampling_.memory().values; }
 
   /// Values that controllers hold, and the number of samples of each.
-  const auto& sampling() const
-    requires may_sample<Subject>
-  {
-    return sampling_;
-  }
+  const auto& sampling() const requires may_sample<Subject> { return sampling_; }
 
   /// Set the values that controllers hold, until a memory is restored.
   template <class Values>
-  void set_discrete_values(const Values& values)
-    requires may_sample<Subject>
-  {
-    sampling_.set_values(values);
-  }
+  void set_discrete_values(const Values& values) requires may_sample<Subject> { sampling_.set_values(values); }
 
   /// Time of the next controller sample (s); infinity if there is none.
-  double next_sample() const
-    requires may_sample<Subject>
-  {
-    return static_cast<double>(sampling_.next());
-  }
+  double next_sample() const requires may_sample<Subject> { return static_cast<double>(sampling_.next()); }
 
   /// Sample the controllers that are due, for a host that sets times itself.
   Fault take_samples() {
@@ -468,10 +442,8 @@ class Simulation {
   struct None {};
 
   Subject& subject() {
-    if constexpr (has_system)
-      return system_;
-    else
-      return mechanism_;
+    if constexpr (has_system) return system_;
+    else return mechanism_;
   }
 
   /// Take the state that the mechanism started with.

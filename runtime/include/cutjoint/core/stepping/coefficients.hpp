@@ -11,9 +11,7 @@ struct Fraction {
   std::int64_t above, below = 1;  ///< long has 32 bits on Windows and on small processors
 
   template <class Real>
-  Real as() const {
-    return Real(above) / Real(below);
-  }
+  Real as() const { return Real(above) / Real(below); }
 
   constexpr bool is_zero() const { return above == 0; }
 };

@@ -66,11 +66,7 @@ class RadauSteps : public stepping::SteppedIntegrator<RadauSteps<M, S, of_own_le
   long evaluations() const { return stages_.evaluations(); }
   long iterations() const { return stages_.iterations(); }
   long factorisations() const { return stages_.factorisations(); }
-  double smallest_pivot() const
-    requires requires { S::pivot_columns; }
-  {
-    return solver_.smallest_pivot(stages_.tangent().data());
-  }
+  double smallest_pivot() const requires requires { S::pivot_columns; } { return solver_.smallest_pivot(stages_.tangent().data()); }
 
   using Scheme = stepping::ImplicitScheme<radau::Stages<S, Solver>>;
   using Stepper = stepping::Stepper<Scheme>;

@@ -181,9 +181,7 @@ class LaneSteps {
 
   /// The instance in a lane goes on from accelerations that have been.
   template <class Expected>
-  void expect(int k, const Expected& expected) {
-    steps_.expected().put_lane(k, expected);
-  }
+  void expect(int k, const Expected& expected) { steps_.expected().put_lane(k, expected); }
 
   /// The instance in a lane goes on from elsewhere; with a fault it stops there.
   template <class StateOfOne>
@@ -199,9 +197,7 @@ class LaneSteps {
   static constexpr Sizes sizes = static_sizes<M>();
 
   template <class Items>
-  static auto& at(Items& items, int k) {
-    return items[static_cast<std::size_t>(k)];
-  }
+  static auto& at(Items& items, int k) { return items[static_cast<std::size_t>(k)]; }
 
   template <class StateOfOne>
   void fill(int k, const LaneStart<StateOfOne>& start) {
@@ -356,9 +352,7 @@ class SideBySide : public Alone {
     roads_ = roads;
   }
 
-  void drive_by(const InputSource<double>& source)
-    requires requires(Alone& alone) { alone.drive_by(source); }
-  {
+  void drive_by(const InputSource<double>& source) requires requires(Alone& alone) { alone.drive_by(source); } {
     Alone::drive_by(source);
     source_ = source;
   }

@@ -131,11 +131,7 @@ class NewtonSteps {
 
   /// What the last iteration still changed the accelerations by, as a share of 1 + the largest of them.
   double change() const { return newton_.change(); }
-  double smallest_pivot() const
-    requires requires { S::pivot_columns; }
-  {
-    return solver_.smallest_pivot(newton_.tangent().data());
-  }
+  double smallest_pivot() const requires requires { S::pivot_columns; } { return solver_.smallest_pivot(newton_.tangent().data()); }
 
   struct Memory {
     typename Newton::Memory newton;

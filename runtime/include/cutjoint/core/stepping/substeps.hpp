@@ -40,34 +40,14 @@ class SplitSteps : public stepping::SteppedIntegrator<SplitSteps<Rule>, typename
   const StateOf<Subject>& complete(const StateOf<Subject>& state) const { return state; }
 
   /// The residuals of the loops in the present state.
-  const Residuals& residuals(const StateOf<Subject>&) const
-    requires knows_residuals
-  {
-    return rule_.newton().residuals();
-  }
+  const Residuals& residuals(const StateOf<Subject>&) const requires knows_residuals { return rule_.newton().residuals(); }
 
   /// The largest residuals of all substeps.
-  const Residuals& worst_residuals() const
-    requires knows_residuals
-  {
-    return rule_.worst();
-  }
+  const Residuals& worst_residuals() const requires knows_residuals { return rule_.worst(); }
 
-  const auto& newton() const
-    requires knows_residuals
-  {
-    return rule_.newton();
-  }
-  const auto& solver() const
-    requires knows_residuals
-  {
-    return rule_.solver();
-  }
-  long factorisations() const
-    requires knows_residuals
-  {
-    return rule_.newton().factorisations();
-  }
+  const auto& newton() const requires knows_residuals { return rule_.newton(); }
+  const auto& solver() const requires knows_residuals { return rule_.solver(); }
+  long factorisations() const requires knows_residuals { return rule_.newton().factorisations(); }
   long iterations() const { return rule_.iterations(); }
   long evaluations() const { return rule_.evaluations(); }
 
