@@ -128,8 +128,7 @@ class EnergyBalance {
   /// Add a step; `between` interpolates a state at a time within it.  Accelerations and multipliers, which matter to guides, are interpolated
   /// linearly unless it sets them too.  A step of zero length, as after an impact, does no work.  Leaves the subject at the
   /// end's time.  Throws Failure if the motion diverges.
-  template <class Between>
-  void add(const State<Real>& end, Between between) {
+  void add(const State<Real>& end, auto between) {
     using std::abs, std::sqrt;
     const Real h = end.t - last_.t;
     if (!(h > Real(0))) {

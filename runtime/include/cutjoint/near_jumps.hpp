@@ -32,8 +32,7 @@ class NearJumps {
   NearJumps(double within, std::size_t columns) : within_(within), before_(columns), after_(columns), probe_(columns) {}
 
   /// Check a sample at time t with values `here`; `report` gives those at a time after it, or before it if negative.
-  template <class Report>
-  void look(Real t, const std::vector<Real>& here, Report report) {
+  void look(Real t, const std::vector<Real>& here, auto report) {
     using std::abs;
     report(-within_, before_.data());
     report(within_, after_.data());
@@ -62,8 +61,7 @@ class NearJumps {
   };
 
   /// Whether a column that differs by `change` at an `end` jumps before it, and where.  The difference of a continuous column decreases with the distance.
-  template <class Report>
-  void find(Real t, std::size_t column, Real here, Real end, Real change, Report report) {
+  void find(Real t, std::size_t column, Real here, Real end, Real change, auto report) {
     using std::abs;
     Real near(0), far = end, at_near = here, at_far = here;
     for (int i = 0; i < halvings; ++i) {

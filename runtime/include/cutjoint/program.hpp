@@ -35,8 +35,7 @@ inline std::string printable(std::string_view text) {
 /// Calls `perform` with the content of the run file and prints the summary that it returns.
 /// Exit status 0 when done, 1 when the run failed numerically or was interrupted, 2 when it could not begin or a file could not be written.
 /// With "ends_with_stdin" in the run file, the program ends when its standard input does.
-template <class Perform>
-int run_program(int argc, char** argv, const char* name, Perform perform) {
+int run_program(int argc, char** argv, const char* name, auto perform) {
   try {
     if (argc != 2) throw std::runtime_error(std::string("usage: ") + name + " RUN.json");
     const Json file = read_json(argv[1]);

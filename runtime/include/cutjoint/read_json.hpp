@@ -33,16 +33,14 @@ inline const Json& read_object(const Json& object, const char* key) {
 }
 
 /// Words or names joined as in a sentence.
-template <class Words>
-std::string listed(const Words& words) {
+std::string listed(const auto& words) {
   std::string list;
   for (const std::string_view word : words) list.append(list.empty() ? "" : ", ").append(word);
   return list;
 }
 
 /// Rejects a key that is not one of `known`.
-template <class Words>
-void require_keys(const Json& object, const Words& known) {
+void require_keys(const Json& object, const auto& known) {
   for (const auto& [key, value] : object.items())
     if (std::find(known.begin(), known.end(), key) == known.end()) refuse(key, known.empty() ? "is unknown" : "is not one of " + listed(known));
 }

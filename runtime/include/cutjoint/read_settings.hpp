@@ -145,8 +145,7 @@ class SettingsReader {
   }
 
   /// The value that `read` finds under a key, unless it is null.
-  template <class Read>
-  static auto if_given(const Json& object, const char* key, Read read) -> std::optional<decltype(read(key))> {
+  static auto if_given(const Json& object, const char* key, auto read) -> std::optional<decltype(read(key))> {
     if (value_of(object, key).is_null()) return std::nullopt;
     return read(key);
   }

@@ -3,8 +3,8 @@
 
 #include <memory>
 
+#include "cutjoint/core/constraints/stabilisation.hpp"
 #include "cutjoint/read_json.hpp"
-#include "cutjoint/core/roads/road.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {
@@ -283,17 +283,14 @@ class ModelData {
 
   InputSource<Real> inputs() { return inputs_.source(); }
 
-  template <class M>
-  void drive(M& mechanism) { mechanism.drive_by(inputs()); }
+  void drive(auto& mechanism) { mechanism.drive_by(inputs()); }
 
-  template <class M>
-  void load_mechanism(M& mechanism, const StabilisationSettings& stabilisation, const std::vector<Real>& penalties) {
+  void load_mechanism(auto& mechanism, const StabilisationSettings& stabilisation, const std::vector<Real>& penalties) {
     drive(mechanism);
     cutjoint::load_mechanism(mechanism, parameters_.data(), roads().data(), stabilisation, penalties);
   }
 
-  template <class S>
-  void load_system(S& system) {
+  void load_system(auto& system) {
     drive(system);
     system.load(parameters_.data(), roads().data());
   }

@@ -245,8 +245,7 @@ class Simulated {
     if constexpr (!finds_events) steps().watch({.call = [](void* who, const State<Real>& state) { static_cast<Simulated*>(who)->add_step(state); }, .who = this});
   }
 
-  template <class Scheme>
-  void end_step(Scheme& scheme) {
+  void end_step(auto& scheme) {
     if (stop_requested()) throw Stopped();
     if (!energy_) return;
     const auto time = energy_->time();
@@ -254,8 +253,7 @@ class Simulated {
     add_between(scheme, *state_);
   }
 
-  template <class Scheme>
-  void add_between(Scheme& scheme, const State<Real>& end) {
+  void add_between(auto& scheme, const State<Real>& end) {
     energy_->add(end, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
   }
 
@@ -306,8 +304,7 @@ class Simulated {
     }
   }
 
-  template <class Counts>
-  void summarise_steps(const Counts& counts, Json& summary) const {
+  void summarise_steps(const auto& counts, Json& summary) const {
     summary["steps"] = counts.steps;
     summary["rejected"] = counts.rejected;
     summary["events"] = counts.events;

@@ -22,15 +22,13 @@ struct Failure : std::runtime_error {
 };
 
 /// The names of the velocities of a mechanism, or of a system's unknowns.
-template <class Described>
-const std::vector<std::string_view>& speeds_of(const Described& d) {
+const std::vector<std::string_view>& speeds_of(const auto& d) {
   if constexpr (requires { d.unknowns(); }) return d.unknowns();
   else return d.speeds;
 }
 
 /// A fault of a core with the name of the failed element, and optionally of the method.
-template <class Described>
-Failure failure_of(const Fault& fault, const Described& d, std::string_view method = "") {
+Failure failure_of(const Fault& fault, const auto& d, std::string_view method = "") {
   std::string what = method.empty() ? "" : std::string(method) + ": ";
   what += text_of(fault.cause);
   if (fault.cause == Cause::not_converged || fault.cause == Cause::newton_not_converged) what += " in " + std::to_string(fault.iterations) + " iterations";
@@ -50,8 +48,7 @@ Failure failure_of(const Fault& fault, const Described& d, std::string_view meth
 }
 
 /// Throws Failure if there is a fault.
-template <class Described>
-void require_none(const Fault& fault, const Described& d, std::string_view method = "") {
+void require_none(const Fault& fault, const auto& d, std::string_view method = "") {
   if (fault) throw failure_of(fault, d, method);
 }
 

@@ -82,8 +82,7 @@ inline std::string listed(const std::vector<int>& indices, const std::vector<std
 }
 
 /// The failure of a singular tangent, with the dependent equations or the unresisted coordinate.
-template <class Real>
-Failure explain_singular(const SystemDescription& d, const Real* tangent, Failure failure) {
+Failure explain_singular(const SystemDescription& d, const auto* tangent, Failure failure) {
   const Dependence found = find_dependence(transposed_jacobian(d, tangent));
   if (!found.dependent.empty()) {
     const bool one = found.dependent.size() == 1;
@@ -102,8 +101,7 @@ Failure explain_singular(const SystemDescription& d, const Real* tangent, Failur
 }
 
 /// The failure of a pivot that is not positive distinguishes an unresisted motion, whose pivot is rounding, from negative stiffness.
-template <class Real>
-Failure explain_not_positive(const SystemDescription& d, const Real* tangent, Failure failure) {
+Failure explain_not_positive(const SystemDescription& d, const auto* tangent, Failure failure) {
   const int coordinate = unresisted_coordinate(d, tangent);
   if (coordinate < 0) return failure;
   failure.element = d.coordinates[static_cast<std::size_t>(coordinate)];
@@ -114,8 +112,7 @@ Failure explain_not_positive(const SystemDescription& d, const Real* tangent, Fa
 }
 
 /// A failure of Newton's iteration, explained by the last tangent if that has no factors.
-template <class Real>
-Failure explain_tangent(const SystemDescription& d, const Fault& fault, const Real* tangent, const Failure& failure) {
+Failure explain_tangent(const SystemDescription& d, const Fault& fault, const auto* tangent, const Failure& failure) {
   if (fault.cause == Cause::tangent_not_positive && d.method != Lagrangian::classical) return explain_not_positive(d, tangent, failure);
   if (d.method != Lagrangian::classical) return failure;
   if (fault.cause == Cause::tangent_singular) return explain_singular(d, tangent, failure);

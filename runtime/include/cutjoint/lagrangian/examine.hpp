@@ -62,8 +62,7 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
 }
 
 /// The median over batches of the seconds of a call.
-template <class Call>
-double seconds_of(int batches, int repetitions, Call call) {
+double seconds_of(int batches, int repetitions, auto call) {
   std::vector<double> seconds;
   for (int batch = 0; batch < batches; ++batch) {
     const auto begin = std::chrono::steady_clock::now();

@@ -35,8 +35,7 @@ class WholeMatrix {
  private:
   /// Row, column and entry of all entries of the whole matrix.  Columns of the triangle are visited in ascending order, so that
   /// the rows of each whole column ascend: first those above the diagonal, which come from earlier columns, then its own.
-  template <class Visitor>
-  static void visit(const Pattern& pattern, Visitor visitor) {
+  static void visit(const Pattern& pattern, auto visitor) {
     for (int column = 0, entry = 0; column < pattern.size; ++column)
       for (; entry < pattern.first[static_cast<std::size_t>(column) + 1]; ++entry) {
         const int row = pattern.row[static_cast<std::size_t>(entry)];

@@ -76,8 +76,7 @@ class CoreSolver final : public LinearSolver<typename Core::Real> {
  public:
   using Real = typename Core::Real;
 
-  template <class S>
-  explicit CoreSolver(const S& system) : core_(system) {}
+  explicit CoreSolver(const auto& system) : core_(system) {}
 
   void analyse(const Pattern&) override {}
   Breakdown factor(const Real* values) override { return core_.factor(values); }

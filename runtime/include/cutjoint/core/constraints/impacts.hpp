@@ -238,8 +238,7 @@ class Impacts {
   }
 
   /// A step of a scheme (stepping/stepper.hpp) has ended at an event, `since` the previous one: apply impulses if guides' rates jump there.
-  template <class Scheme, class Watch>
-  void meet(Scheme& scheme, std::size_t which, Real since, Watch watch) {
+  void meet(auto& scheme, std::size_t which, Real since, auto watch) {
     if (!possible()) return;
     const Real after = scheme.time(), before = std::max(after - width(after), since);
     std::copy_n(scheme.pose(), state_.q.size(), state_.q.begin());

@@ -26,8 +26,7 @@ class FallingResiduals {
 
   /// `respond` computes for a w the step in the velocities and T w.  Directions with T w below the fraction `least` of w are
   /// ignored.  Residuals fall to the fraction `left`.  Returns the instances whose w is complete.
-  template <class Respond>
-  Mask solve(const Equations<M>& right, Real least, Real left, Mask running, Respond respond) {
+  Mask solve(const Equations<M>& right, Real least, Real left, Mask running, auto respond) {
     using std::sqrt;
     right_ = right;
     std::fill(found_.begin(), found_.end(), Real(0));

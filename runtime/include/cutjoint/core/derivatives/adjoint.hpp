@@ -88,8 +88,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
 
     void take(const StateOf<M>& state) { StateOf<M>::operator=(state); }
 
-    template <class Use>
-    void visit(Use use) { use(this->q), use(this->v), use(this->vdot), use(this->lambda), use(mean); }
+    void visit(auto use) { use(this->q), use(this->v), use(this->vdot), use(this->lambda), use(mean); }
 
     void clear() {
       visit([](auto& numbers) { numbers.fill(0.0); });
@@ -303,8 +302,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   /// Derivatives with respect to a function of the state become derivatives with respect to the state.
-  template <class Function>
-  void outputs_vjp(Function function, const double* by) {
+  void outputs_vjp(auto function, const double* by) {
     const Point& x = record_.from;
     (transposed_.*function)(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), by, more_.q.data(), more_.v.data(), more_.vdot.data(), more_.lambda.data(),
                             more_loaded_.data(), more_input_.data());
@@ -312,8 +310,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
     add_sums();
   }
 
-  template <class More, class Numbers>
-  static void add(const More& more, Numbers& to) {
+  static void add(const auto& more, auto& to) {
     for (std::size_t i = 0; i < more.size(); ++i) to[i] += more[i];
   }
 
@@ -335,8 +332,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   /// From derivatives at the end of a step, averaged accelerations included, to those at its beginning.
-  template <class Rest>
-  bool reverse_averages(Rest rest) {
+  bool reverse_averages(auto rest) {
     const Numbers by_mean = by_.mean;
     this->means_ = record_.from.mean;
     this->begin_rule(put(record_.from, record_.t), record_.h);
@@ -385,8 +381,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   /// Along a number of rows of the matrix of seeds from one on, inputs and parameters, and along the pieces of input trajectories that the substeps touch: `follow` adds to derivatives.
-  template <class Follow>
-  Fault along_seeds(std::size_t begin, std::size_t rows, std::size_t place, std::size_t last, Follow follow, double* found) {
+  Fault along_seeds(std::size_t begin, std::size_t rows, std::size_t place, std::size_t last, auto follow, double* found) {
     std::array<int, seeds_at_once> by{};
     const std::size_t all = rows + inputs + parameters;
     for (std::size_t first = 0; first < all; first += seeds_at_once) {
@@ -427,8 +422,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, dofs, ForceResidual> {
   }
 
   /// Add derivatives with respect to the coefficients of each piece of an input trajectory that the substeps touch, from `follow` along these.
-  template <class Follow>
-  Fault visit_pieces([[maybe_unused]] std::size_t first, [[maybe_unused]] std::size_t last, [[maybe_unused]] Follow follow) {
+  Fault visit_pieces([[maybe_unused]] std::size_t first, [[maybe_unused]] std::size_t last, [[maybe_unused]] auto follow) {
     if constexpr (inputs > 0) {
       auto* const trajectories = this->trajectories_;
       for (std::size_t i = 0; trajectories && i < trajectories->number(); ++i) {

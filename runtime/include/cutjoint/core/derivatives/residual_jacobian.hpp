@@ -41,8 +41,7 @@ class ResidualJacobian {
   }
 
   /// The parameters of a simulation, with zero derivatives.
-  template <class Simulation>
-  void load(Simulation& simulation) {
+  void load(auto& simulation) {
     [[maybe_unused]] const auto& penalties = simulation.penalties();
     load_mechanism(plain_, simulation.parameters().data(), simulation.roads(), simulation.stabilisation(), penalties);
     for (At& x : at_) x.is_found = false;
@@ -97,8 +96,7 @@ class ResidualJacobian {
   }
 
   /// The Jacobian at a state.
-  template <class State>
-  void find(const State& x, JacobianEntries& derivative) {
+  void find(const auto& x, JacobianEntries& derivative) {
     plain_.begin_step(x.t, 1.0);
     plain_.residual_jacobian(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), derivative.data());
     for (std::size_t k = 0; leaves_out_ && k < length; ++k)
@@ -113,8 +111,7 @@ class ResidualJacobian {
   }
 
   /// Minus the Jacobian's product with derivatives of all but accelerations and multipliers, row by row; `at` has the places of rows.
-  template <class Q, class V, class Inputs, class Discrete>
-  void subtract_jvp(const JacobianEntries& derivative, const Q& q, const V& v, const Inputs& du, const Discrete& discrete, DualPart* rows, const std::uint32_t* at = in_order.data()) {
+  void subtract_jvp(const JacobianEntries& derivative, const auto& q, const auto& v, const auto& du, const auto& discrete, DualPart* rows, const std::uint32_t* at = in_order.data()) {
     const auto put = [this](std::size_t first, const auto& numbers) {
       for (std::size_t j = 0; j < numbers.size(); ++j) by_[first + j].derivative = numbers[j].derivative;
     };
@@ -188,8 +185,7 @@ class ResidualJacobian {
   }
 
   /// Visit each derivative of some rows with respect to accelerations and multipliers: the row, the derivative's position, and the unknown.
-  template <class Use>
-  static void visit_unknowns(std::size_t first, std::size_t end, Use use) {
+  static void visit_unknowns(std::size_t first, std::size_t end, auto use) {
     for (std::size_t i = first; i < end; ++i)
       for (std::size_t k = T::middles[i]; k < T::starts[i + 1]; ++k) use(i, T::derivatives[k], T::columns[k] - first_acceleration);
   }
@@ -216,14 +212,12 @@ class ResidualJacobian {
   static std::array<std::size_t, 2> ball_of(std::size_t column) { return {columns.ball[column], columns.place[column]}; }
 
   /// Derivatives of accelerations and multipliers at a state; false if one is not finite, or the mass matrix is singular.
-  template <class Q, class V, class Inputs, class Discrete>
-  bool solve(const Q& q, const V& v, const Inputs& du, const Discrete& discrete, Changes& change) {
+  bool solve(const auto& q, const auto& v, const auto& du, const auto& discrete, Changes& change) {
     return decompose_plain(at_[now_]) && solve_end(q, v, du, discrete, change);
   }
 
   /// The same at the end of a trapezoidal step, whose state depends on them; after `decompose_end`.
-  template <class Q, class V, class Inputs, class Discrete>
-  bool solve_end(const Q& q, const V& v, const Inputs& du, const Discrete& discrete, Changes& change) {
+  bool solve_end(const auto& q, const auto& v, const auto& du, const auto& discrete, Changes& change) {
     Changes found;
     subtract_jvp(at_[now_].derivative, q, v, du, discrete, found.data(), order.data());
     return solve(at_[now_].matrix, found, change);
@@ -240,8 +234,7 @@ class ResidualJacobian {
   bool accelerations_vjp(Numbers& by_accelerations, Fixed<double, first_acceleration>& by) { return decompose_plain(at_[now_]) && end_vjp(by_accelerations, by); }
 
   /// Decompose r_vdot + h/2 r_v + h^2/4 r_q of the end of a trapezoidal step, with the weights of its formula; false if it is singular.
-  template <class Formula>
-  bool decompose_end(double h, const Formula& formula) {
+  bool decompose_end(double h, const auto& formula) {
     At& x = at_[now_];
     if (x.decomposed_for == h) return true;
     for (std::size_t column = 0; column < first_input; ++column) {
@@ -314,8 +307,7 @@ class ResidualJacobian {
   struct Entry {
     std::uint32_t derivative, share, at;
   };
-  template <class Use>
-  static constexpr void visit_entries(bool are_weighted, Use use) {
+  static constexpr void visit_entries(bool are_weighted, auto use) {
     for (std::size_t i = 0; i < n + m; ++i)
       for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k)
         for (std::size_t c = T::columns[k], j = 0; (are_weighted ? c < first_input : c >= first_acceleration) && j < columns.number[c]; ++j)

@@ -66,8 +66,7 @@ class ClosedEndDerivatives {
   Part accelerations() const { return {projections_, accelerations_, 1.0}; }  ///< and of accelerations
 
   /// Its derivatives; `violations` has those of constraints for constant unknowns, `first` those of the rule, if it is none itself.
-  template <class Q, class V, class Violation, class Inputs, class Discrete>
-  bool solve(const Part& part, ForceResidual& force_residual, const Q& q, const V& v, const Violation* violations, const Inputs& du, const Discrete& discrete, const Changes* first, Changes& change) const {
+  bool solve(const Part& part, ForceResidual& force_residual, const auto& q, const auto& v, const auto* violations, const auto& du, const auto& discrete, const Changes* first, Changes& change) const {
     force_residual.subtract_jvp(part.derivative, q, v, du, discrete, change.data());
     for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = part.weight * violations[i].derivative;
     if (first) ForceResidual::visit_unknowns(0, n, [&](std::size_t i, std::size_t k, std::size_t column) { change[i].derivative -= part.derivative[k] * (*first)[column].derivative; });
@@ -75,8 +74,7 @@ class ClosedEndDerivatives {
   }
 
   /// The transpose: derivatives with respect to all that `subtract_jvp` reads, to violations, and added to `by_first` those to the rule.
-  template <class By>
-  bool vjp(const Part& part, const ForceResidual& force_residual, const By& by_solution, Columns& by, Fixed<double, m>& by_violation, First* by_first) const {
+  bool vjp(const Part& part, const ForceResidual& force_residual, const auto& by_solution, Columns& by, Fixed<double, m>& by_violation, First* by_first) const {
     First x, forces;
     std::copy(by_solution.begin(), by_solution.end(), x.begin());
     if (!force_residual.solve_transposed(part.matrix, x)) return false;
@@ -108,8 +106,7 @@ class ClosedEndDerivatives {
   }
 
  private:
-  template <class Formula>
-  bool decompose(const ForceResidual& force_residual, const Formula& formula) {
+  bool decompose(const ForceResidual& force_residual, const auto& formula) {
     auto &rule = matrix_.entries(), &projections = projections_.entries();
     const auto at = [](std::size_t i, std::size_t j) { return Matrix::places.of(i, j); };
     rule.fill(0.0), projections.fill(0.0);
@@ -163,8 +160,7 @@ class RuleFormula {
     double mean, begin, end;
   };
 
-  template <class Numbers>
-  void begin(const StateOf<M>& from, const Numbers& means, double h, const StepRule& of = {}) {
+  void begin(const StateOf<M>& from, const auto& means, double h, const StepRule& of = {}) {
     const StepRule rule = averages ? of : StepRule{};
     from_ = from.q;
     h_ = h;
@@ -224,8 +220,7 @@ class RuleFormula {
   }
 
   /// Add the terms of accelerations at the end.
-  template <class Q, class V>
-  void end_jvp(const DualPart* change, Q& q, V& v) const {
+  void end_jvp(const DualPart* change, auto& q, auto& v) const {
     std::array<DualPart, n> delta;
     for (std::size_t i = 0; i < n; ++i) delta[i] = position_weights_.end * change[i], v[i].derivative += velocity_weights_.end * change[i].derivative;
     retraction_.jvp(M::charts, delta, q, false);

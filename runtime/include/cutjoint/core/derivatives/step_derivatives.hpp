@@ -179,8 +179,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
   }
 
   /// Apply a function to all seeds, in lanes; arguments are the first seed and the number.
-  template <class Use>
-  Fault for_seeds(Use use) {
+  Fault for_seeds(auto use) {
     const std::size_t columns = count_columns();
     for (std::size_t first = 0; first < columns; first += seeds_at_once)
       if (const Fault fault = use(first, std::min(seeds_at_once, columns - first))) return fault;
@@ -247,8 +246,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
   enum class Carried { state, rest, mean };
 
   /// Visit the carried numbers, with their derivatives along the seeds from one on.
-  template <class Visit>
-  void visit_carried(std::size_t first, Visit use) {
+  void visit_carried(std::size_t first, auto use) {
     double* row = carried_ + first;
     const auto all = [&](auto& numbers, Carried kind) {
       for (Dual& x : numbers) use(x, row, kind), row += blocks_[0].width;
@@ -323,8 +321,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
   bool begins_anew(const StateOf<M>& from) const { return this->trajectories_ && this->trajectories_->begins_anew(from.t); }
 
   /// A method has taken a step, or its substep before an event.
-  template <class Scheme>
-  static void on_accepted_step(void* who, Scheme& scheme) {
+  static void on_accepted_step(void* who, auto& scheme) {
     StepDerivatives* const self = static_cast<StepDerivatives*>(who);
     if (self->substep_fault_) return;
     StateOf<M> end = self->last_;
@@ -347,8 +344,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
   }
 
   /// Count the indicators that have changed mode since the last count. If all is continuous, the time of the change has no effect.
-  template <class Stepper>
-  void count_indicators(const Stepper& stepper) {
+  void count_indicators(const auto& stepper) {
     cut_ = {};
     for (std::size_t i = 0; i < indicators; ++i) {
       const long number = stepper.counts().by_indicator[i];
@@ -505,8 +501,7 @@ class StepDerivatives : public SubstepDerivatives<Simulation, D, S, dofs, ForceR
   }
 
   /// Visit the columns of all matrices in order: the seed, the matrix, and the column in it.
-  template <class Visit>
-  void visit(std::size_t first, std::size_t number, Visit use) {
+  void visit(std::size_t first, std::size_t number, auto use) {
     for (std::size_t k = 0; k < number; ++k) {
       std::size_t column = first + k, which = 0;
       while (!blocks_[which].matrix || column >= blocks_[which].width) {

@@ -175,14 +175,12 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
     return probe;
   }
 
-  template <class Q, class V>
-  void move(const Tangents& time, Q& q, V& v) const {
+  void move(const Tangents& time, auto& q, auto& v) const {
     for (std::size_t i = 0; i < qdot_at_event_.size(); ++i) q[i].derivative += qdot_at_event_[i] * time;
     for (std::size_t i = 0; i < vdot_at_event_.size(); ++i) v[i].derivative += vdot_at_event_[i] * time;
   }
 
-  template <class Q, class V>
-  void evaluate_indicators(double t, const Tangents& time, const Q& q, const V& v, Fixed<Dual, indicators>& values) {
+  void evaluate_indicators(double t, const Tangents& time, const auto& q, const auto& v, Fixed<Dual, indicators>& values) {
     auto& subject = this->subject();
     subject.begin_step(Dual(t, time), 1.0);
     subject.events(q.data(), v.data(), values.data());
@@ -377,8 +375,7 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
   }
 
   /// The largest value relative to 1 + the largest of `others`, or derivative relative to the largest along its seed; NaN if one is NaN.
-  template <class Numbers, class Others>
-  static double largest_share(const Numbers& numbers, const Others& others) {
+  static double largest_share(const auto& numbers, const auto& others) {
     const Dual most = largest(numbers), size = largest(others);
     double share = most.value / (1.0 + size.value);
     for (std::size_t k = 0; k < seeds_at_once; ++k) {
@@ -390,8 +387,7 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
   }
 
   /// The largest absolute value and derivatives; NaN if one is NaN.
-  template <class Numbers>
-  static Dual largest(const Numbers& numbers) {
+  static Dual largest(const auto& numbers) {
     Dual most, odd;
     for (const Dual& x : numbers) {
       most.derivative = larger(larger(x.derivative, -x.derivative), most.derivative);
@@ -403,8 +399,7 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
   }
 
   /// Whether values and derivatives are at most `most`, as those of a violation that only rounding of parameters changes.
-  template <class Numbers>
-  static bool is_at_most(const Numbers& numbers, double most) {
+  static bool is_at_most(const auto& numbers, double most) {
     const Dual found = largest(numbers);
     for (std::size_t k = 0; k < seeds_at_once; ++k)
       if (!(found.derivative[k] <= most)) return false;

@@ -197,8 +197,7 @@ class SmoothedInputs {
 
   /// Begin a call from t to `until` with steps of length dt: plan trajectories to the host's inputs. Return whether an acceleration jumps.
   /// `scene(i, t, numbers)` evaluates the scene's law of an input.
-  template <class Scene>
-  bool begin_call(const Inputs& given, Real t, Real until, Real dt, Scene scene) {
+  bool begin_call(const Inputs& given, Real t, Real until, Real dt, auto scene) {
     bool jumps = advance_piece(t, Real(1e-9) * dt);
     if (t == planned_ && is_unchanged(given)) return jumps;
     each([&](Trajectory& trajectory, std::size_t i) { jumps = plan(trajectory, i, given, t, until - t, dt, scene) || jumps; });
@@ -217,12 +216,10 @@ class SmoothedInputs {
 
   static constexpr std::size_t places[sizeof...(guiding) + 1] = {static_cast<std::size_t>(guiding)..., 0};
 
-  template <class Do>
-  void each(Do visit) {
+  void each(auto visit) {
     for (std::size_t k = 0; k < sizeof...(guiding); ++k) visit(trajectories_[k], places[k]);
   }
-  template <class Do>
-  void each(Do visit) const {
+  void each(auto visit) const {
     for (std::size_t k = 0; k < sizeof...(guiding); ++k) visit(trajectories_[k], places[k]);
   }
 
@@ -234,8 +231,7 @@ class SmoothedInputs {
   }
 
   /// Plan the trajectory of one input; return whether its acceleration jumps.
-  template <class Scene>
-  bool plan(Trajectory& trajectory, std::size_t i, const Inputs& given, Real t, Real length, Real dt, Scene scene) {
+  bool plan(Trajectory& trajectory, std::size_t i, const Inputs& given, Real t, Real length, Real dt, auto scene) {
     const bool is_same = given.is_same(i, given_), is_constant = given.is_constant(i);
     if (is_same && trajectory.derivative == Real(0)) {
       trajectory.last = Real(0);

@@ -30,8 +30,7 @@ class InputTrajectories {
   std::size_t number() const { return number_; }
 
   /// Whether the input of one satisfies a condition.
-  template <class Is>
-  bool any_of(Is is) const {
+  bool any_of(auto is) const {
     return std::any_of(trajectories_.begin(), trajectories_.begin() + number_, [is](const InputTrajectory& x) { return is(static_cast<std::size_t>(x.input)); });
   }
 
@@ -106,8 +105,7 @@ class InputTrajectories {
   }
 
   /// Add derivatives of inputs, at the time last filled in, along seeds from `first` on.
-  template <class Numbers>
-  void add_changes(std::size_t first, std::size_t number, Numbers& du) const {
+  void add_changes(std::size_t first, std::size_t number, auto& du) const {
     if (seeded_ == Seeded::piece) {
       for (std::size_t k = 0; k < number && pieces_[trajectory_] == piece_; ++k) {
         double unit[orders] = {};
@@ -160,8 +158,7 @@ class InputTrajectories {
  private:
   static std::size_t place(const InputTrajectory& trajectory) { return numbers_per_input * static_cast<std::size_t>(trajectory.input); }
 
-  template <class Put>
-  static void evaluate(const double* x, double since, Put put) {
+  static void evaluate(const double* x, double since, auto put) {
     put(0, x[0] + since * (x[1] + since / 2 * (x[2] + since / 3 * x[3])));
     put(1, x[1] + since * (x[2] + since / 2 * x[3]));
     put(2, x[2] + since * x[3]);

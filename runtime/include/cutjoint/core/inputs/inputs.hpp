@@ -30,8 +30,7 @@ class StepInputs {
   void drive_by(const InputSource<Real>& source) { source_ = source; }
 
   /// The array at time t: the scene's laws, overwritten by the source.
-  template <class Generated>
-  const Real* at(Real t, const Generated& generated) {
+  const Real* at(Real t, const auto& generated) {
     generated.scene_inputs(t, input_);
     if (source_.fill) source_.fill(source_.host, t, input_);
     return input_;

@@ -129,8 +129,7 @@ class Sampling {
  private:
   Real time_of(std::size_t i) const { return Real(times_[i].offset + static_cast<double>(memory_.numbers[i]) * times_[i].every); }
 
-  template <class Times>
-  static std::size_t discrete(const Times& times) {
+  static std::size_t discrete(const auto& times) {
     std::size_t number = 0;
     for (const SampleTimes& each : times) number += static_cast<std::size_t>(each.discrete);
     return number;

@@ -44,8 +44,7 @@ class WithDynamics : public Base {
   static constexpr std::size_t f = Base::dofs, states = Base::states, n = Base::all_speeds;
 
   /// Velocities for unit rates of independent coordinates, column by column, with guides at rest.
-  template <class Use>
-  Fault with_directions(Use use) {
+  Fault with_directions(auto use) {
     std::array<double, n * f + 1> columns;
     const Fault fault = this->minimal.directions(this->sim.starter(), this->sim.state(), columns.data());
     if (fault) return fault;

@@ -79,8 +79,7 @@ class Road<Lanes<double, N>> {
   }
 
  private:
-  template <class Function>
-  Real of_each(Real x, Real y, Function function) const {
+  Real of_each(Real x, Real y, auto function) const {
     Real result;
     for (int k = 0; k < N; ++k) result.v[k] = function(roads_[static_cast<std::size_t>(k)], x[k], y[k]);
     return result;
@@ -99,8 +98,7 @@ class LaneInputs {
   explicit LaneInputs(const M& instances) : numbers_(numbers_per_input * sizes_of(instances).inputs) {}
 
   /// Drive instances by sources, one for each.
-  template <class SourceOf>
-  void drive(M& instances, SourceOf source_of) {
+  void drive(M& instances, auto source_of) {
     bool any = false;
     for (int k = 0; k < width; ++k) any |= (sources_[static_cast<std::size_t>(k)] = source_of(k)).fill != nullptr;
     instances.drive_by(any ? InputSource<Real>{&fill, this} : InputSource<Real>{});

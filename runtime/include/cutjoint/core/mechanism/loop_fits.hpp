@@ -148,8 +148,7 @@ class LoopFitting {
   }
 
   /// The value of a series at the terms computed last.
-  template <class Number>
-  Real sum_of(const Number* coefficients, int count, const Real* terms) const {
+  Real sum_of(const auto* coefficients, int count, const Real* terms) const {
     Real sum(0);
     for (int k = 0; k < count; ++k) sum = sum + Real(coefficients[k]) * terms[k];
     return sum;
@@ -267,8 +266,7 @@ class LoopFitting {
 template <class Real, class Fits>
 class LoopFits {
  public:
-  template <class Generated>
-  const Real* find(const Generated& generated, const Real* parameters) {
+  const Real* find(const auto& generated, const Real* parameters) {
     for (std::size_t i = 0; i < number_; ++i)
       if (cached_[i].is_of(parameters)) return cached_[i].found;
     if (number_ > 0 && !cached_[0].has_values_of(parameters)) number_ = 0;

@@ -96,8 +96,7 @@ double arm_of(const M& subject) {
 }
 
 /// `nominals_of`, if `arm_of` is not 1; else none: sizes of rates are then those in SI units.
-template <class M>
-std::span<const double> scaled_nominals_of(const M& subject) {
+std::span<const double> scaled_nominals_of(const auto& subject) {
   return arm_of(subject) == 1.0 ? std::span<const double>{} : nominals_of(subject);
 }
 

@@ -76,8 +76,7 @@ inline std::size_t first_state(std::span<const Chart> charts) {
 }
 
 /// Numbers of the first-order states are copied.
-template <class Numbers, class Copies>
-void copy_states(std::span<const Chart> charts, const Numbers& from, Copies to) {
+void copy_states(std::span<const Chart> charts, const auto& from, auto to) {
   const std::size_t first = first_state(charts);
   std::copy(from.begin() + static_cast<std::ptrdiff_t>(first), from.end(), to + static_cast<std::ptrdiff_t>(first));
 }

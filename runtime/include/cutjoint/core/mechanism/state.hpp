@@ -113,15 +113,13 @@ Real pose_size(const Numbers& q, double arm, std::span<const Chart> charts, std:
 }
 
 /// That of violations of velocities (m/s).
-template <class Numbers>
-auto speed_size(const Numbers& v, double arm, std::span<const double> nominals) {
+auto speed_size(const auto& v, double arm, std::span<const double> nominals) {
   auto size = largest(v, nominals);
   return decltype(size)(std::sqrt(arm)) + size;
 }
 
 /// That of accelerations (m/s2).
-template <class Numbers>
-auto acceleration_size(const Numbers& vdot, std::span<const double> nominals) {
+auto acceleration_size(const auto& vdot, std::span<const double> nominals) {
   auto size = largest(vdot, nominals);
   return decltype(size)(1) + size;
 }

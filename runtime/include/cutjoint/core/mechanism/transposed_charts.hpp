@@ -30,8 +30,7 @@ inline BallDerivatives turn_derivatives(const double* e, const double* theta) {
 }
 
 /// Of what `make` makes of numbers.
-template <class Make>
-BallDerivatives derivatives_of_ball(const double* e, const double* x, Make make) {
+BallDerivatives derivatives_of_ball(const double* e, const double* x, auto make) {
   std::array<Dual, 7> from;
   for (std::size_t i = 0; i < 7; ++i) {
     from[i] = i < 4 ? e[i] : x ? x[i - 4] : 0.0;
@@ -69,8 +68,7 @@ class RetractionDerivatives {
   const BallDerivatives& operator[](std::size_t ball) const { return by_[ball]; }
 
   /// How q changes along directions with delta: in place of the change of q_0, or beside what another change of delta has made.
-  template <class Delta, class Q>
-  void jvp(std::span<const Chart> charts, const Delta& delta, Q& q, bool from_start) const {
+  void jvp(std::span<const Chart> charts, const auto& delta, auto& q, bool from_start) const {
     std::size_t place = 0;
     for (const Chart& chart : charts) {
       for (int i = 0; i < chart.scalars; ++i) q[static_cast<std::size_t>(chart.q + i)].derivative += delta[static_cast<std::size_t>(chart.v + i)].derivative;

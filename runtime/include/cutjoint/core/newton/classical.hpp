@@ -117,8 +117,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
   }
 
   /// [M, Phi_q^T; Phi_q, 0] (change; .) = (0; -violation)
-  template <class Numbers>
-  Fault close(const Equations<S>& violation, Numbers& values) {
+  Fault close(const Equations<S>& violation, auto& values) {
     std::fill_n(x_.begin(), n_, Real(0));
     for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -mass_ * violation[i];
     if (const Fault fault = this->solve()) return fault;

@@ -158,8 +158,7 @@ struct Width {
 };
 
 /// Calls a function with the width 1, 2, 3 or 4 as a constant.
-template <class Function>
-[[gnu::always_inline]] inline void with_width(int n, Function function) {
+[[gnu::always_inline]] inline void with_width(int n, auto function) {
   switch (n) {
     case 1:
       return function(Width<1>{});

@@ -32,8 +32,7 @@ class Closing {
 
   /// Change `values` until their `violation`, which is linear in them and updated, is `negligible`.  `follow` computes way = A^-1 Phi_q^T w and
   /// closing = Phi_q way for a w; `constraint` is c.  The fault is that of `follow`.
-  template <class Follow>
-  Fault close(Speeds<S>& values, Equations<S>& violation, Real constraint, Real negligible, Follow follow) {
+  Fault close(Speeds<S>& values, Equations<S>& violation, Real constraint, Real negligible, auto follow) {
     Real strongest(0);
     share_left_ = Real(0);
     closed_ = !(largest(violation) > negligible);

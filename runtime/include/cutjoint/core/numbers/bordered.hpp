@@ -51,8 +51,7 @@ template <std::size_t side, class Number, class Each = std::make_index_sequence<
 struct Sides {
   Beside<side> x;
 
-  template <class Of>
-  [[gnu::always_inline]] static Sides of(Of each) { return {Beside<side>::of(each)}; }
+  [[gnu::always_inline]] static Sides of(auto each) { return {Beside<side>::of(each)}; }
   [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Sides& b) { x -= factor * b.x; }
   [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Number& b) { x -= factor * b; }
   [[gnu::always_inline]] void scale(const Beside<side>& factor) { x *= factor; }
@@ -63,8 +62,7 @@ template <std::size_t side, std::size_t... l>
 struct Sides<side, DualPart, std::index_sequence<l...>> {
   DualPart x[side];
 
-  template <class Of>
-  [[gnu::always_inline]] static Sides of(Of each) { return {{each(l)...}}; }
+  [[gnu::always_inline]] static Sides of(auto each) { return {{each(l)...}}; }
   [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Sides& b) { ((x[l].derivative -= factor[l] * b.x[l].derivative), ...); }
   [[gnu::always_inline]] void subtract(const Beside<side>& factor, const DualPart& b) { ((x[l].derivative -= factor[l] * b.derivative), ...); }
   [[gnu::always_inline]] void scale(const Beside<side>& factor) { ((x[l].derivative *= factor[l]), ...); }
@@ -183,8 +181,7 @@ class Bordered {
 
   static constexpr bool has_side(std::size_t side) { return std::find(std::begin(T::beside), std::end(T::beside), side) != std::end(T::beside); }
 
-  template <class Use>
-  static void with_side(std::size_t s, Use use) {
+  static void with_side(std::size_t s, auto use) {
     if (has_side(4) && T::beside[s] == 4) return use.template operator()<has_side(4) ? 4 : 1>();
     if (has_side(2) && T::beside[s] == 2) return use.template operator()<has_side(2) ? 2 : 1>();
     use.template operator()<1>();

@@ -33,8 +33,7 @@ struct Side<count, std::index_sequence<p...>> {
   double& operator[](std::size_t k) { return reinterpret_cast<double*>(part)[k]; }
 
   /// Construct each register from its index.
-  template <class Each>
-  [[gnu::always_inline]] static Side of(Each each) { return {{each(p)...}}; }
+  [[gnu::always_inline]] static Side of(auto each) { return {{each(p)...}}; }
 
   [[gnu::always_inline]] Side& operator+=(const Side& b) { return *this = *this + b; }
   [[gnu::always_inline]] Side& operator-=(const Side& b) { return *this = *this - b; }
@@ -56,8 +55,7 @@ struct Side<count, std::index_sequence<p...>> {
   [[gnu::always_inline]] friend Side larger(const Side& a, const Side& b) { return {{(a.part[p] > b.part[p] ? a.part[p] : b.part[p])...}}; }
 
   /// The product steepness * a, with 0 if a is 0, even if the steepness is infinite.
-  template <class Steepness>
-  [[gnu::always_inline]] friend Side along(const Steepness& steepness, const Side& a) {
+  [[gnu::always_inline]] friend Side along(const auto& steepness, const Side& a) {
     const Side product = steepness * a;
     return {{(a.part[p] == 0.0 ? Part{} : product.part[p])...}};
   }

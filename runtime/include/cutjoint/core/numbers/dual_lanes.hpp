@@ -115,8 +115,7 @@ struct Lanes<Dual, N> {
           return part_of([&](std::size_t i) { return each((p * register_length + i) % N).derivative[(p * register_length + i) / N]; });
         })) {}
 
-  template <class Each>
-  [[gnu::always_inline]] static Part part_of(Each each) {
+  [[gnu::always_inline]] static Part part_of(auto each) {
     Part part;
     for (std::size_t i = 0; i < register_length; ++i) part[i] = each(i);
     return part;

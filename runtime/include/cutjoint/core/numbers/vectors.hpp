@@ -91,8 +91,7 @@ template <class Numbers>
 }
 
 /// The index of the largest of some sizes, or of one that is NaN; 0 if there are none.
-template <class Size>
-std::size_t index_of_largest(std::size_t length, Size size) {
+std::size_t index_of_largest(std::size_t length, auto size) {
   std::size_t index = 0;
   for (std::size_t i = 1; i < length; ++i)
     if (size(i) > size(index) || size(i) != size(i)) index = i;
@@ -100,8 +99,7 @@ std::size_t index_of_largest(std::size_t length, Size size) {
 }
 
 /// That of the largest absolute value among the first ones.
-template <class Numbers>
-std::size_t index_of_largest(const Numbers& values, std::size_t length) {
+std::size_t index_of_largest(const auto& values, std::size_t length) {
   using std::abs;
   return index_of_largest(length, [&](std::size_t i) { return abs(values[i]); });
 }

@@ -26,8 +26,7 @@ struct BallStages {
   double quaternion_by_vdot[Table::stages][4][size];  ///< quaternions by accelerations
 
   /// Evaluate them from vectors and angular velocities, by stage and component, in a step of length h.
-  template <class Theta, class Omega>
-  void find(double h, Theta theta, Omega omega) {
+  void find(double h, auto theta, auto omega) {
     constexpr Chart here{0, 0, 0, true};
     std::array<double, size * size> matrix;
     std::array<std::size_t, size> order;
@@ -71,8 +70,7 @@ class StageDerivatives {
   static constexpr std::size_t stages = Table::stages, n = ForceResidual::n, m = ForceResidual::m, coordinates = ForceResidual::coordinates, unknowns = n + m;
 
   /// Evaluate at the stages, with `find(i)` called before each; false if the matrix is singular.
-  template <class State, class Points, class Find>
-  bool find(ForceResidual& force_residual, double h, const State& from, const Points& points, Find find) {
+  bool find(ForceResidual& force_residual, double h, const auto& from, const auto& points, auto find) {
     h_ = h;
     for (std::size_t i = 0; i < stages; ++i) {
       find(i);
@@ -112,8 +110,7 @@ class StageDerivatives {
   }
 
   /// Add the terms of accelerations; coordinates and velocities become those of the last stage.
-  template <class Q, class V>
-  void end_jvp(const DualPart* change, Q& q, V& v) {
+  void end_jvp(const DualPart* change, auto& q, auto& v) {
     std::array<Fixed<DualPart, n>, stages> more;
     for (std::size_t i = 0; i < stages; ++i)
       for (std::size_t l = 0; l < n; ++l) {
@@ -145,8 +142,7 @@ class StageDerivatives {
   }
 
   /// The Jacobian's product with derivatives of accelerations and multipliers in a stage.
-  template <class Vdot, class Lambda>
-  void add_jvp(std::size_t stage, const Vdot& vdot, const Lambda& lambda, DualPart* rows) const {
+  void add_jvp(std::size_t stage, const auto& vdot, const auto& lambda, DualPart* rows) const {
     std::fill_n(rows, unknowns, DualPart{});
     ForceResidual::visit_unknowns(0, unknowns, [&](std::size_t i, std::size_t k, std::size_t j) { rows[i].derivative += derivative_[stage][k] * (j < n ? vdot[j].derivative : lambda[j - n].derivative); });
   }
@@ -186,8 +182,7 @@ class StageDerivatives {
   static constexpr std::size_t balls = ForceResidual::has_balls ? ForceResidual::balls : 0;
 
   /// Add derivatives of coordinates of the stages through velocities in all of them, and through the length.
-  template <class Speeds>
-  void move(const Speeds& speeds, const Tangents& length, bool from_start) {
+  void move(const auto& speeds, const Tangents& length, bool from_start) {
     for (std::size_t i = 0; i < stages; ++i) {
       std::array<DualPart, n> delta;
       for (std::size_t l = 0; l < n; ++l) {
@@ -206,8 +201,7 @@ class StageDerivatives {
   }
 
   /// Visit each ball: its index, and the first index of its angular velocity.
-  template <class Use>
-  static void for_balls([[maybe_unused]] Use use) {
+  static void for_balls([[maybe_unused]] auto use) {
     if constexpr (balls > 0) {
       std::size_t place = 0;
       for (const Chart& chart : ForceResidual::charts())

@@ -212,8 +212,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
 
  private:
   /// A run with the given input trajectories: guides start at their values, with independent coordinates and rates unchanged; afterwards inputs are restored.
-  template <class Run>
-  static int along_trajectories(CheckedMinimal* s, Run run) {
+  static int along_trajectories(CheckedMinimal* s, auto run) {
     if (s->trajectories.number() == 0) return Base::status_of(s, run());
     double numbers[states + 1];
     s->minimal.read(s->sim.state(), numbers);

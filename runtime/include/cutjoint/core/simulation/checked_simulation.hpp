@@ -19,14 +19,12 @@ struct StartValue {
 };
 
 /// The element of a table; null for an index out of range.
-template <class Table>
-const char* element_of(const Table& table, int index) {
+const char* element_of(const auto& table, int index) {
   return index < 0 || static_cast<std::size_t>(index) >= std::size(table) ? nullptr : table[index];
 }
 
 /// The index of a name in a table that ends with a null pointer, -1 if it is not there.
-template <class Table>
-int find_in(const Table& table, const char* name) {
+int find_in(const auto& table, const char* name) {
   for (int i = 0; name && table[i]; ++i)
     if (std::strcmp(table[i], name) == 0) return i;
   return -1;
@@ -298,8 +296,7 @@ class CheckedSimulation {
   }
 
   /// `statistics` is a record of C with the members of `StepStatistics`.
-  template <class Record>
-  static int last_step(CheckedSimulation* s, Record* statistics) {
+  static int last_step(CheckedSimulation* s, auto* statistics) {
     if (const int status = ask_started(s)) return status;
     if (!statistics) return no_array;
     const StepStatistics found = s->sim.statistics();

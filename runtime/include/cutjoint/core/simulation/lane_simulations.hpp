@@ -108,8 +108,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
   }
 
   /// A call for all lanes; those that stop continue alone.
-  template <class Together, class Alone>
-  void call(Together together, Alone alone) {
+  void call(auto together, auto alone) {
     const auto running = this->running();
     together();
     if constexpr (Sim::Smoothed::any)
@@ -117,8 +116,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
         if (running[k] && !this->is_running(k) && !has_made_step(this->fault(k))) step_alone(k, alone);
   }
 
-  template <class Alone>
-  void step_alone(int k, Alone go_on) {
+  void step_alone(int k, auto go_on) {
     const auto place = static_cast<std::size_t>(k);
     Sim& alone = *sims_[place];
     Memory memory = alone.memory();

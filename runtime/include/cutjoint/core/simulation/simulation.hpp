@@ -269,8 +269,7 @@ class Simulation {
   const auto& sampling() const requires may_sample<Subject> { return sampling_; }
 
   /// Set the values that controllers hold, until a memory is restored.
-  template <class Values>
-  void set_discrete_values(const Values& values) requires may_sample<Subject> { sampling_.set_values(values); }
+  void set_discrete_values(const auto& values) requires may_sample<Subject> { sampling_.set_values(values); }
 
   /// Time of the next controller sample (s); infinity if there is none.
   double next_sample() const requires may_sample<Subject> { return static_cast<double>(sampling_.next()); }
@@ -333,8 +332,7 @@ class Simulation {
   }
 
   /// Move to the state at a time that `find` computes from the present one.
-  template <class Find>
-  Fault seek(Real t, Find find) {
+  Fault seek(Real t, auto find) {
     const auto before = smoothed_;
     StateOf<Subject> found = state_;
     apply_changes();
@@ -530,8 +528,7 @@ class Simulation {
   }
 
   /// Restart steps at a state that other steps led to; the extrapolation of accelerations stays.
-  template <class Begin>
-  void begin_again(Begin begin) {
+  void begin_again(auto begin) {
     if constexpr (requires { steps_->expected(); }) {
       const auto expected = steps_->expected();
       begin();
@@ -603,8 +600,7 @@ class Simulation {
   Real next_whole() const { return origin_ + Real(number_ + 1) * Real(settings_.dt); }
 
   /// A call that integrates to a time. If it fails at once, the inputs of guides are unchanged.
-  template <class Go>
-  Fault call(Real until, Go continue_call) {
+  Fault call(Real until, auto continue_call) {
     if constexpr (!Smoothed::any) {
       apply_changes();
       return continue_call();
@@ -622,8 +618,7 @@ class Simulation {
   }
 
   /// Jump by more than steps can follow: project the loops at the host's guide positions.
-  template <class Go>
-  Fault jump(Go continue_call) {
+  Fault jump(auto continue_call) {
     const auto before = smoothed_;
     const StateOf<Subject> from = state_;
     smoothed_.begin(inputs_);

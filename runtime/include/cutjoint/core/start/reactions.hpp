@@ -27,16 +27,14 @@ class RestReactions {
         jacobian_(m_ * n_), residual_(m_), rate_(m_), at_rest_(m_) {}
 
   /// Change accelerations of a state to those with prescribed coordinates; `begin_step` has been called for its time. `same_pose`: as in the last call.
-  template <class Flags>
-  void constrain(const StateOf<M>& state, const Flags& prescribed, Real* a, bool same_pose) {
+  void constrain(const StateOf<M>& state, const auto& prescribed, Real* a, bool same_pose) {
     if (!same_pose) find_directions(state);
     find_change(prescribed, a);
     for (std::size_t i = 0; i < n_; ++i) a[i] = prescribed[i] ? Real(0) : a[i] + nominal(i) * shift_[i];
   }
 
   /// The same with multipliers: M (a' - a) = -Phi_v^T dlambda + `forces` along prescribed coordinates.
-  template <class Flags>
-  void find_reactions(StateOf<M>& state, const Flags& prescribed, Real* forces) {
+  void find_reactions(StateOf<M>& state, const auto& prescribed, Real* forces) {
     find_directions(state);
     find_change(prescribed, state.vdot.data());
     find_momenta(state);
@@ -144,8 +142,7 @@ class RestReactions {
   }
 
   /// shift_ = N y, the change of accelerations.
-  template <class Flags>
-  void find_change(const Flags& prescribed, const Real* a) {
+  void find_change(const auto& prescribed, const Real* a) {
     using std::sqrt;
     const auto size_of_row = [this](std::size_t i) {
       Real square(0);

@@ -25,8 +25,7 @@ class CrossedImpacts {
         from_(indicators()), now_(from_) {}
 
   /// Apply the jumps within a step of h; `accelerate` finds accelerations and multipliers, `watch` is as for Impacts. Returns whether there were any.
-  template <class Accelerate, class Watch>
-  bool meet(StateOf<S>& state, Real h, Accelerate accelerate, Watch watch) {
+  bool meet(StateOf<S>& state, Real h, auto accelerate, auto watch) {
     if (!impacts_.possible()) return false;
     using std::abs;
     const Real begin = state.t, end = begin + h;
@@ -49,8 +48,7 @@ class CrossedImpacts {
   }
 
   /// A step of h beginning with the jumps within it: `step` receives whether there are any. The state is unchanged on failure.
-  template <class Accelerate, class Step>
-  Fault over(StateOf<S>& state, Real h, Accelerate accelerate, const ImpactWatch<S>& watch, Step step) {
+  Fault over(StateOf<S>& state, Real h, auto accelerate, const ImpactWatch<S>& watch, auto step) {
     if (!impacts_.possible()) return step(false);
     before_ = state;
     const bool met = meet(state, h, accelerate, watch);

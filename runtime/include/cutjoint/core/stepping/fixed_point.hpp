@@ -61,12 +61,10 @@ class Extrapolation {
   }
 
   /// Memory of one instance, in lane k of this, from or to that of it alone.
-  template <class One>
-  void put_lane(int k, const One& one) {
+  void put_lane(int k, const auto& one) {
     copy(one, [k](const auto& from, Real& to) { to.v[k] = from; });
   }
-  template <class One>
-  void read_lane(int k, One& one) const {
+  void read_lane(int k, auto& one) const {
     one.copy(*this, [k](Real from, auto& to) { to = from[k]; });
   }
 
@@ -74,8 +72,7 @@ class Extrapolation {
   template <class>
   friend class Extrapolation;
 
-  template <class Other, class Copy>
-  void copy(const Other& other, Copy copy) {
+  void copy(const auto& other, auto copy) {
     for (std::size_t k = 0; k < differences_.size(); ++k)
       for (std::size_t i = 0; i < last_.size(); ++i) copy(other.differences_[k][i], differences_[k][i]);
     copy(other.h_, h_);

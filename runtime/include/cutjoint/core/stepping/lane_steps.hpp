@@ -8,8 +8,7 @@
 namespace cutjoint {
 
 /// Copy values into lane k.
-template <class Values, class Numbers>
-void put_lane(int k, const Values& values, Numbers& numbers) {
+void put_lane(int k, const auto& values, auto& numbers) {
   for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i].v[k] = values[i];
 }
 
@@ -22,8 +21,7 @@ void put_lane(int k, const State<Single, Several>& state, State<Lanes<Single, N>
 }
 
 /// The numbers of lane k.
-template <class Numbers, class Values>
-void read_lane(int k, const Numbers& numbers, Values& values) {
+void read_lane(int k, const auto& numbers, auto& values) {
   for (std::size_t i = 0; i < numbers.size(); ++i) values[i] = numbers[i][k];
 }
 
@@ -170,8 +168,7 @@ class LaneSteps {
 
  protected:
   /// What the instance in a lane that stopped would go on from, but for the memory of its sources.
-  template <class Memory>
-  void leave(int k, Memory& memory) const {
+  void leave(int k, auto& memory) const {
     read_lane(k, state_, memory.state);
     steps_.expected().read_lane(k, memory.integrator.expected);
     memory.origin = origin_[k];
@@ -180,8 +177,7 @@ class LaneSteps {
   }
 
   /// The instance in a lane goes on from accelerations that have been.
-  template <class Expected>
-  void expect(int k, const Expected& expected) { steps_.expected().put_lane(k, expected); }
+  void expect(int k, const auto& expected) { steps_.expected().put_lane(k, expected); }
 
   /// The instance in a lane goes on from elsewhere; with a fault it stops there.
   template <class StateOfOne>
@@ -196,8 +192,7 @@ class LaneSteps {
  private:
   static constexpr Sizes sizes = static_sizes<M>();
 
-  template <class Items>
-  static auto& at(Items& items, int k) { return items[static_cast<std::size_t>(k)]; }
+  static auto& at(auto& items, int k) { return items[static_cast<std::size_t>(k)]; }
 
   template <class StateOfOne>
   void fill(int k, const LaneStart<StateOfOne>& start) {

@@ -16,8 +16,7 @@ struct Tolerances {
   std::size_t states = 0;
   std::span<const Chart> charts{};
 
-  template <class M>
-  static Tolerances of_steps(const M& subject, double relative, double absolute) {
+  static Tolerances of_steps(const auto& subject, double relative, double absolute) {
     return {Real(relative), Real(absolute), nominals_of(subject), arm_of(subject), number_of_states(subject), charts_of(subject)};
   }
 

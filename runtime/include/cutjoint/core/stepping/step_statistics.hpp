@@ -29,8 +29,7 @@ inline double closing_time(const SimulationSettings& settings) {
 }
 
 /// The largest violation of equations; `residual_of(i)` is that of one.
-template <class ResidualOf>
-ConstraintViolation largest_violation(std::size_t equations, const double* limits, ResidualOf residual_of) {
+ConstraintViolation largest_violation(std::size_t equations, const double* limits, auto residual_of) {
   ConstraintViolation largest;
   for (std::size_t i = 0; i < equations; ++i) {
     const double size = std::abs(static_cast<double>(residual_of(i)));
