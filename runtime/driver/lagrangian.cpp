@@ -18,12 +18,8 @@ namespace {
 using namespace cutjoint;
 using S = AnySystem<Precision>;
 
-const Abilities abilities{
-    .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate, Task::factor},
-    .integrators = &IntegratorRow::lagrangian,
-    .solvers = true,
-    .added = is_added<S>,
-};
+const Abilities abilities{.tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate, Task::factor},
+                          .integrators = &IntegratorRow::lagrangian, .solvers = true, .added = is_added<S>};
 
 }  // namespace
 

@@ -16,11 +16,8 @@ namespace {
 using namespace cutjoint;
 using M = AnyMechanism<Precision>;
 
-const Abilities abilities{
-    .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate},
-    .integrators = &IntegratorRow::recursive,
-    .added = is_added<M>,
-};
+const Abilities abilities{.tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate}, .integrators = &IntegratorRow::recursive,
+                          .added = is_added<M>};
 
 }  // namespace
 

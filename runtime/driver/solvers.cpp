@@ -5,9 +5,6 @@ using Real = cutjoint::Precision;
 
 template <>
 std::vector<cutjoint::SolverKind<Real>>& cutjoint::library_solvers<Real>() {
-  static std::vector<SolverKind<Real>> kinds{
-      {"eigen-ldlt", true, make_solver<EigenLdlt<Real>, Real>},
-      {"eigen-lu", false, make_solver<EigenLu<Real>, Real>},
-  };
+  static std::vector<SolverKind<Real>> kinds{{"eigen-ldlt", true, make_solver<EigenLdlt<Real>, Real>}, {"eigen-lu", false, make_solver<EigenLu<Real>, Real>}};
   return kinds;
 }

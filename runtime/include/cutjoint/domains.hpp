@@ -59,9 +59,7 @@ class Domains {
         delta_[i] = s * from_.v[i] + s * s / 2 * from_.vdot[i];
         at_.v[i] = from_.v[i] + s * from_.vdot[i];
       }
-      if (const std::vector<Chart>& charts = subject_.description().charts; charts.empty())
-        for (std::size_t i = 0; i < at_.q.size(); ++i) at_.q[i] = from_.q[i] + delta_[i];
-      else retract<Real>(charts, from_.q.data(), delta_.data(), at_.q.data());
+      displace(subject_.description().charts, from_.q, delta_.data(), at_.q);
     }
     at_.t = from_.t + s;
     subject_.begin_step(at_.t, Real(1));

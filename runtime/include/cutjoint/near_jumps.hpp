@@ -17,10 +17,7 @@ void report_moved(Subject& subject, const State<typename Subject::real_type>& st
     shift[i] = time * state.v[i];
     v[i] += time * state.vdot[i];
   }
-  const auto& charts = subject.description().charts;
-  if (charts.empty())
-    for (std::size_t i = 0; i < q.size(); ++i) q[i] += shift[i];
-  else retract<Real>(charts, state.q.data(), shift.data(), q.data());
+  displace(subject.description().charts, state.q, shift.data(), q);
   subject.report(q.data(), v.data(), state.vdot.data(), state.lambda.data(), column);
 }
 

@@ -25,12 +25,8 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
   system.dynamic_residual(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty, f.data(), phi.data());
   result["force_residual"] = f;
   result["residual"] = phi;
-  system.linearise(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty,
-                   {.damping = read_number<Real>(weights, "damping"),
-                    .stiffness = read_number<Real>(weights, "stiffness"),
-                    .constraint = read_number<Real>(weights, "constraint"),
-                    .ball_tangents = ball_tangents.data()},
-                   f.data(), phi.data(), tangent.data());
+  const Weights<Real> by{read_number<Real>(weights, "damping"), read_number<Real>(weights, "stiffness"), read_number<Real>(weights, "constraint"), ball_tangents.data()};
+  system.linearise(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty, by, f.data(), phi.data(), tangent.data());
   result["linearised_force_residual"] = f;
   result["linearised_residual"] = phi;
   result["tangent"] = tangent;
@@ -97,13 +93,9 @@ Json time_parts(S& system, std::string_view name, const State<typename S::real_t
   system.begin_step(x.t, Real(1));
   assemble();
   if (factor() || solve()) throw std::runtime_error("the tangent has no factors to time");
-  return Json{{"solver", name},
-              {"size", d.pattern.size},
-              {"entries", d.pattern.row.size()},
-              {"analyse", seconds_of(batches, 1, [&] { return choose_solver(system, name); })},
-              {"assemble", seconds_of(batches, repetitions, assemble)},
-              {"factor", seconds_of(batches, repetitions, factor)},
-              {"solve", seconds_of(batches, repetitions, solve)}};
+  return Json{{"solver", name}, {"size", d.pattern.size}, {"entries", d.pattern.row.size()},
+              {"analyse", seconds_of(batches, 1, [&] { return choose_solver(system, name); })}, {"assemble", seconds_of(batches, repetitions, assemble)},
+              {"factor", seconds_of(batches, repetitions, factor)}, {"solve", seconds_of(batches, repetitions, solve)}};
 }
 
 }  // namespace cutjoint

@@ -96,9 +96,7 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
   bool speeds_jump([[maybe_unused]] const StateOf<M>& end) const {
     if constexpr (can_jump<Subject> && indicators > 0) {
       if (cut_.left == 0) return false;
-      double most = 0.0, size = 1.0;
-      for (std::size_t i = 0; i < n; ++i) most = std::max(most, std::abs(v_[i].value - end.v[i])), size = std::max(size, std::abs(end.v[i]));
-      return most > 1e-6 * size;
+      return jump(v_, end.v);
     }
     return false;
   }
@@ -189,11 +187,13 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
   /// Whether accelerations jump at the event.
   bool forces_jump(M& mechanism, const StateOf<M>& end) {
     if (!this->enter(mechanism, end)) return true;
+    return jump(this->vdot_value_, vdot_at_event_);
+  }
+
+  /// Whether numbers are others than those before, by more than rounding.
+  static bool jump(const auto& numbers, const Fixed<double, n>& before) {
     double most = 0.0, size = 1.0;
-    for (std::size_t i = 0; i < n; ++i) {
-      most = std::max(most, std::abs(this->vdot_value_[i] - vdot_at_event_[i]));
-      size = std::max(size, std::abs(vdot_at_event_[i]));
-    }
+    for (std::size_t i = 0; i < n; ++i) most = std::max(most, std::abs(plain(numbers[i]) - before[i])), size = std::max(size, std::abs(before[i]));
     return most > 1e-6 * size;
   }
 

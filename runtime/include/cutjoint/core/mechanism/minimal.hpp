@@ -36,7 +36,7 @@ class MinimalCoordinates {
     Speeds<M, unsigned char> independent;
     std::fill_n(independent.begin(), joints, 1);
     if constexpr (m > 0) {
-      find_jacobian(starter, state, reference_at(state));
+      find_jacobian(starter, state, reference_at(state), matrix_);
       for (std::size_t j = 0; j < joints; ++j) scale_column(j, j);
       const auto squares = decomposed();
       if (squares.rank() != joints - dofs) return singular(state);
@@ -109,7 +109,7 @@ class MinimalCoordinates {
   /// Decompose the Jacobian of loops with respect to dependent coordinates in the pose of a state, for the next calls of `solve`.
   Fault decompose(Starter<M>& starter, const StateOf<M>& state) {
     if constexpr (m > 0) {
-      find_jacobian(starter, state, choice_.reference);
+      find_jacobian(starter, state, choice_.reference, matrix_);
       squares_.emplace(decomposed_by_dependent());
       if (squares_->rank() != joints - dofs) return singular(state);
     }
@@ -203,10 +203,6 @@ class MinimalCoordinates {
   }
 
   /// The Jacobian of loops with respect to the delta from a reference.
-  void find_jacobian(Starter<M>& starter, const StateOf<M>& state, const Coordinates<M>& reference) {
-    find_jacobian(starter, state, reference, matrix_);
-  }
-
   void find_jacobian(Starter<M>& starter, const StateOf<M>& state, const Coordinates<M>& reference, Array<M, n * m>& matrix) {
     std::copy_n(starter.jacobian(state), m * n, matrix.begin());
     displacement<Real>(charts(), reference.data(), state.q.data(), scratch_.data());
@@ -254,7 +250,7 @@ class MinimalCoordinates {
   Fault find_gain(Starter<M>& starter, const StateOf<M>& state, Real& gain) {
     gain = Real(0);
     if constexpr (m > 0) {
-      find_jacobian(starter, state, choice_.reference);
+      find_jacobian(starter, state, choice_.reference, matrix_);
       all_ = matrix_;
       const auto squares = decomposed_by_dependent();
       if (squares.rank() != joints - dofs) return singular(state);
@@ -275,7 +271,7 @@ class MinimalCoordinates {
       if constexpr (m == 0) return {};
       mechanism.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data());
       const Real violation = largest(phi_);
-      find_jacobian(starter, state, choice_.reference);
+      find_jacobian(starter, state, choice_.reference, matrix_);
       if (violation <= Real(1e-14) * arm() || (violation <= Real(1e-9) * arm() && !(violation < before / 2))) return {};
       if (iteration == 50 || !(violation < std::numeric_limits<Real>::infinity())) return open(Cause::no_assembly, state, phi_);
       before = violation;

@@ -6,22 +6,6 @@
 
 namespace cutjoint {
 
-/// Arrays that are vectors, for whatever mechanism.
-template <class Real>
-struct DynamicStorage {
-  using CoordinatesArray = std::vector<Real>;
-  using SpeedsArray = std::vector<Real>;
-  using EquationsArray = std::vector<Real>;
-};
-
-/// Arrays of what knows its sizes.
-template <class Real, std::size_t coordinates, std::size_t speeds, std::size_t equations>
-struct FixedStorage {
-  using CoordinatesArray = Fixed<Real, coordinates>;
-  using SpeedsArray = Fixed<Real, speeds>;
-  using EquationsArray = Fixed<Real, equations>;
-};
-
 /// The numbers of an array in another type.
 template <class Real, class Other>
 std::vector<Real> converted(const std::vector<Other>& values) {
@@ -32,12 +16,12 @@ std::vector<Real> converted(const std::vector<Other>& values) {
 }
 
 /// Time, coordinates, speeds, accelerations and multipliers; SI units, lengths as in the lists of the mechanism or system.
-template <class Real, class Arrays = DynamicStorage<Real>>
+template <class Real, class Q = std::vector<Real>, class V = std::vector<Real>, class Lambda = std::vector<Real>>
 struct State {
   Real t{0};
-  typename Arrays::CoordinatesArray q;
-  typename Arrays::SpeedsArray v, vdot;
-  typename Arrays::EquationsArray lambda;
+  Q q;
+  V v, vdot;
+  Lambda lambda;
 
   State() = default;
   State(std::size_t coordinates, std::size_t speeds, std::size_t equations)
@@ -61,20 +45,9 @@ struct State {
   }
 };
 
-/// The arrays of a state of a mechanism or system.
-template <class M>
-struct ArraysOf {
-  using type = DynamicStorage<typename M::real_type>;
-};
-
-template <Sized M>
-struct ArraysOf<M> {
-  using type = FixedStorage<typename M::real_type, M::sizes.coordinates, M::sizes.speeds, M::sizes.equations>;
-};
-
 /// The state of a mechanism or system; that of two with the same sizes is the same type.
 template <class M>
-using StateOf = State<typename M::real_type, typename ArraysOf<M>::type>;
+using StateOf = State<typename M::real_type, Coordinates<M>, Speeds<M>, Equations<M>>;
 
 /// The design position at rest: coordinates 0, unit quaternions.
 template <class M>

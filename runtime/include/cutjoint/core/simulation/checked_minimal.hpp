@@ -27,8 +27,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
   }
 
   static int choose_independent(CheckedMinimal* s) {
-    if (const int status = Base::ask_started(s)) return status;
-    return Base::status_of(s, s->minimal.choose(s->sim.starter(), s->sim.state()));
+    return Base::when_started(s, [s] { return s->minimal.choose(s->sim.starter(), s->sim.state()); });
   }
 
   static int choose_independent_speeds(CheckedMinimal* s, const int* speeds) {
@@ -82,18 +81,15 @@ class CheckedMinimal : public CheckedSimulation<Model> {
   }
 
   static int linearise(CheckedMinimal* s, double* A, double* B, double* C, double* D) {
-    if (const int status = ask(s)) return status;
-    return Base::status_of(s, s->derivatives.linearise(s->sim, s->minimal, A, B, C, D));
+    return when_chosen(s, [=] { return s->derivatives.linearise(s->sim, s->minimal, A, B, C, D); });
   }
 
   static int linearise_rates(CheckedMinimal* s, double* B_rate, double* B_acceleration, double* D_rate, double* D_acceleration) {
-    if (const int status = ask(s)) return status;
-    return Base::status_of(s, s->derivatives.linearise_rates(s->sim, s->minimal, B_rate, B_acceleration, D_rate, D_acceleration));
+    return when_chosen(s, [=] { return s->derivatives.linearise_rates(s->sim, s->minimal, B_rate, B_acceleration, D_rate, D_acceleration); });
   }
 
   static int linearise_parameters(CheckedMinimal* s, double* E, double* F) {
-    if (const int status = ask(s)) return status;
-    return Base::status_of(s, s->derivatives.linearise_parameters(s->sim, s->minimal, E, F));
+    return when_chosen(s, [=] { return s->derivatives.linearise_parameters(s->sim, s->minimal, E, F); });
   }
 
   static int directional_derivative(CheckedMinimal* s, const double* dx, const double* du, double* derivatives, double* outputs) {
@@ -112,8 +108,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
   }
 
   static int step_derivatives(CheckedMinimal* s, double* by_state, double* by_input, double* by_parameter) {
-    if (const int status = ask(s)) return status;
-    return Base::status_of(s, s->derivatives.step(s->sim, s->minimal, by_state, by_input, by_parameter));
+    return when_chosen(s, [=] { return s->derivatives.step(s->sim, s->minimal, by_state, by_input, by_parameter); });
   }
 
   static int forward_sensitivities(CheckedMinimal* s, long steps, int seeds, const int* by, double* matrix, int reported, const int* outputs, long every,
@@ -208,6 +203,11 @@ class CheckedMinimal : public CheckedSimulation<Model> {
   static int ask(CheckedMinimal* s) {
     if (const int status = Base::ask_started(s)) return status;
     return s->minimal.choice().is_made ? static_cast<int>(call_ok) : choose_independent(s);
+  }
+
+  static int when_chosen(CheckedMinimal* s, auto call) {
+    const int status = ask(s);
+    return status ? status : Base::status_of(s, call());
   }
 
  private:

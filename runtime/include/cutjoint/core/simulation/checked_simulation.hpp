@@ -230,10 +230,7 @@ class CheckedSimulation {
 
   static int start(CheckedSimulation* s) { return holds_one(s) ? status_of(s, s->sim.start()) : no_simulation; }
 
-  static int step(CheckedSimulation* s) {
-    if (const int status = ask_started(s)) return status;
-    return status_of(s, s->sim.step());
-  }
+  static int step(CheckedSimulation* s) { return when_started(s, [s] { return s->sim.step(); }); }
 
   static int advance(CheckedSimulation* s, double time) {
     if (const int status = ask_started(s)) return status;
@@ -270,10 +267,7 @@ class CheckedSimulation {
 
   static double next_sample(const CheckedSimulation* s) { return is_started(s) ? s->sim.next_sample() : 0.0; }
 
-  static int take_samples(CheckedSimulation* s) {
-    if (const int status = ask_started(s)) return status;
-    return status_of(s, s->sim.take_samples());
-  }
+  static int take_samples(CheckedSimulation* s) { return when_started(s, [s] { return s->sim.take_samples(); }); }
 
   static int displace(CheckedSimulation* s, const double* displacements) {
     if (const int status = ask_started(s)) return status;
@@ -377,9 +371,11 @@ class CheckedSimulation {
   }
 
  protected:
-  static int ask_started(const CheckedSimulation* s) {
-    if (!holds_one(s)) return no_simulation;
-    return s->sim.is_started() ? call_ok : not_started;
+  static int ask_started(const CheckedSimulation* s) { return !holds_one(s) ? no_simulation : s->sim.is_started() ? call_ok : not_started; }
+
+  static int when_started(CheckedSimulation* s, auto call) {
+    const int status = ask_started(s);
+    return status ? status : status_of(s, call());
   }
 
   /// The bytes of a snapshot: mark, memory, checksum.

@@ -3,46 +3,14 @@
 
 namespace cutjoint {
 
-/// The reason why a start or a step stopped.  Numbers stay the same from version to version; new ones are added at the end.
+/// The reason why a start or a step stopped, numbered from 0.  Numbers stay the same from version to version; new ones are added at the end.
 /// Their meanings, for the headers of exports, are in `emit/statuses.py` of the compiler.
 enum class Cause : int {
-  none = 0,
-  not_converged = 1,
-  diverged = 2,
-  loops_not_closed = 3,
-  speeds_not_found = 4,
-  no_assembly = 5,
-  speeds_inconsistent = 6,
-  infinite_acceleration = 7,
-  no_equilibrium = 8,
-  guard_violated = 9,
-  tolerance_not_met = 10,
-  stiff = 11,
-  accelerations_not_finite = 12,
-  chattering = 13,
-  too_many_steps = 14,
-  mass_matrix_singular = 15,
-  newton_not_converged = 16,
-  newton_diverging = 17,
-  newton_infinite = 18,
-  forces_not_finite = 19,
-  tangent_not_finite = 20,
-  equations_not_finite = 21,
-  tangent_singular = 22,
-  tangent_not_positive = 23,
-  pose_singular = 24,
-  start_not_converged = 25,
-  start_inconsistent = 26,
-  stages_not_found = 27,
-  stage_not_converged = 28,
-  loops_violated = 29,
-  step_size_too_small = 30,
-  sample_not_finite = 31,
-  limit_exceeded = 32,
-  step_subdivided = 33,
-  simultaneous_events = 34,
-  speeds_jump = 35,
-  event_at_step_end = 36,
+  none, not_converged, diverged, loops_not_closed, speeds_not_found, no_assembly, speeds_inconsistent, infinite_acceleration,
+  no_equilibrium, guard_violated, tolerance_not_met, stiff, accelerations_not_finite, chattering, too_many_steps, mass_matrix_singular,
+  newton_not_converged, newton_diverging, newton_infinite, forces_not_finite, tangent_not_finite, equations_not_finite, tangent_singular,
+  tangent_not_positive, pose_singular, start_not_converged, start_inconsistent, stages_not_found, stage_not_converged, loops_violated,
+  step_size_too_small, sample_not_finite, limit_exceeded, step_subdivided, simultaneous_events, speeds_jump, event_at_step_end
 };
 
 /// The list that contains the number that failed most; `states` are speeds that are first-order states.

@@ -13,8 +13,8 @@ void put_lane(int k, const auto& values, auto& numbers) {
 }
 
 /// Copy a state into lane k.
-template <class Single, class Several, int N, class Arrays>
-void put_lane(int k, const State<Single, Several>& state, State<Lanes<Single, N>, Arrays>& states) {
+template <class Single, int N, class... One, class... Several>
+void put_lane(int k, const State<Single, One...>& state, State<Lanes<Single, N>, Several...>& states) {
   states.t.v[k] = state.t;
   put_lane(k, state.q, states.q), put_lane(k, state.v, states.v);
   put_lane(k, state.vdot, states.vdot), put_lane(k, state.lambda, states.lambda);
@@ -26,8 +26,8 @@ void read_lane(int k, const auto& numbers, auto& values) {
 }
 
 /// The state of lane k.
-template <class Single, class Several, int N, class Arrays>
-void read_lane(int k, const State<Lanes<Single, N>, Arrays>& states, State<Single, Several>& state) {
+template <class Single, int N, class... One, class... Several>
+void read_lane(int k, const State<Lanes<Single, N>, Several...>& states, State<Single, One...>& state) {
   state.t = states.t[k];
   read_lane(k, states.q, state.q), read_lane(k, states.v, state.v);
   read_lane(k, states.vdot, state.vdot), read_lane(k, states.lambda, state.lambda);
