@@ -67,9 +67,8 @@ class Run {
 
   Json do_task(Task task) {
     require_task(task);
-    if (task == Task::evaluate) {
-      if constexpr (requires { method_.evaluate(); }) return Json{{"results", method_.evaluate()}};
-    }
+    if constexpr (requires { method_.evaluate(); })
+      if (task == Task::evaluate) return Json{{"results", method_.evaluate()}};
     if (task == Task::equilibrium) {
       const auto& start = initial_state_.at_rest();
       method_.begin(start, initial_state_.penalties(), 0.0);
@@ -80,9 +79,8 @@ class Run {
     const auto& start = initial_state_.in_motion();
     method_.begin(start, initial_state_.penalties(), 1.0);
     begun_ = true;
-    if (task == Task::factor) {
-      if constexpr (requires { method_.time_solver(); }) return method_.time_solver();
-    }
+    if constexpr (requires { method_.time_solver(); })
+      if (task == Task::factor) return method_.time_solver();
     return task == Task::realtime ? keep_pace() : simulate();
   }
 
@@ -118,7 +116,7 @@ class Run {
     }
     const long block = steps_table_ ? 1 : stride;
     for (long first = steps_; first < steps; first = steps_) {
-      keep();
+      if constexpr (requires { method_.keep(); }) method_.keep();  // other code may continue from there
       const long last = std::min((first / block + 1) * block, steps);
       try {
         advance(first, last);
@@ -220,11 +218,6 @@ class Run {
     remember();
     if constexpr (requires { method_.differentiate(); })
       if (tangents_) tangents_->write(method_.differentiate().dump() + '\n');
-  }
-
-  /// Save the present state, from which other code may continue.
-  void keep() {
-    if constexpr (requires { method_.keep(); }) method_.keep();
   }
 
   /// Save where the tables end, as long as later rows may have to be removed.

@@ -284,13 +284,12 @@ function showDials(speed) {
 
 /** A drawing of each wheel at its position, forward is up. */
 function layWheels() {
-  const part = (name, parent, attributes = {}) => { const made = document.createElementNS('http://www.w3.org/2000/svg', name); for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value); return parent.appendChild(made); };
   const extent = [0, 1].map((axis) => Math.max(...drive.wheels.map(({ at }) => Math.abs(at[axis] - middle(axis))), 1e-9));
   function middle(axis) { const all = drive.wheels.map(({ at }) => at[axis]); return (Math.min(...all) + Math.max(...all)) / 2; }
   run.wheels = drive.wheels.map(({ at, name }) => {
-    const group = part('g', by('wheels'), { transform: `translate(${88 - 34 * (at[1] - middle(1)) / extent[1]} ${58 - 30 * (at[0] - middle(0)) / extent[0]})` });
-    part('title', group).textContent = `${name}: load in kN, the circle of its friction, its force`;
-    return ['circle', 'line', 'circle', 'text'].map((kind, i) => part(kind, group, [{}, {}, { r: 3, class: 'dot' }, { x: at[1] > middle(1) ? -30 : 30, y: 4, 'text-anchor': at[1] > middle(1) ? 'end' : 'start' }][i]));
+    const group = shape(by('wheels'), 'g', { transform: `translate(${88 - 34 * (at[1] - middle(1)) / extent[1]} ${58 - 30 * (at[0] - middle(0)) / extent[0]})` });
+    shape(group, 'title', {}, `${name}: load in kN, the circle of its friction, its force`);
+    return ['circle', 'line', 'circle', 'text'].map((kind, i) => shape(group, kind, [{}, {}, { r: 3, class: 'dot' }, { x: at[1] > middle(1) ? -30 : 30, y: 4, 'text-anchor': at[1] > middle(1) ? 'end' : 'start' }][i]));
   });
 }
 

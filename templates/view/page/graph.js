@@ -22,8 +22,6 @@ function part(parent, name, kind) {
   return made;
 }
 
-const marksOf = (link) => (link.is_noted ? ' noted' : '') + (link.is_removed ? ' gone' : '');
-
 function drawGraph() {
   const bodies = new Map(graph.bodies.map((b) => [b.name, b])), svg = by('graph');
   const edges = shape(svg, 'g', {}), boxes = shape(svg, 'g', {});
@@ -36,14 +34,18 @@ function drawGraph() {
   }
 }
 
-function drawTreeJoint(parent, link, bodies) {
-  const [a, b] = [bodies.get(link.base), bodies.get(link.follower)].sort((one, other) => one.x - other.x);
-  const elbow = a.x + a.width + 12, g = part(parent, link.name, `joint${marksOf(link)}`);
-  const d = `M ${a.x + a.width} ${a.y} H ${elbow} V ${b.y} H ${b.x}`;
+/** A joint as a path, with its name at a place. */
+function drawJoint(parent, link, kind, d, place) {
+  const g = part(parent, link.name, kind + (link.is_noted ? ' noted' : '') + (link.is_removed ? ' gone' : ''));
   shape(g, 'path', { d, class: 'reach' });
   shape(g, 'path', { d });
-  const label = shape(g, 'text', { x: b.x - 8, y: b.y - 5, 'text-anchor': 'end' }, link.short);
+  const label = shape(g, 'text', place, link.short);
   if (link.is_noted) shape(label, 'tspan', { class: 'alarm' }, ' !');
+}
+
+function drawTreeJoint(parent, link, bodies) {
+  const [a, b] = [bodies.get(link.base), bodies.get(link.follower)].sort((one, other) => one.x - other.x), from = a.x + a.width;
+  drawJoint(parent, link, 'joint', `M ${from} ${a.y} H ${from + 12} V ${b.y} H ${b.x}`, { x: b.x - 8, y: b.y - 5, 'text-anchor': 'end' });
 }
 
 /** A path from a side of a body: straight to the right, or first up or down to a free position. */
@@ -51,13 +53,10 @@ const leave = (body, height) => Math.abs(height - body.y) < 12 ? `M ${body.x + b
   : `M ${body.x + body.width - 8} ${body.y + (height < body.y ? -13 : 13)} V ${height}`;
 
 function drawCut(parent, link, number, bodies) {
-  const a = bodies.get(link.base), b = bodies.get(link.follower), g = part(parent, link.name, `cut loop${number % 6}${marksOf(link)}`);
-  const [from, to] = link.heights, d = `${leave(a, from)} H ${link.lane} V ${to} ${leave(b, to)} H ${link.lane}`;
-  shape(g, 'path', { d, class: 'reach' });
-  shape(g, 'path', { d });
+  const a = bodies.get(link.base), b = bodies.get(link.follower), [from, to] = link.heights;
   const last = Math.max(...graph.links.filter((l) => l.cut).map((l) => l.lane));
-  const label = shape(g, 'text', { x: last + 12, y: placeOf((from + to) / 2) + 4 }, link.short);
-  if (link.is_noted) shape(label, 'tspan', { class: 'alarm' }, ' !');
+  drawJoint(parent, link, `cut loop${number % 6}`, `${leave(a, from)} H ${link.lane} V ${to} ${leave(b, to)} H ${link.lane}`,
+    { x: last + 12, y: placeOf((from + to) / 2) + 4 });
 }
 
 const taken = [];
@@ -111,12 +110,7 @@ function showGraph() {
   if (!graph) return;
   by('tabs').hidden = false;
   by('said').replaceChildren(...graph.facts.map(tableLine));
-  by('families').replaceChildren(...graph.families.map((text, i) => {
-    const item = document.createElement('li');
-    item.className = `family${i % 6}`;
-    item.textContent = text;
-    return item;
-  }));
+  by('families').replaceChildren(...graph.families.map((text, i) => Object.assign(document.createElement('li'), { className: `family${i % 6}`, textContent: text })));
   drawGraph();
   by('tab-picture').addEventListener('click', () => showTab('picture'));
   by('tab-graph').addEventListener('click', () => showTab('graph'));

@@ -68,11 +68,15 @@ function dressMark(object) {
   object.renderOrder = 1;
 }
 
-/** The name of the body of an object. */
-function bodyOf(object) {
-  for (let at = object; at; at = at.parent) if (at.userData.body !== undefined) return at.userData.body;
+/** What an object, or else the nearest that holds it, says of itself. */
+function inherited(object, key) {
+  for (let at = object; at; at = at.parent) if (at.userData[key] !== undefined) return at.userData[key];
   return undefined;
 }
+
+/** The name of the body of an object. */
+const bodyOf = (object) => inherited(object, 'body');
+const isRoad = (object) => Boolean(inherited(object, 'road'));
 
 /** A vector of the model's axes in those of the scene. */
 const turned = (vector) => new Vector3(...vector).applyQuaternion(model.children[0].quaternion);
@@ -98,11 +102,6 @@ function home(direction = outlook.direction) {
   orbit.target.copy(centre);
   orbit.update();
   redraw();
-}
-
-function isRoad(object) {
-  for (let at = object; at; at = at.parent) if (at.userData.road) return true;
-  return false;
 }
 
 function dress() {

@@ -33,12 +33,8 @@ void load_mechanism(M& mechanism, const typename M::real_type* parameters, const
   using Real = typename M::real_type;
   if constexpr (requires { mechanism.load(parameters, roads); }) mechanism.load(parameters, roads);
   else if (is_projected(stabilisation.closure)) mechanism.load(parameters, {.penalties = penalties.data()}, roads);
-  else
-    mechanism.load(parameters,
-                   {.penalty = penalties.empty() ? Real(1) : penalties.front(),
-                    .damping_ratio = Real(stabilisation.damping_ratio),
-                    .frequency = Real(stabilisation.frequency)},
-                   roads);
+  else mechanism.load(parameters, {.penalty = penalties.empty() ? Real(1) : penalties.front(), .damping_ratio = Real(stabilisation.damping_ratio),
+                                   .frequency = Real(stabilisation.frequency)}, roads);
 }
 
 }  // namespace cutjoint

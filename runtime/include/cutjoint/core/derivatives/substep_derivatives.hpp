@@ -193,7 +193,7 @@ class SubstepDerivatives : public RuleDerivatives<Simulation, D, S, dofs, ForceR
   /// Whether numbers are others than those before, by more than rounding.
   static bool jump(const auto& numbers, const Fixed<double, n>& before) {
     double most = 0.0, size = 1.0;
-    for (std::size_t i = 0; i < n; ++i) most = std::max(most, std::abs(plain(numbers[i]) - before[i])), size = std::max(size, std::abs(before[i]));
+    for (std::size_t i = 0; i < n; ++i) most = std::max(most, std::abs(Dual(numbers[i]).value - before[i])), size = std::max(size, std::abs(before[i]));
     return most > 1e-6 * size;
   }
 

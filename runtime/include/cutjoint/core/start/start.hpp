@@ -281,7 +281,8 @@ class Starter {
     if constexpr (requires { M::states_at_once; }) {
       constexpr std::size_t columns = M::states_at_once / 2;
       for (std::size_t first = 0; first < n_; first += columns) {
-        auto probes = copies<M::states_at_once>(state);
+        std::array<StateOf<M>, M::states_at_once> probes;
+        probes.fill(state);
         const std::size_t number = std::min(columns, n_ - first);
         for (std::size_t k = 0; k < number; ++k) {
           step_[first + k] = Real(1);
@@ -305,11 +306,6 @@ class Starter {
       }
     }
     rounding_ = 4 * std::numeric_limits<Real>::epsilon() * arm() * size_of(matrix_.data(), rows * n_);
-  }
-
-  template <std::size_t number>
-  static std::array<StateOf<M>, number> copies(const StateOf<M>& state) {
-    return [&]<std::size_t... i>(std::index_sequence<i...>) { return std::array<StateOf<M>, number>{((void)i, state)...}; }(std::make_index_sequence<number>());
   }
 
   Real square_of(const Real* x) const {
