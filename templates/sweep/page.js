@@ -2,6 +2,14 @@
 (() => {
 const $ = (id) => document.getElementById(id);
 const about = JSON.parse($('about').textContent);
+/** An element with properties and what it holds. */
+const element = (tag, properties = {}, ...inside) => {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...inside);
+  return made;
+};
+/** A line of a table: words, each in its cell. */
+const line = (tag, words) => element('tr', {}, ...words.map((word) => element(tag, {textContent: word})));
 const bytesOf = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
 const bytes = bytesOf($('numbers').textContent);
 const rows = about.shown, all = new Float64Array(rows).fill(0);
@@ -74,24 +82,16 @@ $('wide').style.minWidth = `${112 * columns.length}px`;
 const placeAxes = () => {
   const box = $('wide').getBoundingClientRect(), span = box.height - top - bottom;
   $('axes').replaceChildren(...columns.map((column, i) => {
-    const axis = document.createElement('div'), name = document.createElement('b');
-    axis.className = `axis ${column.role}`; axis.style.left = `${across(i, box.width)}px`; axis.dataset.column = i;
-    name.textContent = title(column).replaceAll('_', '_\u200b');  // a long name may be broken here
+    const name = element('b', {textContent: title(column).replaceAll('_', '_\u200b')});  // a long name may be broken here
     const ticks = column.labels ? column.labels.map((_, k) => k) : [column.high, column.low];
     const marks = ticks.map((v) => {
-      const mark = document.createElement('i');
-      mark.textContent = shown(column, v);
-      mark.style.top = column.labels ? `${top + span * (1 - share(column, v)) - 8}px` : v === column.high ? `${top - 18}px` : `${top + span + 3}px`;
-      return mark;
+      const at = column.labels ? top + span * (1 - share(column, v)) - 8 : v === column.high ? top - 18 : top + span + 3;
+      return element('i', {textContent: shown(column, v), style: `top: ${at}px`});
     });
-    axis.append(name, ...marks);
-    const filter = filters.get(i);
-    if (filter) {
-      const brush = document.createElement('u');
-      const [from, to] = filter.map((v) => top + span * (1 - share(column, v)));
-      brush.style.top = `${to}px`; brush.style.height = `${Math.max(3, from - to)}px`;
-      axis.append(brush);
-    }
+    const axis = element('div', {className: `axis ${column.role}`, style: `left: ${across(i, box.width)}px`}, name, ...marks);
+    axis.dataset.column = i;
+    const [from, to] = (filters.get(i) ?? []).map((v) => top + span * (1 - share(column, v)));
+    if (filters.has(i)) axis.append(element('u', {style: `top: ${to}px; height: ${Math.max(3, from - to)}px`}));
     return axis;
   }));
 };
@@ -254,11 +254,9 @@ const drawCurves = () => {
 };
 
 // Single runs.
-const replayed = (link, number) => {
-  link.textContent = 'Replay'; link.target = '_blank'; link.title = `Run ${number} in the viewer`;
-  link.hidden = !(number in about.replays);
-  if (!link.hidden) link.href = about.replays[number];
-  return link;
+const replayed = (number) => {
+  const known = number in about.replays;
+  return element('a', {textContent: 'Replay', target: '_blank', title: `Run ${number} in the viewer`, hidden: !known, ...(known ? {href: about.replays[number]} : {})});
 };
 /** Mark a run alone or in addition; unmark a marked one. */
 const choose = (r, event) => {
@@ -269,18 +267,10 @@ const choose = (r, event) => {
 const mark = (list) => {
   marked = list.slice(-most);
   $('run').hidden = !marked.length;
-  const head = document.createElement('tr');
-  head.append(document.createElement('th'), ...marked.map((r, i) => {
-    const cell = document.createElement('th');
-    cell.textContent = run[r]; cell.style.color = markColour(i);
-    return cell;
-  }));
+  const head = line('th', ['', ...marked.map((r) => run[r])]);
+  marked.forEach((_, i) => { head.cells[i + 1].style.color = markColour(i); });
   $('comparison').tHead.replaceChildren(head);
-  $('comparison').tBodies[0].replaceChildren(...columns.map((c) => {
-    const line = document.createElement('tr');
-    for (const word of [title(c), ...marked.map((r) => shown(c, c.values[r]))]) line.appendChild(document.createElement('td')).textContent = word;
-    return line;
-  }));
+  $('comparison').tBodies[0].replaceChildren(...columns.map((c) => line('td', [title(c), ...marked.map((r) => shown(c, c.values[r]))])));
   $('number').textContent = `${marked.length > 1 ? 'Runs' : 'Run'} ${marked.map((r) => run[r]).join(', ')}`;
   $('by-command').hidden = marked.every((r) => run[r] in about.replays);
   const over = (i) => (i ? ` --ghost ${about.pages}${run[marked[0]]}.html` : '');
@@ -292,19 +282,15 @@ const inOrder = (column, sign) => kept.filter((r) => column.values[r] === column
 const listEnds = () => {
   const column = columns[+$('of').value];
   for (const [id, sign] of [['best', 1], ['worst', -1]]) {
-    const head = document.createElement('tr');
-    for (const word of [id, title(column), '']) head.appendChild(document.createElement('th')).textContent = word;
-    $(id).tHead.replaceChildren(head);
+    $(id).tHead.replaceChildren(line('th', [id, title(column), '']));
     $(id).tBodies[0].replaceChildren(...inOrder(column, sign).slice(0, 6).map((r) => {
-      const line = document.createElement('tr'), name = line.insertCell(), tick = document.createElement('input'), place = marked.indexOf(r);
-      tick.type = 'checkbox'; tick.checked = place >= 0; tick.title = tick.ariaLabel = `Compare run ${run[r]}`;
-      line.className = tick.checked ? 'chosen' : '';
-      line.style.setProperty('--colour', tick.checked ? markColour(place) : '');
-      name.append(tick, String(run[r]));
-      line.insertCell().textContent = shown(column, column.values[r]);
-      line.insertCell().appendChild(replayed(document.createElement('a'), run[r]));
-      line.addEventListener('click', (event) => { if (!event.target.href) choose(r, event); });
-      return line;
+      const place = marked.indexOf(r), label = `Compare run ${run[r]}`, made = line('td', ['', shown(column, column.values[r]), '']);
+      made.cells[0].append(element('input', {type: 'checkbox', checked: place >= 0, title: label, ariaLabel: label}), String(run[r]));
+      made.cells[2].append(replayed(run[r]));
+      made.className = place >= 0 ? 'chosen' : '';
+      made.style.setProperty('--colour', place >= 0 ? markColour(place) : '');
+      made.addEventListener('click', (event) => { if (!event.target.href) choose(r, event); });
+      return made;
     }));
   }
 };
@@ -320,9 +306,7 @@ const keptText = () => {
   return [head, ...kept.map((r) => [run[r], ...columns.map((c) => cell(c, c.values[r]))])].map((line) => `${line.join(',')}\n`).join('');
 };
 $('save').addEventListener('click', () => {
-  const link = document.createElement('a');
-  link.href = URL.createObjectURL(new Blob([keptText()], {type: 'text/csv'}));
-  link.download = `${about.title.replace(/[^\w.-]+/g, '_')}.csv`;
+  const link = element('a', {href: URL.createObjectURL(new Blob([keptText()], {type: 'text/csv'})), download: `${about.title.replace(/[^\w.-]+/g, '_')}.csv`});
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 60000);
 });
@@ -351,11 +335,7 @@ $('over-time').hidden = !curves.size;
 for (const id of ['surface', 'front', 'output']) $(id).addEventListener('change', draw);
 $('title').textContent = about.title; $('subtitle').textContent = about.note;
 $('failed').hidden = !about.failures.length;
-$('failures').replaceChildren(...about.failures.map(({number, reason}) => {
-  const item = document.createElement('li');
-  item.append(`${number}: ${reason} `, replayed(document.createElement('a'), number));
-  return item;
-}));
+$('failures').replaceChildren(...about.failures.map(({number, reason}) => element('li', {}, `${number}: ${reason} `, replayed(number))));
 window.addEventListener('resize', draw);
 window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', draw);
 window.sweep = {

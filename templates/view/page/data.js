@@ -35,9 +35,12 @@ function measured(column) {
   return { ...column, decimals: largest > 0 ? Math.min(Math.max(4 - Math.floor(Math.log10(largest)), 0), 9) : 0 };
 }
 
-/** A line of a table: texts, each in its cell. */
-function tableLine(texts) {
-  const line = document.createElement('tr');
-  for (const text of texts) line.insertCell().textContent = text;
-  return line;
+/** An element with properties and what it holds. */
+function make(tag, properties = {}, ...inside) {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...inside);
+  return made;
 }
+
+/** A line of a table: texts, each in its cell. */
+const tableLine = (texts) => make('tr', {}, ...texts.map((textContent) => make('td', { textContent })));

@@ -351,31 +351,26 @@ const keyName = (key) => ({ ArrowLeft: '←', ArrowRight: '→', ArrowUp: '↑',
 function layKeys() {
   const own = run.axes.filter((axis) => axis.plus.length).map((axis) => [[axis.low === axis.rest ? '' : axis.minus[0], axis.plus[0]].filter(Boolean).map(keyName), axis.name]);
   for (const [keys, text] of [...own, [['space'], 'drive, pause'], [['⌫'], 'back 3 s'], [['R'], 'reset'], [['C'], 'camera'], [['H'], 'hide this']]) {
-    const line = by('keys').appendChild(document.createElement('div'));
-    line.append(...keys.map((key) => Object.assign(document.createElement('kbd'), { textContent: key })), ` ${text}`);
+    by('keys').append(make('div', {}, ...keys.map((textContent) => make('kbd', { textContent })), ` ${text}`));
   }
 }
 
 /** A line with a slider for each axis, with its keys, and for a car bars over the picture. */
 function layAxes() {
   for (const axis of run.axes) {
-    const line = document.createElement('div'), label = document.createElement('label'), hint = document.createElement('kbd');
-    [axis.output, axis.input] = [document.createElement('output'), document.createElement('input')];
-    label.textContent = axis.name;
-    hint.textContent = [axis.low === axis.rest ? '' : axis.minus[0], axis.plus[0]].filter(Boolean).map(keyName).join(' ');
-    if (hint.textContent) label.append(' ', hint);
-    Object.assign(axis.input, { type: 'range', min: axis.low === axis.rest ? 0 : -1, max: 1, step: 'any', value: 0 });
-    axis.input.setAttribute('aria-label', axis.name);
+    const hint = [axis.low === axis.rest ? '' : axis.minus[0], axis.plus[0]].filter(Boolean).map(keyName).join(' ');
+    axis.output = make('output');
+    axis.input = make('input', { type: 'range', min: axis.low === axis.rest ? 0 : -1, max: 1, step: 'any', value: 0, ariaLabel: axis.name });
     axis.input.addEventListener('input', () => { const { name } = axis; run.axes.find((each) => each.name === name).put(Number(axis.input.value)); if (!state.playing) showAxis(run.axes.find((each) => each.name === name)); });
-    line.append(label, axis.output, axis.input);
-    by(axis.role || (axis.kind === 'input' && !drive.car) ? 'inputs' : 'tunable').append(line);
-    if (axis.role) by('bars').append(Object.assign(document.createElement('span'), { textContent: axis.name }));
-    axis.bar = axis.role ? by('bars').appendChild(Object.assign(document.createElement('i'), { className: axis.role, title: axis.name })) : undefined;
+    const label = make('label', {}, axis.name, ...(hint ? [' ', make('kbd', { textContent: hint })] : []));
+    by(axis.role || (axis.kind === 'input' && !drive.car) ? 'inputs' : 'tunable').append(make('div', {}, label, axis.output, axis.input));
+    if (axis.role) by('bars').append(make('span', { textContent: axis.name }));
+    axis.bar = axis.role ? by('bars').appendChild(make('i', { className: axis.role, title: axis.name })) : undefined;
     for (const [side, keys] of [['minus', axis.low === axis.rest ? [] : axis.minus], ['plus', axis.plus]]) if (keys.length && hasPads(axis)) layPad(axis, side, keys[0], keyName(keys[0]));
   }
   by('tuning').open = !drive.car;
   if (!drive.car) by('tuning').querySelector('summary').textContent = 'Parameters';
-  if (!run.axes.length) by('inputs').appendChild(document.createElement('p')).append('Nothing moves it from outside: the model has no input and no tunable parameter. ', Object.assign(document.createElement('kbd'), { textContent: 'cutjoint drive --tunable NAME' }), ' makes numbers of its file such.');
+  if (!run.axes.length) by('inputs').append(make('p', {}, 'Nothing moves it from outside: the model has no input and no tunable parameter. ', make('kbd', { textContent: 'cutjoint drive --tunable NAME' }), ' makes numbers of its file such.'));
   by('tuning').hidden = !by('tunable').childElementCount;
 }
 
@@ -384,8 +379,8 @@ const hasPads = (axis) => run.axes.some((each) => each.role) ? axis.role : run.a
 
 /** A touch button, pressed like a key. */
 function layPad(axis, side, key, text) {
-  const pad = Object.assign(document.createElement('button'), { type: 'button', textContent: axis.role === 'steer' ? (side === 'minus' ? '◀' : '▶') : axis.role ? axis.role : text, ariaLabel: `${axis.name}, ${side}` });
-  if (!axis.role) pad.append(Object.assign(document.createElement('small'), { textContent: axis.name }));
+  const pad = make('button', { type: 'button', textContent: axis.role === 'steer' ? (side === 'minus' ? '◀' : '▶') : axis.role ? axis.role : text, ariaLabel: `${axis.name}, ${side}` });
+  if (!axis.role) pad.append(make('small', { textContent: axis.name }));
   pad.className = axis.role === 'steer' ? 'left' : 'right';
   for (const [event, on] of [['pointerdown', true], ['pointerup', false], ['pointercancel', false], ['pointerleave', false]])
     pad.addEventListener(event, (e) => { e.preventDefault(); run.keys[on ? 'add' : 'delete'](key); if (on && !state.playing && !run.fault) { playDrive(true); run.keys.add(key); } });

@@ -80,7 +80,7 @@ function select(name) {
   by('element').textContent = selected;
   by('kind').textContent = link ? `${link.cut && link.kind !== 'gear' ? 'cut, ' : ''}${link.kind}, ${link.base} to ${link.follower}` : 'body';
   by('line').textContent = place === undefined ? 'the fixed world' : `${place}\n${line}`;
-  by('notes').replaceChildren(...notes.map((note) => Object.assign(document.createElement('li'), { textContent: note })));
+  by('notes').replaceChildren(...notes.map((textContent) => make('li', { textContent })));
   if (body && nodes.has(selected)) choose(selected);
 }
 
@@ -110,7 +110,7 @@ function showGraph() {
   if (!graph) return;
   by('tabs').hidden = false;
   by('said').replaceChildren(...graph.facts.map(tableLine));
-  by('families').replaceChildren(...graph.families.map((text, i) => Object.assign(document.createElement('li'), { className: `family${i % 6}`, textContent: text })));
+  by('families').replaceChildren(...graph.families.map((textContent, i) => make('li', { className: `family${i % 6}`, textContent })));
   drawGraph();
   by('tab-picture').addEventListener('click', () => showTab('picture'));
   by('tab-graph').addEventListener('click', () => showTab('graph'));

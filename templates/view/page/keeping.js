@@ -47,7 +47,7 @@ function findKept() {
 
 /** Asks for a file with a saved drive. */
 const readDrive = () => new Promise((found) => {
-  const input = Object.assign(document.createElement('input'), { type: 'file', accept: '.json' });
+  const input = make('input', { type: 'file', accept: '.json' });
   input.addEventListener('change', async () => { try { found(JSON.parse(await input.files[0].text())); } catch { found({}); } });
   input.addEventListener('cancel', () => found(undefined));
   input.click();

@@ -25,10 +25,7 @@ function label() {
   const taken = [], labels = by('labels');
   labels.replaceChildren();
   for (const { text, kind, at: [x, y] } of nameable()) {
-    const span = document.createElement('span');
-    span.textContent = text;
-    span.className = kind;
-    labels.append(span);
+    const span = labels.appendChild(make('span', { textContent: text, className: kind }));
     const left = Math.round(x + 10), top = Math.round(y - 26), box = [left, top, left + span.offsetWidth, top + span.offsetHeight];
     if (taken.some((b) => box[0] < b[2] + 2 && b[0] < box[2] + 2 && box[1] < b[3] + 2 && b[1] < box[3] + 2)) { span.remove(); continue; }
     taken.push(box);

@@ -131,14 +131,9 @@ function showSliders() {
   by('sliders').hidden = false;
   document.body.classList.add('sliding');
   for (const slider of sliders.sliders) {
-    const line = document.createElement('div'), label = document.createElement('label'), input = document.createElement('input');
-    const output = document.createElement('output');
-    label.textContent = slider.name;
-    Object.assign(input, { type: 'range', min: slider.low, max: slider.high, step: 'any' });
-    input.setAttribute('aria-label', slider.name);
+    const output = make('output'), input = make('input', { type: 'range', min: slider.low, max: slider.high, step: 'any', ariaLabel: slider.name });
     input.addEventListener('input', () => slide(slider, Number(input.value)));
-    line.append(label, output, input);
-    by('sliders').append(line);
+    by('sliders').append(make('div', {}, make('label', { textContent: slider.name }), output, input));
     standing.push({ slider, input, output });
   }
   showPose();

@@ -3,9 +3,7 @@ let cells = [];
 function listValues() {
   const own = columnsOf(state.body), lines = by('values').tBodies[0];
   cells = own.map((column) => {
-    const line = lines.ownerDocument.createElement('tr'), name = line.insertCell(), tick = document.createElement('input');
-    tick.type = 'checkbox';
-    tick.title = tick.ariaLabel = `${column.name} in the plot`;
+    const title = `${column.name} in the plot`, line = make('tr'), name = line.insertCell(), tick = make('input', { type: 'checkbox', title, ariaLabel: title });
     tick.addEventListener('click', (e) => e.stopPropagation());
     tick.addEventListener('change', () => toggleColumn(column.name));
     name.append(tick, column.name);
@@ -109,10 +107,7 @@ function drawPlot() {
     play(false);
     setTime(plot.posToVal(e.offsetX, 'x'));
   });
-  now = document.createElement('div');
-  now.className = over ? 'now dot' : 'now';
-  now.style.background = over ? curves.at(-1).stroke : '';
-  plot.over.append(now);
+  now = plot.over.appendChild(make('div', { className: over ? 'now dot' : 'now', style: over ? `background: ${curves.at(-1).stroke}` : '' }));
   cursor();
 }
 
