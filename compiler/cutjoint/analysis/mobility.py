@@ -67,7 +67,6 @@ def require_soundness(equations: RecursiveEquations) -> RecursiveEquations:
 
 
 _TIMES = (0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)  #: times of the checks as shares of the scene's duration
-
 _PART = 1e-3  #: the share of the guides' rates that must remain after a least-squares fit of all speeds
 
 

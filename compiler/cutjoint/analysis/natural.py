@@ -6,17 +6,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from cutjoint.analysis.closing import (
-    Array,
-    FlatRoad,
-    Pose,
-    evaluate_scene_inputs,
-    explore,
-    make_inputs,
-    retract,
-    scene_input_changes,
-    speed_scales,
-)
+from cutjoint.analysis import closing
+from cutjoint.analysis.closing import Array, FlatRoad
 from cutjoint.formulate.inputs import DISCRETE_STATES, INPUT_ORDERS, INPUTS, discrete_state_name
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.records import SystemEquations
@@ -72,7 +63,7 @@ def evaluate_changes(
     """Results (length,) by name, and their exact changes (directions, length). ``changes`` (directions, length) are those of arrays
     (length,), ``by_input`` (directions,) those of constant inputs; other arguments as of `evaluate_results` and `interpret_tangents`."""
     by_parameters, count = changes["parameters"], len(changes["parameters"])
-    laws = scene_input_changes(equations, arrays["parameters"], by_parameters, float(arrays["t"][0]))
+    laws = closing.scene_input_changes(equations, arrays["parameters"], by_parameters, float(arrays["t"][0]))
     seeds = {"parameters": by_parameters, **laws}
     if by_input:
         seeds.setdefault(INPUTS, np.zeros((count, len(equations.slots[INPUTS].names))))
@@ -101,9 +92,9 @@ def _joined(parts: Sequence[Array]) -> Array:
 
 def _inputs(equations: SystemEquations, arrays: Mapping[str, Array], held: Mapping[str, float | Array]) -> dict[str, Array]:
     start = equations.start
-    inputs = make_inputs(start, np.zeros(start.coordinates), np.zeros(start.speeds))
+    inputs = closing.make_inputs(start, np.zeros(start.coordinates), np.zeros(start.speeds))
     inputs |= {name: arrays[name] for name in ("parameters", "penalty", "weights", "t", "motion") if name in arrays}
-    inputs |= evaluate_scene_inputs(equations, inputs["parameters"], float(inputs["t"][0]))
+    inputs |= closing.evaluate_scene_inputs(equations, inputs["parameters"], float(inputs["t"][0]))
     for i, parameter in enumerate(equations.inputs):
         if parameter.name in held:
             first, number = len(INPUT_ORDERS) * i, np.asarray(held[parameter.name])
@@ -122,7 +113,7 @@ def _inputs(equations: SystemEquations, arrays: Mapping[str, Array], held: Mappi
 def closed_states(equations: LagrangianEquations) -> list[NaturalState]:
     """The recursive equations' closed poses in natural coordinates, each with speeds along a free motion."""
     rng = np.random.default_rng(0)
-    return [_moving(equations, pose, rng) for pose in explore(equations.start)]
+    return [_moving(equations, pose, rng) for pose in closing.explore(equations.start)]
 
 
 _OFF = 0.05  #: the displacement (m, rad) of free speeds from a pose that is the only one
@@ -134,18 +125,18 @@ def states_off_a_single_pose(equations: LagrangianEquations, states: Sequence[Na
     poses say it, and where no speed is free: what is kept then holds the pose."""
     if len(states) > 1:
         return []
-    pose = explore(equations.start)[0]
-    free, sizes = pose.free, speed_scales(equations.start)
+    pose = closing.explore(equations.start)[0]
+    free, sizes = pose.free, closing.speed_scales(equations.start)
     if not free.size:
         return []
     rng = np.random.default_rng(1)
     directions = (free @ rng.standard_normal(free.shape[1]) for _ in range(2))
     shifts = (_OFF * direction / np.abs(direction / sizes).max() for direction in directions)
-    poses = (replace(pose, q=retract(equations.start, pose.q, shift)) for shift in shifts)
+    poses = (replace(pose, q=closing.retract(equations.start, pose.q, shift)) for shift in shifts)
     return [_moving(equations, off, rng) for off in poses]
 
 
-def _moving(equations: LagrangianEquations, pose: Pose, rng: np.random.Generator) -> NaturalState:
+def _moving(equations: LagrangianEquations, pose: closing.Pose, rng: np.random.Generator) -> NaturalState:
     free = pose.free
     speeds = free @ rng.standard_normal(free.shape[1])
     states = np.zeros(len(equations.state.states))

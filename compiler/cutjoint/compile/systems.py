@@ -9,16 +9,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cutjoint.analysis import natural
 from cutjoint.analysis.closing import explore
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions
-from cutjoint.analysis.natural import (
-    NaturalState,
-    closed_states,
-    dependent_equations,
-    evaluate_results,
-    states_off_a_single_pose,
-    tangent_samples,
-)
+from cutjoint.analysis.natural import NaturalState
 from cutjoint.emit.classes import System
 from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.interpreted import emit_interpreted_system
@@ -79,8 +73,8 @@ def formulate_system(start: RecursiveEquations, method: str, outputs: tuple[Outp
     equations = formulate_lagrangian(start, method, outputs)
     if not METHODS[method].saddle_point:
         return equations, []
-    states = closed_states(equations)
-    dependent = dependent_equations(equations, [*states, *states_off_a_single_pose(equations, states)])
+    states = natural.closed_states(equations)
+    dependent = natural.dependent_equations(equations, [*states, *natural.states_off_a_single_pose(equations, states)])
     return without(equations, dependent, watched=len(states) == 1), states
 
 
@@ -107,7 +101,7 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
         words = "classical chooses its pivots by values of all laws, which user functions do not have at compile time"
         raise RunError(f"{function.span}: function '{function.name}': {words}; use --method recursive, recursive-newton or augmented")
     dt = equations.scene.numerics.of_method(equations.method).step
-    samples = [sample for sample in tangent_samples(equations, states, dt) if np.isfinite(sample).all()]
+    samples = [sample for sample in natural.tangent_samples(equations, states, dt) if np.isfinite(sample).all()]
     if not samples:
         raise RunError("\n".join(_laws_without_value(equations, states[0])))
     try:
@@ -126,7 +120,7 @@ def _laws_without_value(equations: LagrangianEquations, state: NaturalState) -> 
     advice = "give it one there, or use --method recursive"
     if not equations.domains:  # numbers grow without bound
         return [f"{equations.topology.model.span.file}: a law has {words}; {advice}"]
-    results = evaluate_results(equations, equations.function("domains").results, {"q": state.q, "v": state.v})
+    results = natural.evaluate_results(equations, equations.function("domains").results, {"q": state.q, "v": state.v})
     left = [place for place, margin in zip(equations.domains, results.values(), strict=True) if not (margin > 0).all()]
     return [
         f"{place.place}: '{place.element}': its law has {words}: {place.function} leaves its domain there; {advice}"

@@ -247,7 +247,6 @@ class Operations:
 
 
 SPIN = ("wx", "wy", "wz")  #: the speeds of a ball
-
 ATTITUDE = ("e0", "e1", "e2", "e3")  #: the unit quaternion of a ball's attitude, scalar first
 
 

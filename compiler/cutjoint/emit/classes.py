@@ -5,18 +5,10 @@ from dataclasses import dataclass, field, replace
 from textwrap import wrap
 from typing import Any
 
+from cutjoint.emit import source
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
 from cutjoint.emit.names import road_names
-from cutjoint.emit.source import (
-    FACTORISATION,
-    Page,
-    Piece,
-    indicators_of,
-    name_of_residual,
-    name_of_system,
-    name_of_transposed,
-    nominals_of,
-)
+from cutjoint.emit.source import Page, Piece
 from cutjoint.emit.view import LINE, FunctionView, Viewer
 from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.forces import guards_in
@@ -214,7 +206,7 @@ def sized_mechanism_class(parts: SimulationCode, program: Program, conditions: s
         unused |= {POSES}
     layout = {
         "guides_jump": parts.guides_jump and conditions == "bool" and parts.system is None,
-        "charts": equations.charts, "cuts": [c.first for c in equations.closures], "indicators": indicators_of(equations),
+        "charts": equations.charts, "cuts": [c.first for c in equations.closures], "indicators": source.indicators_of(equations),
         **sizes_of(equations)
     }  # fmt: skip
     return replace(mechanism_class(parts.page, program, equations, conditions, unused=unused, header=header), layout=layout)
@@ -230,7 +222,7 @@ def mechanism_class(
 def derived_classes(parts: SimulationCode, *, header: str = "{}") -> Iterator[tuple[str, CppClass]]:
     """The classes of the mechanism's derivatives, by names; ``header`` makes the names of their files of these, without the ending."""
     page = parts.page
-    for name, named in (("transposed", name_of_transposed), ("force_residual", name_of_residual)):
+    for name, named in (("transposed", source.name_of_transposed), ("force_residual", source.name_of_residual)):
         if (derived := getattr(parts, name)) is not None:
             yield name, _class(
                 replace(page, class_name=named(page.class_name)), derived.program, derived.equations, "bool", formulation="recursive",
@@ -242,7 +234,7 @@ def sized_system_class(parts: SimulationCode, system: System, *, header: str = "
     """The class of the system, and its factorisation; as above."""
     equations, plan = system.equations, system.plan
     layout = {
-        "guides_jump": parts.guides_jump, "charts": equations.charts, "cuts": [], "indicators": indicators_of(equations),
+        "guides_jump": parts.guides_jump, "charts": equations.charts, "cuts": [], "indicators": source.indicators_of(equations),
         **sizes_of(equations),
         "pattern": pattern_view(plan.pattern, equations.row_names), "pivot_columns": plan.tiling.elimination.columns,
     }  # fmt: skip
@@ -255,12 +247,12 @@ def system_class(
 ) -> CppClass:
     """The class of a system without its layout, and its factorisation; with more multiply-adds than ``straight_line`` it is a loop."""
     equations = system.equations
-    page = replace(page, class_name=name_of_system(page.class_name), formulation=equations.method)
+    page = replace(page, class_name=source.name_of_system(page.class_name), formulation=equations.method)
     factorisation = emit_factorisation(system.plan, equations.row_names, page, straight_line=straight_line)
-    needed = factorisation.pop(f"{FACTORISATION}.hpp")
+    needed = factorisation.pop(f"{source.FACTORISATION}.hpp")
     made = _class(
         page, system.program, equations, "bool", formulation=equations.method, unused=unused, headers=[f"{header}.hpp"],
-        needs=[f"{FACTORISATION}.hpp"],
+        needs=[f"{source.FACTORISATION}.hpp"],
     )  # fmt: skip
     return replace(made, functions={**made.functions, **factorisation}, factorisation=needed)
 
@@ -379,7 +371,7 @@ def _unused(parts: SimulationCode, equations: RecursiveEquations | SystemEquatio
 def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, object]:
     """The sizes that a class declares, and its controllers where it has some."""
     states, controllers = len(equations.state.states), equations.topology.model.controllers
-    nominals = nominals_of(equations)
+    nominals = source.nominals_of(equations)
     return {"sizes": {
         "coordinates": len(equations.coordinate_names), "speeds": len(equations.speed_names), "equations": len(equations.equation_names),
         "cuts": len(equations.mechanism.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),

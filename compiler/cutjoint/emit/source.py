@@ -28,9 +28,7 @@ _TAKEN = frozenset((
 ))  # fmt: skip
 
 FACTORISATION = "factorisation"  #: the header of a factorisation, without its ending
-
 SPACE = "cutjoint::generated"  #: the namespace of generated classes
-
 LIBRARY = "library"  #: the `Source.driver` of a library, which needs none
 
 _OWN = re.compile(r'#include "(cutjoint/[^"]+)"\n')

@@ -11,20 +11,10 @@ from typing import Any
 import sympy
 
 from cutjoint.elements.joints import JOINTS
+from cutjoint.emit import source
 from cutjoint.emit.classes import LANES, Defaults, SimulationCode, derived_classes, sized_mechanism_class, sized_system_class, sizes_of
 from cutjoint.emit.sizes import record_length, seed_rows, simulation_size
-from cutjoint.emit.source import (
-    SPACE,
-    Page,
-    amalgamate,
-    code_file,
-    indicators_of,
-    name_of_residual,
-    name_of_system,
-    name_of_transposed,
-    quotable,
-    texts_of,
-)
+from cutjoint.emit.source import Page
 from cutjoint.emit.statuses import FAULTS, LIMITED, Status, statuses_in
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
@@ -103,7 +93,7 @@ def emit_standalone(
         f"{p}.run": page.render("standalone/run.jinja", **view),
         "README.md": page.render("standalone/README.md.jinja", **view),
         "LICENSE": licence(),
-        **code_file(parts.mechanism.topology.model),
+        **source.code_file(parts.mechanism.topology.model),
         **({} if libm is None else libm.files),
     }
 
@@ -153,14 +143,14 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
         for texts, more in ((code, instances.code), (sized, [instances.sized(page, "side_by_side")])):
             texts += ["namespace side_by_side {\n", *more, "}  // namespace side_by_side\n"]
     laid = [_SURFACE_ROAD] if view["lays_roads"] and view["roads"] else []
-    core = amalgamate([*headers_of(parts, steps, has_lanes=has_lanes), *laid, *(() if parts.system is None else _FACTORISATIONS)])
+    core = source.amalgamate([*headers_of(parts, steps, has_lanes=has_lanes), *laid, *(() if parts.system is None else _FACTORISATIONS)])
     standard = sorted({*core.standard, *OF_INTERFACE})
     return "\n".join([
         "\n".join(f"// {line}" for line in page.banner), page.render("standalone/demands.hpp.jinja", **view),
         *(f"#include <{name}>" for name in standard), "",
         *([core.top] if core.top.strip() else []), page.render("standalone/hidden.hpp.jinja", **view),
         f"namespace {page.stem}_code {{\n", core.body,
-        f"namespace {SPACE} {{\n", *code, f"}}  // namespace {SPACE}\n",
+        f"namespace {source.SPACE} {{\n", *code, f"}}  // namespace {source.SPACE}\n",
         "namespace cutjoint::sized {\n", *sized, "}  // namespace cutjoint::sized\n",
         "namespace {\n", render_interface(page, view, hides=True),
     ])  # fmt: skip
@@ -196,8 +186,8 @@ def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, o
         "poses_digest": digest_of_poses(model.name, parts.poses),
         "joint_speeds": start.speeds, "step_derivatives": parts.dofs is not None and parts.derives_steps,
         "seed_rows": seed_rows(parts, steps),
-        "transposed": parts.transposed and name_of_transposed(class_name),
-        "force_residual": parts.force_residual and _residual_view(parts.force_residual, name_of_residual(class_name)),
+        "transposed": parts.transposed and source.name_of_transposed(class_name),
+        "force_residual": parts.force_residual and _residual_view(parts.force_residual, source.name_of_residual(class_name)),
         "loaded": parts.transposed and parts.transposed.loaded, "tape": record_length(parts, steps), "fitted": bool(parts.mechanism.fits),
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": LIMITED, "numbered": _numbered(equations, parts.poses),
@@ -205,7 +195,7 @@ def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, o
         "supplied": [SUPPLIED_FILE] if model.functions else [], "hosted": hosted,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes and LANES, "bytes": simulation_size(parts, steps),
-        "system_name": "" if parts.system is None else name_of_system(Page.of(equations, parts.method).class_name),
+        "system_name": "" if parts.system is None else source.name_of_system(Page.of(equations, parts.method).class_name),
         "statuses": _statuses(parts, steps), "mark": digest_of(digest, integrator),
         "method": parts.method, "integrator": integrator, "steps": steps.name, "kind": steps,
         "settings": _settings(defaults), "by_step": _by_step(equations.scene), "tables": tables,
@@ -242,7 +232,7 @@ def digest_of(digest: str, integrator: str) -> str:
 
 def _statuses(parts: SimulationCode, steps: Steps) -> list[Status]:
     """The positive statuses that calls can return: those whose causes the headers of the runtime name."""
-    return statuses_in(text for header, text in texts_of(headers_of(parts, steps, has_lanes=False)).items() if header != FAULTS)
+    return statuses_in(text for header, text in source.texts_of(headers_of(parts, steps, has_lanes=False)).items() if header != FAULTS)
 
 
 def _guide_inputs(equations: RecursiveEquations | SystemEquations) -> list[int]:
@@ -306,18 +296,19 @@ def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, A
         "input_names": [p.name for p in equations.inputs], "input_units": [p.unit for p in equations.inputs],
         **_state_tables(equations, ""), **_state_tables(equations.mechanism, "start_"),
         "event_names": [s.element for s in equations.indicators],
-        "event_locations": [str(s["place"]) for s in indicators_of(equations)],
-        "guard_names": [guard.name for guard in guards], "guard_places": [quotable(guard.span.place) for guard in guards],
+        "event_locations": [str(s["place"]) for s in source.indicators_of(equations)],
+        "guard_names": [guard.name for guard in guards], "guard_places": [source.quotable(guard.span.place) for guard in guards],
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
     }  # fmt: skip
     if controllers := equations.topology.model.controllers:
-        tables |= {"controller_names": [c.name for c in controllers], "controller_places": [quotable(c.span.place) for c in controllers]}
+        places = [source.quotable(c.span.place) for c in controllers]
+        tables |= {"controller_names": [c.name for c in controllers], "controller_places": places}
     return [{"name": name, "entries": list(items)} for name, items in tables.items()]
 
 
 def _state_tables(equations: Equations, prefix: str) -> dict[str, Sequence[str]]:
     """Names of coordinates, speeds and equations, and where their elements stand."""
-    place = {name: quotable(span.place) for name, span in equations.topology.model.constraint_spans.items()}
+    place = {name: source.quotable(span.place) for name, span in equations.topology.model.constraint_spans.items()}
     state = equations.state
     arrays = {"coordinate": state.q, "speed": state.v, "equation": state.equations}
     return {

@@ -48,7 +48,6 @@ class FunctionView:
 
 
 _NOTE = "  // "  #: the beginning of a statement's comment
-
 LINE = 110  #: characters of a line of a generated expression
 
 #: A longer function (statements) is compiled in parts of about the second number: the time of GCC's combiner is quadratic.

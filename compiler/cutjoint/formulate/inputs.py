@@ -176,7 +176,6 @@ def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Sc
 
 
 LAW_TIME = "law_time"  #: the time at which laws are evaluated; unlike ``t`` it is not known when a step begins
-
 LAW_VALUES = "law_values"  #: the symbol of the values of laws that a step reads in addition to inputs: indicators, then margins
 
 

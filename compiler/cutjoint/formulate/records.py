@@ -259,13 +259,9 @@ class SystemEquations(Equations):
 
 
 CLOSE = "close_"  #: the prefix of the functions that evaluate open loops, for the fit of embedded loops
-
 POSES = "poses"  #: the function of poses (`recursive/poses.py`)
-
 SAMPLE = "sample"  #: the function of controllers
-
 FORCE_RESIDUAL = "residual_of_forces"  #: the function of the residual of forces at given accelerations
-
 CHECKS = ("energy",)  #: functions that only check a run
 NAMES = ("kinetic", "power")  #: the results of the function
 
@@ -297,7 +293,6 @@ _ARGUMENTS: Mapping[str, tuple[str, ...]] = {
 }
 
 LOAD_ARGUMENTS = ("const Real* parameters", "const Road<Real>* roads")  #: the arguments of the generated ``load``
-
 EQUATION_ARRAYS = ("lambda", "w", "residual", "rate", "curvature", "change")  #: the arrays that have an element for each equation
 
 

@@ -33,7 +33,6 @@ _ARGUMENTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 _OF_LOOPS, _OF_CHAINS = frozenset({"constraint_residual", "project"}), frozenset({"evaluate"})
 
 _SUMMED = ("loaded", "input")  #: arrays of values that are summed over a run
-
 _KEPT = ("scene_inputs", CLOSE)  #: functions of the class that are not transposed
 
 

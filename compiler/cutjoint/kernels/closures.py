@@ -6,27 +6,14 @@ for both bodies, A_follower = A and A_base = -A, exactly.  Residuals are frame-i
 three components carry one penalty.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.elements.joint import (
-    AXIAL_FRAME,
-    Advance,
-    BodyDirection,
-    Condition,
-    Direction,
-    End,
-    JointDisplacement,
-    Products,
-    SameAttitude,
-    SameDirection,
-    SameDistance,
-    SamePoint,
-)
+from cutjoint.elements import joint as conditions
 from cutjoint.kernels.joints import direction_of, rod_of
 from cutjoint.model.records import Joint, Scalar, Vector
 
@@ -97,41 +84,41 @@ def _residual(joint: Joint) -> tuple[tuple[str, ...], Matrix]:
     return names, _column(*(row for condition in element.conditions for row in _scaled_rows(joint, condition)))
 
 
-def _scaled_rows(joint: Joint, condition: Condition) -> Iterator[Sequence[Scalar] | Scalar]:
+def _scaled_rows(joint: Joint, condition: conditions.Condition) -> Iterator[Sequence[Scalar] | Scalar]:
     """The rows of a condition, in m: those between directions by the joint's arm."""
-    between_points = condition.joins_points and not isinstance(condition, Advance)
+    between_points = condition.joins_points and not isinstance(condition, conditions.Advance)
     yield from (row if between_points or joint.arm == 1 else sympy.Float(joint.arm) * row for row in _rows(joint, condition))
 
 
-def _rows(joint: Joint, condition: Condition) -> Iterator[Sequence[Scalar] | Scalar]:
+def _rows(joint: Joint, condition: conditions.Condition) -> Iterator[Sequence[Scalar] | Scalar]:
     r = P - P0
     b = dict(zip(joint.element.base_directions, B, strict=False))
     f = dict(zip(joint.element.follower_directions, F, strict=False))
+
+    def symbols_of(factor: conditions.BodyDirection | conditions.JointDisplacement) -> Matrix:
+        if isinstance(factor, conditions.JointDisplacement):
+            return r
+        return (b if factor.end is conditions.End.BASE else f)[factor.direction]
+
     match condition:
-        case SamePoint():
+        case conditions.SamePoint():
             yield r
-        case SameDirection():
+        case conditions.SameDirection():
             yield f[condition.direction] - b[condition.direction]
-        case SameAttitude():
+        case conditions.SameAttitude():
             # half the sum of b_k x f_k: the sine of a small relative rotation, as a vector
             yield sum((b[d].cross(f[d]) for d in condition.frame), sympy.zeros(3, 1)) / 2
-        case Products():
+        case conditions.Products():
             for products in condition.sums:
-                terms = (sympy.sympify(p.weight) * _factor(p.left, r, b, f).dot(_factor(p.right, r, b, f)) for p in products)
+                terms = (sympy.sympify(p.weight) * symbols_of(p.left).dot(symbols_of(p.right)) for p in products)
                 yield sum(terms, sympy.Integer(0))
-        case SameDistance():
+        case conditions.SameDistance():
             length = sympy.Matrix(rod_of(joint)).norm()
             yield (r.dot(r) - length**2) / (2 * length)
-        case Advance():
-            axis, first, second = (b[d] for d in AXIAL_FRAME)
+        case conditions.Advance():
+            axis, first, second = (b[d] for d in conditions.AXIAL_FRAME)
             angle = axis.dot(r) / joint.pitch
-            yield f[Direction.ACROSS_1].dot(second * sympy.cos(angle) - first * sympy.sin(angle))
-
-
-def _factor(factor: BodyDirection | JointDisplacement, r: Matrix, b: Mapping[Direction, Matrix], f: Mapping[Direction, Matrix]) -> Matrix:
-    if isinstance(factor, JointDisplacement):
-        return r
-    return (b if factor.end is End.BASE else f)[factor.direction]
+            yield f[conditions.Direction.ACROSS_1].dot(second * sympy.cos(angle) - first * sympy.sin(angle))
 
 
 def _column(*parts: Sequence[Scalar] | Scalar) -> Matrix:

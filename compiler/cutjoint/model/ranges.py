@@ -44,9 +44,7 @@ RANGES: Mapping[str, Mapping[str, float]] = {
 }
 
 TIMES = frozenset({"dt", "output_step", "end", "at"})  #: settings in s
-
 SOLVER_TOLERANCE = "solver_tolerance"  #: the name in files and calls of the tolerance of a solver, which is called tolerance inside
-
 LENGTHS = frozenset({"travel", "radius"})  #: settings in m, and settings in m or rad
 PLACES = frozenset({"accuracy", "tolerance", "steer_travel"})
 
@@ -105,7 +103,6 @@ def fault_of_state(value: float, *, is_angle: bool = False, bounds: Sequence[flo
 # Steps
 
 MOST_STEPS = 2**53  #: with more steps, times of neighbouring steps are one number in double precision
-
 MOST_ROWS = 10**8  #: the rows that a table has at most
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from os.path import isfile
 from pathlib import Path
 
+from cutjoint.model import validate
 from cutjoint.model.document.checks import check_shape
 from cutjoint.model.document.renamed import MODEL, rename_fields
 from cutjoint.model.document.source import parse_yaml, read_text
@@ -20,17 +21,6 @@ from cutjoint.model.expressions.units import ACCELERATION
 from cutjoint.model.files.referenced import with_files
 from cutjoint.model.records import Model, Span
 from cutjoint.model.scenes.build import read_scenes
-from cutjoint.model.validate import (
-    check_elements,
-    check_names,
-    check_submodels,
-    choices_made,
-    is_connected,
-    silent_outputs,
-    unused_parameters,
-    unused_properties,
-    warnings_of,
-)
 from cutjoint.package.locations import AnyPath, path_of
 
 
@@ -58,8 +48,8 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, tuna
     if shaped is None:
         raise problems.error()
     document = shaped.document
-    check_names(source, problems, document)
-    check_submodels(source, problems, document)
+    validate.check_names(source, problems, document)
+    validate.check_submodels(source, problems, document)
     # document -> flat elements with expressions
     tunables = TunableNumbers(list(tunable))
     expansion = expand(source, problems, shaped, tunables)
@@ -70,7 +60,7 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, tuna
     for problem in tunables.problems(tunable, Span(file=file, line=1, column=1)) if not shaped.removed else ():
         problems.add(problem.span, problem.element, problem.message, problem.hint)
     # one check of the whole
-    check_elements(expansion, problems)
+    validate.check_elements(expansion, problems)
     elements = expansion.elements
     sampled = (signal for controller in elements.controllers for signal in controller.signals)
     check_levels(elements.forces, (*elements.signals, *sampled, *reported), problems)
@@ -94,11 +84,11 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, tuna
         text=text,
         files=files,
         notes=(
-            *notes, *problems.notes, *unused_parameters(source, document), *unused_properties(source, document),
-            *silent_outputs(source, scenes, elements.forces), *warnings_of(document, expansion.reporting),
+            *notes, *problems.notes, *validate.unused_parameters(source, document), *validate.unused_properties(source, document),
+            *validate.silent_outputs(source, scenes, elements.forces), *validate.warnings_of(document, expansion.reporting),
         ),
-        choices=choices_made(document, expansion.reporting),
+        choices=validate.choices_made(document, expansion.reporting),
     )
     if problems:
-        raise problems.error(model if is_connected(expansion) else None)
+        raise problems.error(model if validate.is_connected(expansion) else None)
     return model

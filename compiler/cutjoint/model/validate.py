@@ -23,7 +23,6 @@ from cutjoint.model.files.property_file import STANDARD
 from cutjoint.model.records import GROUND, Body, Force, Joint, Scene, Span
 
 _NAME = re.compile(r"[A-Za-z]\w*")  #: a name in a text
-
 _BRACES = re.compile(r"\{(.*?)\}")  #: an expression in braces in a text
 
 #: The sections whose names must differ.

@@ -20,16 +20,13 @@ from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph, Scalar
 
 LEAST, PERIOD = 6, 8  #: a loop has at least so many iterations, and its body at most so many sections
-
 WORTH = 20  #: a loop stands for at least so many statements or results
-
 LANES = 4  #: iterations side by side
 
 #: Statements that an iteration of a loop must have for each table of values that the loop reads; with fewer, it stays unrolled.
 COSTLY = 4
 
 _BEYOND = 2  #: elements that an array may have before and after those of its loop
-
 TO = " .. "  #: stands between the first and the last element of a loop's section
 
 #: Array and element of an input or a result, by symbol name and index.

@@ -30,9 +30,7 @@ from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.platforms import machine
 
 SHARE = 0.8  #: the share of the accuracy that a choice may use; the rest is for the error of the reference
-
 LONGEST, SHORTEST = 16, 2**-9  #: range of tried steps, as multiples of the scene's step for the method, longest first
-
 RATIO = 2**0.5  #: the ratio of successive trial steps
 
 #: Range of tried tolerances, largest first, and the ratio of successive ones.

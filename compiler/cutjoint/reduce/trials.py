@@ -27,7 +27,6 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 
 _RESIDUAL = "dynamic_residual"  #: the function of a system that each iteration calls in addition to its Jacobian
-
 _INTERPRETING = 4e-9  #: initial estimate of the time of an interpreted operation, s
 
 

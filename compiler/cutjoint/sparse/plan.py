@@ -21,7 +21,6 @@ from cutjoint.sparse.symbolic import Elimination, eliminate, multiply_adds
 from cutjoint.sparse.tiles import Storage, Tiling, make_tiles, operations, store
 
 ORDERING_PACKAGES = "libsuitesparse-dev libmetis5"  #: debian's packages with the libraries
-
 LIBRARIES = ("amd", "colamd", "metis")  #: the libraries, by their names without "lib"
 
 _Int = ctypes.c_int32

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from cutjoint.sparse.symbolic import Elimination, fill, postorder, renumber
 
 WIDTH = 4  #: pivots of a tile: the lanes of a register
-
 _RELAXATIONS = range(7)  #: zeros that a pivot may get in its structure when it joins a tile, on average: all are tried
-
 _TERM, _BLOCK = 1, 2  #: the cost of a term and a block beside their multiply-adds, in four-lane multiply-adds; measured
 
 

@@ -11,9 +11,7 @@ from cutjoint.elements.interactions import RoadContact
 from cutjoint.elements.terms import Scalar
 
 CALSPAN = ("A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2")  #: the constants of the Calspan model
-
 _UNITS = {"stiffness": "N/m", "radius": "m", "spin_inertia": "kg*m^2"}  #: numbers that are fields of their own, with units
-
 _EVEN = ("Fz", "deflection")  #: quantities that keep their sign on the other side
 
 

@@ -17,21 +17,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
+from cutjoint.formulate import inputs, records
 from cutjoint.formulate.events import describe_domains, describe_indicators, domain_slots, domains_function, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
-from cutjoint.formulate.implicit.contributions import (
-    Closed,
-    Composite,
-    SharedForces,
-    close,
-    composites,
-    coupled_tangent,
-    inertial_tangent,
-    paths,
-    penalty_tangent,
-    weights,
-    wrench_tangent,
-)
+from cutjoint.formulate.implicit import contributions
 from cutjoint.formulate.implicit.motions import (
     Motion,
     Motions,
@@ -45,27 +34,8 @@ from cutjoint.formulate.implicit.motions import (
     speed_inputs,
     times,
 )
-from cutjoint.formulate.inputs import (
-    Numbers,
-    column_slots,
-    derive_scene_inputs,
-    make_numbers,
-    make_translator,
-    report_columns,
-    tunable_parameters,
-)
 from cutjoint.formulate.layout import Slot
-from cutjoint.formulate.records import (
-    EQUATION_ARRAYS,
-    FORCE_RESIDUAL,
-    LOAD_ARGUMENTS,
-    Column,
-    Function,
-    RecursiveEquations,
-    SystemEquations,
-    energy_slots,
-    system_functions,
-)
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.embedding.elimination import embedded_reactions, range_margins
 from cutjoint.formulate.recursive.embedding.open_geometry import fit_slots, loop_fits
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
@@ -89,17 +59,17 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     ``start`` are the recursive equations of the same model and scene."""
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
-    k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in start.charts})
-    system = SharedForces(builder=b)
+    k = derive_kinematics(b, inputs.make_translator(b, model), topology, {c.joint: c for c in start.charts})
+    system = contributions.SharedForces(builder=b)
     add_bodies(system, k, model)
     masses, weights_of_masses = dict(system.M), dict(system.Q)
     forces = add_forces(system, k, model, scene, outputs)
     margins = add_guards(system, forces, k, model, scene) | range_margins(k)
     still = b.zero(1)
-    numbers = Numbers(penalties={}, damping_ratio=still, frequency=still)
+    numbers = inputs.Numbers(penalties={}, damping_ratio=still, frequency=still)
     loops, gears = derive_loops(k, topology.cuts, numbers), derive_gears(k, model.gears, numbers)
     penalty = b.symbol("penalty", 1, BindingTime.ITERATION)
-    closed, Zdd, acting = tuple(close(k, loop, penalty) for loop in loops), prescribed_accelerations(k), system
+    closed, Zdd, acting = tuple(contributions.close(k, loop, penalty) for loop in loops), prescribed_accelerations(k), system
     reactions = Reactions(kinematics=k, loops=loops, M=masses, Q=system.Q, Zdd=Zdd, acting=system.cut_joint_wrenches)
     if frictions := load_frictions(model, system):
         acting = system.copy()
@@ -119,29 +89,29 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     )  # fmt: skip
     dynamic_residual = system_of.dynamic_residual()
     switching = [*dynamic_residual.values(), *k.guided_rates]  # a jump of a guide does work even if no force depends on it
-    laws = derive_scene_inputs(b, model, scene, switching)
+    laws = inputs.derive_scene_inputs(b, model, scene, switching)
     fits = loop_fits(b, topology)
     indicators = [*find_indicators(b, switching), *laws.indicators]
     domains = [*find_domains(b, dynamic_residual.values()), *laws.domains]
-    functions = system_functions(
+    functions = records.system_functions(
         initial_coordinates=_initial_coordinates(b, start), dynamic_residual=dynamic_residual, tangent=system_of.tangent(),
         constraint_residual=system_of.constraint_residual(), apply_jacobian_transposed=system_of.apply_jacobian_transposed(),
-        apply_jacobian=system_of.apply_jacobian(), report=report_columns(b, reporter.quantity, outputs),
+        apply_jacobian=system_of.apply_jacobian(), report=inputs.report_columns(b, reporter.quantity, outputs),
         energy=derive_energy(k, reactions, acting.joint_forces, gears),
     )  # fmt: skip
     return ImplicitEquations(
-        topology=topology, scene=scene, builder=b, parameters=tunable_parameters(model),
+        topology=topology, scene=scene, builder=b, parameters=inputs.tunable_parameters(model),
         roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
-        columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
+        columns=tuple(records.Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(
             *functions, *guard_function(margins), *events_function(indicators), *domains_function(domains), *laws.functions,
             *sample_function(b, k.translator, model, reporter.quantity), *(fit.function for fit in fits),
         ), method="recursive-newton",
         slots={
-            **_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(indicators), **domain_slots(domains),
-            **laws.slots, **energy_slots(), **sample_slots(model), **fit_slots(fits),
+            **_slots(start), **inputs.column_slots(outputs), **margin_slots(model, scene), **value_slots(indicators),
+            **domain_slots(domains), **laws.slots, **records.energy_slots(), **sample_slots(model), **fit_slots(fits),
         },
-        start=start, state=start.state, load_arguments=LOAD_ARGUMENTS,
+        start=start, state=start.state, load_arguments=records.LOAD_ARGUMENTS,
         indicators=describe_indicators(b, indicators), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         fits=fits,
     )  # fmt: skip
@@ -151,29 +121,30 @@ def formulate_residual(start: RecursiveEquations, closure: str = DEFAULT_CLOSURE
     """The inverse-dynamics residual: q, v, vdot, lambda -> residuals of forces and of loop accelerations, in the axes of ``start``."""
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
-    k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in start.charts}, axes=start.axes)
-    system = SharedForces(builder=b)
+    k = derive_kinematics(b, inputs.make_translator(b, model), topology, {c.joint: c for c in start.charts}, axes=start.axes)
+    system = contributions.SharedForces(builder=b)
     add_bodies(system, k, model)
     masses, weights_of_masses = dict(system.M), dict(system.Q)
     add_forces(system, k, model, scene, ())
-    Zdd, numbers = prescribed_accelerations(k), make_numbers(b, topology.closing, closure)
+    Zdd, numbers = prescribed_accelerations(k), inputs.make_numbers(b, topology.closing, closure)
     loops, gears = derive_loops(k, topology.cuts, numbers), derive_gears(k, model.gears, numbers)
     if frictions := load_frictions(model, system):
         add_friction(frictions, system, k, Forces(), Reactions(
             kinematics=k, loops=loops, M=masses, Q=dict(system.Q), Zdd=Zdd, acting=dict(system.cut_joint_wrenches)
         ))  # fmt: skip
     system_of = _System(
-        b=b, k=k, start=start, system=system, loops=loops, closed=tuple(close(k, loop, b.number(0.0)) for loop in loops), gears=gears,
+        b=b, k=k, start=start, system=system, loops=loops, gears=gears,
+        closed=tuple(contributions.close(k, loop, b.number(0.0)) for loop in loops),
         gear_multipliers=tuple(gear.multipliers for gear in gears), Zdd=Zdd, M=masses, Q=weights_of_masses,
     )  # fmt: skip
     curvature = loop_errors(k, loops, Zdd) | {g.gear.name: b.add(change(k, g, speed_inputs(k)), g.s) for g in gears}
     residual = {name: left for name, left in system_of.dynamic_residual().items() if name.startswith("force_residual:")}
     residual |= {f"curvature:{name}": b.record(left, "curvature", name) for name, left in curvature.items()}
-    laws, fits = derive_scene_inputs(b, model, scene, list(residual.values())), loop_fits(b, topology)
+    laws, fits = inputs.derive_scene_inputs(b, model, scene, list(residual.values())), loop_fits(b, topology)
     slots = start.state.chart_slots({"q": "q"}, {name: name for name in ("v", "vdot", "force_residual")})
     slots |= start.state.closure_slots(("lambda", "curvature"))
-    arguments = tuple(f"const Real* {name}" for name in ("q", "v", "vdot", "lambda"))
-    function = Function(name=FORCE_RESIDUAL, arguments=(*arguments, "Real* force_residual", "Real* curvature"), results=residual)
+    arguments = (*(f"const Real* {name}" for name in ("q", "v", "vdot", "lambda")), "Real* force_residual", "Real* curvature")
+    function = records.Function(name=records.FORCE_RESIDUAL, arguments=arguments, results=residual)
     return replace(
         start, builder=b, outputs=(), columns=(), functions=(function, *laws.functions, *(fit.function for fit in fits)),
         slots={**slots, **laws.slots, **fit_slots(fits)}, domains=(), indicators=(), left_out=(), inputs=laws.inputs,
@@ -186,9 +157,9 @@ class _System:
     b: Builder
     k: Kinematics
     start: RecursiveEquations
-    system: SharedForces
+    system: contributions.SharedForces
     loops: tuple[LoopClosure, ...]
-    closed: tuple[Closed, ...]
+    closed: tuple[contributions.Closed, ...]
     gears: tuple[GearClosure, ...]
     gear_multipliers: tuple[Block, ...]
     Zdd: Mapping[str, Block]
@@ -268,7 +239,7 @@ class _System:
             results[f"tangent:{j.row},{k.row}"] = value
         model, layout = self.start.topology.model, self.start.state
         own = state_tangent(self.b, self.k.translator, layout, model, motions.weights.damping, symmetric=False)
-        for row, column, value in (*own, *coupled_tangent(motions, layout, model, self.system)):
+        for row, column, value in (*own, *contributions.coupled_tangent(motions, layout, model, self.system)):
             if not is_zero(value):
                 name = f"tangent:{row},{column}"
                 results[name] = self.b.add(results[name], value) if name in results else value
@@ -291,19 +262,20 @@ class _System:
     def _shares(self, motions: Motions) -> Iterable[tuple[Motion, Motion, Block]]:
         b, variations = self.b, motions.variations()
         bodies = {body.name: body for body in self.start.topology.model.bodies}
-        whole: dict[str, Composite] = composites(self.k, bodies, self.M, self.Q, self.Zdd)
+        whole: dict[str, contributions.Composite] = contributions.composites(self.k, bodies, self.M, self.Q, self.Zdd)
         with b.section("tangent", "", "s^T (M^c c + B^c DV + xi x* F^c)", ""):
-            yield from inertial_tangent(motions, whole)
+            yield from contributions.inertial_tangent(motions, whole)
         places = {f.name: f.span.place for f in self.start.topology.model.forces}
         seeing = seeing_forces(self.start.topology.model)
         for element, wrenches in self.system.wrenches.items():
             with b.section("tangent", element, "s_j^T D_k W + (xi_k x s_j)^T W", places.get(element, "")):
-                for j, k, value in wrench_tangent(motions, variations, wrenches, sees=element in seeing):
+                for j, k, value in contributions.wrench_tangent(motions, variations, wrenches, sees=element in seeing):
                     yield j, k, b.neg(value)
         for c in self.closed:
             with b.section("tangent", c.name, "J^T J, and the turning of J^T (penalty Phi + lambda)", c.loop.joint.span.place):
-                yield from penalty_tangent(motions, c.loop)
-                for j, k, value in wrench_tangent(motions, variations, constraint_wrenches(self.k, c.loop, c.loop.multipliers)):
+                yield from contributions.penalty_tangent(motions, c.loop)
+                wrenches = constraint_wrenches(self.k, c.loop, c.loop.multipliers)
+                for j, k, value in contributions.wrench_tangent(motions, variations, wrenches):
                     yield j, k, b.neg(value)
         for gear, multipliers in zip(self.gears, self.gear_multipliers, strict=True):
             with b.section("tangent", gear.element.name, "J^T J", gear.element.span.place):
@@ -364,10 +336,10 @@ class _System:
                 base = b.mul(transport(b, self.k.pole_step(joint.base, joint.follower)), moved[joint.base])
                 changed = b.mul(loop.A, b.sub(moved[joint.follower], base))
             results[f"change:{joint.name}"] = b.record(changed, "change", joint.name)
-        inputs = speed_inputs(self.k)
+        given = speed_inputs(self.k)
         for gear in self.gears:
             with b.section("closure", gear.element.name, "x_a - ratio x_b", gear.element.span.place):
-                changed = change(self.k, gear, inputs)
+                changed = change(self.k, gear, given)
             results[f"change:{gear.element.name}"] = b.record(changed, "change", gear.element.name)
         return results
 
@@ -376,7 +348,7 @@ class _System:
         b, motions = self.b, self._motions()
         forces = {c.joint: b.zero(len(c.speed_names)) for c in self.start.charts}
         for loop in self.loops:
-            for _, wrench, path in paths(motions, constraint_wrenches(self.k, loop, weights(self.k, loop))):
+            for _, wrench, path in contributions.paths(motions, constraint_wrenches(self.k, loop, contributions.weights(self.k, loop))):
                 for body in dict.fromkeys(m.body for m in path):
                     motion = self.k.motions[body]
                     joint = motion.tree_joint.joint.name
@@ -407,10 +379,10 @@ def _slots(start: RecursiveEquations) -> dict[str, Slot]:
     balls = (c for c in start.charts if c.ball)
     names = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")
     tangents = {f"ball_tangent:{c.joint}": Slot(array="weights.ball_tangents", offset=9 * i, names=names) for i, c in enumerate(balls)}
-    return slots | tangents | start.state.closure_slots(EQUATION_ARRAYS)
+    return slots | tangents | start.state.closure_slots(records.EQUATION_ARRAYS)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class ImplicitEquations(SystemEquations):
+class ImplicitEquations(records.SystemEquations):
     """The index-3 formulation in relative coordinates: those of ``start``, with its charts and cut joints. Inputs by symbol: ``q:joint``,
     ``v:joint``, ``vdot:joint``, ``ball_tangent:joint`` (of a ball), ``lambda:joint``, ``w:joint``, ``penalty``, ``weights``."""

@@ -14,15 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from cutjoint.elements.joint import rate_name
-from cutjoint.formulate.events import (
-    describe_domains,
-    describe_indicators,
-    domain_slots,
-    domains_function,
-    events_function,
-    guides_jump,
-    value_slots,
-)
+from cutjoint.formulate import events, records
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import column_slots, derive_scene_inputs, make_translator, report_columns, tunable_parameters
 from cutjoint.formulate.layout import Entry, Slot, StateLayout, state_entries
@@ -35,17 +27,7 @@ from cutjoint.formulate.natural.needs import require_coordinates
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, record
 from cutjoint.formulate.natural.outputs import NaturalReporter
 from cutjoint.formulate.natural.poses import place_nodes
-from cutjoint.formulate.records import (
-    EQUATION_ARRAYS,
-    LOAD_ARGUMENTS,
-    Column,
-    LeftOut,
-    RecursiveEquations,
-    SystemEquations,
-    energy_results,
-    energy_slots,
-    system_functions,
-)
+from cutjoint.formulate.records import LeftOut, RecursiveEquations
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.states import (
     placed_states,
@@ -99,11 +81,11 @@ def formulate_lagrangian(
         for kind, block in zip(("placed", "placed_rate"), blocks, strict=True)
     } | placed_states(b, model)  # fmt: skip
     dynamic_residual = system.dynamic_residual()
-    constraint_residual, may_jump = system.constraint_residual(), guides_jump(model, scene)
+    constraint_residual, may_jump = system.constraint_residual(), events.guides_jump(model, scene)
     laws = derive_scene_inputs(b, model, scene, dynamic_residual.values(), events=may_jump)
     indicators = [*find_indicators(b, constraint_residual.values()), *laws.indicators] if may_jump else []
     domains = [*find_domains(b, dynamic_residual.values()), *laws.domains]
-    functions = system_functions(
+    functions = records.system_functions(
         initial_coordinates=placed, dynamic_residual=dynamic_residual, tangent=tangent, constraint_residual=constraint_residual,
         apply_jacobian_transposed=system.apply_jacobian_transposed(), apply_jacobian=system.apply_jacobian(),
         report=report_columns(b, reporter.quantity, outputs), energy=system.energy(),
@@ -111,19 +93,19 @@ def formulate_lagrangian(
     return LagrangianEquations(
         topology=topology, scene=scene, builder=b, parameters=tunable_parameters(model),
         roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
-        columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
+        columns=tuple(records.Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(
-            *functions, *guard_function(margins), *events_function(indicators), *domains_function(domains), *laws.functions,
+            *functions, *guard_function(margins), *events.events_function(indicators), *events.domains_function(domains), *laws.functions,
             *sample_function(b, motions.translator, model, reporter.quantity),
         ), method=method,
         slots={
             **start.state.chart_slots({"q": "relative_q"}, dict.fromkeys(("v", "relative_v"), "relative_v")), **system.slots(),
-            **column_slots(outputs), **margin_slots(model, scene, unheld), **value_slots(indicators), **domain_slots(domains), **laws.slots,
-            **energy_slots(), **sample_slots(model),
+            **column_slots(outputs), **margin_slots(model, scene, unheld), **events.value_slots(indicators),
+            **events.domain_slots(domains), **laws.slots, **records.energy_slots(), **sample_slots(model),
         },
-        indicators=describe_indicators(b, indicators), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
-        start=start, state=system.state, layout=layout, constraints=system.constraints, load_arguments=LOAD_ARGUMENTS,
-        left_out=tuple(unheld),
+        indicators=events.describe_indicators(b, indicators), domains=events.describe_domains(b, domains),
+        inputs=laws.inputs, input_values=laws.length, start=start, state=system.state, layout=layout, constraints=system.constraints,
+        load_arguments=records.LOAD_ARGUMENTS, left_out=tuple(unheld),
     )  # fmt: skip
 
 
@@ -361,7 +343,7 @@ class _System:
             masses = [speed.times(mass, b.dot(speed.node(i).v, speed.node(j).v)) for i, j, mass in self.masses]
             powers = [b.dot(speed.of(form).v, force) for _, form, force in self._applied_forces()]
             guides = [b.dot(multipliers(b, c), b.sub(c.rate, self._change(c))) for c in self.constraints if c.element in self._guided()]
-            return energy_results(b, b.mul(b.number(0.5), b.total([b.zero(1), *masses])), b.total([b.zero(1), *powers, *guides]))
+            return records.energy_results(b, b.mul(b.number(0.5), b.total([b.zero(1), *masses])), b.total([b.zero(1), *powers, *guides]))
 
     def _change(self, c: Constraint) -> Block:
         """Phi_q qd."""
@@ -384,7 +366,7 @@ class _System:
                 slots[f"{kind}:{node.name}"] = Slot(array=array, offset=offset, names=components(node))
         first = 0
         for c in self.constraints:
-            for array in EQUATION_ARRAYS:
+            for array in records.EQUATION_ARRAYS:
                 slots[f"{array}:{c.symbol}"] = Slot(array=array, offset=first, names=c.names)
             first += len(c.names)
         kinds = {"v": "v", "vdot": "vdot", "placed_rate": "v", "force_residual": "force_residual", "force": "force"}
@@ -414,7 +396,7 @@ def _one(node: Node) -> Form:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class LagrangianEquations(SystemEquations):
+class LagrangianEquations(records.SystemEquations):
     """An index-3 formulation in natural coordinates; ``method`` is "augmented" or "classical".
 
     Inputs by symbol: ``node:name``, ``node_rate:name``, ``node_acceleration:name``, ``lambda:constraint``, ``w:constraint``, ``penalty``,

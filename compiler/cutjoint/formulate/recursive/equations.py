@@ -2,17 +2,9 @@
 
 from dataclasses import replace
 
+from cutjoint.formulate import inputs
 from cutjoint.formulate.events import describe_domains, describe_indicators, domain_slots, domains_function, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
-from cutjoint.formulate.inputs import (
-    column_slots,
-    derive_scene_inputs,
-    make_charts,
-    make_numbers,
-    make_translator,
-    report_columns,
-    tunable_parameters,
-)
 from cutjoint.formulate.layout import Closure, relative_layout
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, energy_slots
 from cutjoint.formulate.recursive.embedding.elimination import embedded_reactions, range_margins
@@ -71,9 +63,9 @@ def formulate_recursive(
     With ``load_events`` lengths in loads of friction have indicators.
     """
     model, b = topology.model, Builder()
-    charts = make_charts(topology)
-    numbers = make_numbers(b, topology.closing, closure)
-    k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in charts}, axes=resolving_body(topology))
+    charts = inputs.make_charts(topology)
+    numbers = inputs.make_numbers(b, topology.closing, closure)
+    k = derive_kinematics(b, inputs.make_translator(b, model), topology, {c.joint: c for c in charts}, axes=resolving_body(topology))
     system = BodySystem(builder=b)
     k.rotors = find_rotors(k, model)
     add_bodies(system, k, model)
@@ -113,7 +105,7 @@ def formulate_recursive(
     accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}
     accelerations |= {f"vdot:{name}": rate for name, rate in state_rates(b, k.translator, model).items()}
     switching = [*accelerations.values(), *k.guided_rates]  # a jump of a guide does work even if no acceleration depends on it
-    laws = derive_scene_inputs(b, model, scene, switching)
+    laws = inputs.derive_scene_inputs(b, model, scene, switching)
     fits = loop_fits(b, topology)
     indicators = [*find_indicators(b, switching), *laws.indicators, *sign_changes]
     domains = [*find_domains(b, accelerations.values()), *laws.domains]
@@ -127,7 +119,7 @@ def formulate_recursive(
         }),
         Function(
             name="report", arguments=(*_STATE, "const Real* vdot", "const Real* lambda", "Real* column"),
-            results=report_columns(b, reporter.quantity, outputs),
+            results=inputs.report_columns(b, reporter.quantity, outputs),
         ),
         Function(
             name="energy", arguments=(*_STATE, "const Real* vdot", "const Real* lambda", "Real* energy"),
@@ -145,12 +137,12 @@ def formulate_recursive(
         *(fit.function for fit in fits),
     )  # fmt: skip
     return RecursiveEquations(
-        topology=topology, scene=scene, builder=b, state=layout, parameters=tunable_parameters(model),
+        topology=topology, scene=scene, builder=b, state=layout, parameters=inputs.tunable_parameters(model),
         roads=tuple(f.name for f in model.forces if f.has_road),
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
         slots={
             **layout.chart_slots({"q": "q"}, {"v": "v", "vdot": "vdot", "dz": "dz"}),
-            **layout.closure_slots(("lambda", "correction", "residual", "rate", "violation")), **column_slots(outputs),
+            **layout.closure_slots(("lambda", "correction", "residual", "rate", "violation")), **inputs.column_slots(outputs),
             **margin_slots(model, scene), **value_slots(indicators), **domain_slots(domains), **laws.slots, **energy_slots(),
             **sample_slots(model), **fit_slots(fits),
             **(pose_slots(model) if poses else {}),

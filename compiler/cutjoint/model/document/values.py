@@ -10,20 +10,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Field,
-    GetCoreSchemaHandler,
-    PlainValidator,
-    StrictStr,
-    Tag,
-    WithJsonSchema,
-    model_validator,
-)
+import pydantic
+from pydantic import Discriminator, Field, PlainValidator, StrictStr, Tag, WithJsonSchema
 from pydantic_core import PydanticCustomError, core_schema
 
 from cutjoint.model.names import MAX_NAME_LENGTH, name_problem, parameter_name_problem, term_name_problem
@@ -35,10 +23,10 @@ MAX_GRID = 400  #: points of a surface
 MAX_FIELD = 50_000  #: heights of a road
 
 
-class Part(BaseModel):
+class Part(pydantic.BaseModel):
     """A mapping with known keys."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = pydantic.ConfigDict(frozen=True, extra="forbid")
 
 
 def shape_error(message: str, hint: str = "") -> PydanticCustomError:
@@ -64,7 +52,7 @@ class OneOf:
 
     names: Iterable[str]
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(self, source: Any, handler: pydantic.GetCoreSchemaHandler) -> core_schema.CoreSchema:
         """The schema of a Literal of the names."""
         return core_schema.literal_schema([str(name) for name in self.names])
 
@@ -81,7 +69,7 @@ def _unit(value: Any) -> str:
     raise shape_error("this is not a unit", "write for example N*s/m")
 
 
-def _list_of(*sizes: int, words: str, hint: str) -> BeforeValidator:
+def _list_of(*sizes: int, words: str, hint: str) -> pydantic.BeforeValidator:
     """The check of a list that must have one of some lengths, with the message for others."""
 
     def checked(value: Any) -> Any:
@@ -89,7 +77,7 @@ def _list_of(*sizes: int, words: str, hint: str) -> BeforeValidator:
             return value
         raise shape_error(words, hint)
 
-    return BeforeValidator(checked)
+    return pydantic.BeforeValidator(checked)
 
 
 _SIX = _list_of(6, words="needs six values", hint="write [along x, y, z, about x, y, z]")
@@ -106,7 +94,7 @@ def _word_of(words: Sequence[str], message: str) -> Callable[[str], str]:
     return checked
 
 
-def _without(problem: Callable[[str], tuple[str, str] | None]) -> AfterValidator:
+def _without(problem: Callable[[str], tuple[str, str] | None]) -> pydantic.AfterValidator:
     """The check of a name that must have no problem."""
 
     def checked(name: str) -> str:
@@ -114,7 +102,7 @@ def _without(problem: Callable[[str], tuple[str, str] | None]) -> AfterValidator
             raise shape_error(*found)
         return name
 
-    return AfterValidator(checked)
+    return pydantic.AfterValidator(checked)
 
 
 _NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "maxLength": MAX_NAME_LENGTH}
@@ -151,7 +139,7 @@ NAMED_AXES = ("x", "y", "z", "-x", "-y", "-z")  #: the axes of the design frame 
 
 _DIRECTION = "needs three numbers, an axis such as x or -y, or {from: P, to: Q}"
 
-NamedAxis = Annotated[StrictStr, AfterValidator(_word_of(NAMED_AXES, _DIRECTION)), WithJsonSchema({"enum": list(NAMED_AXES)})]
+NamedAxis = Annotated[StrictStr, pydantic.AfterValidator(_word_of(NAMED_AXES, _DIRECTION)), WithJsonSchema({"enum": list(NAMED_AXES)})]
 
 Direction: TypeAlias = Annotated[
     Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")] | Annotated[NamedAxis, Tag("<axis>")],
@@ -219,7 +207,7 @@ class Attitude(Part):
     order: Order | None = None
     quaternion: Four | None = None
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _one_form(self) -> Attitude:
         forms = [name for name in ("rotation_vector", "euler", "quaternion") if getattr(self, name) is not None]
         if len(forms) != 1:
@@ -243,9 +231,9 @@ State: TypeAlias = Annotated[
 
 ANY = "any"  #: stands for one of the directions across the axis of an axisymmetric body
 
-_PRINCIPAL = f"{_DIRECTION}, or any"
+_PRINCIPAL, _WORDS = f"{_DIRECTION}, or any", (*NAMED_AXES, ANY)
 
-_AxisOrAny = Annotated[StrictStr, AfterValidator(_word_of((*NAMED_AXES, ANY), _PRINCIPAL)), WithJsonSchema({"enum": [*NAMED_AXES, ANY]})]
+_AxisOrAny = Annotated[StrictStr, pydantic.AfterValidator(_word_of(_WORDS, _PRINCIPAL)), WithJsonSchema({"enum": [*_WORDS]})]
 
 PrincipalDirection: TypeAlias = Annotated[
     Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")] | Annotated[_AxisOrAny, Tag("<axis>")],
@@ -310,7 +298,7 @@ class Branch(Part):
     polynomial: Coefficients | None = None
     expression: Number | None = None
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _one_form(self) -> Branch:
         if (self.polynomial is None) == (self.expression is None):
             raise shape_error("a piece needs either polynomial or expression")
@@ -365,7 +353,7 @@ class Table(Part):
     table: Annotated[dict[StrictStr, Entries], WithJsonSchema(table_schema(MAX_TABLE))]
     interpolation: Literal["cubic", "linear"] = "cubic"
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _few_points(self) -> Table:
         points = sum(len(entry) for entry in self.table.get("value", ()) if isinstance(entry, tuple))
         if points > MAX_GRID:

@@ -25,7 +25,6 @@ from cutjoint.package.locations import AnyPath
 PREFIX = "cutjoint_"  #: the beginning of the C functions' names
 _UPDATE = "_update"  #: the end of the name of the C function that writes a memory
 MAX_MEMORY, MAX_RESULTS = 256, 16  #: the largest memory of a function, bytes, and the most results
-
 _VALUE = -1  #: stands for the value where a number of an argument stands for a partial derivative
 
 

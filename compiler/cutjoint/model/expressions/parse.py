@@ -14,27 +14,10 @@ from itertools import chain
 import sympy
 
 from cutjoint.model.errors import nearest
+from cutjoint.model.expressions import operations
 from cutjoint.model.expressions.choices import bottom_up
 from cutjoint.model.expressions.functions import call_supplied
-from cutjoint.model.expressions.operations import (
-    FUNCTIONS,
-    MANY,
-    MAX_SIZE,
-    SPECIAL,
-    ExpressionError,
-    Term,
-    all_of,
-    any_of,
-    binary,
-    check_extent,
-    choice,
-    compare,
-    constant,
-    negative,
-    require_real,
-    smooth,
-    where,
-)
+from cutjoint.model.expressions.operations import ExpressionError, Term
 from cutjoint.model.expressions.units import Dimension, Quantity, UnitError, read_measure
 from cutjoint.model.records import Scalar, SuppliedFunction
 from cutjoint.model.text import is_number
@@ -120,13 +103,13 @@ def with_terms(names: Mapping[str, Term], further: Mapping[str, Term]) -> Mappin
 def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
     """A number, a number with a unit, or an expression over ``names``.  Raises ExpressionError."""
     if not isinstance(value, str):
-        return constant(value, value.dimension if isinstance(value, Quantity) else None)
+        return operations.constant(value, value.dimension if isinstance(value, Quantity) else None)
     try:
         quantity = read_measure(value)
     except UnitError as error:
         raise ExpressionError(str(error), "write for example '30 deg' or '5 N*s/m'") from None
     if quantity is not None:
-        return constant(quantity.value, quantity.dimension)
+        return operations.constant(quantity.value, quantity.dimension)
     try:
         text = _one_line(value)
         parser = _Parser(names, text)
@@ -135,10 +118,10 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
         raise ExpressionError("the expression is nested too deep") from None
     if not has_finite_numbers(term.value):
         raise ExpressionError("a number in the expression is out of range")
-    check_extent(term.value)
+    operations.check_extent(term.value)
     if not parser.has_failed:
         for part in bottom_up(term.value):
-            require_real(part)
+            operations.require_real(part)
     if term.value.has(sympy.Abs):
         return replace(term, value=term.value.replace(sympy.Abs, _absolute_value))
     return term
@@ -180,7 +163,7 @@ def _is_finite(number: Scalar) -> bool:
 
 
 def _absolute_value(argument: Scalar) -> Scalar:
-    return choice((argument, sympy.GreaterThan(argument, 0, evaluate=False)), (-argument, sympy.true))
+    return operations.choice((argument, sympy.GreaterThan(argument, 0, evaluate=False)), (-argument, sympy.true))
 
 
 def _one_line(text: str) -> str:
@@ -232,7 +215,7 @@ class _Parser:
             case ast.Attribute() if (dotted := _dotted(node)) is not None:
                 result = self.quantity(dotted)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
-                result = negative(self.term(operand, depth + 1))
+                result = operations.negative(self.term(operand, depth + 1))
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
                 result = self.term(operand, depth + 1)
             case ast.BinOp():
@@ -243,8 +226,8 @@ class _Parser:
                 result = self.call_supplied(name, which, args, depth)
             case _:
                 raise _refusal(node)
-        if result.size > MAX_SIZE:
-            raise ExpressionError(f"the expression expands to more than {MAX_SIZE} operations")
+        if result.size > operations.MAX_SIZE:
+            raise ExpressionError(f"the expression expands to more than {operations.MAX_SIZE} operations")
         if result.memory_of:
             hint = f"write it as the last argument of {result.memory_of}"
             raise ExpressionError(f"'{ast.unparse(node)}' is the memory of a function, and no number", hint)
@@ -260,21 +243,21 @@ class _Parser:
             first = first.left
         result = self.term(first, depth + 1)
         for sign, right in reversed(rest):
-            result = binary(sign, result, self.term(right, depth + 1))
+            result = operations.binary(sign, result, self.term(right, depth + 1))
         return result
 
     def number(self, node: ast.Constant, value: int | float) -> Term:
         written = self.text[node.col_offset : node.end_col_offset]
         if not is_number(written):
             raise ExpressionError(f"'{_short(written)}' is not a number here", "write it in decimal digits, without underscores")
-        return constant(value)
+        return operations.constant(value)
 
     def name(self, name: str) -> Term:
         if name in self.names:
             return self.known(self.names[name])
         if name == "pi":
             return Term(sympy.pi, None, math.pi)
-        if name in FUNCTIONS:
+        if name in operations.FUNCTIONS:
             raise ExpressionError(f"'{name}' is a function", f"write {name}(...)")
         raise ExpressionError(f"unknown symbol '{name}'", nearest(name, [*self.names, "pi"], "symbols here"))
 
@@ -293,17 +276,17 @@ class _Parser:
             raise ExpressionError("there is no continuous delay", hint)
         if name in self.supplied:
             return self.call_supplied(name, "", args, depth)
-        if name not in FUNCTIONS:
-            raise ExpressionError(f"unknown function '{name}'", nearest(name, [*FUNCTIONS, *self.supplied], "functions"))
-        count = FUNCTIONS[name]
-        if len(args) != count and not (count == MANY and args):
-            wanted = "at least one argument" if count == MANY else f"{count} argument{'s' * (count > 1)}"
+        if name not in operations.FUNCTIONS:
+            raise ExpressionError(f"unknown function '{name}'", nearest(name, [*operations.FUNCTIONS, *self.supplied], "functions"))
+        count = operations.FUNCTIONS[name]
+        if len(args) != count and not (count == operations.MANY and args):
+            wanted = "at least one argument" if count == operations.MANY else f"{count} argument{'s' * (count > 1)}"
             raise ExpressionError(f"{name} needs {wanted}, got {len(args)}")
         if name == "where":
             condition, size = self.condition(args[0], depth + 1)
-            return where(condition, self.term(args[1], depth + 1), self.term(args[2], depth + 1), size)
+            return operations.where(condition, self.term(args[1], depth + 1), self.term(args[2], depth + 1), size)
         terms = [self.term(arg, depth + 1) for arg in args]
-        return SPECIAL[name](terms) if name in SPECIAL else smooth(name, terms)
+        return operations.SPECIAL[name](terms) if name in operations.SPECIAL else operations.smooth(name, terms)
 
     @property
     def supplied(self) -> Mapping[str, SuppliedFunction]:
@@ -326,10 +309,10 @@ class _Parser:
             case ast.Compare(left=left, ops=signs, comparators=others):
                 terms = [self.term(side, depth + 1) for side in (left, *others)]
                 pairs = zip(signs, terms[:-1], terms[1:], strict=True)
-                return all_of([compare(sign, a, b) for sign, a, b in pairs]), sum(term.size for term in terms)
+                return operations.all_of([operations.compare(sign, a, b) for sign, a, b in pairs]), sum(term.size for term in terms)
             case ast.BoolOp(op=ast.And() | ast.Or() as word, values=values):
                 parts = [self.condition(value, depth + 1) for value in values]
-                join = all_of if isinstance(word, ast.And) else any_of
+                join = operations.all_of if isinstance(word, ast.And) else operations.any_of
                 return join([part for part, _ in parts]), 1 + sum(size for _, size in parts)
         raise ExpressionError("the first argument of where must be a condition", "write for example where(x < 0, a, b)")
 

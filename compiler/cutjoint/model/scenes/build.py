@@ -31,7 +31,6 @@ from cutjoint.model.scenes.starts import read_aims, read_near, read_starts, read
 from cutjoint.model.validate import check_guides, joints_are_known
 
 SETTINGS = {SOLVER_TOLERANCE: "tolerance"}  #: the settings of files whose records have another name
-
 _STEP = variable("dt")  #: the variables that penalty and frequency may have
 
 
