@@ -237,7 +237,7 @@ def test_ball_springs(seed: int) -> None:
 def determined(pair: Pair, at: Instant) -> set[str]:
     """The columns that multipliers which change no force on the coordinates do not change."""
     placed = pair.call("initial_coordinates", relative_q=at.q, relative_v=at.v, t=np.array([at.t]))
-    J = constraint_jacobian(pair.natural, placed["q"])
+    J = constraint_jacobian(pair.natural, {"q": placed["q"]})
     idle = np.linalg.svd(J.T)[2][np.linalg.matrix_rank(J, tol=1e-8) :]
     state = {"q": placed["q"], "v": placed["v"], "vdot": np.zeros(pair.n)}
     columns = [pair.call("report", **state, **{"lambda": multipliers})["column"] for multipliers in (np.zeros(pair.m), *idle)]
@@ -301,7 +301,7 @@ def test_coordinates_and_equations(name: str, chosen: str | None, coordinates: i
     pair = from_file(name, chosen)
     assert (pair.n, pair.m) == (coordinates, equations)
     for state in closed_states(pair.natural):
-        J = constraint_jacobian(pair.natural, state.q)
+        J = constraint_jacobian(pair.natural, {"q": state.q})
         assert coordinates - np.linalg.matrix_rank(J, tol=1e-6) == freedom
 
 
@@ -316,7 +316,7 @@ def test_equations_that_depend_on_others_are_found() -> None:
         assert len(kept.equation_names) == pair.m - expected
         assert set(kept.equation_names) == set(pair.natural.equation_names) - set(found)
         for state in closed_states(kept):
-            J = constraint_jacobian(kept, state.q)
+            J = constraint_jacobian(kept, {"q": state.q})
             assert np.linalg.matrix_rank(J, tol=1e-6) == len(J)
 
 

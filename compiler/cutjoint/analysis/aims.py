@@ -5,7 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array, close_loops, design_coordinates, evaluate_closures, flat_roads, make_inputs, retract
+from cutjoint.analysis.closing import (
+    Array,
+    close_loops,
+    design_coordinates,
+    evaluate_closures,
+    flat_roads,
+    free_directions,
+    make_inputs,
+    retract,
+)
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import join_and
@@ -14,7 +23,6 @@ from cutjoint.model.records import VALUE, Aim, Model, Output, Scene, Signal
 from cutjoint.package.errors import RunError
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.geometry import TOLERANCE
 
 _REACHED = 1e-11  #: a quantity is as wanted within this (m, rad), in units of its size above one
 _DIFFERENCE = 1e-5  #: a step of differences by which places change, rad and m: central ones err by their square
@@ -243,14 +251,10 @@ class PoseSearch:
 
     def moves(self, q: Array) -> Array:
         """The motions (speeds, n) that keep loops closed and given coordinates fixed."""
-        jacobian = evaluate_closures(self._equations, q)[1][:, self._free]
-        m, n = jacobian.shape
-        moves = np.zeros((len(self._free), n))
-        moves[self._free] = np.eye(n)
-        if not (m and n):
-            return moves
-        values, directions = np.linalg.svd(jacobian, full_matrices=m < n)[1:]
-        return np.asarray(moves @ directions[int(np.sum(values > TOLERANCE * values.max())) :].T)
+        directions = free_directions(evaluate_closures(self._equations, q)[1][:, self._free])
+        moves = np.zeros((len(self._free), directions.shape[1]))
+        moves[self._free] = directions
+        return moves
 
     def _derivatives(self, q: Array) -> Array:
         """The changes of the places (places, speeds) by each speed, by central differences."""

@@ -106,8 +106,7 @@ def _nearest(products: Array) -> Array:
 
 
 def _transformed(design: Array, now: Array) -> Array:
-    """Rotations (times, 3, 3) that take a direction (3,) to those of ``now`` (times, 3), each by the smallest rotation from the one before.
-    """
+    """Rotations (times, 3, 3) from a direction (3,) to those of ``now`` (times, 3), each by the smallest rotation from the one before."""
     rotation, before, rotations = np.eye(3), design / np.linalg.norm(design), []
     for direction in now / np.linalg.norm(now, axis=1, keepdims=True):
         rotation = _smallest_rotation(before, direction) @ rotation

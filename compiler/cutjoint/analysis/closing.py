@@ -102,7 +102,7 @@ def _interpret(equations: RecursiveEquations, q: Array, blocks: Sequence[Block],
     return interpret_blocks(blocks, make_inputs(equations, q, np.eye(equations.speeds), t), flat_roads(equations))
 
 
-def flat_roads(equations: RecursiveEquations) -> dict[str, RoadTable]:
+def flat_roads(equations: Equations) -> dict[str, RoadTable]:
     """A flat road for each tyre."""
     return {name: FlatRoad() for name in equations.roads}
 
@@ -157,6 +157,15 @@ def _by_input(equations: Equations, numbers: Array) -> dict[str, Array]:
     count = len(equations.slots[INPUTS].names)
     begun = count + equations.discrete_states
     return {INPUTS: numbers[..., :count], DISCRETE_STATES: numbers[..., count:begun], LAW_VALUES: numbers[..., begun:]}
+
+
+def free_directions(J: Array) -> Array:
+    """An orthonormal basis (speeds, dofs) of the null space of J; equations that follow from others do no harm."""
+    m, n = J.shape
+    if not (m and n):
+        return np.eye(n)
+    _, values, right = np.linalg.svd(J, full_matrices=m < n)
+    return np.asarray(right[int(np.sum(values > TOLERANCE * values.max(initial=0.0))) :].T)
 
 
 def close_loops(
@@ -254,8 +263,7 @@ class Pose:
     @property
     def free(self) -> Array:
         """An orthonormal basis, as columns, of the speeds that the equations leave free."""
-        m, n = self.jacobian.shape
-        return np.linalg.svd(self.jacobian, full_matrices=m < n)[2][self.rank :].T if m and n else np.eye(n)
+        return free_directions(self.jacobian)
 
 
 def explore(equations: RecursiveEquations) -> tuple[Pose, ...]:

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array, retract_changes
-from cutjoint.analysis.natural import call, evaluate_changes
+from cutjoint.analysis.closing import Array, free_directions, retract_changes
+from cutjoint.analysis.natural import call, constraint_jacobian, evaluate_changes
 from cutjoint.formulate.implicit.equations import ImplicitEquations
 from cutjoint.program.interpret import RoadTable
 from cutjoint.topology.geometry import TOLERANCE
@@ -51,15 +51,6 @@ class ReducedSystem:
 
 class NoMassError(ValueError):
     """A motion that the loops leave free has no mass."""
-
-
-def free_directions(J: Array) -> Array:
-    """An orthonormal basis (speeds, dofs) of the null space of J; equations that follow from others do no harm."""
-    if 0 in J.shape:
-        return np.eye(J.shape[1])
-    _, values, right = np.linalg.svd(J)
-    rank = int(np.sum(values > TOLERANCE * values.max(initial=0.0)))
-    return np.asarray(right[rank:].T)
 
 
 def reduce_system(of: Linearisation) -> ReducedSystem:
@@ -123,7 +114,7 @@ class Point:
 def linearise(equations: ImplicitEquations, at: Point, *, at_rest: bool) -> Linearisation:
     """The equations linearised about a state, which is one ``at_rest`` or of a motion with its accelerations."""
     here = _arrays(equations, at, at_rest)
-    J = _jacobian(equations, here)
+    J = constraint_jacobian(equations, here)
     here["lambda"] = _balancing(J, _call(equations, "dynamic_residual", here, at).get("force_residual", np.zeros(0)))
     forces = _tangents(equations, "dynamic_residual", "force_residual", here, at)
     G, free = np.zeros_like(J), free_directions(J)
@@ -168,14 +159,6 @@ def _arrays(equations: ImplicitEquations, at: Point, at_rest: bool) -> dict[str,
 
 def _call(equations: ImplicitEquations, function: str, arrays: Mapping[str, Array], at: Point) -> dict[str, Array]:
     return call(equations, function, arrays, at.roads, at.held)
-
-
-def _jacobian(equations: ImplicitEquations, here: Mapping[str, Array]) -> Array:
-    """J, (equations, speeds)."""
-    m, n = len(equations.equation_names), equations.unknowns
-    if not m:
-        return np.zeros((0, n))
-    return np.broadcast_to(call(equations, "apply_jacobian_transposed", {**here, "w": np.eye(m)})["force"], (m, n))
 
 
 def _balancing(J: Array, residual: Array) -> Array:

@@ -6,7 +6,7 @@ not yield to forces.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 
@@ -52,9 +52,8 @@ def find_mobility(equations: RecursiveEquations, poses: Sequence[Pose] | None = 
     """The mobility with default parameters and guides at rest; ``poses`` are those of ``explore``."""
     poses = explore(equations) if poses is None else poses
     return Mobility(
-        speeds=equations.speeds, equations=len(equations.equation_names), rank=max(p.rank for p in poses),
-        design_rank=poses[0].rank, poses=len(poses), condition=poses[0].condition,
-        closed=poses[0].closed,
+        speeds=equations.speeds, equations=len(equations.equation_names), rank=max(p.rank for p in poses), design_rank=poses[0].rank,
+        poses=len(poses), condition=poses[0].condition, closed=poses[0].closed,
     )  # fmt: skip
 
 
@@ -95,7 +94,8 @@ def require_guides(equations: RecursiveEquations) -> None:
         rates = evaluate_guided_rates(equations, q, time)
         if not np.abs(rates).max(initial=0.0) > 0:
             continue
-        left = _uncompensated(evaluate_closures(equations, q, time)[1], rates)
+        jacobian = evaluate_closures(equations, q, time)[1]
+        left = rates - jacobian @ np.linalg.lstsq(jacobian, rates, rcond=1e-9)[0]  # what speeds cannot compensate
         if np.abs(left).max() < _PART * np.abs(rates).max() or close_loops(equations, q, t=time) is not None:
             return
         violations = np.maximum(violations, np.abs(left))
@@ -105,22 +105,8 @@ def require_guides(equations: RecursiveEquations) -> None:
 
 def moving_joints(equations: RecursiveEquations) -> list[Joint]:
     """The tree joints whose guides move in the scene."""
-    topology = equations.topology
-    return [t.joint for t in topology.tree if any(rate != 0 for rate in _rates(equations, t.joint))]
-
-
-def _rates(equations: RecursiveEquations, joint: Joint) -> Iterator[object]:
-    laws = input_functions(equations.topology.model, equations.scene)
-    for guide in joint.guide or ():
-        yield sympy.diff(guide.subs(laws), TIME)
-
-
-def _uncompensated(jacobian: Array, rates: Array) -> Array:
-    """The least-squares residual of rates that speeds cannot compensate."""
-    if not jacobian.size:
-        return rates
-    speeds = np.linalg.lstsq(jacobian, rates, rcond=1e-9)[0]
-    return np.asarray(rates - jacobian @ speeds)
+    laws, joints = input_functions(equations.topology.model, equations.scene), [t.joint for t in equations.topology.tree]
+    return [joint for joint in joints if any(sympy.diff(guide.subs(laws), TIME) != 0 for guide in joint.guide or ())]
 
 
 def _words(equations: RecursiveEquations, moving: list[Joint], violations: Array) -> str:

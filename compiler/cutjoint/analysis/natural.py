@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from cutjoint.analysis import closing
-from cutjoint.analysis.closing import Array, FlatRoad
+from cutjoint.analysis.closing import Array
 from cutjoint.formulate.inputs import DISCRETE_STATES, INPUT_ORDERS, INPUTS, discrete_state_name
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.records import SystemEquations
@@ -50,8 +50,8 @@ def evaluate_results(
     """Results (..., length) by name, in the interpreter; arguments that ``arrays`` lacks are zero or parameters' defaults.
     Arrays of inputs (..., length) are named as the generated functions' arguments, and may carry batch axes, as may values (...) of
     inputs that are ``held`` and do not follow the scene. Without ``roads`` they are flat."""
-    flat: dict[str, RoadTable] = {name: FlatRoad() for name in equations.roads}
-    values = interpret_blocks(results.values(), _inputs(equations, arrays, held), flat if roads is None else roads)
+    roads = closing.flat_roads(equations) if roads is None else roads
+    values = interpret_blocks(results.values(), _inputs(equations, arrays, held), roads)
     return {name: values[block][..., 0] for name, block in results.items()}
 
 
@@ -76,9 +76,8 @@ def evaluate_changes(
         if slot.array in changes and slot.array in _ARRAYS:
             seeds[symbol] = changes[slot.array][:, slot.offset : slot.offset + len(slot.names)]
     seeds = {name: seed for name, seed in seeds.items() if seed.any()}
-    flat: dict[str, RoadTable] = {name: FlatRoad() for name in equations.roads}
-    inputs = _inputs(equations, arrays, held)
-    values, moved = interpret_tangents(results.values(), inputs, seeds, flat if roads is None else roads, touching)
+    roads = closing.flat_roads(equations) if roads is None else roads
+    values, moved = interpret_tangents(results.values(), _inputs(equations, arrays, held), seeds, roads, touching)
     return {
         name: (values[block][..., 0], moved[block][..., 0] if block in moved else np.zeros((count, block.shape[0])))
         for name, block in results.items()
@@ -145,22 +144,23 @@ def _moving(equations: LagrangianEquations, pose: closing.Pose, rng: np.random.G
     return NaturalState(q=placed.get("q", nothing), v=placed.get("v", nothing))
 
 
-def constraint_jacobian(equations: LagrangianEquations, q: Array) -> Array:
-    """Phi_q, (equations, coordinates)."""
+def constraint_jacobian(equations: SystemEquations, arrays: Mapping[str, Array]) -> Array:
+    """Phi_q, (equations, unknowns); ``arrays`` are those of `evaluate_results`."""
     m, n = len(equations.equation_names), equations.unknowns
     if m == 0:
         return np.zeros((0, n))
-    return np.broadcast_to(call(equations, "apply_jacobian_transposed", {"q": q, "w": np.eye(m)})["force"], (m, n))
+    return np.broadcast_to(call(equations, "apply_jacobian_transposed", {**arrays, "w": np.eye(m)})["force"], (m, n))
 
 
 def dependent_equations(equations: LagrangianEquations, states: Sequence[NaturalState]) -> tuple[str, ...]:
     """The names of equations that follow from the others in every state: the last of those that depend on each other.
     The rows kept have the rank of all in each state that has the largest rank."""
     sizes = [1 / equations.topology.arm if angular else 1.0 for angular in equations.angular] + [1.0] * len(equations.state.states)
-    jacobians = [constraint_jacobian(equations, state.q) * sizes for state in states]
+    jacobians = [constraint_jacobian(equations, {"q": state.q}) * sizes for state in states]
     if not jacobians[0].shape[0]:
         return ()
-    ranks = [_rank(J) for J in jacobians]
+    values = [np.linalg.svd(J, compute_uv=False) for J in jacobians]
+    ranks = [int(np.sum(of > TOLERANCE * of.max(initial=0.0))) for of in values]
     best = [J for J, rank in zip(jacobians, ranks, strict=True) if rank == max(ranks)]
     kept: list[int] = []
     reduced = [J / np.linalg.norm(J, axis=1, keepdims=True).clip(1e-300) for J in best]
@@ -169,21 +169,12 @@ def dependent_equations(equations: LagrangianEquations, states: Sequence[Natural
         rests = [J[row] - basis.T @ (basis @ J[row]) for J, basis in zip(reduced, bases, strict=True)]
         if min(np.linalg.norm(rest) for rest in rests) > _INDEPENDENT:
             kept.append(row)
-            bases = [np.vstack([basis, _orthogonal(rest, basis)]) for basis, rest in zip(bases, rests, strict=True)]
+            rests = [rest - basis.T @ (basis @ rest) for basis, rest in zip(bases, rests, strict=True)]  # again, for what rounding left
+            bases = [np.vstack([basis, rest / np.linalg.norm(rest)]) for basis, rest in zip(bases, rests, strict=True)]
     return tuple(name for row, name in enumerate(equations.equation_names) if row not in kept)
 
 
 _INDEPENDENT = 1e-7  #: the least part of a normalised row that the rows before it do not have
-
-
-def _orthogonal(rest: Array, basis: Array) -> Array:
-    rest = rest - basis.T @ (basis @ rest)
-    return np.asarray(rest / np.linalg.norm(rest))
-
-
-def _rank(J: Array) -> int:
-    values = np.linalg.svd(J, compute_uv=False)
-    return int(np.sum(values > TOLERANCE * values.max(initial=0.0)))
 
 
 def tangent_samples(equations: LagrangianEquations, states: Sequence[NaturalState], dt: float) -> Iterator[Array]:

@@ -156,7 +156,7 @@ def require_loads(topology: Topology, scene: Scene) -> Topology:
         return topology
     equations = formulate_recursive(topology, scene, tuple(Output(element=f.name, quantity="load", span=f.span) for f in forces))
     poses = _regular(explore(equations))
-    shares = np.max([_largest_load_changes(equations, pose) for pose in poses], axis=0)
+    shares = np.max([_shares(equations, pose) for pose in poses], axis=0)
     loose = [f.name for f, share in zip(forces, shares, strict=True) if share > _DETERMINED]
     if loose and not (_is_constant(poses) and all(_is_even(equations, *at) for at in product(poses, np.linspace(0.0, scene.end, _TIMES)))):
         raise refuse_friction(
@@ -190,8 +190,8 @@ def _is_even(equations: RecursiveEquations, pose: Pose, t: float) -> bool:
     return bool(np.allclose(one, other, rtol=1e-7, atol=1e-9 * size))
 
 
-def _largest_load_changes(equations: RecursiveEquations, pose: Pose) -> Array:
-    """The largest change of each load by unit multipliers of the null space of either sign. As a share of that by single multipliers."""
+def _shares(equations: RecursiveEquations, pose: Pose) -> Array:
+    """The largest change of each column by unit multipliers of the null space of either sign, as a share of that by single multipliers."""
     null = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T
     changes = np.abs(_changes(equations, pose, np.concatenate([null, -null])))
     sizes = np.linalg.norm(_changes(equations, pose, np.eye(len(equations.equation_names))), axis=0)
@@ -202,14 +202,6 @@ def _largest_load_changes(equations: RecursiveEquations, pose: Pose) -> Array:
 def _regular(poses: Sequence[Pose]) -> list[Pose]:
     rank = max(pose.rank for pose in poses)
     return [pose for pose in poses if pose.rank == rank]
-
-
-def _shares(equations: RecursiveEquations, pose: Pose) -> Array:
-    """The largest change of each column by unit multipliers of the null space, as a share of the changes by single multipliers together."""
-    null, changes = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T, _changes(equations, pose, np.eye(len(equations.equation_names)))
-    sizes = np.linalg.norm(changes, axis=0)
-    shares: Array = np.abs(null @ changes).max(axis=0, initial=0.0) / np.where(sizes > 0, sizes, 1.0)
-    return shares
 
 
 def _changes(equations: RecursiveEquations, pose: Pose, each: Array) -> Array:

@@ -205,16 +205,10 @@ class RatedChoice:
 
 
 def _difference(used: RatedOption, other: RatedOption) -> str:
-    mine, cost, name = used.option.cost, other.option.cost, other.option.joint.name
-    if mine.counted_once != cost.counted_once:
-        return f"{_less(cost.counted_once - mine.counted_once, 'operations fewer', 'operations more')} than at {name}"
-    if mine.redundant != cost.redundant:
-        return f"{_less(cost.redundant - mine.redundant, 'redundant equations fewer', 'redundant equations more')} than at {name}"
-    return f"the same cost as at {name}"
-
-
-def _less(difference: int, less: str, more: str) -> str:
-    return f"{abs(difference)} {less if difference > 0 else more}"
+    for attribute, counted in (("counted_once", "operations"), ("redundant", "redundant equations")):
+        if less := getattr(other.option.cost, attribute) - getattr(used.option.cost, attribute):
+            return f"{abs(less)} {counted} {'fewer' if less > 0 else 'more'} than at {other.option.joint.name}"
+    return f"the same cost as at {other.option.joint.name}"
 
 
 def rate_choices(topology: Topology, choices: Sequence[Choice], limit: int = 3) -> tuple[RatedChoice, ...]:

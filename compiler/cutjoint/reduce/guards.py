@@ -30,18 +30,15 @@ def guard_forces(model: Model, scene: Scene, names: Collection[str] | None = Non
     asked = guardable(model, scene) if names is None else names
     reasons = {f.name: _reason(f, scene) for f in model.forces if f.name in asked}
     places = {f.name: index for index, f in enumerate(model.force_elements)}
-    new = [
-        Guard(force=f, margins=_region(f) or (), index=places[f.name])
-        for f in model.forces if reasons.get(f.name) == ""
-    ]  # fmt: skip
-    taken = {guard.force.name for guard in new}
+    new = [Guard(force=f, margins=_region(f) or (), index=places[f.name]) for f in model.forces if reasons.get(f.name) == ""]
+    taken, text = {guard.name for guard in new}, "is taken out, guarded by {}"
     return Outcome(
         model=replace(
             model, forces=tuple(f for f in model.forces if f.name not in taken),
             guards=tuple(sorted((*model.guards, *new), key=lambda guard: places[guard.force.name])),
         ),
         scene=scene,
-        done=tuple(Note(element=g.force.name, text=_text(g), span=g.force.span) for g in new),
+        done=tuple(Note(element=g.name, text=text.format(" and ".join(f"{m} >= 0" for m in g.margins)), span=g.span) for g in new),
         left=tuple(Note(element=f.name, text=reasons[f.name], span=f.span) for f in model.forces if reasons.get(f.name)),
     )  # fmt: skip
 
@@ -68,10 +65,6 @@ def guard_idle(model: Model, scene: Scene) -> Outcome:
     acting = set(guardable(model, scene)) - {note.element for note in outcome.done}
     left = tuple(Note(element=f.name, text="stays: it acts in this scene", span=f.span) for f in model.forces if f.name in acting)
     return replace(outcome, left=outcome.left + left)
-
-
-def _text(guard: Guard) -> str:
-    return f"is taken out, guarded by {' and '.join(f'{margin} >= 0' for margin in guard.margins)}"
 
 
 def _region(force: Force) -> "Region":
@@ -115,35 +108,21 @@ def _cases(law: Scalar) -> Region:
     regions: list[Region] = []
     conditions: list[Scalar] = []
     for value, condition in law.args:
-        earlier = [_holds(c, value) for c in conditions]
-        regions.append(_any_of([zero_region(value), _fails(condition, value), *earlier]))
+        earlier = [_region_of(c, value, holds=True) for c in conditions]
+        regions.append(_any_of([zero_region(value), _region_of(condition, value, holds=False), *earlier]))
         conditions.append(condition)
     return _all_of(regions)
 
 
-def _holds(condition: Scalar, value: Scalar) -> Region:
-    """The region in which a condition holds; None if ``value`` is not zero on a border that the region leaves out."""
+def _region_of(condition: Scalar, value: Scalar, *, holds: bool) -> Region:
+    """The region in which a condition holds, or fails; None if ``value`` is not zero on a border that the region leaves out."""
     if condition in (sympy.true, sympy.false):
-        return () if condition == sympy.true else None
+        return () if holds == (condition == sympy.true) else None
     if isinstance(condition, sympy.And | sympy.Or):
-        join = _all_of if isinstance(condition, sympy.And) else _any_of
-        return join(_holds(part, value) for part in condition.args)
-    is_strict = isinstance(condition, sympy.StrictLessThan | sympy.StrictGreaterThan)
-    return _beyond(condition.gts - condition.lts, is_strict, value)
-
-
-def _fails(condition: Scalar, value: Scalar) -> Region:
-    """The region in which a condition does not hold; None if ``value`` is not zero on a border that the region leaves out."""
-    if condition in (sympy.true, sympy.false):
-        return () if condition == sympy.false else None
-    if isinstance(condition, sympy.And | sympy.Or):
-        join = _any_of if isinstance(condition, sympy.And) else _all_of
-        return join(_fails(part, value) for part in condition.args)
-    is_strict = isinstance(condition, sympy.LessThan | sympy.GreaterThan)
-    return _beyond(condition.lts - condition.gts, is_strict, value)
-
-
-def _beyond(margin: Scalar, is_strict: bool, value: Scalar) -> Region:
+        join = _all_of if holds == isinstance(condition, sympy.And) else _any_of
+        return join(_region_of(part, value, holds=holds) for part in condition.args)
+    margin = condition.gts - condition.lts if holds else condition.lts - condition.gts
+    is_strict = holds == isinstance(condition, sympy.StrictLessThan | sympy.StrictGreaterThan)
     return None if is_strict and not _vanishes(value, margin) else (margin,)
 
 

@@ -287,11 +287,8 @@ def _fix_inputs(model: Model, scene: Scene) -> Elements:
         p.symbol: scene.inputs.get(p.name, sympy.Integer(0) if p.value == 0 else sympy.Float(p.value))
         for p in model.parameters if p.binding is Binding.INPUT
     }  # fmt: skip
-    forces = (replace(f, active=needs_place(f, model, scene, scene.outputs)) for f in model.forces)
-    return Elements(
-        tuple(substitute(b, inputs) for b in model.bodies), tuple(substitute(j, inputs) for j in model.joints),
-        tuple(substitute(f, inputs) for f in forces), (), (),
-    )  # fmt: skip
+    forces = tuple(replace(f, active=needs_place(f, model, scene, scene.outputs)) for f in model.forces)
+    return Elements(substitute(model.bodies, inputs), substitute(model.joints, inputs), substitute(forces, inputs), (), ())
 
 
 def _require_body(body: Body, reflection: Body, plane: Plane) -> None:

@@ -1,8 +1,8 @@
 """A plane in which a mechanism may move: reflection in it, comparison of expressions, and joints with the motions in it alone."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
 
 import sympy
 
@@ -10,8 +10,6 @@ from cutjoint.model.elements.geometry import GLOBAL_AXES, cross, least_component
 from cutjoint.model.elements.mirror import Mirror, mirror_along
 from cutjoint.model.outcome import Note
 from cutjoint.model.records import COORDINATES, GROUND, Joint, JointKind, Scalar, Span, Vector
-
-_Record = TypeVar("_Record")
 
 
 class AsymmetryError(ValueError):
@@ -76,16 +74,14 @@ def is_same(a: Any, b: Any) -> bool:
     return isinstance(a, sympy.Expr) and isinstance(b, sympy.Expr) and is_zero(a - b)
 
 
-def substitute(record: _Record, values: Mapping[Scalar, Scalar]) -> _Record:
-    """A record with values in place of symbols, in all its expressions."""
-    return replace(record, **{f.name: _substituted(getattr(record, f.name), values) for f in fields(record)})  # type: ignore[type-var, arg-type]
-
-
-def _substituted(value: Any, values: Mapping[Scalar, Scalar]) -> Any:
+def substitute(value: Any, values: Mapping[Scalar, Scalar]) -> Any:
+    """An expression with values in place of symbols, or a record, a mapping or a tuple with all its expressions so."""
     if isinstance(value, tuple):
-        return tuple(_substituted(part, values) for part in value)
+        return tuple(substitute(part, values) for part in value)
     if isinstance(value, Mapping):
-        return {key: _substituted(part, values) for key, part in value.items()}
+        return {key: substitute(part, values) for key, part in value.items()}
+    if is_dataclass(value) and not isinstance(value, type):
+        return replace(value, **{f.name: substitute(getattr(value, f.name), values) for f in fields(value)})
     return value.xreplace(values) if isinstance(value, sympy.Basic) else value
 
 

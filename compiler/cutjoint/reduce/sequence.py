@@ -4,8 +4,9 @@ A reduced model holds for its scene's inputs: their laws stand in it, and it has
 without mass, and tyres that roll straight on, whose lateral forces are left out while guards watch that they would have stayed small.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import sympy
@@ -19,7 +20,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.quantities import reading_elements
 from cutjoint.model.outcome import Note, Outcome, Pass
-from cutjoint.model.records import Binding, Body, Controller, Guard, Model, Output, Scalar, Scene, Tyre
+from cutjoint.model.records import Binding, Body, Guard, Model, Output, Scene, Tyre
 from cutjoint.package.errors import EquationsError, RunError
 from cutjoint.program.records import Program
 from cutjoint.reduce.freeze import freeze_idle
@@ -189,8 +190,8 @@ def cheapest_by(method: str, sequence: Sequence[ReducedModel]) -> list[ReducedMo
     motions before.  The result of a pass does not depend on the method, only its profit does.  So no pass runs again, and few models are
     derived.
 
-    Raises:     ModelError, EquationsError, RunError: the method takes none of them; the error is the full
-    model's.
+    Raises:
+        ModelError, EquationsError, RunError: the method takes none of them; the error is the full model's.
     """
     found: list[ReducedModel] = []
     for motion in MOTIONS:
@@ -247,7 +248,8 @@ def _try_pass(variants: list[ReducedModel], step: Step) -> None:
         except _REFUSALS:
             left = tuple(_refused(reduced.done, step.name, below.method))
     if above is not None and above.operations >= below.operations:
-        left, above = tuple(_dearer(reduced.done, step.name, above.operations, below.operations)), None
+        text = f"stays: the pass '{step.name}' would take {above.operations} operations in place of {below.operations}"
+        left, above = tuple(replace(note, text=text) for note in reduced.done), None
     if above is None:
         variants[-1] = replace(below, left=below.left + left)
     else:
@@ -291,31 +293,14 @@ def _refused(notes: Sequence[Note], name: str, method: str) -> list[Note]:
     return [replace(note, text=f"stays: the method {method} cannot solve the model after the pass '{name}'") for note in notes]
 
 
-def _dearer(notes: Sequence[Note], name: str, found: int, before: int) -> list[Note]:
-    """The notes of a pass that was not applied because it would cost more."""
-    text = f"stays: the pass '{name}' would take {found} operations in place of {before}"
-    return [replace(note, text=text) for note in notes]
-
-
 def fix_inputs(outcome: Outcome) -> Outcome:
     """The outcome with the scene's functions of time in place of inputs."""
     model, scene = outcome.model, outcome.scene
     laws = input_functions(model, scene)
     if not laws:
         return outcome
-    guards = (replace(substitute(g, laws), force=substitute(g.force, laws)) for g in model.guards)
-    settled = replace(
-        model, parameters=tuple(p for p in model.parameters if p.binding is not Binding.INPUT),
-        joints=tuple(substitute(j, laws) for j in model.joints),
-        forces=tuple(substitute(f, laws) for f in model.forces), guards=tuple(guards),
-        states=tuple(substitute(s, laws) for s in model.states), signals=tuple(substitute(s, laws) for s in model.signals),
-        controllers=tuple(_put_in_controller(c, laws) for c in model.controllers),
-    )  # fmt: skip
-    return replace(outcome, model=settled, scene=replace(scene, inputs={}))
-
-
-def _put_in_controller(controller: Controller, laws: Mapping[Scalar, Scalar]) -> Controller:
-    return replace(
-        controller, signals=tuple(substitute(s, laws) for s in controller.signals),
-        discrete_states=tuple(substitute(state, laws) for state in controller.discrete_states),
-    )  # fmt: skip
+    parameters = tuple(p for p in model.parameters if p.binding is not Binding.INPUT)
+    settled: dict[str, Any] = {
+        name: substitute(getattr(model, name), laws) for name in ("joints", "forces", "guards", "states", "signals", "controllers")
+    }
+    return replace(outcome, model=replace(model, parameters=parameters, **settled), scene=replace(scene, inputs={}))

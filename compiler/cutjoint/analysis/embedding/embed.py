@@ -135,10 +135,13 @@ def _embed_block(model: Model, topology: Topology, block: Block, scene: Scene, s
     if first.open and u.half > 0:
         raise NoEmbeddingError("its geometry has tunable parameters, and its guide moves")
     if not started and scene.pose != "equilibrium" and scene.trim is None:
-        _require_closed(first, motion)
+        violation = np.abs(first.evaluate(first.design(), np.full(1, motion.start if motion else 0.0))[0]).max(initial=0.0)
+        if violation > _CLOSED:  # the loops' equations would distribute such a correction over all bodies
+            raise NoEmbeddingError(f"its loops are violated by {violation:.1g} at the start, in the design position")
     if motion is not None and motion.rate != 0 and not {key.rpartition(".")[0] for key in scene.rates} & names:
         raise NoEmbeddingError("its guide moves at the start, where the scene gives no speed of it")
-    joint, tried = _first_independent(fastest_joints(first, u.middle), started), list[str]()
+    fastest, tried = fastest_joints(first, u.middle), list[str]()
+    joint = next((joint for joint in fastest if not started or joint.name in started), fastest[0])
     used = [force.joint_of for force in model.forces if force.joint_of]
     while True:
         cuts = spanning_cuts(block, joint, used)
@@ -170,18 +173,6 @@ def _embed_block(model: Model, topology: Topology, block: Block, scene: Scene, s
 DEAREST = 500
 
 _CLOSED = 1e-8  #: the largest violation in the design position, m or rad, for which loops may be embedded
-
-
-def _require_closed(loops: BlockLoops, motion: "_DriveMotion | None") -> None:
-    """Refuse a block that its start would move: the loops' equations would distribute such a correction over all bodies."""
-    violation = np.abs(loops.evaluate(loops.design(), np.full(1, motion.start if motion is not None else 0.0))[0]).max(initial=0.0)
-    if violation > _CLOSED:
-        raise NoEmbeddingError(f"its loops are violated by {violation:.1g} at the start, in the design position")
-
-
-def _first_independent(fastest: Sequence[Joint], preferred: Sequence[str]) -> Joint:
-    """The joint that the scene gives, or else the fastest rotation or displacement at the block's start."""
-    return next((joint for joint in fastest if not preferred or joint.name in preferred), fastest[0])
 
 
 def _require_simple(model: Model, block: Block) -> None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array, evaluate_rates, make_inputs
-from cutjoint.analysis.linearise import Linearisation, free_directions
+from cutjoint.analysis.closing import Array, evaluate_rates, free_directions, make_inputs
+from cutjoint.analysis.linearise import Linearisation
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.inputs import make_translator
