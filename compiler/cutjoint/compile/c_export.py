@@ -185,9 +185,7 @@ class Standalone:
         """The C export as a WebAssembly module with its JavaScript interface; errors as of `toolchain.wasm.build_module`.
         Raises RunError: functions are left to a host, which WebAssembly has no pointers to."""
         if hosted := functions_of_host(self.parts.stepped.topology.model):
-            raise RunError(
-                f"target wasm: function '{hosted[0]}' is left to a host, but modules call none; provide its code by --functions"
-            )
+            raise RunError(f"target wasm: function '{hosted[0]}' is left to a host, but modules call none; provide its code by --functions")
         facts = {
             "name": self.name, "scene": self.parts.stepped.scene.name, "method": self.method, "integrator": self.integrator,
             "dt": self.settings.step, "end": self.run_file.end, "size": self.size, "mark": self.mark,
@@ -374,9 +372,7 @@ class ExportPlan:
         write_files(self.folder, files, {self.program: built.stat().st_mode & 0o777})
 
 
-def plan_export(
-    generated: Generated, options: CompileOptions
-) -> ExportPlan | None:
+def plan_export(generated: Generated, options: CompileOptions) -> ExportPlan | None:
     """Plan a folder for the results of `pipeline.generate`; None if the options have no ``out``.
     Raises RunError: an ``integrator`` is named that the folder cannot have, or derivatives (``linearise``) or ``poses`` of one that has
     none; OutputError: one of the files is the model."""

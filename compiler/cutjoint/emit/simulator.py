@@ -90,22 +90,15 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
     """The view of a description, for templates and for the interpreter.  Natural coordinates have no names of speeds."""
     model, scene = equations.topology.model, equations.scene
     return {
-        "model": model.name,
-        "charts": equations.charts,
+        "model": model.name, "charts": equations.charts, "roads": equations.roads,
         "name_lists": {
-            "coordinates": equations.coordinate_names, "speeds": _named_speeds(equations),
-            "equations": equations.equation_names,
+            "coordinates": equations.coordinate_names, "speeds": _named_speeds(equations), "equations": equations.equation_names,
         },
-        "parameters": _named(equations.parameters),
-        "inputs": _named(equations.inputs),
-        "roads": equations.roads,
+        "parameters": _named(equations.parameters), "inputs": _named(equations.inputs), "columns": equations.columns,
         "cuts": [c.first for c in equations.closures] if isinstance(equations, RecursiveEquations) else [],
         "driven": any(joint.guide is not None for joint in model.joints) or any(force.by_load for force in model.forces),
         "guides_jump": guides_jump(model, scene),
-        "guards": [
-            {"name": guard.name, "place": quotable(guard.span.place), **_kind(guard)} for guard in guards_in(equations)
-        ],
-        "columns": equations.columns,
+        "guards": [{"name": guard.name, "place": quotable(guard.span.place), **_kind(guard)} for guard in guards_in(equations)],
         "domains": [
             {
                 "function": d.function, "element": d.element, "place": quotable(d.place), "strict": d.strict,
@@ -113,9 +106,7 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
             }
             for d in equations.domains
         ],
-        "indicators": indicators_of(equations),
-        "states": len(equations.state.states),
-        "nominals": nominals_of(equations),
+        "indicators": indicators_of(equations), "states": len(equations.state.states), "nominals": nominals_of(equations),
         "arm": equations.topology.arm,
         "controllers": [{**c, "place": quotable(str(c["place"]))} for c in describe_controllers(equations)],
     }  # fmt: skip

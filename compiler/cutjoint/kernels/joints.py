@@ -135,9 +135,7 @@ def _compose(chain: Sequence[Motion], q: Mapping[str, Scalar]) -> tuple[Matrix, 
             displacement = displacement + pitch * direction * angle
             rotation = rotation * rotation_about(_SYMBOLS[motion.direction], angle)
         elif isinstance(motion, Ball):
-            columns.extend(
-                sympy.Matrix.vstack(displacement.cross(sympy.eye(3)[:, i]), sympy.eye(3)[:, i]) for i in range(3)
-            )
+            columns.extend(sympy.Matrix.vstack(displacement.cross(sympy.eye(3)[:, i]), sympy.eye(3)[:, i]) for i in range(3))
             rotation = rotation * rotation_of(QUATERNION)
         else:
             displacement = displacement + rotation * _SYMBOLS[motion.direction]

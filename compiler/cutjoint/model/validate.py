@@ -39,13 +39,11 @@ def check_names(source: Source, problems: Problems, model: model_file.Document) 
         submodel, path = level.part, level.path
         assert isinstance(submodel, model_file.Submodel)
         connectors = [
-            (connector, "connector", source.value_span((*path, "connectors", index)))
-            for index, connector in enumerate(submodel.connectors)
+            (connector, "connector", source.value_span((*path, "connectors", index))) for index, connector in enumerate(submodel.connectors)
         ]
         _check_unique(problems, [*connectors, *_named(source, submodel, path)])
         arguments = [
-            (parameter, "parameter", source.value_span((*path, "parameters", index)))
-            for index, parameter in enumerate(submodel.parameters)
+            (parameter, "parameter", source.value_span((*path, "parameters", index))) for index, parameter in enumerate(submodel.parameters)
         ]
         defaults = [(name, "parameter", source.key_span((*path, "defaults", name))) for name in submodel.defaults]
         _check_unique(problems, [*arguments, *defaults])
@@ -179,9 +177,7 @@ def _named(source: Source, part: model_file.Elements, path: Path) -> list[tuple[
         if FORCES[force.kind].element.interaction.by_load
     ]
     return places + [
-        (name, KINDS[section], source.key_span((*path, section, name)))
-        for section in _SECTIONS
-        for name in getattr(part, section, ())
+        (name, KINDS[section], source.key_span((*path, section, name))) for section in _SECTIONS for name in getattr(part, section, ())
     ]
 
 
@@ -189,12 +185,8 @@ def _check_unique(problems: Problems, found: list[tuple[str, str, Span]]) -> Non
     first: dict[str, Span] = {}
     for name, kind, span in sorted(found, key=lambda item: item[2]):
         if name in first:
-            problems.add(
-                span,
-                f"{kind} '{name}'",
-                f"duplicate name '{name}', first defined at {first[name].seen_from(span)}",
-                "rename one of them",
-            )
+            message = f"duplicate name '{name}', first defined at {first[name].seen_from(span)}"
+            problems.add(span, f"{kind} '{name}'", message, "rename one of them")
         first.setdefault(name, span)
 
 
@@ -258,15 +250,9 @@ def joints_are_known(expansion: Expansion) -> bool:
 
 
 def _unreached(expansion: Expansion) -> Iterator[Body]:
-    """The bodies that no chain of joints connects to the ground."""
-    reached = _reached(expansion.elements.joints)
-    return (body for body in expansion.elements.bodies if body.name not in reached)
-
-
-def _reached(joints: tuple[Joint, ...]) -> set[str]:
-    """The bodies that joints, tree or cut, connect to the ground."""
+    """The bodies that no chain of joints, tree or cut, connects to the ground."""
     neighbours: dict[str, set[str]] = {}
-    for joint in joints:
+    for joint in expansion.elements.joints:
         neighbours.setdefault(joint.base, set()).add(joint.follower)
         neighbours.setdefault(joint.follower, set()).add(joint.base)
     reached, waiting = {GROUND}, [GROUND]
@@ -274,4 +260,4 @@ def _reached(joints: tuple[Joint, ...]) -> set[str]:
         new = neighbours.get(waiting.pop(), set()) - reached
         reached |= new
         waiting += new
-    return reached
+    return (body for body in expansion.elements.bodies if body.name not in reached)

@@ -41,8 +41,7 @@ def _follow(block: Block, known: dict[Block, D], rule: Callable[[Block], Steps[D
 
 
 class Differentiator:
-    """Differentiates blocks by leaves, each block once.  Every path from a block to an input of iteration time must pass a leaf.
-    """
+    """Differentiates blocks by leaves, each block once.  Every path from a block to an input of iteration time must pass a leaf."""
 
     def __init__(self, builder: Builder, leaves: Iterable[Block]) -> None:
         self._b = builder

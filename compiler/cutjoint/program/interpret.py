@@ -33,9 +33,7 @@ class RoadTable(Protocol):
     # One that has a surface has `surface` and `friction` too, which take x, y and the orders of the derivative by them.
 
 
-def interpret_blocks(
-    roots: Iterable[Block], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]
-) -> dict[Block, Array]:
+def interpret_blocks(roots: Iterable[Block], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]) -> dict[Block, Array]:
     """Evaluate the roots and all that they depend on; inputs are columns by symbol name. Inputs (..., n) may carry batch axes, which the
     values (..., rows, columns) of all that depends on them have too. The lanes of a block are the axis before its rows."""
     constants, others = in_order(tuple(roots))

@@ -43,9 +43,7 @@ def with_functions(program: Program, functions: Iterable[tuple[str, Sequence[Res
 
 def _results(results: Mapping[str, Block], lowering: Lowering) -> list[Result]:
     return [
-        Result(target=target, index=i, scalar=row[0])
-        for target, block in results.items()
-        for i, row in enumerate(lowering.elements[block])
+        Result(target=target, index=i, scalar=row[0]) for target, block in results.items() for i, row in enumerate(lowering.elements[block])
     ]
 
 
@@ -61,9 +59,7 @@ def _early(graph: Graph, functions: Sequence[LoweredFunction]) -> list[int]:
     return [n for n in reached if graph.nodes[n].binding in (BindingTime.PARAM, BindingTime.STEP)]
 
 
-def _stored(
-    graph: Graph, functions: Sequence[LoweredFunction], loaded: Sequence[int], stepped: Sequence[int]
-) -> frozenset[int]:
+def _stored(graph: Graph, functions: Sequence[LoweredFunction], loaded: Sequence[int], stepped: Sequence[int]) -> frozenset[int]:
     """Early nodes that a later stage reads."""
     stored: set[int] = set()
     late = [n for f in functions for n in f.statements]

@@ -84,7 +84,5 @@ def _read_law(reader: Reader, index: int) -> Scalar:
     law, per_position, per_rate = _LAWS[index]
     if reader.field("laws") is not None:
         return reader.law("laws", index, law=law)
-    stiffness, damping = (
-        reader.number(name, index, unit=unit) for name, unit in (("stiffness", per_position), ("damping", per_rate))
-    )
+    stiffness, damping = (reader.number(name, index, unit=unit) for name, unit in (("stiffness", per_position), ("damping", per_rate)))
     return -stiffness * reader.variable("position") - damping * reader.variable("rate")

@@ -243,9 +243,7 @@ def _eliminate_rotor(k: Kinematics, system: BodySystem, body: str, subspace: Blo
     return Pivot(lower=b.identity(1), inverse=inverse, g=torque, rows={rotor.carrier: row})
 
 
-def _update_forces(
-    system: BodySystem, body: str, motion: JointMotion, force: Block, Y: dict[str, Block], e: Block
-) -> None:
+def _update_forces(system: BodySystem, body: str, motion: JointMotion, force: Block, Y: dict[str, Block], e: Block) -> None:
     """Q_p += Q - M d - C_pi d - y_p^T e, Q_j -= C_ji d + y_j^T e."""
     b, parent = system.builder, motion.tree_joint.parent
     system.add_force(parent, force)

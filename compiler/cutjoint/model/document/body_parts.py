@@ -83,8 +83,7 @@ Shape: TypeAlias = Annotated[
     | Annotated[Rod, Tag("<rod>")]
     | Annotated[PointMass, Tag("<point>")],
     discriminated_by(
-        {key: f"<{key}>" for key in ("box", "cylinder", "sphere", "rod", "point")},
-        "needs one of box, cylinder, sphere, rod, point",
+        {key: f"<{key}>" for key in ("box", "cylinder", "sphere", "rod", "point")}, "needs one of box, cylinder, sphere, rod, point"
     ),
 ]
 

@@ -29,22 +29,10 @@ _STAND_INS: Mapping[str, Any] = {"cutjoint": 1, "gravity": (0, 0, 0), "name": "m
 
 #: The kind of element that each section holds.
 KINDS = {
-    "parameters": "parameter",
-    "functions": "function",
-    "points": "point",
-    "bodies": "body",
-    "joints": "joint",
-    "gears": "gear",
-    "forces": "force",
-    "reactions": "reaction",
-    "markers": "marker",
-    "states": "state",
-    "signals": "signal",
-    "controllers": "controller",
-    "submodels": "submodel",
-    "instances": "instance",
-    "scenes": "scene",
-}
+    "parameters": "parameter", "functions": "function", "points": "point", "bodies": "body", "joints": "joint", "gears": "gear",
+    "forces": "force", "reactions": "reaction", "markers": "marker", "states": "state", "signals": "signal",
+    "controllers": "controller", "submodels": "submodel", "instances": "instance", "scenes": "scene",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -189,14 +177,9 @@ _MISSING: Mapping[tuple[Path, str | int], str] = {
 _BOUNDS = {"ge": "at least", "le": "at most", "gt": "above", "lt": "below"}
 
 _EXPECTATIONS = {
-    "dict_type": "needs a mapping",
-    "model_type": "needs a mapping",
-    "model_attributes_type": "needs a mapping",
-    "tuple_type": "needs a list",
-    "string_type": "needs text",
-    "bool_type": "needs true or false",
-    "int_type": "needs a whole number",
-}
+    "dict_type": "needs a mapping", "model_type": "needs a mapping", "model_attributes_type": "needs a mapping",
+    "tuple_type": "needs a list", "string_type": "needs text", "bool_type": "needs true or false", "int_type": "needs a whole number",
+}  # fmt: skip
 
 
 def _unknown_kind(what: str, kind: str, expected: str) -> tuple[str, str]:

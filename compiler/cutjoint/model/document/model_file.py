@@ -244,10 +244,7 @@ class Parameter(Part):
 ParameterEntry: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")] | Annotated[Parameter, Tag("<mapping>")],
     discriminated_by(
-        {
-            **dict.fromkeys((int, float, str), "<number>"),
-            **dict.fromkeys(("value", "unit", "binding"), "<mapping>"),
-        },
+        {**dict.fromkeys((int, float, str), "<number>"), **dict.fromkeys(("value", "unit", "binding"), "<mapping>")},
         "needs a number or {value: ..., unit: ..., binding: ...}",
     ),
 ]
@@ -283,10 +280,7 @@ class Cosine(Part):
 
 
 Segment: TypeAlias = Annotated[
-    Annotated[Flat, Tag("<flat>")]
-    | Annotated[Ramp, Tag("<ramp>")]
-    | Annotated[Step, Tag("<step>")]
-    | Annotated[Cosine, Tag("<cosine>")],
+    Annotated[Flat, Tag("<flat>")] | Annotated[Ramp, Tag("<ramp>")] | Annotated[Step, Tag("<step>")] | Annotated[Cosine, Tag("<cosine>")],
     discriminated_by(
         {key: f"<{key}>" for key in ("flat", "ramp", "step", "cosine")},
         "needs {flat: length}, {ramp: length, rise: height}, {step: height} or {cosine: length, amplitude: height}",
@@ -495,9 +489,5 @@ class Document(Elements):
 
 def json_schema(part: type[Part] = Document, title: str = "cutjoint model") -> str:
     """The JSON Schema of model files, or of another document, as text."""
-    schema = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **part.model_json_schema(),
-        "title": title,
-    }
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **part.model_json_schema(), "title": title}
     return json.dumps(schema, indent=2) + "\n"

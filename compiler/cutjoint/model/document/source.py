@@ -279,9 +279,5 @@ def _float(text: str) -> float:
 
 
 _SCALARS: dict[str, Callable[[str], Any]] = {
-    "str": str,
-    "int": _integer,
-    "float": _float,
-    "bool": lambda text: text.lower() == "true",
-    "null": lambda text: None,
-}
+    "str": str, "int": _integer, "float": _float, "bool": lambda text: text.lower() == "true", "null": lambda text: None,
+}  # fmt: skip

@@ -10,7 +10,7 @@ import sympy
 
 from cutjoint.model.errors import ModelError, Problem, nearest
 from cutjoint.model.expressions.evaluate import evaluate
-from cutjoint.model.records import Body, Joint, Model, Scalar, Vector
+from cutjoint.model.records import Body, Joint, Model, Vector
 
 #: A rod's moment of inertia about its own axis, as a share of that across it: that of a round bar 77 times as long as thick.
 AXIAL = 1e-3
@@ -29,7 +29,9 @@ def with_link_masses(model: Model, masses: Mapping[str, float]) -> Model:
     problems = [p for pattern, mass in masses.items() for p in _problems(model, links, pattern, mass)]
     chosen = {body.name: mass for pattern, mass in masses.items() for body in links if fnmatchcase(body.name, pattern)}
     spans = {name: _span(model, name) for name in chosen}
-    problems += [_no_rod(body) for body in links if body.name in chosen and spans[body.name] is None]
+    message, hint = "its joints are at one point, so it cannot become a rod", "give it mass and inertia in the model file"
+    pointed = [body for body in links if body.name in chosen and spans[body.name] is None]
+    problems += [Problem(span=body.span, element=f"body '{body.name}'", message=message, hint=hint) for body in pointed]
     if problems:
         raise ModelError(problems)
     bodies = (_rod(body, chosen[body.name], spans[body.name]) if body.name in chosen else body for body in model.bodies)
@@ -46,11 +48,6 @@ def _problems(model: Model, links: Sequence[Body], pattern: str, mass: float) ->
         message = f"mass needs a positive number of kg, got {mass:g}"
         problems.append(Problem(span=model.span, element=element, message=message))
     return problems
-
-
-def _no_rod(body: Body) -> Problem:
-    message = "its joints are at one point, so it cannot become a rod"
-    return Problem(span=body.span, element=f"body '{body.name}'", message=message, hint="give it mass and inertia in the model file")
 
 
 def _span(model: Model, body: str) -> tuple[Vector, Vector] | None:
@@ -72,14 +69,8 @@ def _points(joint: Joint, body: str) -> list[Vector]:
 def _rod(body: Body, mass: float, ends: tuple[Vector, Vector] | None) -> Body:
     """J = m/12 (L^2 1 - (1 - AXIAL) d d^T), d the vector of length L between the ends."""
     assert ends is not None
-    start, end = ends
-    d = [b - a for a, b in zip(start, end, strict=True)]
-    squared = sum((x * x for x in d), sympy.Integer(0))
-    share = sympy.Float(mass) / 12
-
-    def element(i: int, j: int) -> Scalar:
-        return share * ((squared if i == j else 0) - (1 - AXIAL) * d[i] * d[j])
-
-    xx, yy, zz, xy, xz, yz = (element(i, j) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
-    centre = tuple((a + b) / 2 for a, b in zip(start, end, strict=True))
-    return replace(body, mass=sympy.Float(mass), centre_of_mass=centre, inertia=(xx, yy, zz, xy, xz, yz))
+    start, end = (sympy.Matrix(point) for point in ends)
+    d = end - start
+    J = sympy.Float(mass) / 12 * (d.dot(d) * sympy.eye(3) - (1 - AXIAL) * d * d.T)
+    inertia = (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
+    return replace(body, mass=sympy.Float(mass), centre_of_mass=tuple((start + end) / 2), inertia=inertia)

@@ -175,13 +175,10 @@ def _guides(joint: Joint, signs: Mapping[str, int]) -> tuple[Scalar, ...] | None
 def _joint(mirror: Mirror, joint: Joint, signs: Mapping[str, int]) -> Joint:
     image = mirror.rotation if joint.element.axis_mirrors_as_rotation else mirror.vector
     return replace(
-        joint,
-        at=mirror.vector(joint.at),
-        axes=tuple(image(axis) for axis in joint.axes),
-        to=None if joint.to is None else mirror.vector(joint.to),
-        pitch=None if joint.pitch is None else -joint.pitch,
+        joint, at=mirror.vector(joint.at), axes=tuple(image(axis) for axis in joint.axes),
+        to=None if joint.to is None else mirror.vector(joint.to), pitch=None if joint.pitch is None else -joint.pitch,
         guide=_guides(joint, signs),
-    )
+    )  # fmt: skip
 
 
 def _gear(gear: Gear, signs: Mapping[str, Mapping[str, int]]) -> Gear:

@@ -317,7 +317,4 @@ def soft_stops(
 
 
 #: Variable, its key for the unloaded state, the key that it must not have, and the sign of the law.
-_SPRINGS = (
-    ("length", "free_length", "free_position", 1),
-    ("position", "free_position", "free_length", -1),
-)
+_SPRINGS = (("length", "free_length", "free_position", 1), ("position", "free_position", "free_length", -1))

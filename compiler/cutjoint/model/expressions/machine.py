@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Any
 
 from cutjoint.model.document import model_file
 from cutjoint.model.document.values import Table
@@ -80,28 +81,21 @@ class Machine:
         unit = quantities(found)[quantity]
         match found:
             case Signal():
-                known = self._dimension(name)
+                known = self._dimension(name, "signal", name, self._signals, dimension_of_lookup)
             case Controller():
-                known = self._dimension_of_sample(name, quantity)
+                read = partial(dimension_of_sample, value=quantity)
+                known = self._dimension(f"{name}.{quantity}", "controller", name, self._controllers, read)
             case _:
                 known = measure(1.0, unit).dimension if unit else None
         return Term(quantity_symbol(name, quantity), known)
 
-    def _dimension(self, signal: str) -> Dimension | None:
-        """The dimension of a signal's expression; None of a signal that depends on itself."""
-        if signal not in self._dimensions and signal in self._signals:
-            self._dimensions[signal] = None
-            scope, value = self._signals[signal]
-            where = element(replace(scope, problems=IgnoredProblems()), "signal", "signals", signal.removeprefix(scope.prefix))
-            self._dimensions[signal] = dimension_of_lookup(where, value)
-        return self._dimensions.get(signal)
-
-    def _dimension_of_sample(self, controller: str, value: str) -> Dimension | None:
-        """The dimension of a discrete state of a controller; None of one that depends on itself."""
-        key = f"{controller}.{value}"
-        if key not in self._dimensions and controller in self._controllers:
+    def _dimension(
+        self, key: str, kind: str, name: str, known: Mapping[str, tuple[Scope, Any]], read: Callable[..., Dimension | None]
+    ) -> Dimension | None:
+        """The dimension of a signal or of a discrete state of a controller; None of one that depends on itself."""
+        if key not in self._dimensions and name in known:
             self._dimensions[key] = None
-            scope, part = self._controllers[controller]
-            where = element(replace(scope, problems=IgnoredProblems()), "controller", "controllers", controller.removeprefix(scope.prefix))
-            self._dimensions[key] = dimension_of_sample(where, part, value)
+            scope, part = known[name]
+            where = element(replace(scope, problems=IgnoredProblems()), kind, f"{kind}s", name.removeprefix(scope.prefix))
+            self._dimensions[key] = read(where, part)
         return self._dimensions.get(key)

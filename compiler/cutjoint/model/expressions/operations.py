@@ -160,11 +160,7 @@ def _exponent(term: Term) -> Scalar:
 
 
 def _apply(
-    name: str,
-    symbolic: Callable[..., Scalar],
-    numeric: Callable[..., Any],
-    terms: list[Term],
-    dimension: Dimension | None = None,
+    name: str, symbolic: Callable[..., Scalar], numeric: Callable[..., Any], terms: list[Term], dimension: Dimension | None = None
 ) -> Term:
     """Apply an operation.  Constants are tried in floats first: values that overflow there never reach SymPy."""
     size = 1 + sum(term.size for term in terms)
@@ -354,11 +350,8 @@ def _sign(terms: list[Term]) -> Term:
 
 #: Functions with non-smooth points.
 SPECIAL: Mapping[str, Callable[[list[Term]], Term]] = {
-    "min": _extreme(ast.LtE()),
-    "max": _extreme(ast.GtE()),
-    "abs": _absolute,
-    "sign": _sign,
-}
+    "min": _extreme(ast.LtE()), "max": _extreme(ast.GtE()), "abs": _absolute, "sign": _sign,
+}  # fmt: skip
 
 #: Differentiable functions: SymPy's and the plain one.
 SMOOTH: Mapping[str, tuple[Callable[..., Scalar], Callable[..., float]]] = {
@@ -368,10 +361,5 @@ SMOOTH: Mapping[str, tuple[Callable[..., Scalar], Callable[..., float]]] = {
 MANY = -1
 #: The functions of expressions and the number of their arguments.
 FUNCTIONS: Mapping[str, int] = {
-    **{name: ops.OPERATIONS[name].arity for name in SMOOTH},
-    "abs": 1,
-    "sign": 1,
-    "min": MANY,
-    "max": MANY,
-    "where": 3,
-}
+    **{name: ops.OPERATIONS[name].arity for name in SMOOTH}, "abs": 1, "sign": 1, "min": MANY, "max": MANY, "where": 3,
+}  # fmt: skip

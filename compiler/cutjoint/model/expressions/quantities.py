@@ -44,11 +44,7 @@ POSE: Mapping[str, str] = {**dict.fromkeys(("x", "y", "z"), "m"), **_ATTITUDE}
 #: Quantities and units of each kind of element but joints and forces.  A body's x to az are of its centre of mass, in
 #: global axes.
 QUANTITIES: Mapping[type[Element], Mapping[str, str]] = {
-    Body: {
-        **_MOTION,
-        **_ATTITUDE,
-        **dict.fromkeys(("wx", "wy", "wz"), "rad/s"),
-    },
+    Body: {**_MOTION, **_ATTITUDE, **dict.fromkeys(("wx", "wy", "wz"), "rad/s")},
     Marker: _MOTION,
     Reaction: {"force": "N", "moment": "N*m"},
     RodForce: {"force": "N"},

@@ -172,23 +172,14 @@ class Element:
         return error.message, error.hint
 
     def scalar(
-        self,
-        value: int | float | str,
-        expected: Dimension | None,
-        keys: Path,
-        names: Mapping[str, Term] | None = None,
-        *,
+        self, value: int | float | str, expected: Dimension | None, keys: Path, names: Mapping[str, Term] | None = None, *,
         in_triple: bool = False,
-    ) -> Scalar:
+    ) -> Scalar:  # fmt: skip
         """A number or expression of dimension ``expected`` (None for any). ``names`` are the symbols it may use, by default all parameters
         that do not change with time; then a number may be tunable. ``in_triple`` is whether the last key is that of a component."""
         term = self.term(value, keys, self.scope.constants() if names is None else names)
         if expected is not None and term.dimension not in (None, expected):
-            self.fail(
-                worded(field_name(keys), f"needs {described(expected)}, got {described(term.dimension)}"),
-                "",
-                keys,
-            )
+            self.fail(worded(field_name(keys), f"needs {described(expected)}, got {described(term.dimension)}"), "", keys)
         elif term.value is not FAILED and (fault := _mixed_units(value, expected, names)):
             remedy = "correct a unit, or multiply by a number, which fits everywhere"
             span = self.scope.source.value_span((*self.path, *keys))
@@ -237,11 +228,7 @@ class Element:
         return evaluate(expression, self.scope.values)
 
     def triple(
-        self,
-        values: tuple[int | float | str, ...],
-        expected: Dimension | None,
-        keys: Path,
-        names: Mapping[str, Term] | None = None,
+        self, values: tuple[int | float | str, ...], expected: Dimension | None, keys: Path, names: Mapping[str, Term] | None = None
     ) -> Vector:
         """Three components of dimension ``expected``."""
         a, b, c = (self.scalar(value, expected, (*keys, index), names, in_triple=True) for index, value in enumerate(values))

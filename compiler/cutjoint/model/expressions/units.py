@@ -86,14 +86,9 @@ PLACES: Mapping[str, float] = {
 }
 
 _SI_TEXT: Mapping[Dimension, str] = {
-    NONE: "1",
-    FORCE: "N",
-    TORQUE: "N*m",
-    FORCE / LENGTH: "N/m",
-    FORCE / SPEED: "N*s/m",
-    TORQUE * TIME: "N*m*s",
+    NONE: "1", FORCE: "N", TORQUE: "N*m", FORCE / LENGTH: "N/m", FORCE / SPEED: "N*s/m", TORQUE * TIME: "N*m*s",
     FORCE / LENGTH**2: "N/m^2",
-}
+}  # fmt: skip
 
 
 def _spell(dimension: Dimension) -> str:

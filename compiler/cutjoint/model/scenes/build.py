@@ -63,7 +63,9 @@ def _read_scene(where: Element, scene: model_file.Scene, stage: _Stage) -> Scene
     stage = replace(stage, joints=with_guides(stage.joints, {**guides, **{joint.name: None for joint in locked}}))
     positions = read_states(where, scene.positions, "positions", stage.joints)
     rates = read_states(where, scene.rates, "rates", stage.joints)
-    guides |= {joint.name: locked_at_start(joint, positions) for joint in locked}
+    guides |= {
+        joint.name: tuple(sympy.sympify(positions.get(f"{joint.name}.{name}", 0)) for name in joint.element.coordinates) for joint in locked
+    }
     stage = replace(stage, joints=with_guides(stage.joints, guides))
     if guides and joints_are_known(stage.expansion):
         check_guides(stage.joints.values(), lambda joint, message, hint: where.fail(f"joint '{joint.name}': {message}", hint))
@@ -235,7 +237,8 @@ def _inputs(where: Element, laws: Mapping[str, Any], stage: _Stage) -> dict[str,
         hint = nearest(name, inputs, "inputs") or "give a parameter binding: input"
         where.fail(f"unknown input '{name}'", hint, ("inputs", name), at_key=True)
     names = {**scope.constants(), "t": Term(variable("t"))}
-    functions = {name: _input(where, name, laws[name], names) for name in inputs if name in laws}
+    kinds = {name: LawKind({"t": TIME}, scope.names[name].dimension) for name in inputs if name in laws}
+    functions = {name: read_law(where, laws[name], kind, ("inputs", name), names) for name, kind in kinds.items()}
     _check_guides(where, {inputs[name].symbol: measure(function) for name, function in functions.items()}, stage)
     return functions
 
@@ -263,11 +266,6 @@ def _check_guides(where: Element, extents: Mapping[Scalar, Extent], stage: _Stag
                 check_extent(guide, extents)
             except ExpressionError as error:
                 where.fail(f"the guide of the joint '{joint.name}' with these inputs: {error.message}", error.hint, ("inputs",))
-
-
-def _input(where: Element, name: str, law: Any, names: Mapping[str, Term]) -> Scalar:
-    kind = LawKind({"t": TIME}, where.scope.names[name].dimension)
-    return read_law(where, law, kind, ("inputs", name), names)
 
 
 def _switches(where: Element, switches: Mapping[str, bool], stage: _Stage) -> dict[str, bool]:
@@ -325,11 +323,6 @@ def read_locks(where: Element, scene: model_file.Scene, joints: Mapping[str, Joi
             where.fail(f"rates: the joint '{name}' is locked", "remove its rate", ("rates", rate), at_key=True)
         else:
             yield joint
-
-
-def locked_at_start(joint: Joint, positions: Mapping[str, Scalar]) -> tuple[Scalar, ...]:
-    """The guide of a locked joint: its positions at the start, else those of the design position."""
-    return tuple(sympy.sympify(positions.get(f"{joint.name}.{name}", 0)) for name in joint.element.coordinates)
 
 
 def with_guides(joints: Mapping[str, Joint], guides: Guides) -> dict[str, Joint]:
