@@ -322,19 +322,22 @@ class Robot:
         self.links = {key: link for key, link in self.links.items() if key not in (hinges[0].child, hinges[1].child)}
         self.balls[name] = hinges
 
+    @staticmethod
+    def inwards(carriers: Mapping[str, Joint], link: str) -> list[Joint]:
+        """The joints from a link to the root; ``carriers`` are joints by the links that they carry."""
+        way: list[Joint] = []
+        while link in carriers:
+            way.append(carriers[link])
+            link = carriers[link].parent
+        return way
+
     def in_loops(self) -> set[str]:
         """The joints on the ways round loops."""
         carried = {joint.child: joint for joint in self.joints.values()}
         found: set[str] = set()
         for loop in self.loops:
-            ways = []
-            for end in loop.links:
-                way = set()
-                while end in carried:
-                    way.add(carried[end].name)
-                    end = carried[end].parent
-                ways.append(way)
-            found |= ways[0] ^ ways[1]
+            first, second = ({joint.name for joint in self.inwards(carried, link)} for link in loop.links)
+            found |= first ^ second
         return found | {name for coupling in self.couplings for name in coupling.terms}
 
     def poses(self, q: dict[str, Array]) -> dict[str, Pose]:

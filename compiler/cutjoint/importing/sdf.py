@@ -263,13 +263,7 @@ class _Assembly:
 
     def _joints_between(self, start: str, end: str) -> list[tuple[Joint, int]]:
         """The joints from a link to another, and whether they are passed outwards (1) or inwards (-1)."""
-        ways: list[list[Joint]] = []
-        for link in (start, end):
-            way = []
-            while link in self._carrier:
-                way.append(self._carrier[link])
-                link = self._carrier[link].parent
-            ways.append(way)
+        ways = [self._robot.inwards(self._carrier, link) for link in (start, end)]
         inwards, outwards = ([j for j in way if j not in other and j.freedom] for way, other in (ways, ways[::-1]))
         return [*((j, -1) for j in inwards), *((j, 1) for j in outwards)]
 

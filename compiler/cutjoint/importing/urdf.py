@@ -216,11 +216,7 @@ def _joints_to(robot: Robot, link: str, node: Node) -> list[Joint]:
     if link not in robot.links:
         node.refuse(f"names the link '{link[:60]}', which is not there", "correct the name")
     carried = {joint.child: joint for joint in robot.joints.values()}
-    way: list[Joint] = []
-    while link in carried:
-        way.insert(0, carried[link])
-        link = carried[link].parent
-    return [joint for joint in way if joint.freedom]
+    return [joint for joint in reversed(robot.inwards(carried, link)) if joint.freedom]
 
 
 def _pose(node: Node | None) -> Pose:

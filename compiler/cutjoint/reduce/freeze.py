@@ -19,6 +19,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.reduce.sampling import Poses, find_poses, numbers
 from cutjoint.reduce.weld import at_centre, merged
 from cutjoint.run.simulator import SimulatorError
+from cutjoint.topology.records import grouped
 
 IDLE = 1e-3  #: a joint is idle that moves by less than a scene's tolerance, else than this (m and rad)
 
@@ -143,12 +144,7 @@ class Frozen:
     @property
     def carriers(self) -> Mapping[str, str]:
         """For each body the one that it is merged into, or itself: the ground, or the first in the file."""
-        order = {name: i for i, name in enumerate((GROUND, *(b.name for b in self.model.bodies)))}
-        carrier = {name: name for name in order}
-        for joint in self.joints:
-            first, last = sorted((carrier[joint.base], carrier[joint.follower]), key=order.__getitem__)
-            carrier = {name: first if b == last else b for name, b in carrier.items()}
-        return carrier
+        return grouped((GROUND, *(b.name for b in self.model.bodies)), ((joint.base, joint.follower) for joint in self.joints))
 
     def shift(self, body: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The rotation (3, 3) and displacement (3,) of the body from its design pose to the start, in the frame of its carrier."""

@@ -6,11 +6,13 @@ alone.
 
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.model.outcome import Note, Outcome, bodies_of
 from cutjoint.model.records import GROUND, Body, Gear, JointForce, Model, Reaction, RodForce, Scene
+from cutjoint.topology.records import grouped
 
 
 def drop_unreached(model: Model, scene: Scene) -> Outcome:
@@ -65,15 +67,10 @@ def _prescribed_motion(model: Model) -> set[str]:
 
 def _groups(model: Model, scene: Scene, prescribed: set[str]) -> dict[str, str]:
     """The moving bodies, each with a name of the group of bodies that it interacts with."""
-    group = {body.name: body.name for body in model.bodies if body.name not in prescribed}
+    bodies = [body.name for body in model.bodies if body.name not in prescribed]
     links = [_influences(element, model) for element in (*model.joints, *model.gears)]
     links += [bodies_of(force) for force in model.forces if is_active(force, scene)]
-    for ends in links:
-        moving = sorted(ends & group.keys())
-        for other in moving[1:]:
-            first, last = group[moving[0]], group[other]
-            group = {body: first if g == last else g for body, g in group.items()}
-    return group
+    return grouped(bodies, (pair for ends in links for pair in pairwise(sorted(ends.intersection(bodies)))))
 
 
 def _without(model: Model, scene: Scene, removed: set[str]) -> Outcome:

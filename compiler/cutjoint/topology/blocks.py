@@ -7,8 +7,8 @@ carrier.  No loop passes through another one, so that a block's equations contai
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from cutjoint.model.records import GROUND, Joint, Model
-from cutjoint.topology.records import Topology, TreeJoint, degrees
+from cutjoint.model.records import GROUND, Joint
+from cutjoint.topology.records import Topology, TreeJoint, degrees, grouped, joints_inwards
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,23 +25,11 @@ class Block:
 def find_blocks(topology: Topology) -> tuple[Block, ...]:
     """The blocks of a model, in the order of its joints."""
     model = topology.model
-    known = _known_together(model)
+    known = grouped((GROUND, *(b.name for b in model.bodies)), ((j.base, j.follower) for j in model.joints if not degrees(j)))
     edges = [(joint, known[joint.base], known[joint.follower]) for joint in model.joints if degrees(joint)]
     place = {joint.name: i for i, joint in enumerate(model.joints)}
     parts = [part for part in _biconnected(edges, known[GROUND]) if len(part) > 1]
     return tuple(_block(topology, known, part) for part in sorted(parts, key=lambda part: min(place[j.name] for j in part)))
-
-
-def _known_together(model: Model) -> Mapping[str, str]:
-    """For each body, a representative of the bodies whose motion relative to it is known."""
-    known = {GROUND: GROUND, **{b.name: b.name for b in model.bodies}}
-    for joint in model.joints:
-        if not degrees(joint):
-            old, new = known[joint.follower], known[joint.base]
-            if old == known[GROUND]:
-                old, new = new, old
-            known = {body: new if one == old else one for body, one in known.items()}
-    return known
 
 
 def _biconnected(edges: Sequence[tuple[Joint, str, str]], root: str) -> Iterator[list[Joint]]:
@@ -94,10 +82,7 @@ def _block(topology: Topology, known: Mapping[str, str], joints: Sequence[Joint]
 
 
 def _bodies_in(above: Mapping[str, TreeJoint], body: str) -> list[str]:
-    found = [body]
-    while found[-1] != GROUND:
-        found.append(above[found[-1]].parent)
-    return found
+    return [body, *(t.parent for t in joints_inwards(above, body))]
 
 
 def _common(above: Mapping[str, TreeJoint], bodies: Sequence[str]) -> str:
@@ -107,5 +92,4 @@ def _common(above: Mapping[str, TreeJoint], bodies: Sequence[str]) -> str:
 
 
 def _path(above: Mapping[str, TreeJoint], body: str, carrier: str) -> list[TreeJoint]:
-    path = _bodies_in(above, body)
-    return [above[one] for one in path[: path.index(carrier)]]
+    return joints_inwards(above, body)[: _bodies_in(above, body).index(carrier)]

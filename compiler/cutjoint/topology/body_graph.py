@@ -17,7 +17,7 @@ from dataclasses import replace
 from functools import cached_property
 
 from cutjoint.model.records import GROUND, Gear, Joint
-from cutjoint.topology.records import Branch, TreeJoint, degrees
+from cutjoint.topology.records import Branch, TreeJoint, degrees, grouped
 
 
 class BodyGraph:
@@ -79,13 +79,8 @@ class BodyGraph:
         """The children of a carrier, except one, in groups that cut joints and gears connect."""
         if carrier not in self.linked:
             return [[body] for body in self.carried[carrier]]
-        group = {body: body for body in self.carried[carrier] if body != without}
-        for a, b in self.linked[carrier]:
-            if without in (a, b):
-                continue
-            first, last = group[a], group[b]
-            if first != last:
-                group = {body: first if g == last else g for body, g in group.items()}
+        bodies = (body for body in self.carried[carrier] if body != without)
+        group = grouped(bodies, (pair for pair in self.linked[carrier] if without not in pair))
         members: dict[str, list[str]] = defaultdict(list)
         for body, g in group.items():
             members[g].append(body)

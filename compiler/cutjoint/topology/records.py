@@ -6,7 +6,7 @@ The graph of couplings is that of design equation (3): eliminating body i couple
 body that i is coupled to with each other.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from cutjoint.elements.joint import Ball
@@ -125,6 +125,26 @@ class Topology:
 def degrees(joint: Joint) -> int:
     """The number of unknown speeds of a joint: 0 if it is guided."""
     return 0 if joint.guide is not None else len(joint.element.speeds)
+
+
+def grouped(bodies: Iterable[str], pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """For each body the first of those that pairs connect it with, directly or through others."""
+    order = {body: i for i, body in enumerate(bodies)}
+    group = {body: body for body in order}
+    for pair in pairs:
+        first, last = sorted((group[body] for body in pair), key=order.__getitem__)
+        if first != last:
+            group = {body: first if g == last else g for body, g in group.items()}
+    return group
+
+
+def joints_inwards(above: Mapping[str, TreeJoint], body: str) -> list[TreeJoint]:
+    """The tree joints from a body inwards as far as ``above`` has them by the bodies that they carry."""
+    path: list[TreeJoint] = []
+    while body in above:
+        path.append(above[body])
+        body = above[body].parent
+    return path
 
 
 def eliminate(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Mapping[str, frozenset[str]]:

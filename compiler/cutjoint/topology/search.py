@@ -14,7 +14,7 @@ from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import GROUND, Body, Joint, Model
 from cutjoint.topology.geometry import JointGeometry, loop_condition
 from cutjoint.topology.measured import Use, reason_not_to_measure, uses_of_coordinates
-from cutjoint.topology.records import Topology, TreeJoint, degrees
+from cutjoint.topology.records import Topology, TreeJoint, degrees, grouped
 from cutjoint.topology.spanning_tree import Cost, TopologyError, cost_of, joints_around, split
 
 
@@ -263,7 +263,7 @@ RADIUS = 8  #: the largest distance, in joints, at which surroundings of joints 
 def number_alike(model: Model) -> Mapping[str, int]:
     """A number for each joint by its name, the same for joints whose surroundings have one shape up to RADIUS joints away.
     Bodies that guided joints carry count as the bodies that carry them, so that a steered axle is like another."""
-    merged = _merged(model)
+    merged = grouped((GROUND, *(b.name for b in model.bodies)), ((j.base, j.follower) for j in model.joints if degrees(j) == 0))
     massless = {body.name for body in model.bodies if body.is_massless}
     forces: dict[str, list[str]] = {}
     for force in model.forces:
@@ -286,16 +286,6 @@ def number_alike(model: Model) -> Mapping[str, int]:
 def _numbered(shapes: Mapping[str, Any]) -> dict[str, int]:
     known: dict[Any, int] = {}
     return {name: known.setdefault(shape, len(known)) for name, shape in shapes.items()}
-
-
-def _merged(model: Model) -> dict[str, str]:
-    """For each body, a representative of the bodies that guided joints connect with it."""
-    merged = {GROUND: GROUND, **{b.name: b.name for b in model.bodies}}
-    for joint in model.joints:
-        if degrees(joint) == 0 and merged[joint.base] != merged[joint.follower]:
-            old, new = merged[joint.follower], merged[joint.base]
-            merged = {body: new if one == old else one for body, one in merged.items()}
-    return merged
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.records import GROUND, Joint, Model
 from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.classes import find_independent_classes
-from cutjoint.topology.records import Branch, TreeJoint, degrees, eliminate
+from cutjoint.topology.records import Branch, TreeJoint, degrees, eliminate, joints_inwards
 
 # Predicted operations
 
@@ -121,7 +121,7 @@ def _branched(branch: Branch, graph: BodyGraph, massive: set[str]) -> int:
     """Operations of composing and factorising the matrix of a branch, of what it passes on, and of its way back.
     A body that neither has mass nor carries any adds nothing to it but its equations."""
     joint_of = {t.child: t for t in graph.tree if t.child in branch.bodies}
-    carriers = {body: _carriers(body, joint_of) for body in branch.bodies}
+    carriers = {body: [t.child for t in joints_inwards(joint_of, body)] for body in branch.bodies}
     unknowns = {body: degrees(joint_of[body].joint) for body in branch.bodies}
     laden = {i for j in branch.bodies if j in massive for i in carriers[j]}
     coupled = {j: {i for i in carriers[j] if i != j and j in laden} for j in branch.bodies}
@@ -156,14 +156,6 @@ def _coupled_unknowns(bodies: Sequence[str], unknowns: Mapping[str, int], couple
             neighbours[other] = (neighbours[other] | others) - {other, body}
         outside = sum(unknowns[other] for other in others)
         found[body] = [outside + i for i in reversed(range(unknowns[body]))]
-    return found
-
-
-def _carriers(body: str, joint_of: Mapping[str, TreeJoint]) -> list[str]:
-    found = []
-    while body in joint_of:
-        found.append(body)
-        body = joint_of[body].parent
     return found
 
 
@@ -208,18 +200,10 @@ def joints_around(tree: Sequence[TreeJoint], cut: Joint) -> list[TreeJoint]:
 
 
 def _around(above: Mapping[str, TreeJoint], cut: Joint) -> list[TreeJoint]:
-    from_follower, from_base = _path_to_ground(above, cut.follower), _path_to_ground(above, cut.base)
+    from_follower, from_base = joints_inwards(above, cut.follower), joints_inwards(above, cut.base)
     while from_follower and from_base and from_follower[-1] is from_base[-1]:
         del from_follower[-1], from_base[-1]
     return from_follower + from_base[::-1]
-
-
-def _path_to_ground(above: Mapping[str, TreeJoint], body: str) -> list[TreeJoint]:
-    path: list[TreeJoint] = []
-    while body != GROUND:
-        path.append(above[body])
-        body = above[body].parent
-    return path
 
 
 def _orient(joints: Sequence[Joint]) -> tuple[TreeJoint, ...]:

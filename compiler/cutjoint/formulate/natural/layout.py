@@ -22,7 +22,7 @@ from cutjoint.formulate.quantities import needs_place
 from cutjoint.kernels.joints import direction_of
 from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, Joint, Model, Output, Reaction, Scalar, Scene, Vector
-from cutjoint.topology.records import Topology
+from cutjoint.topology.records import Topology, grouped
 
 #: The least part that a candidate adds to the span, as a share of its own length: of nodes that a joint shares, of a body's own.
 _SHARED, _OWN = 1e-3, 0.5
@@ -196,9 +196,9 @@ class _Builder:
     def __init__(self, model: Model, topology: Topology, value: Callable[[Scalar], float]) -> None:
         self._model = model
         self._value = value
-        order = {body: i for i, body in enumerate(_outwards(topology))}
-        self.group_of = _join((j for j in model.joints if j.element.is_rigid), order)
-        self._attitude_of = _join((j for j in model.joints if j.element.constrains_attitude), order)
+        order = _outwards(topology)
+        self.group_of = grouped(order, ((j.base, j.follower) for j in model.joints if j.element.is_rigid))
+        self._attitude_of = grouped(order, ((j.base, j.follower) for j in model.joints if j.element.constrains_attitude))
         self._done: set[str] = set()
         self._first_of_attitude: dict[str, str] = {}
         self._bodies_of: dict[str, list[str]] = defaultdict(list)
@@ -356,15 +356,6 @@ class _Builder:
             inverse = np.linalg.inv(numbers) if numbers.shape == (4, 4) else np.linalg.pinv(numbers)
             return sympy.Matrix(inverse.tolist())
         return columns.inv() if columns.is_square else (columns.T * columns).inv() * columns.T
-
-
-def _join(joints: Iterable[Joint], order: dict[str, int]) -> dict[str, str]:
-    """Each body's group of bodies that these joints connect, named after its first body."""
-    group = {body: body for body in order}
-    for joint in joints:
-        a, b = sorted((group[joint.base], group[joint.follower]), key=order.__getitem__)
-        group = {body: a if g == b else g for body, g in group.items()}
-    return group
 
 
 def _displacement(basis: Sequence[Node], i: int) -> Form:
