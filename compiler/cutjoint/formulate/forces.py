@@ -116,7 +116,6 @@ class Laws:
     road: frozenset[str] = frozenset()
 
     def scalar(self, expression: Scalar, values: Mapping[str, Block]) -> Block:
-        """An expression of named variables."""
         return self.translator.with_values({variable(name): value for name, value in values.items()}).scalar(expression)
 
     def law(self, law: Scalar, values: Mapping[str, Block], position: str) -> dict[str, Block]:
@@ -129,9 +128,7 @@ class Laws:
         return vector
 
     def from_global(self, components: Block) -> Block:
-        """The vector of components in global axes."""
         return components
 
     def in_motion(self, value: Block) -> Block:
-        """A value that is zero while the equilibrium is sought."""
         return self.b.scale(self.b.symbol("motion", 1, BindingTime.STEP), value)

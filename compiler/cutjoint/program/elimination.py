@@ -46,32 +46,25 @@ class _Scalars:
         return self._known[n]
 
     def number(self, value: float) -> _Scalar:
-        """A constant."""
         return self.of(self._graph.const(value), 0)
 
     def zero(self, n: int) -> _Scalar:
-        """Zero."""
         assert n == 1
         return self.number(0.0)
 
     def add(self, a: _Scalar, b: _Scalar) -> _Scalar:
-        """a + b."""
         return self.of(self._graph.add(a.number, b.number), 0)
 
     def sub(self, a: _Scalar, b: _Scalar) -> _Scalar:
-        """a - b."""
         return self.of(self._graph.sub(a.number, b.number), 0)
 
     def neg(self, a: _Scalar) -> _Scalar:
-        """-a."""
         return self.of(self._graph.neg(a.number), 0)
 
     def mul(self, a: _Scalar, b: _Scalar) -> _Scalar:
-        """a b."""
         return self.of(self._graph.mul(a.number, b.number), 0)
 
     def call(self, function: str, *args: _Scalar, table: str | None = None) -> _Scalar:
-        """A function's value."""
         return self.of(call_scalar(self._graph, function, tuple(a.number for a in args), table), 0)
 
 

@@ -39,7 +39,6 @@ class AxialForce(LawForce):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of an element in a model file."""
         return cls(
             **reader.common(), origin=reader.point("origin"), point=reader.point("point"),
             axis=reader.direction("axis"), law=reader.law("law", law=_LAW),

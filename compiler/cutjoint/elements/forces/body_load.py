@@ -52,7 +52,6 @@ class BodyLoad(Force):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of an element in a model file."""
         is_force = reader.field("force") is not None
         name, law = ("force", _FORCE) if is_force else ("torque", _TORQUE)
         components = reader.triple(name, law, let="let")

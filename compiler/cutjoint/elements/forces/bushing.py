@@ -61,7 +61,6 @@ class Bushing(Force):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of an element in a model file."""
         axes = reader.frame()
         return cls(
             **reader.common(), point=reader.point("at"), axes=axes,

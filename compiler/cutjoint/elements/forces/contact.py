@@ -68,7 +68,6 @@ class Contact(Force):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of an element in a model file."""
         is_plane = reader.field("normal") is not None
         normal = reader.direction("normal") if is_plane else None
         return cls(

@@ -34,13 +34,11 @@ class JointForce(OnJoint, LawForce):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of an element in a model file."""
         joint, coordinate, unit = reader.coordinate("joint", "coordinate")
         return cls(**reader.common(), joint=joint, coordinate=coordinate, unit=unit, law=reader.law("law", law=law_on(unit)))
 
     @property
     def variables(self) -> Law:
-        """The variables and units of the law."""
         return law_on(self.unit)
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:

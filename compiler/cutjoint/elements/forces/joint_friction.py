@@ -56,7 +56,6 @@ class JointFriction(OnJoint):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of an element in a model file."""
         joint, coordinate, unit = reader.coordinate("joint", "coordinate")
         law, bristle = reader.friction(unit)
         preload, radius, arm, thrust_radius = (
@@ -74,7 +73,6 @@ class JointFriction(OnJoint):
 
     @property
     def by_load(self) -> bool:
-        """Return whether it depends on the load of its joint."""
         return self.carried
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:

@@ -34,7 +34,6 @@ class PointSpring(LawForce):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of an element in a model file."""
         start, end = reader.point("from"), reader.point("to")
         reader.distinct(start, end, names=("from", "to"), hint="the line between them gives the direction")
         law = reader.law("law", law=_LAW, drawn=reader.distance(start, end))

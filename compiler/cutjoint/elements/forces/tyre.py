@@ -45,7 +45,6 @@ class Tyre(OnRoad):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of an element in a model file."""
         constants = {name: reader.number(name, unit=unit) for name, unit in _UNITS.items()}
         constants |= {name: reader.number("calspan", name, unit="") for name in CALSPAN}
         return cls(
@@ -55,7 +54,6 @@ class Tyre(OnRoad):
 
     @property
     def radius(self) -> Scalar:
-        """The radius of the wheel, m."""
         return self.constants["radius"]
 
     @property

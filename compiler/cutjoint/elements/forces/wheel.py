@@ -52,7 +52,6 @@ class Wheel(OnRoad):
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
-        """The record of an element in a model file."""
         return cls(
             **reader.common(), body=reader.body("body"), centre=reader.point("centre"), axis=reader.direction("axis"),
             free_radius=reader.number("radius", unit="m"), force=reader.triple("force", _FORCE, let="let"),
@@ -61,7 +60,6 @@ class Wheel(OnRoad):
 
     @property
     def radius(self) -> Scalar:
-        """The radius of the wheel, m."""
         return self.free_radius
 
     @property

@@ -42,5 +42,4 @@ class AxisForce(Interaction):
         return (Coil(self.origin, self.point, self.axis),)
 
     def arrow(self, force: LawForce, context: VisualContext) -> Arrow:
-        """The force on the follower."""
         return context.apply_force_along(self.point, self.axis, "force")

@@ -46,9 +46,7 @@ class Compliance(Interaction):
         return {f"{name}{axis}": m.b.element(block, i) for name, block in columns.items() for i, axis in enumerate("xyz")}
 
     def visuals(self) -> tuple[Visual, ...]:
-        """A ring."""
         return (Ring(self.base, self.frame),)
 
     def arrow(self, force: Force, context: VisualContext) -> Arrow:
-        """The force on the follower."""
         return context.components(self.follower, self.frame)

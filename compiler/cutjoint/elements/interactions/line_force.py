@@ -42,13 +42,10 @@ class LineForce(Interaction):
         return n, {"length": length, "rate": b.dot(n, displacement.v)}
 
     def swapped(self, force: LawForce) -> Mapping[str, Any]:
-        """The fields with both ends exchanged."""
         return {self.start.field: self.end.of(force), self.end.field: self.start.of(force)}
 
     def visuals(self) -> tuple[Visual, ...]:
-        """A spring."""
         return (Coil(self.start, self.end),)
 
     def arrow(self, force: LawForce, context: VisualContext) -> Arrow:
-        """The tension on the follower."""
         return context.apply_force_pair(self.start, self.end, "force")

@@ -36,7 +36,6 @@ class WheelContact(Interaction):
     rotates: ClassVar[bool]
 
     def visuals(self) -> tuple[Visual, ...]:
-        """A wheel."""
         return (Wheel(self.centre, self.axis, self.rotates),)
 
     def meet(self, force: Any, m: Mechanics) -> Ground:

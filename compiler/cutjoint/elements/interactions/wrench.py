@@ -49,5 +49,4 @@ class Wrench(Interaction):
         return {f"{name}{axis}": m.b.element(vector, i) for name, vector in vectors.items() for i, axis in enumerate("xyz")}
 
     def arrow(self, force: BodyLoad, context: VisualContext) -> Arrow:
-        """The force on the body."""
         return None if force.point is None else context.components(self.point, self.point.carrier if force.in_body else None)

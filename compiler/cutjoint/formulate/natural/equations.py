@@ -419,5 +419,4 @@ class LagrangianEquations(records.SystemEquations):
 
     @property
     def row_names(self) -> tuple[str, ...]:
-        """A name for each row of the tangent."""
         return self.unknown_names + (self.equation_names if METHODS[self.method].saddle_point else ())

@@ -178,11 +178,9 @@ class NodalMechanics(Laws):
         return self._displacement(_ORIGIN, self._at(at))[1]
 
     def displacement(self, start: Point, end: Point) -> Motion:
-        """The displacement between two points."""
         return self._displacement(self._at(start), self._at(end))[1]
 
     def direction(self, axis: Axis) -> Motion:
-        """A direction."""
         return self._direction(*self._at(axis))[1]
 
     def spin(self, carrier: Carrier) -> Block:
@@ -258,7 +256,6 @@ class NodalMechanics(Laws):
         self._act(start[0], form, turn)
 
     def apply_force(self, at: Point, force: Block) -> None:
-        """A force on a point."""
         self._act(at.body(self.force), self._displacement(_ORIGIN, self._at(at))[0], force)
 
     def apply_force_at_offset(self, at: Point, arm: Block, force: Block, moment: Block) -> None:

@@ -227,7 +227,6 @@ class WrenchMechanics(Laws):
         return Lazy(place=lambda: self.k.absolute(body, point), rate=lambda: self.k.velocity(body, point))
 
     def displacement(self, start: Point, end: Point) -> Measured:
-        """The displacement between two points."""
         (follower, last), (base, first) = ((at.body(self.force), self._point(at)) for at in (end, start))
         displacement = self.k.between(follower, last, base, first)
         return Measured(x=displacement, v=self.b.sub(self.k.velocity(follower, last), self.k.velocity(base, first)))
@@ -245,7 +244,6 @@ class WrenchMechanics(Laws):
         return halves(self.b, self.k.frames[body].Z)[1]
 
     def spin(self, carrier: Carrier) -> Block:
-        """The angular velocity of a body."""
         return self._spin(self._body(carrier))
 
     def spin_and_relative_rate(self, carrier: Carrier) -> tuple[Block, Block]:
@@ -258,11 +256,9 @@ class WrenchMechanics(Laws):
         return self.b.mul(self.b.transpose(self.k.frames[self._body(carrier)].R), vector)
 
     def in_global(self, vector: Block) -> Block:
-        """The components of a vector in global axes."""
         return self.k.in_global(vector)
 
     def from_global(self, components: Block) -> Block:
-        """The vector of components in global axes."""
         return self.k.from_global(components)
 
     def from_body(self, carrier: Carrier, components: Block) -> Block:
@@ -340,7 +336,6 @@ class WrenchMechanics(Laws):
         self.system.add_force(at.body(self.force), b.stack([[force], [torque]]))
 
     def apply_torque(self, carrier: Carrier, torque: Block) -> None:
-        """The wrench of a torque."""
         self._turn(self._body(carrier), torque)
 
     def _turn(self, body: str, torque: Block) -> Block:

@@ -99,7 +99,6 @@ class Reporter(Quantities):
     reactions: Reactions
 
     def quantity(self, output: Output) -> Block:
-        """The block of one output; zero for the law of a force that the scene has switched off or that a guard stands for."""
         for reaction in self.model.reactions:
             if reaction.name == output.element:
                 return self._rods(reaction) if isinstance(reaction, RodForce) else self.reactions.component(reaction, output.quantity)
@@ -111,7 +110,6 @@ class Reporter(Quantities):
         return super().quantity(output)
 
     def acceleration(self, body: str, at: Block) -> Block:
-        """The acceleration of the body's point that stands at ``at`` from the pole."""
         k, b = self.kinematics, self.kinematics.builder
         (a0, wd), (_, w) = halves(b, self.Zdd[body]), halves(b, k.frames[body].Z)
         return b.add(a0, b.add(b.cross(wd, at), b.cross(w, k.velocity(body, at))))

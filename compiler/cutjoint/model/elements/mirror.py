@@ -25,11 +25,9 @@ class Mirror:
     signs: tuple[int, int, int]
 
     def vector(self, v: Vector) -> Vector:
-        """The image of a point or a translation."""
         return (self.signs[0] * v[0], self.signs[1] * v[1], self.signs[2] * v[2])
 
     def rotation(self, v: Vector) -> Vector:
-        """The image of an axis of rotation or a torque."""
         a, b, c = self.vector(v)
         return (-a, -b, -c)
 
@@ -43,17 +41,14 @@ class Mirror:
         return (sign * v[0], sign * v[1], sign * v[2])
 
     def law(self, expression: Scalar) -> Scalar:
-        """An expression over x y z vx vy vz and wx wy wz, as the image sees it; angular velocities mirror as rotations."""
         axis = "xyz"[self.signs.index(-1)]
         turned = (axis, f"v{axis}", *(f"w{other}" for other in "xyz" if other != axis))
         return self.opposite(expression, turned)
 
     def opposite(self, expression: Scalar, names: Sequence[str]) -> Scalar:
-        """An expression with the sign of some variables changed."""
         return expression.xreplace({variable(name): -variable(name) for name in names})
 
     def reflected(self, law: Scalar, sign: int) -> Scalar:
-        """The law in the mirror, see `reflected_law`."""
         return reflected_law(law, sign)
 
 
