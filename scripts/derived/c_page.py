@@ -15,8 +15,9 @@ MODEL = Path(__file__).with_name("every_part.yaml")
 
 HEAD = """# C reference
 
-The header that `cutjoint compile` writes, with the model's name in place of `NAME` and `name`. A header has only the calls and status
-codes of its model, method and options. [Embed a model in C](../how-to/embed-in-c.md) shows the calls in order.
+This page shows the header that `cutjoint compile` writes. `NAME` and `name` stand for the name of the model; numbers and names of elements
+are those of an example. A header has only the calls and status codes of its model, method and options. [Embed a model in
+C](../how-to/embed-in-c.md) shows the calls in order. The C99 export has [some of them](../how-to/controller-c99.md), and `NAME_STEP`.
 """
 
 
@@ -46,6 +47,7 @@ def _declarations(text: str) -> list[tuple[str, str]]:
     body = re.sub(r"(POSES_DIGEST|NAME_SIZE) (0x[0-9a-f]{16}ULL|\d+)", r"\1 ...", body)
     statuses = "".join(f"  NAME_{status.name} = {status.number}, /* {status.text} */\n" for status in STATUSES.values())
     body = re.sub(r"(  NAME_OK = 0,\n)(?:  NAME_\w+ = [1-9].*\n)*", lambda found: found[1] + statuses, body)
+    body = body.replace("exported scene 'run'", "exported scene")
     return re.findall(r"^/\*(.*?)\*/\n((?:(?!/\*)[^\n]*\n)*)", body, re.DOTALL | re.MULTILINE)
 
 
