@@ -146,9 +146,9 @@ class Linear(States):
         )
 
     def equations_of_motion(self) -> tuple[Array, Array]:
-        """Mass matrix M (f, f) and force (f,) of M z'' = force for the f independent coordinates z; SI units.
+        """Mass matrix M (n, n) and generalised force (n,) of M z'' = force for the n independent coordinates z; SI units.
 
-        The force includes gravity, velocity products, and all other forces, with the present inputs.
+        The force includes gravity, velocity products, and all other forces, with the present inputs; loops are eliminated.
 
         Raises:
             TypeError: the model was loaded without derivatives or without poses.
@@ -161,7 +161,7 @@ class Linear(States):
         return mass, force
 
     def point_jacobian(self, name: str, point: Sequence[float] | None = None) -> Array:
-        """Jacobian J (6, f) at the present state: [velocity; angular velocity] = J z' of a point, global axes, guides at rest.
+        """Jacobian J (6, n) at the present state: [velocity; angular velocity] = J z' of a point, global axes, guides at rest.
 
         z are the independent coordinates.  A wrench [F; T] at the point adds J^T [F; T] to the force of `equations_of_motion`.
 

@@ -15,9 +15,9 @@ from cutjoint.stepping.values import Array
 class Simulation(Derivatives):
     """A simulation of a model in SI units: `reset` finds a consistent start, `step` and `advance` continue.
 
-    ``inputs`` and ``parameters`` may change between steps.  Parameters affect outputs and accelerations at once, inputs from the next step
-    on.  An input set to NaN follows the scene's law, else has its default ``value``.  ``coordinates`` and ``speeds``
-    are read-only views of the present state; ``outputs`` and accelerations are copies.
+    ``inputs`` and ``parameters`` may change between steps.  Parameters affect outputs at once, and accelerations too, but with trapezoidal
+    and generalised-alpha from the next step on, as inputs do.  An input set to NaN follows the scene's law, else has its default ``value``.
+    ``coordinates`` and ``speeds`` are read-only views of the present state; ``outputs`` and accelerations are copies.
     """
 
     def copy(self) -> Simulation:

@@ -78,7 +78,7 @@ class States(Motion):
 
     @property
     def poses(self) -> Poses:
-        """Poses of bodies, markers and wheel contacts at the present state; arrays are views that later calls update.
+        """Poses of bodies, markers and wheel contacts at the present state, as in the C reference; later calls update these arrays.
 
         Raises:
             TypeError: the model was loaded without poses.
@@ -122,7 +122,7 @@ class States(Motion):
         return Values(self.library.names[kind], view)
 
     def set_state(self, time: float, coordinates: Array, speeds: Array) -> None:
-        """Set time (s), coordinates and velocities, in the order of `coordinates` and `speeds`.
+        """Set time (s), coordinates and velocities, in the order of `coordinates` and `speeds`; loops are not closed.
 
         Raises:
             ValueError: an array has another length.
@@ -160,7 +160,7 @@ class States(Motion):
     def choose_independent(self, speeds: Sequence[str] | None = None) -> None:
         """Choose the independent coordinates by the names of their ``speeds``, one for each degree of freedom.
 
-        Without ``speeds`` it keeps the derivatives of the others by the chosen ones small.  A choice by ``speeds``
+        Without ``speeds`` it chooses those with respect to which the derivatives of the others are small.  A choice by ``speeds``
         outlasts `reset`.
 
         Raises:

@@ -48,7 +48,7 @@ class RandomVibration:
         frequencies: (points,) Hz.
         densities: (points, outputs) one-sided power spectral densities, unit^2/Hz.
         rms: (outputs,) root mean squares over the road's band, without the mean.
-        weighted: (outputs,) those weighted by ISO 2631-1, NaN of what is no acceleration.
+        weighted: (outputs,) root mean squares weighted by ISO 2631-1; NaN for outputs that are no accelerations.
         white: (outputs,) root mean squares on a road of unlimited bandwidth, by Lyapunov's equation; NaN without a solution.
         variation: (outputs,) rms/mean, as of wheel loads; NaN where the mean is zero.
         outputs: names.

@@ -21,7 +21,7 @@ _NOTES = (
     "joints couple it to; accelerations then run from the ground outwards (eqs. 28-42). The operations are those of this step alone.",
 )
 
-_AT_ONCE = ("Loops that stay among subtrees of one body are eliminated at once, in joint space: their equations do not have its motion.",)
+_AT_ONCE = ("Loops whose bodies lie in subtrees of one body are eliminated together, in joint space: its motion is not in them.",)
 
 _AROUND = (
     "Branches that one body connects, their hub, share cut joints with it and none with each other: they go first, each by itself, "
@@ -43,7 +43,7 @@ def summarise(start: RecursiveEquations, equations: Equations, program: Program)
         ("loops", f"{len(topology.loops)}, widest couples a body to {plural(widest, 'other')}"),
         ("forces", f"{active} act, {len(model.forces) - active} switched off"),
         ("parameters", ", ".join(f"{sum(1 for p in model.parameters if p.binding is b)} {b.value}" for b in Binding)),
-        ("coordinates", f"{start.coordinates}, quaternions with four each"),
+        ("coordinates", f"{start.coordinates}{', quaternions with four each' if start.coordinates != start.speeds else ''}"),
         ("speeds", str(start.speeds)),
         (closing_equations(model), f"{mobility.equations}, rank {mobility.rank}"),
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
