@@ -101,7 +101,7 @@ wheel: setup
 	$(BIN)/pip install --quiet --editable '.[wheel]'
 	$(BIN)/python scripts/wheel
 
-# Schemas, references, tables, explained models and generated code that are kept in git
+# Schemas, references, tables and generated code that are kept in git
 .PHONY: regenerate
 regenerate: setup
 	$(BIN)/python scripts/regenerate

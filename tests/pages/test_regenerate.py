@@ -13,7 +13,7 @@ from tests.conftest import ROOT
 NAMES = (
     "docs/model.schema.json", "docs/study.schema.json", "docs/fit.schema.json",
     "docs/reference/command-line.md", "docs/reference/python.md", "docs/reference/c.md",
-    "docs/reference/library.md", "docs/background/four-bar.md", "docs/pictures/signs.svg",
+    "docs/reference/library.md", "docs/pictures/signs.svg",
     "docs/reference/model-file.md", "docs/background/mechanics.md", "docs/reference/integrators.md",
     "runtime/include/cutjoint/integrator_table.hpp", "runtime/include/cutjoint/core/numbers/functions.hpp",
 )  # fmt: skip
