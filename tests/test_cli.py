@@ -93,7 +93,7 @@ def test_simulate_without_a_file_prints_a_summary(tmp_path: Path, monkeypatch: p
     Path("slide.yaml").write_text(SLIDE)
     result = call("simulate", "slide.yaml", "--scene", "moved", "--implementation", "interpreted")
     assert result.exit_code == 0, result.output
-    assert "results: 1 column, 101 rows, not written; --out FILE writes them" in result.output
+    assert "results: 1 output, 101 rows, not written; --out FILE writes them" in result.output
     assert "converged  yes" in result.output
     assert [path.name for path in tmp_path.iterdir()] == ["slide.yaml"]
 

@@ -113,7 +113,7 @@ def test_a_run_says_its_file_and_errors_first_and_the_rest_by_request(tmp_path: 
     words = ["simulate", str(PRESS), "--end", "0.1", "--implementation", "interpreted", "--out", str(tmp_path / "run.csv")]
     short, long = (CliRunner().invoke(main, [*words, *more]) for more in ([], ["--verbose"]))
     lines = [line for line in short.stdout.splitlines() if line.strip()]
-    assert lines[0] == f"results: {tmp_path / 'run.csv'}, 4 columns, 11 rows"
+    assert lines[0] == f"results: {tmp_path / 'run.csv'}, 4 outputs, 11 rows"
     assert lines[1] == "error estimate"
     assert lines[-1].startswith("scene turn, method recursive: ")
     assert lines[-1].endswith("; --verbose prints more")

@@ -89,7 +89,7 @@ def test_the_controller_of_the_examples_balances_the_pole_as_equations_by_hand_s
     assert result.exit_code == 0, result.output
     for words in (
         "scene balance with pole_controller.fmu, FMI 2", "500 steps of 0.01 s", "driven push by force",
-        "read cart.x as position, pin.angle as angle", "converged yes", "4 columns, 501 rows",
+        "read cart.x as position, pin.angle as angle", "converged yes", "4 outputs, 501 rows",
     ):  # fmt: skip
         assert words in words_of(result)
     t, columns = read_table(out)

@@ -373,7 +373,7 @@ def test_a_device_takes_a_table_and_stays(folder: Path) -> None:
     done = simulate(*WHOLE, "--out", "/dev/null", "--steps", "/dev/null")
     assert done.exit_code == 0, done.output
     assert os.listdir("/dev") == before
-    assert "results: /dev/null, 4 columns, 4 rows" in done.output
+    assert "results: /dev/null, 4 outputs, 4 rows" in done.output
     assert Path("/dev/null").is_char_device()
     assert files(folder) == []
 
@@ -388,7 +388,7 @@ def test_standard_output_takes_the_table_alone(place: str, folder: Path) -> None
                 output, messages = process.communicate(timeout=PATIENCE)
             assert process.returncode == 0
             assert (output or Path("redirected.csv").read_text(encoding="utf-8")) == Path("run.csv").read_text(encoding="utf-8")
-            assert "4 columns, 4 rows" in messages
+            assert "4 outputs, 4 rows" in messages
 
 
 def test_a_pipe_waits_for_its_reader_and_says_so(folder: Path) -> None:
@@ -399,7 +399,7 @@ def test_a_pipe_waits_for_its_reader_and_says_so(folder: Path) -> None:
         rows = Path("pipe").read_text(encoding="utf-8").splitlines()
         output, _ = process.communicate(timeout=PATIENCE)
     assert (process.returncode, len(rows)) == (0, 5)
-    assert "4 columns, 4 rows" in output  # read from a copy
+    assert "4 outputs, 4 rows" in output  # read from a copy
     assert Path("pipe").is_fifo()
 
 

@@ -141,7 +141,7 @@ def _report(plan: Plan, model: Model, scene: Scene, run: Trajectory, out: Path, 
     if error:
         console.print(tables.error_facts(run.error))
     write_error(out, run.error if error else None, Implementation.GENERATED)
-    console.print(f"results: {out}, {plural(len(run.columns), 'column')}, {plural(run.t.size, 'row')}")
+    console.print(f"results: {out}, {plural(len(run.columns), 'output')}, {plural(run.t.size, 'row')}")
 
 
 def _facts(plan: Plan, model: Model, run: Trajectory) -> list[tuple[str, str]]:

@@ -87,7 +87,7 @@ def command(
         with options.progress_bar("estimating the error") if error else nullcontext():
             if out is not None:
                 write_error(out, run.error if error else None, prepared.compilation.implementation)
-        size = f"{plural(len(run.columns), 'column')}, {plural(run.t.size, 'row')}"
+        size = f"{plural(len(run.columns), 'output')}, {plural(run.t.size, 'row')}"
         console.print(f"results: {size}, not written; --out FILE writes them" if out is None else f"results: {out}, {size}")
         if error:
             console.print(tables.error_facts(run.error))

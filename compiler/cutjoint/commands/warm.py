@@ -10,7 +10,7 @@ from cutjoint.toolchain.drivers import DRIVERS, Kind
 
 @table.command("warm")
 def command(drivers: tuple[str, ...], precision: str, comparison: bool) -> None:
-    """Compile the drivers, which serve all models: half a minute each.
+    """Compile the drivers, the parts that all models share: half a minute each.
 
     They are stored in the installation, or in the cache if it is not writable.  $CXX and $CUTJOINT_FLAGS name the compiler and its flags.
     """
