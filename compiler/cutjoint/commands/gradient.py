@@ -35,7 +35,7 @@ def command(
     tunable: tuple[str, ...], changes: tuple[str, ...], requested: tuple[str, ...], by: tuple[str, ...], objective: str,
     from_equilibrium: bool, check: bool,
 ) -> None:  # fmt: skip
-    """Run MODEL and print the exact derivatives of its outputs by parameters and inputs, for the steps as taken.
+    """Run MODEL and print the exact derivatives of its outputs with respect to parameters and inputs, step sizes constant.
 
     The initial state stays constant, unless --from-equilibrium or the objective says otherwise.  With --objective start, a scene with a
     trim shows the derivatives of what the trim finds.

@@ -40,7 +40,7 @@ class Derivatives(Linear):
     """A simulation with derivatives of its steps, forward and adjoint."""
 
     def step_derivatives(self) -> StepDerivatives:
-        """Take one step; derivatives of the states after it by those before, by inputs (zero-order hold) and by parameters.
+        """Take one step; its derivatives with respect to the states before it, inputs (zero-order hold) and parameters.
 
         Outputs of controllers and inputs that follow the scene stay constant.
 
@@ -61,7 +61,7 @@ class Derivatives(Linear):
         self, steps: int, outputs: Sequence[str], by: Sequence[str], *, every: int = 1, initial_sensitivities: Array | None = None,
         events: int = 0, inputs: Mapping[str, InputTrajectoryLike] | None = None,
     ) -> ForwardSensitivities:  # fmt: skip
-        """Take a number of steps, with the derivatives of outputs by parameters, inputs and initial states.
+        """Take a number of steps, with the derivatives of outputs with respect to parameters, inputs and initial states.
 
         Each step is differentiated as it was taken, over events too.
 
@@ -69,7 +69,7 @@ class Derivatives(Linear):
             outputs: names of outputs.
             by: names of parameters, of inputs (a constant shift), and of ``states`` at the beginning.
             every: steps between samples.
-            initial_sensitivities: (states, by) derivatives of the initial states by parameters; default: none.
+            initial_sensitivities: (states, by) derivatives of the initial states with respect to parameters; default: none.
             events: number of events to record.
             inputs: input trajectories for this run: arrays (zero-order hold) or tables as of `simulate`.  Such an input in ``by``
                 expands to all its values ``name[0]``, ``name[1]``, ...; ``name.rate`` to the rates of its table.
@@ -186,7 +186,7 @@ class Derivatives(Linear):
         )  # fmt: skip
 
     def initial_state_sensitivities(self, outputs: Sequence[str], by: Sequence[str]) -> StateSensitivities:
-        """Derivatives of the scene's start by parameters and inputs, and those of ``outputs``.
+        """Derivatives of the scene's start with respect to parameters and inputs, and those of ``outputs``.
 
         The present state has to be that start.  Derivatives of states are fourth-order differences, those of outputs exact.
 

@@ -54,7 +54,7 @@ class Linear(States):
         )  # fmt: skip
 
     def equilibrium_sensitivities(self, outputs: Sequence[str], by: Sequence[str]) -> StateSensitivities:
-        """Derivatives of the present static equilibrium by parameters and inputs, and those of ``outputs``.
+        """Derivatives of the present static equilibrium with respect to parameters and inputs, and those of ``outputs``.
 
         They follow from the implicit function theorem.  If equilibria form a continuum, as of a car on a
         plane, it is the nearest one.
@@ -92,7 +92,7 @@ class Linear(States):
         return StateSensitivities(values=values, derivatives=derivatives, states=states, outputs=tuple(outputs), by=tuple(by))
 
     def eigenvalue_sensitivities(self, by: Sequence[str], modes: Sequence[int] | None = None) -> EigenvalueSensitivities:
-        """Eigenvalues of the linear model at the present state, and their derivatives by parameters and inputs.
+        """Eigenvalues of the linear model at the present state, and their derivatives with respect to parameters and inputs.
 
         At a static equilibrium the change of the pose is included; elsewhere the states are fixed.  The derivative of the matrix is by
         fourth-order differences of exact matrices.
