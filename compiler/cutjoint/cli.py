@@ -111,7 +111,7 @@ def _plain_errors() -> Iterator[None]:
 def _fault_of_argument(text: str) -> str:
     """What is wrong with an argument of any command; "" if nothing."""
     option, _, value = text.partition("=") if text.startswith("--") else ("", "", text)
-    if not _is_utf_8(text):
+    if any("\ud800" <= letter <= "\udfff" for letter in text):
         return f"the argument {text!a} is not UTF-8; rename the file, or write another name"
     if not value and (not option or text.endswith("=")):
         return f"the argument {text!a} is empty; write a value, or omit the option"
@@ -121,19 +121,9 @@ def _fault_of_argument(text: str) -> str:
 def _is_link_loop(path: str) -> bool:
     try:
         os.stat(path)
-    except OSError as error:
-        return error.errno == errno.ELOOP
-    except ValueError:
-        return False
+    except (OSError, ValueError) as error:
+        return isinstance(error, OSError) and error.errno == errno.ELOOP
     return False
-
-
-def _is_utf_8(text: str) -> bool:
-    try:
-        text.encode("utf-8")
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 @click.group(cls=_Commands)

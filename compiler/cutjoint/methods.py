@@ -272,9 +272,8 @@ def _explicit(name: str, table: str, *, order: str, stages: int, about: str, ada
     of_table = f"ExplicitSteps<Mechanism, cutjoint::runge_kutta::{table}>"
     steps = Steps(header="cutjoint/core/stepping/explicit_steps.hpp", name=of_table, stages=stages)
     return Integrator(
-        name=name, methods=("recursive",), order=order, about=about, steps={"recursive": steps},
-        closures=_ALL_CLOSURES, closure="solved", adaptive=adaptive, settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY,
-        c99=not adaptive,
+        name=name, methods=("recursive",), order=order, about=about, steps={"recursive": steps}, closures=_ALL_CLOSURES, closure="solved",
+        adaptive=adaptive, settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY, c99=not adaptive,
     )  # fmt: skip
 
 
@@ -293,9 +292,7 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
     Integrator(
         name="trapezoidal", methods=tuple(METHODS), order="2", about="bounded work in a step; loops stabilised or projected",
         steps={
-            "recursive": Steps(
-                header="cutjoint/core/stepping/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True
-            ),
+            "recursive": Steps(header="cutjoint/core/stepping/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True),
             "augmented": Steps(header="cutjoint/core/newton/augmented.hpp", name="AugmentedSteps<Mechanism, System>"),
             "classical": Steps(header="cutjoint/core/newton/classical.hpp", name="ClassicalSteps<Mechanism, System>"),
             "recursive-newton": _NEWTON,

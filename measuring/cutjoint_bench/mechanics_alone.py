@@ -4,10 +4,15 @@ from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnC
 from cutjoint.model.elements.friction import bristle_name
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.expressions.quantities import reading_elements
-from cutjoint.model.records import BallSpring, Contact, FirstOrderState, Force, JointFriction, Model, Signal, Wheel
+from cutjoint.model.records import BallSpring, Contact, FirstOrderState, Force, JointFriction, Model, RodForce, Scene, Signal, Wheel
 
 #: The interactions whose equations others have too: those that stand in the generic solver and in programs of peers by hand.
 KNOWN = (AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench)
+
+
+def is_reduced(model: Model, scene: Scene) -> bool:
+    """Return whether a model has elements of passes: guards, sensors of rods, columns that stand for others."""
+    return bool(model.guards or any(isinstance(r, RodForce) for r in model.reactions) or any(o.stands_for for o in scene.outputs))
 
 
 def require_mechanics_alone(model: Model) -> None:

@@ -148,8 +148,7 @@ def _facts(plan: Plan, model: Model, run: Trajectory) -> list[tuple[str, str]]:
     driven = {name for participant in plan.parties for name in participant.connections.driven}
     left = ", ".join(p.name for p in input_parameters(model) if p.name not in driven)
     return [
-        *(fact for participant in plan.parties for fact in _facts_of(participant, plan)),
-        *([("follow the scene", left)] if left else []),
+        *(fact for participant in plan.parties for fact in _facts_of(participant, plan)), *([("follow the scene", left)] if left else []),
         ("run", f"{run.seconds:.4f} s for {plan.end:g} s: {tables.real_time(plan.end, run.seconds)}"),
     ]  # fmt: skip
 

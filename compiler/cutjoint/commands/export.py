@@ -66,7 +66,10 @@ def command(
         raise click.BadParameter(f"Directory '{out}' is a file.", param_hint="'--out'")
     checked = with_link_masses(read_model(model, tunable=tunable), options.read_masses(links))
     checked, chosen = find_case(checked, scene)
-    outputs = [_output(checked, name) for name in requested] or exporter.known_outputs(checked, [o for o in chosen.outputs if not o.name])
+    outputs = [
+        Output(element=element, quantity=quantity, span=checked.span)
+        for element, _, quantity in (name.rpartition(".") for name in requested)
+    ] or exporter.known_outputs(checked, [o for o in chosen.outputs if not o.name])
     with options.progress_bar(f"exporting {model.name}"):
         exported = exporter.export(checked, chosen, options.read_parameters(changes), outputs)
     require_apart({"the model": model}, documents=[(f"--out {out}: file", out / name) for name in exported.files])
@@ -76,11 +79,6 @@ def command(
     if left_out := [o.column for o in chosen.outputs if not requested and o not in outputs]:
         options.out.print(f"outputs left out: {', '.join(left_out)}")
     options.out.print(f"{', '.join(exported.files)} in {out}; the first of them says how to run it")
-
-
-def _output(model: Model, name: str) -> Output:
-    element, _, quantity = name.rpartition(".")
-    return Output(element=element, quantity=quantity, span=model.span)
 
 
 def export_robot(model: Model, parameters: Mapping[str, float], path: Path, kind: str, out: Path) -> None:

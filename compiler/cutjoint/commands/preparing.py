@@ -117,8 +117,7 @@ class _CompiledFirst(Exception):  # noqa: N818 -- no error
 
 
 def _run_meanwhile(
-    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Execute,
-    compiling: BuildPending,
+    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Execute, compiling: BuildPending,
 ) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
     """Interpret the program while it is compiled, which ends it; nothing is cached, since the next run finds compiled code."""
 
@@ -185,9 +184,8 @@ def prepare(artifact: Artifact, requested: Options, parameters: Mapping[str, flo
     model, mobility = artifact.topology.model, find_mobility(artifact.mechanism)
     counts = topology_facts(artifact.topology, mobility, describe_geometry(artifact.mechanism, mobility))
     return PreparedRun(
-        model=model.name, counts=counts, places=artifact.places,
-        compilation=artifact.compilation, dependent_parts=changing_parts(model, artifact.scene),
-        inputs=tuple(p.name for p in input_parameters(model)),
+        model=model.name, counts=counts, places=artifact.places, compilation=artifact.compilation,
+        dependent_parts=changing_parts(model, artifact.scene), inputs=tuple(p.name for p in input_parameters(model)),
         units={p.name: p.unit for p in (*tunable_parameters(model), *input_parameters(model))},
         run=make_simulator_run(artifact, requested, parameters), plots=artifact.scene.plots,
         files={name: sha256(text.encode()).hexdigest() for name, text in model.files.items() if not name.startswith(SHIPPED)},

@@ -40,10 +40,8 @@ def write_replay(
 ) -> Path:  # fmt: skip
     """Write a run as a page or a glTF file, over the run of an earlier page (``ghost``); a failed run with its last steps.
 
-    ``ran`` is None for a cached run, whose model is read again.
-
-    Raises:
-        ModelError, OutputError: the model has been changed meanwhile, or the file cannot be written.
+    ``ran`` is None for a cached run, whose model is read again. Raises ModelError, OutputError: the model has been changed meanwhile, or
+    the file cannot be written.
     """
     ran = FinishedRun(*read_request(request), parameters) if ran is None else ran
     end = request.options.end
@@ -57,10 +55,8 @@ def write_replay(
 def with_each_step(plan: SimulatorRun, run: Trajectory) -> Trajectory:
     """Repeat a failed run with a sample at each step; with an adaptive integrator, at 400 or more times at which steps end.
 
-    The first run is returned if the second one does not fail, has fewer samples, or is not possible.
-
-    Raises:
-        Interrupted, Terminated: a signal has ended the run.
+    The first run is returned if the second one does not fail, has fewer samples, or is not possible. Raises Interrupted, Terminated: a
+    signal has ended the run.
     """
     failure, settings = run.failure, plan.run_file.settings
     if failure is None or not (0 < failure.step <= _MOST_STEPS and failure.time > 0):

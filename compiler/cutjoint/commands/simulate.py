@@ -52,8 +52,7 @@ def command(
     _require_display(display, plots, view)
     parameters = options.read_parameters(changes)
     requested = Options(
-        dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events,
-        accuracy=accuracy,
+        dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events, accuracy=accuracy,
     )  # fmt: skip
     request = Request(
         model=model, scene=scene, method=method, closure=closure, tunable=tunable, implementation=implementation, precision=precision,

@@ -13,7 +13,7 @@ from cutjoint.commands import options, table
 from cutjoint.package.errors import RunError, plural
 from cutjoint.run.outputs import OutputError, require_apart
 from cutjoint.run.result_files import write_whole
-from cutjoint.sweeps.designs import QUANTILES, find_indices, find_tolerance, has_indices, has_tolerances
+from cutjoint.sweeps.designs import QUANTILES, find_indices, find_tolerance
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Progress as OnProgress
@@ -54,9 +54,9 @@ def command(
     with _progress(read) as (advance, note):
         done = perform_study(read, out, scheduler=scheduler, threads=threads, progress=advance, note=note)
     _report(read, done)
-    if has_indices(done):
+    if "sobol_indices" in done.manifest["design"]:
         _print_indices(read, done)
-    if has_tolerances(done):
+    if "tolerances" in done.manifest["design"]:
         _print_tolerances(read, done)
     if view is not None:
         _write_page(read, done, view, f"cutjoint sweep {study}", replays)

@@ -12,8 +12,7 @@ from cutjoint.view.views import live_page, show_start
 
 @table.command("view")
 def command(
-    model: Path, scene: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None, live: int | None, *,
-    shared: bool,
+    model: Path, scene: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None, live: int | None, *, shared: bool,
 ) -> None:  # fmt: skip
     """Draw the pose in which a scene of MODEL starts, as a page that a browser opens from the disk, or follow a running host."""
     if out is not None and live is not None:

@@ -58,10 +58,8 @@ class System:
 @contextmanager
 def open_system(files: Sequence[Path], named: Mapping[str, str], model: str) -> Iterator[System]:
     """Open FMUs, or the FMUs of a system archive; the component with the model's name stands for the model.
-    The FMUs are extracted to a temporary folder, by the names of their components.
-
-    Raises:
-        RunError: the archive stands beside other files or connections, is damaged, or has what a run beside a model does not know.
+    The FMUs are extracted to a temporary folder, by the names of their components. Raises RunError: the archive stands beside other files
+    or connections, is damaged, or has what a run beside a model does not know.
     """
     if not any(file.suffix == SYSTEM for file in files):
         yield System(fmus=files, named=named)
@@ -157,11 +155,8 @@ def connect(
     fmus: Sequence[ControllerFmu], model: Model, scene: Scene, named: Mapping[str, str], *, is_whole: bool = False
 ) -> tuple[Connections, ...]:
     """The connections of each FMU, of ports with inputs and outputs of the model of the same names, or of their names in ``named``.
-    A name in ``named`` may be a port of another FMU. If ``whole``, only ports in ``named`` are connected.
-
-    Raises:
-        RunError: there is no such port, input or output, a unit is of another dimension, an input has two sources, or an FMU is not
-        connected.
+    A name in ``named`` may be a port of another FMU. If ``whole``, only ports in ``named`` are connected. Raises RunError: there is no such
+    port, input or output, a unit is of another dimension, an input has two sources, or an FMU is not connected.
     """
     names = [set(model_names) for model_names in (_inputs(model), _outputs(model, scene))]
     own: list[dict[str, str]] = [{} for _ in fmus]
@@ -196,9 +191,7 @@ class PortOf:
 
 def find_port(fmus: Sequence[ControllerFmu], word: str, connection: str) -> PortOf:
     """The port that a word names: by its name, or as FMU:PORT, where FMU is the file's name without its ending.
-
-    Raises:
-        RunError: there is none, or several FMUs have one.
+    Raises RunError: there is none, or several FMUs have one.
     """
     found = [PortOf(i, fmu.ports[word]) for i, fmu in enumerate(fmus) if word in fmu.ports]
     found = found or [
@@ -258,8 +251,7 @@ def _connect(
     return Connections(
         driven=driven, read=read, sizes={name: measure(1.0, outputs[name] or "1").value for name, _ in read},
         steering=frozenset(p.name for p in input_parameters(model) if p.name in driven and guided_by(model, p) is not None),
-        passed=tuple(passed[number]),
-        constant=tuple(p.name for p in fmu.ports.values() if p.causality == "input" and p.name not in taken),
+        passed=tuple(passed[number]), constant=tuple(p.name for p in fmu.ports.values() if p.causality == "input" and p.name not in taken),
     )  # fmt: skip
 
 

@@ -69,9 +69,7 @@ class ControllerFmu:
 
     def instantiate(self) -> "Controller":
         """Make a new instance; the previous one must be closed.
-
-        Raises:
-            ControllerError: the binary cannot be loaded, or makes no instance.
+        Raises ControllerError: the binary cannot be loaded, or makes no instance.
         """
         return Controller(self.path, self._process)
 
@@ -79,9 +77,7 @@ class ControllerFmu:
 @contextmanager
 def open_controller(path: Path, seconds: float = CALL_LIMIT) -> Iterator[ControllerFmu]:
     """Open a co-simulation FMU of FMI 2 or 3, whose calls may take so many ``seconds``; its files lie in a temporary folder meanwhile.
-
-    Raises:
-        RunError: FMPy is not installed, the file is no FMU, or the FMU has no co-simulation or no binary for this machine.
+    Raises RunError: FMPy is not installed, the file is no FMU, or the FMU has no co-simulation or no binary for this machine.
     """
     fmpy = find_package("fmpy", otherwise=RunError("FMUs need FMPy: install cutjoint[fmu]"))
     if not path.is_file():
@@ -138,10 +134,8 @@ def _unit(unit: Any) -> Unit | None:
 
 class Controller:
     """An instance of an FMU: `begin`, `set` and `get`, `start`, then `step` after `step`.  Values are those of the FMU, in its units.
-
-    Raises:
-        ControllerError: the binary cannot be loaded, or makes no instance.  So do all methods where the FMU refuses a call, or does not
-            come back from it.
+    Raises ControllerError: the binary cannot be loaded, or makes no instance. So do all methods where the FMU refuses a call, or does not
+    come back from it.
     """
 
     def __init__(self, path: Path, process: SlaveProcess) -> None:

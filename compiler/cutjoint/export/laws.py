@@ -42,9 +42,7 @@ class Numbers:
     @classmethod
     def of(cls, model: Model, scene: Scene, parameters: Mapping[str, float]) -> "Numbers":
         """The numbers of a scene after changes of parameters (SI units), and with inputs that these hold constant.
-
-        Raises:
-            RunError: a change names neither a tunable parameter nor an input.
+        Raises RunError: a change names neither a tunable parameter nor an input.
         """
         changed = parameter_values(model, parameters)
         values = {p.symbol: changed.get(p.name, p.value) for p in model.parameters if p.binding is not Binding.INPUT}
@@ -168,6 +166,5 @@ def _start(body: str, values: Mapping[str, float], points: int) -> Start:
     rotation = left @ right
     return Start(
         rotation=np.eye(3) if np.abs(rotation - np.eye(3)).max() < ROUNDING else rotation,
-        shift=np.zeros(3) if np.abs(origin).max() < ROUNDING else origin,
-        velocity=column(body, "vx vy vz"), spin=column(body, "wx wy wz"),
+        shift=np.zeros(3) if np.abs(origin).max() < ROUNDING else origin, velocity=column(body, "vx vy vz"), spin=column(body, "wx wy wz"),
     )  # fmt: skip

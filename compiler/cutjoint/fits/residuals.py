@@ -47,10 +47,7 @@ class Runs:
 
     def predict(self, theta: Array, *, validation: bool = False) -> list[Prediction]:
         """What the model says of all signals with these parameters: of the experiments for the fit, or of those for validation.
-        Each lasts a ``share`` of its time.
-
-        Raises:
-            SimulationError, RunError: a run failed.
+        Each lasts a ``share`` of its time. Raises SimulationError, RunError: a run failed.
         """
         self.count += 1
         return [p for case in self._cases if case.experiment.validation == validation for p in case.predict(theta, self.share)]

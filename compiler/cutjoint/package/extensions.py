@@ -37,11 +37,7 @@ class MissingPackageError(CutjointError, RuntimeError):
 
 
 def find_package(*modules: str, otherwise: Exception) -> Any:
-    """The first of the ``modules`` of a package that is an extra; all are imported.
-
-    Raises:
-        the error ``otherwise``: it is not installed.
-    """
+    """The first of the ``modules`` of a package that is an extra; all are imported. Raises the error ``otherwise``: it is not installed."""
     try:
         first, *_ = map(import_module, modules)
     except ImportError:

@@ -88,9 +88,7 @@ def _number(value: float, unit: str) -> str:
 
 def write_kinematics(found: AxleKinematics, path: Path) -> Path:
     """Write all sweeps into one CSV file, each row with its sweep's name; a second file has the units.
-
-    Raises:
-        OutputError: it cannot be written.
+    Raises OutputError: it cannot be written.
     """
     text = StringIO()
     print("sweep", *found.units, sep=",", file=text)

@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     from cutjoint.tasks.batch import BatchArtifact
     from cutjoint.topology.records import Topology
 
-#: The description of a model with prescribed motion only.
+#: The descriptions of models with prescribed motion only, and without any.
 KINEMATIC = "kinematic: guides prescribe all degrees of freedom; runs report guide forces and all reactions"
+_STIFF = "none: loops and joints leave no degree of freedom, and no joint is guided"
 #: Descriptions of an ordinary design position, and of one with rounded numbers.
 _ORDINARY, _NEARLY = (" as in ", "rigid, "), "some equations are nearly redundant"
 #: Above this condition number, lengths were probably meant to be equal.
@@ -114,18 +115,11 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
         (closing_equations(model), f"{mobility.equations}, rank {mobility.rank}"),
         ("design position", _design_position(mobility)),
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
-        *([("motion", motion)] if (motion := _motion(mobility, guided)) else []),
+        *([("motion", KINEMATIC if guided else _STIFF)] if not mobility.degrees_of_freedom else []),
         *([("warning", warning)] if warning else []),
         *((f"choices of {names}", text) for names, text in model.choices.items()),
         *(("note", note) for note in model.notes),
     )  # fmt: skip
-
-
-def _motion(mobility: Mobility, guided: int) -> str:
-    """Describe the motion of a model without degrees of freedom."""
-    if mobility.degrees_of_freedom:
-        return ""
-    return KINEMATIC if guided else "none: loops and joints leave no degree of freedom, and no joint is guided"
 
 
 def _assemblies(model: Model) -> str:

@@ -291,9 +291,7 @@ def _largest_by_unit(run: Trajectory) -> dict[str, float]:
 
 def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
     """The error of each output of a run, as `compare` finds it, with the effect of loop violations.
-
-    Raises:
-        Interrupted, Terminated: a signal has ended a run.
+    Raises Interrupted, Terminated: a signal has ended a run.
     """
     change = _change_of(plan)
 

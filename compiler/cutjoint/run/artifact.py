@@ -64,9 +64,8 @@ class Artifact:
         return Compilation(
             scene=self.scene.name, method=self.method, implementation=self.implementation.value,
             operations=self.program.operations(self.iteration), instructions=self.program.instructions(self.iteration),
-            compiler=self.binary.compiler, flags=tuple(self.binary.flags),
-            generate_seconds=self.generate_seconds, compile_seconds=self.compile_seconds if self.binary.fresh else 0.0,
-            start=start_of(self.mechanism),
+            compiler=self.binary.compiler, flags=tuple(self.binary.flags), generate_seconds=self.generate_seconds,
+            compile_seconds=self.compile_seconds if self.binary.fresh else 0.0, start=start_of(self.mechanism),
         )  # fmt: skip
 
     @property
@@ -147,9 +146,7 @@ def make_simulator_run(
     inputs: Mapping[str, InputLike] | None = None, tangents: bool = False, coordinates: bool = False,
 ) -> SimulatorRun:  # fmt: skip
     """The run of a compiled model; ``tangents`` adds Jacobians, ``coordinates`` the tree's coordinates at each sample.
-
-    Raises:
-        RunError: a parameter or an input that cannot be set, or options that exclude each other or that no run has.
+    Raises RunError: a parameter or an input that cannot be set, or options that exclude each other or that no run has.
     """
     if tangents:
         _require_tangents(artifact, options)
@@ -240,9 +237,7 @@ def _require_additions(artifact: Artifact, settings: Settings) -> None:
 
 def require_choice(method: str, precision: str = DEFAULT_PRECISION, additions: Sequence[str] = ()) -> None:
     """Check the choices by which a model is compiled; ``additions`` are solvers and integrators of other packages.
-
-    Raises:
-        RunError: there is no such method, precision or addition, or a solver does not have the precision.
+    Raises RunError: there is no such method, precision or addition, or a solver does not have the precision.
     """
     if method not in METHODS:
         raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")

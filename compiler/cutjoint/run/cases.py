@@ -24,9 +24,7 @@ Fail = Callable[[str, str], None]
 
 def read_cases(path: Path, model: Model) -> list[dict[str, float]]:
     """The cases of a table with parameters as columns and a row (SI units) for each run; blank lines are skipped.
-
-    Raises:
-        RunError: a name or a number is wrong; the message has its line.
+    Raises RunError: a name or a number is wrong; the message has its line.
     """
 
     def fail(message: str, hint: str) -> None:
@@ -86,10 +84,7 @@ class CaseTable:
     """The table of a batch's results: a row for each case with its parameters, how its run ended, and values of each column.
 
     Rows are in the order of the ``cases``; each is written as soon as its results and all earlier ones are available. A second file has the
-    units.
-
-    Raises:
-        OutputError: the table cannot be written.
+    units. Raises OutputError: the table cannot be written.
     """
 
     def __init__(self, path: Path, cases: Sequence[Mapping[str, float]], units: Mapping[str, str]) -> None:

@@ -21,9 +21,7 @@ def _kind(unit: str) -> tuple[bool, ...]:
 
 def read_units(wanted: Sequence[str]) -> Mapping[str, Measure]:
     """The size and dimension of units for display.
-
-    Raises:
-        RunError: a unit is unknown, has an offset, or measures what an earlier one does.
+    Raises RunError: a unit is unknown, has an offset, or measures what an earlier one does.
     """
     found: dict[str, Measure] = {}
     for unit in wanted:
@@ -41,9 +39,7 @@ def read_units(wanted: Sequence[str]) -> Mapping[str, Measure]:
 
 def in_units(columns: Mapping[str, Array], units: Mapping[str, str], wanted: Sequence[str]) -> tuple[dict[str, Array], dict[str, str]]:
     """Columns (samples,) and their units, converted to the ``wanted`` units of their quantities; attitudes of bodies are continuous.
-
-    Raises:
-        RunError: as for `read_units`.
+    Raises RunError: as for `read_units`.
     """
     found, converted, names = read_units(wanted), dict(columns), dict(units)
     for name, unit in units.items():

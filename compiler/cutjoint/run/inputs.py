@@ -25,10 +25,8 @@ def input_entries(model: Model, scene: Scene, values: Mapping[str, InputLike]) -
     """The entry "inputs" of a run file, by name; inputs that are not given follow the scene.  Values are in SI units.
 
     An input is a number, or a table with times "t" and as many of "value", between which it is "interpolation" "cubic" (the default;
-    through the given "rate" if there is one) or "linear".
-
-    Raises:
-        RunError: a name is no input, a value is not finite, or a table is inconsistent or shorter than the scene.
+    through the given "rate" if there is one) or "linear". Raises RunError: a name is no input, a value is not finite, or a table is
+    inconsistent or shorter than the scene.
     """
     names = [p.name for p in input_parameters(model)]
     for name in values:
@@ -40,9 +38,7 @@ def input_entries(model: Model, scene: Scene, values: Mapping[str, InputLike]) -
 
 def read_table(what: str, values: Mapping[str, Any], start: float, end: float) -> dict[str, Any]:
     """A table over time as a run file has it, of a run between two times (s).
-
-    Raises:
-        RunError: it is inconsistent, or shorter than the run.
+    Raises RunError: it is inconsistent, or shorter than the run.
     """
     if unknown := [key for key in values if key not in (*_SERIES, "interpolation")]:
         raise RunError(f"{what}: unknown key '{unknown[0]}'; a table has t, value, and perhaps rate and interpolation")

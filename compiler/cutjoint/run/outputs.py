@@ -124,8 +124,7 @@ def _of_tables(tables: Mapping[str, Path | None]) -> Iterator[list[_Written]]:
             continue
         partial = partial_of(resolved(path))
         beside = {
-            "the units": units_of(resolved(path)), "the errors": error_of(resolved(path)),
-            "the rows of an unfinished table": partial,
+            "the units": units_of(resolved(path)), "the errors": error_of(resolved(path)), "the rows of an unfinished table": partial,
             "the units of an unfinished table": units_of(partial), "the reason for an unfinished table": reason_of(resolved(path)),
         }  # fmt: skip
         files = [_Written(requested=requested, path=file, part=part) for part, file in beside.items()]

@@ -27,10 +27,8 @@ class TableFile:
     """A table that is being written.
 
     Rows go to `partial_of` the table, which is renamed when the table is complete: an earlier table stays until then. Otherwise the rows
-    stay in that file, and `reason_of` says why. Links are followed.
-
-    Raises:
-        OutputError: the file cannot be written, or another process writes it.
+    stay in that file, and `reason_of` says why. Links are followed. Raises OutputError: the file cannot be written, or another process
+    writes it.
     """
 
     def __init__(self, path: Path, units: Units | None = None) -> None:
@@ -147,9 +145,7 @@ class RunTables:
 
     def finish(self, size: int | None = None) -> Path | None:
         """Complete all tables; return the file of ``out``, whose text has ``size`` bytes.
-
-        Raises:
-            OutputError: it has another size, or cannot be written.
+        Raises OutputError: it has another size, or cannot be written.
         """
         while self._tables and (name := next(reversed(self._tables))) != "out":  # the last one
             self._tables.pop(name).finish()
@@ -201,9 +197,7 @@ def read_rows(file: BinaryIO, columns: int) -> Array:
 
 def write_error(table: Path, error: ErrorEstimate | None, implementation: str) -> None:
     """Write the error estimate of a table and the implementation of its run to a file next to it; not for streams.
-
-    Raises:
-        OutputError: it cannot be written.
+    Raises OutputError: it cannot be written.
     """
     if is_stream(table):
         return
@@ -219,9 +213,7 @@ def write_error(table: Path, error: ErrorEstimate | None, implementation: str) -
 
 def write_whole(path: Path, content: str | bytes) -> Path:
     """Write a file atomically: an earlier one survives a failure; a stream is written directly.
-
-    Raises:
-        OutputError: it cannot be written.
+    Raises OutputError: it cannot be written.
     """
     data = content.encode() if isinstance(content, str) else content
     if is_stream(path):
@@ -235,9 +227,7 @@ def write_whole(path: Path, content: str | bytes) -> Path:
 
 def write_files(folder: Path, files: Mapping[str, str | bytes], modes: Mapping[str, int] | None = None) -> None:
     """Write files by name into a folder, all or none; ``modes`` are permissions of some.
-
-    Raises:
-        OutputError: one cannot be written, and all stay unchanged.
+    Raises OutputError: one cannot be written, and all stay unchanged.
     """
     with _written_beside() as write:
         for name, content in files.items():

@@ -10,7 +10,7 @@ whose pieces are straight lines (offset by the disc) and arcs about the corners.
 import math
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -132,7 +132,8 @@ def disc_pieces(segments: Sequence[RoadSegment], start: float, radius: float) ->
     arcs = [_Candidate(Piece(kind="arc", start=x - radius, a=z - radius, b=radius, c=x), x - radius, x + radius) for x, z in corners]
     for part in _envelope([*_offset_lines(corners, radius), *arcs]):
         if part.last - part.first >= 1e-12 and not (pieces and _continues(pieces[-1], part.piece)):
-            pieces.append(_from(part.piece, part.first))
+            a = part.piece.height(part.first) if part.piece.kind == "line" else part.piece.a
+            pieces.append(replace(part.piece, start=part.first, a=a))
     return pieces
 
 
@@ -228,11 +229,6 @@ def _continues(before: Piece, piece: Piece) -> bool:
     if before.kind == "arc":
         return (before.a, before.c) == (piece.a, piece.c)
     return before.b == piece.b and abs(before.height(piece.start) - piece.a) < 1e-12
-
-
-def _from(piece: Piece, start: float) -> Piece:
-    a = piece.height(start) if piece.kind == "line" else piece.a
-    return Piece(kind=piece.kind, start=start, a=a, b=piece.b, c=piece.c)
 
 
 def road_pieces(road: Road, radius: float) -> dict[str, list[Piece]]:

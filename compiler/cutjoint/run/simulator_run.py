@@ -174,10 +174,7 @@ def _read_coordinates(file: BinaryIO, rows: int) -> Array:
 
 
 def merge_summaries(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
-    """The summary of both parts, which ends as the second does.
-
-    The defect of work and energy is at most the sum of both.
-    """
+    """The summary of both parts, which ends as the second does. The defect of work and energy is at most the sum of both."""
     ends = ("message", "time", "step", "element", "residual", "advice", "guards", "kept")  # of a failure
     begun = {name: value for name, value in first.items() if name not in ends}
     return {**begun, **second, **{name: _merge_entry(name, first, second) for name in first.keys() & second.keys()}}

@@ -66,10 +66,7 @@ class Values(MutableMapping[str, float]):
 
 
 class Outputs(Values):
-    """Outputs by name, evaluated at the present state on access; ``array`` is a copy of all.
-
-    ``refresh`` updates their memory.
-    """
+    """Outputs by name, evaluated at the present state on access; ``array`` is a copy of all. ``refresh`` updates their memory."""
 
     def __init__(self, names: Sequence[str], memory: Array, units: Mapping[str, str], refresh: Callable[[], object]) -> None:
         super().__init__(names, memory, units)
@@ -367,10 +364,7 @@ OBJECTIVES = ("end", "integral", "mean", "rms", "maximum", "minimum")
 
 def weigh(objective: str, times: Array, values: Array, outputs: Sequence[str]) -> tuple[Array, Array]:
     """The values (outputs,) of an objective of `OBJECTIVES` and its derivatives (rows, outputs) by the ``values`` of each output.
-    If several rows share an extreme value, the first counts.
-
-    Raises:
-        ValueError: there is no such objective, or it has no derivative.
+    If several rows share an extreme value, the first counts. Raises ValueError: there is no such objective, or it has no derivative.
     """
     if objective not in OBJECTIVES:
         raise ValueError(f"no objective '{objective}'; there is {', '.join(OBJECTIVES)}")
@@ -400,9 +394,7 @@ def weigh(objective: str, times: Array, values: Array, outputs: Sequence[str]) -
 
 def weigh_each(objective: str, times: Array, values: Array, outputs: Sequence[str]) -> Array:
     """Weights of an objective of each output in turn, (outputs, rows, outputs).
-
-    Raises:
-        ValueError: it has no derivative, or rows share an extreme.
+    Raises ValueError: it has no derivative, or rows share an extreme.
     """
     found, weights = weigh(objective, times, values, outputs)
     for i, rows in ties(objective, values).items():

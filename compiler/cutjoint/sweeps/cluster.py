@@ -54,10 +54,8 @@ def require_address(address: str) -> tuple[str, int]:
 def require_scheduler(address: str) -> None:
     """Check that a scheduler answers at an address.
 
-    The question goes from a thread of its own: whatever it meets there, it does not outlive the command.
-
-    Raises:
-        RunError: none does, and it says what is there instead; or Dask is not installed.
+    The question goes from a thread of its own: whatever it meets there, it does not outlive the command. Raises RunError: none does, and it
+    says what is there instead; or Dask is not installed.
     """
     host, port = require_address(address)
     answers: Queue[Any] = Queue()
@@ -156,9 +154,7 @@ def perform(key: str, version: str, chunk: Chunk) -> Rows | str:
 
 class Cluster:
     """The workers of a Dask cluster; ``note`` is called with each refused worker.
-
-    Raises:
-        RunError: Dask is not installed, there is no scheduler at the address, or none of its workers can run the libraries.
+    Raises RunError: Dask is not installed, there is no scheduler at the address, or none of its workers can run the libraries.
     """
 
     def __init__(self, work: Work, address: str, note: Callable[[str], None]) -> None:
@@ -207,9 +203,7 @@ class Cluster:
 
     def take(self, seconds: float) -> Rows | None:
         """The rows of a chunk that is done, None if there is none in this time.
-
-        Raises:
-            RunError: the scheduler has gone, or workers died of a chunk.
+        Raises RunError: the scheduler has gone, or workers died of a chunk.
         """
         if monotonic() >= self._next_poll:
             self._poll()

@@ -19,7 +19,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.package.extensions import find_package
 from cutjoint.run.run_file import MASSES, find_dependent_parts, parameter_values
 from cutjoint.sweeps.document import Design, LatinHypercube, Listed, Sobol, SobolIndices, Tolerances
-from cutjoint.sweeps.records import Array, Kind, Study, of_kind
+from cutjoint.sweeps.records import Array, Kind, Study
 
 if TYPE_CHECKING:
     from cutjoint.sweeps.run import Sweep
@@ -41,8 +41,8 @@ class Masses:
     """
 
     def __init__(self, study: Study) -> None:
-        model, places = study.model, of_kind(study.variables, Kind.PARAMETER)
-        self._study, self._places = study, {study.variables[i].name: i for i in places}
+        model = study.model
+        self._study, self._places = study, {v.name: i for i, v in enumerate(study.variables) if v.kind is Kind.PARAMETER}
         self._parameters = [p for p in model.parameters if p.binding is not Binding.INPUT]
         moving = {p.symbol for p in self._parameters if p.name in self._places}
         self._bodies = [body for body in model.bodies if any(entry.free_symbols & moving for entry in (body.mass, *body.inertia))]
@@ -111,12 +111,6 @@ def distribution(kind: str, mean: float, size: float, low: float, high: float) -
     return stats.uniform(mean - size, 2 * size) if kind == "uniform" else stats.triang(0.5, mean - size, 2 * size)
 
 
-def spread(low: float, high: float, count: int, *, by_ratio: bool) -> tuple[float, ...]:
-    """``count`` levels from one number to another."""
-    values = np.geomspace(low, high, count) if by_ratio else np.linspace(low, high, count)
-    return tuple(map(float, values))
-
-
 def count_runs(design: Design, extents: Sequence[Extent]) -> int:
     """The number of runs of a design; unknown for a table that is not read yet."""
     match design:
@@ -135,9 +129,7 @@ def count_runs(design: Design, extents: Sequence[Extent]) -> int:
 
 def draw(design: Design, extents: Sequence[Extent], names: Sequence[str] = ()) -> Array:
     """The values (runs, variables) of a grid, whose last variable changes from run to run, or of a sequence.
-
-    Raises:
-        RunError: SciPy is not installed.
+    Raises RunError: SciPy is not installed.
     """
     if isinstance(design, Tolerances):
         return _beside_means(design, extents, names)
@@ -208,18 +200,11 @@ class Indices:
     points: int
 
 
-def has_indices(done: "Sweep") -> bool:
-    """Return whether indices can be computed from the sweep's design."""
-    return "sobol_indices" in done.manifest["design"]
-
-
 def find_indices(done: "Sweep", objective: str) -> Indices:
     """The indices of an objective by the runs of a sweep.  Points of which a run failed do not count, nor others beyond a power of two.
-
-    Raises:
-        RunError: the design is another one, or fewer than two points have all their runs.
+    Raises RunError: the design is another one, or fewer than two points have all their runs.
     """
-    if not has_indices(done):
+    if "sobol_indices" not in done.manifest["design"]:
         raise RunError("Sobol' indices follow from the design {sobol_indices: points} alone")
     names = done.table.column_names
     variables = tuple(names[names.index("run") + 1 : names.index("failure")])
@@ -305,20 +290,13 @@ class Tolerance:
         return dict(zip(costs, map(float, shape * np.sqrt(left / np.sum((sensitivities * shape) ** 2))), strict=True))
 
 
-def has_tolerances(done: "Sweep") -> bool:
-    """Return whether the sweep's design is one of tolerances."""
-    return "tolerances" in done.manifest["design"]
-
-
 def find_tolerance(done: "Sweep", objective: str, limits: tuple[float, float] | None = None) -> Tolerance:
     """The distribution of an objective over the runs of a sweep; failed runs count as outside the limits.
-
-    Raises:
-        RunError: the design is another one, or runs at the means or beside them have no value.
+    Raises RunError: the design is another one, or runs at the means or beside them have no value.
     """
     from scipy.stats import norm
 
-    if not has_tolerances(done):
+    if "tolerances" not in done.manifest["design"]:
         raise RunError("tolerances follow from the design {tolerances: runs} alone")
     design, names = done.manifest["design"], done.table.column_names
     variables = tuple(names[names.index("run") + 1 : names.index("failure")])

@@ -94,8 +94,8 @@ class _Reading:
         reader, shown = Reader(model), document.trajectories
         objectives = [self._objective(name, part, reader, scenes) for name, part in document.objectives.items()]
         kept = [] if shown is None else [self._series(text, ("trajectories", "outputs", i), reader) for i, text in enumerate(shown.outputs)]
-        design = Variables(self.where, document, model, self.folder).design(scenes)
-        for name in document.objectives.keys() & {*TAKEN, *(v.name for v in design.variables)}:
+        variables, values = Variables(self.where, document, model, self.folder).design(scenes)
+        for name in document.objectives.keys() & {*TAKEN, *(v.name for v in variables)}:
             keys = ("objectives", name)
             self.at(keys).fail("the name stands for another column of the table", "rename the objective", keys, at_key=True)
         if self.problems:
@@ -103,9 +103,9 @@ class _Reading:
         return Study(
             file=self.source.file, model=model, scenes=scenes, method=document.method, integrator=document.integrator,
             tunable=document.tunable, flags=FLAGS if document.flags is None else tuple(document.flags.split()),
-            variables=design.variables, values=design.values, outputs=tuple(reader.outputs.values()), series=tuple(self.series),
+            variables=variables, values=values, outputs=tuple(reader.outputs.values()), series=tuple(self.series),
             objectives=tuple(objectives), trajectories=tuple(kept), every=1 if shown is None else shown.every,
-            design=_described(document), span=self.source.key_span(("design",)), digest=_digest(self.source, design.values),
+            design=_described(document), span=self.source.key_span(("design",)), digest=_digest(self.source, values),
         )  # fmt: skip
 
     def at(self, keys: Keys) -> Element:

@@ -1,6 +1,6 @@
 """A study once its file is read: plain records, numbers in SI units."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
@@ -121,8 +121,3 @@ class Study:
         """The scene of a run."""
         first = self.variables[:1]
         return self.scenes[int(self.values[run, 0]) if first and first[0].kind is Kind.SCENE else 0]
-
-
-def of_kind(variables: Sequence[Variable], *kinds: Kind) -> list[int]:
-    """The indices of variables of these kinds."""
-    return [i for i, v in enumerate(variables) if v.kind in kinds]

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf, isnan, nan
 from pathlib import Path
 from typing import TypeAlias
@@ -37,14 +37,6 @@ TAKEN = ("run", "failure", "failure_time")
 _SECTIONS = ("parameters", "positions", "rates")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Design:
-    """The variables of a study, and their ``values`` (runs, variables)."""
-
-    variables: tuple[Variable, ...]
-    values: Array
-
-
 class Variables:
     """Reads the variables of a study of a model, which ``where`` names in messages; ``folder`` is that of the study."""
 
@@ -60,8 +52,8 @@ class Variables:
             for component, unit in JOINT_QUANTITIES[joint.kind].items()
         }  # fmt: skip
 
-    def design(self, scenes: tuple[Scene, ...]) -> Design:
-        """The variables and their values.
+    def design(self, scenes: tuple[Scene, ...]) -> tuple[tuple[Variable, ...], Array]:
+        """The variables and their values (runs, variables).
 
         Raises:
             ModelError: something of them is wrong.
@@ -94,7 +86,7 @@ class Variables:
             self._fail(("design",), needed, "write several studies")
         self._end()
         values = designs.draw(design, [extent for _, extent in found], [v.name for v, _ in found])
-        return Design(variables=tuple(v for v, _ in found), values=values)
+        return tuple(v for v, _ in found), values
 
     def _at(self, keys: Keys) -> Element:
         label = {"parameters": "parameter", "positions": "position", "rates": "rate"}.get(str(keys[0]))
@@ -200,7 +192,8 @@ class Variables:
             self._fail((*keys, "count"), "'count' belongs to a grid", "leave it out: the design has the number of runs", at_key=True)
         if self._problems or values.count is None:
             return Extent(low=low, high=high, by_ratio=by_ratio)
-        return Extent(levels=designs.spread(low, high, values.count, by_ratio=by_ratio))
+        levels = np.geomspace(low, high, values.count) if by_ratio else np.linspace(low, high, values.count)
+        return Extent(levels=tuple(map(float, levels)))
 
     def _require_names(self, variables: list[Variable]) -> None:
         seen = set(TAKEN)
@@ -212,7 +205,7 @@ class Variables:
 
     # Tables and lists, which name what they set.
 
-    def _of_table(self, design: Csv | Listed, scenes: tuple[Scene, ...]) -> Design:
+    def _of_table(self, design: Csv | Listed, scenes: tuple[Scene, ...]) -> tuple[tuple[Variable, ...], Array]:
         for section in _SECTIONS:
             if getattr(self._document, section):
                 self._fail((section,), f"{section}: the design specifies all values", "remove this section", at_key=True)
@@ -221,9 +214,9 @@ class Variables:
         self._require_names(variables)
         self._end()
         if len(scenes) == 1:
-            return Design(variables=tuple(variables), values=rows)
+            return tuple(variables), rows
         number = np.repeat(np.arange(len(scenes), dtype=float), len(rows))[:, np.newaxis]
-        return Design(variables=(self._scene(), *variables), values=np.hstack([number, np.tile(rows, (len(scenes), 1))]))
+        return (self._scene(), *variables), np.hstack([number, np.tile(rows, (len(scenes), 1))])
 
     def _found(self, name: str, keys: Keys) -> tuple[Variable, Read]:
         """The variable of a column; a name that the model does not have is noted."""

@@ -183,8 +183,7 @@ def simulate_batch(
     elapsed = perf_counter() - begin
     tables = {kind: _columns(results, kind, list(units)) for kind in ("end", "minimum", "maximum")}
     batch = Batch(
-        cases=tuple(dict(case) for case in cases), **tables, units=units,
-        evaluations=tuple(r.get("evaluations", 0) for r in results),
+        cases=tuple(dict(case) for case in cases), **tables, units=units, evaluations=tuple(r.get("evaluations", 0) for r in results),
         failures=tuple(failure_of(r) for r in results), undetermined=tuple(results[0].get("undetermined", ())) if results else (),
         seconds=seconds, elapsed=elapsed, settings=settings, side_by_side=artifact.single is None,
     )  # fmt: skip

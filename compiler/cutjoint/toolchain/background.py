@@ -47,9 +47,7 @@ class BuildPending(Exception):  # noqa: N818 -- no error
 
 def build_in_background(source: Source, *, flags: Sequence[str], patience: float) -> BackgroundBuild | None:
     """Begin to compile a source, if that takes longer than ``patience`` (s) and its program can be interpreted meanwhile; else None.
-
-    Raises:
-        ToolchainError: there is no compiler, or the cache cannot be written.
+    Raises ToolchainError: there is no compiler, or the cache cannot be written.
     """
     compiler = find_compiler()
     if is_built(source, flags=flags) or not interpreter_is_there(source.driver, compiler, flags):

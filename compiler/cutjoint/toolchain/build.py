@@ -50,10 +50,8 @@ def write_text(file: Path, text: str) -> None:
 def build(source: Source, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> Binary:
     """Build the simulator or the library of a source, or find it in the cache.
 
-    The cache key covers the generated files, the runtime and extensions, compiler and flags, with "native" the processor too.
-
-    Raises:
-        ToolchainError: a tool is missing, or the compiler refused the code.
+    The cache key covers the generated files, the runtime and extensions, compiler and flags, with "native" the processor too. Raises
+    ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
     cached = _place_of(source, compiler, flags, kind)
@@ -73,19 +71,15 @@ def _place_of(source: Source, compiler: Compiler, flags: Sequence[str], kind: Ki
 
 def warm(driver: str, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> bool:
     """Build a driver, one of DRIVERS, for all models, unless it is there; returns whether it was built now.
-
-    Raises:
-        ToolchainError: a tool is missing, the compiler refused the code, or neither installation nor cache can be written.
+    Raises ToolchainError: a tool is missing, the compiler refused the code, or neither installation nor cache can be written.
     """
     return make_drivers(driver, find_compiler(), (*flags, *PRECISIONS[kind.precision].flags), kind)
 
 
 def build_interpreter(driver: str, *, flags: Sequence[str] = FLAGS) -> Binary:
     """Build the interpreter for the programs of a driver's methods, or find it in the installation or the cache.
-    Without a compiler it is that of the package.
-
-    Raises:
-        ToolchainError: a tool is missing and the package has no simulator, or the compiler refused the code.
+    Without a compiler it is that of the package. Raises ToolchainError: a tool is missing and the package has no simulator, or the compiler
+    refused the code.
     """
     if must_interpret():
         return Binary(path=shipped_interpreter(driver), fresh=False, compiler=SHIPPED, flags=())
@@ -104,9 +98,7 @@ def simulator_of(name: str) -> str:
 
 def build_folder(name: str, files: Mapping[str, str], digest: str, flags: Sequence[str] = FLAGS) -> Path:
     """Build the simulator of a C export by its CMake project, or find it in the cache.
-
-    Raises:
-        ToolchainError: a tool is missing, or the compiler refused the code.
+    Raises ToolchainError: a tool is missing, or the compiler refused the code.
     """
     return build_files(name, files, simulator_of(name), digest, flags)
 

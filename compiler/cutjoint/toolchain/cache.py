@@ -54,10 +54,8 @@ def is_sound(file: Path) -> bool:
 def find_or_make(file: Path, make: Callable[[Path], Path]) -> bool:
     """Have a file in the cache; returns whether ``make`` made it now.  Of several processes one makes it, the others wait.
 
-    ``make`` gets a temporary folder with a plain path, and returns where the file is that it made.
-
-    Raises:
-        ToolchainError: the file is not there and the cache cannot be written, or somebody else can write it.
+    ``make`` gets a temporary folder with a plain path, and returns where the file is that it made. Raises ToolchainError: the file is not
+    there and the cache cannot be written, or somebody else can write it.
     """
     if is_sound(file):
         return False
@@ -83,9 +81,7 @@ def exclusive(file: Path) -> Iterator[None]:
 
 def store(file: Path, target: Path) -> None:
     """Copy a file that was built into the cache with its digest, in place of whatever is there.
-
-    Raises:
-        ToolchainError: the file was not built, or the cache cannot be written.
+    Raises ToolchainError: the file was not built, or the cache cannot be written.
     """
     if not file.is_file():
         raise ToolchainError(f"the compiler reported no error but made no {file.name}; set $CXX to a C++20 compiler, or unset it")
@@ -123,9 +119,7 @@ def read_record(place: Path) -> Any:
 
 def write_record(place: Path, record: Any) -> None:
     """Put a record, plain data, into the cache: a line with the digest of the JSON that follows, so that both come at once.
-
-    Raises:
-        ToolchainError: the cache cannot be written.
+    Raises ToolchainError: the cache cannot be written.
     """
     text = json.dumps(record).encode()
     with _writing(cache_folder()), temporary_folder(_made(cache_folder())) as folder:

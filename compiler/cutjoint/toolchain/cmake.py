@@ -63,10 +63,7 @@ def require_flags(
 ) -> None:  # fmt: skip
     """Check that a compiler makes programs with flags, which run if code for this machine is asked for, or a ``shared`` library.
 
-    What passed is in the cache.
-
-    Raises:
-        ToolchainError: it does not, though it does without them.
+    What passed is in the cache. Raises ToolchainError: it does not, though it does without them.
     """
     key = digest_of([*compiler.command, *compiler.key, *resolve(flags), _PROGRAM, str(runs), str(shared)])
     place = cache_folder() / "flags" / f"{key}.json"
@@ -122,10 +119,8 @@ def build_project(
     source: Path, out: Path, compiler: Compiler, flags: Sequence[str], *definitions: str, runs: bool = True, shared: bool = False
 ) -> None:  # fmt: skip
     """Configure and build a CMake project in folders with plain paths.
-    The result ``runs`` on this machine or is for others; it is a program or a ``shared`` library.
-
-    Raises:
-        ToolchainError: CMake or the compiler refused it, or no program comes of the flags.
+    The result ``runs`` on this machine or is for others; it is a program or a ``shared`` library. Raises ToolchainError: CMake or the
+    compiler refused it, or no program comes of the flags.
     """
     scratch = out / "tmp"  # compilers that are killed leave files where $TMPDIR says
     scratch.mkdir(parents=True)

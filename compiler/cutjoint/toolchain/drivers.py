@@ -137,9 +137,7 @@ def shipped_simulator(driver: str) -> Path:
 
 def shipped_interpreter(driver: str) -> Path:
     """That simulator in the cache, where runs find it by the digest of the file.
-
-    Raises:
-        ToolchainError: it cannot be read, or the cache cannot be written.
+    Raises ToolchainError: it cannot be read, or the cache cannot be written.
     """
     shipped = shipped_simulator(driver)
     try:
@@ -161,10 +159,8 @@ def interpreter_is_there(driver: str, compiler: Compiler, flags: Sequence[str]) 
 def parts_for(parts: Sequence[Part], folder: Path, library: Path) -> Iterator[tuple[list[str], list[Part]]]:
     """Definitions for CMake of the parts that there are, copied into a folder, and the parts that are to be built for a ``library``.
 
-    Of several processes that build parts, one builds each part and the others wait for it here.
-
-    Raises:
-        ToolchainError: parts are missing and the library cannot be written.
+    Of several processes that build parts, one builds each part and the others wait for it here. Raises ToolchainError: parts are missing
+    and the library cannot be written.
     """
     with ExitStack() as stack:
         for part in parts:
@@ -185,10 +181,8 @@ def store_parts(missing: Sequence[Part], out: Path, library: Path) -> None:
 
 def make_drivers(driver: str, compiler: Compiler, flags: Sequence[str], kind: Kind, library: Path | None = None) -> bool:
     """Build the parts of a driver for a ``library``: by default in the installation, else, if that is not writable, in the cache.
-    Parts for other versions of the runtime are removed from the installation.  Returns whether anything had to be built.
-
-    Raises:
-        ToolchainError: a tool is missing, the compiler refused the code, or neither place can be written.
+    Parts for other versions of the runtime are removed from the installation.  Returns whether anything had to be built. Raises
+    ToolchainError: a tool is missing, the compiler refused the code, or neither place can be written.
     """
     library = _library() if library is None else library
     parts = driver_parts(driver, compiler, flags, kind)

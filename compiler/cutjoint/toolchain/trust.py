@@ -44,9 +44,7 @@ class Trust:
 
     def require(self, path: Path) -> None:
         """Check all that a path in the store leads through; what is not there is no fault.
-
-        Raises:
-            ToolchainError: somebody else owns a part of it, or can write there.
+        Raises ToolchainError: somebody else owns a part of it, or can write there.
         """
         if IS_WINDOWS:  # access lists keep others out of a user's folders
             return
@@ -89,9 +87,7 @@ class Trust:
 
 def trust_of(store: Path, *, installed: bool) -> Trust:
     """The users trusted with a store: this user and root; for the installation's store also users who can write the installation.
-
-    Raises:
-        ToolchainError: there is no group of the name in $CUTJOINT_CACHE_GROUP.
+    Raises ToolchainError: there is no group of the name in $CUTJOINT_CACHE_GROUP.
     """
     shares = None if IS_WINDOWS else _shared_by()
     owners, groups = {0, user()}, {g for g in (_private_group(user()), shares) if g is not None}

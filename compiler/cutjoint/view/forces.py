@@ -131,8 +131,7 @@ class ForceNodes(Placed):
 
 
 def _relief(surface: Surface, x: Array, z: Array, right: float, left: float) -> Mesh:
-    """A track of heights z (n,) over x (n,), from y = right to left, with its surface.
-    The grid is a quarter of a metre wide or more."""
+    """A track of heights z (n,) over x (n,), from y = right to left, with its surface. The grid is a quarter of a metre wide or more."""
     step = max(0.25, float(np.sqrt((x[-1] - x[0]) * (left - right) / _MOST_CELLS)))
     along, across = (np.linspace(a, b, 1 + int(np.ceil((b - a) / step))) for a, b in ((x[0], x[-1]), (right, left)))
     heights = np.zeros((len(along), len(across))) if surface.field is None else surface.field.heights_on_grid(along, across)

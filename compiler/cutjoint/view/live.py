@@ -64,10 +64,8 @@ class Poses:
 class LiveView:
     """A page at ``http://localhost:port/`` that follows datagrams at the UDP port of the same number; 0 is any free one.
 
-    Both are on this machine alone, unless it is open to others: then on all of its addresses.
-
-    Raises:
-        RunError: the port is taken, or may not be had.
+    Both are on this machine alone, unless it is open to others: then on all of its addresses. Raises RunError: the port is taken, or may
+    not be had.
     """
 
     def __init__(self, model: Model, page: str, port: int, *, is_open: bool = False, report: Callable[[str], None]) -> None:

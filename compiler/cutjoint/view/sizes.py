@@ -15,29 +15,13 @@ from cutjoint.view.records import Array
 
 @dataclass(frozen=True, kw_only=True)
 class Sizes:
-    """The ``extent`` of a mechanism, and the radii of bars, joints and springs by it, m."""
+    """The ``extent`` of a mechanism, the radii of bars, joints and coils, and the length of a coil between points that are one, m."""
 
     extent: float
-
-    @property
-    def bar(self) -> float:
-        """The radius of a bar between two joints."""
-        return 0.011 * self.extent
-
-    @property
-    def joint(self) -> float:
-        """The radius of a joint."""
-        return 0.019 * self.extent
-
-    @property
-    def spring(self) -> float:
-        """The radius of a coil."""
-        return 0.026 * self.extent
-
-    @property
-    def shortest(self) -> float:
-        """The length of a coil between points that are one; as `templates/view/page/sliders.js` has it."""
-        return 0.013 * self.extent
+    bar: float
+    joint: float
+    spring: float
+    shortest: float
 
 
 def point_of(numbers: Numbers, point: Vector) -> Array:
@@ -78,7 +62,9 @@ def find_sizes(model: Model, scene: Scene, numbers: Numbers) -> Sizes:
             centre, radius = point_of(numbers, wheel.at.of(force)), numbers.number(force.radius)
             corners += [centre - radius, centre + radius]
     extent = float(np.linalg.norm(np.ptp(np.array(corners), axis=0))) if corners else 0.0
-    return Sizes(extent=extent if extent > 0 else 1.0)
+    extent = extent if extent > 0 else 1.0
+    # the shortest coil as `templates/view/page/sliders.js` has it
+    return Sizes(extent=extent, bar=0.011 * extent, joint=0.019 * extent, spring=0.026 * extent, shortest=0.013 * extent)
 
 
 def _corners(numbers: Numbers, shape: Shape) -> Iterator[Array]:

@@ -15,11 +15,10 @@ from cutjoint.kernels.joints import direction_of
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import GROUND, Body, Gear, Joint, Model, Scalar, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.report.explain.document import is_reduced
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology, TreeJoint
 from cutjoint_bench.export.records import Matrix, Mechanism, PeerGear, PeerJoint, Place, RigidBody
-from cutjoint_bench.mechanics_alone import require_mechanics_alone
+from cutjoint_bench.mechanics_alone import is_reduced, require_mechanics_alone
 
 
 def build_mechanism(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Mechanism:

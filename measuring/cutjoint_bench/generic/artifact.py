@@ -13,7 +13,6 @@ from cutjoint.methods import CLOSURES, DEFAULT_METHOD, DEFAULT_PRECISION, METHOD
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
-from cutjoint.report.explain.document import is_reduced
 from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import FLAGS
@@ -21,7 +20,7 @@ from cutjoint.topology.reading import read_model
 from cutjoint_bench.generic.build import build_generic
 from cutjoint_bench.generic.mechanism import describe_generic
 from cutjoint_bench.generic.system import describe_generic_natural
-from cutjoint_bench.mechanics_alone import require_mechanics_alone
+from cutjoint_bench.mechanics_alone import is_reduced, require_mechanics_alone
 
 
 def compile_generic_model(path: AnyPath, *, scene: str | None = None, **how: Any) -> Artifact:

@@ -131,9 +131,8 @@ class Fmu:
         ``target`` and errors as of `build`."""
         subject = replace(self.subject, sources=tuple(n for n in self.sources if n.endswith(".cpp")) if sources else ())
         files = {
-            "modelDescription.xml": write_description(subject, self.interface, self.version).encode(),
-            PICTURES[self.version]: picture, "documentation/index.html": self.page.encode(),
-            "documentation/licenses/license.txt": self.license.encode(),
+            "modelDescription.xml": write_description(subject, self.interface, self.version).encode(), PICTURES[self.version]: picture,
+            "documentation/index.html": self.page.encode(), "documentation/licenses/license.txt": self.license.encode(),
         }  # fmt: skip
         if sources:
             files |= {f"sources/{name}": text.encode() for name, text in self.sources.items()}
@@ -193,9 +192,7 @@ def make_fmu(
 
 def choose_target(flags: Sequence[str], target: str | None = None) -> str:
     """The one of `TARGETS` that a binary for x86-64 has with flags, unless one is named.
-
-    Raises:
-        RunError: a target is named, and a processor by the flags.
+    Raises RunError: a target is named, and a processor by the flags.
     """
     named = [flag for flag in flags if flag.startswith("-m")]
     if named and target is not None:
@@ -215,11 +212,12 @@ def _view(standalone: Standalone, interface: Interface, version: int, kind: str,
     exchanges = KINDS[kind][1]
     header = next(name for name in _code_of(standalone) if name.endswith(".h"))
     name, steps = standalone.name, standalone.steps
+    groups = ((OF_STEPS, stops), (OF_EVENTS, exchanges or stops), (OF_EXCHANGE, exchanges))
     return {
         "p": name, "P": name.upper(), "header": header.removesuffix(".h"), "fmi": version,
         "cs": KINDS[kind][0], "me": exchanges, "kinds": " and ".join(["co-simulation"] * KINDS[kind][0] + ["model exchange"] * exchanges),
         "functions": sorted({*re.findall(rf"\b{name}_(\w+)\(", standalone.files[header]), "keep", "put_back"}),
-        "stops": stops, "missing": missing_functions(exchanges=exchanges, stops_at_events=stops),
+        "stops": stops, "missing": [*MISSING, *(function for group, there in groups if not there for function in group)],
         "adaptive": steps.adaptive, "iterated": steps.is_iterated, "has_poses": bool(standalone.poses),
         "starts": interface.starts, "rated": interface.rated, "samples": bool(standalone.parts.stepped.discrete_states),
         "mark": sha256(f"{standalone.digest} {standalone.integrator} {interface!r}".encode()).hexdigest()[:16],
@@ -248,9 +246,3 @@ def _pack(files: Mapping[str, bytes]) -> bytes:
             entry.create_system, entry.compress_type = 3, zipfile.ZIP_DEFLATED
             packed.writestr(entry, content)
     return archive.getvalue()
-
-
-def missing_functions(*, exchanges: bool, stops_at_events: bool) -> tuple[Function, ...]:
-    """The functions that an FMU lacks; it may be for model exchange, and its co-simulation may have event mode."""
-    groups = ((OF_STEPS, stops_at_events), (OF_EVENTS, exchanges or stops_at_events), (OF_EXCHANGE, exchanges))
-    return MISSING + tuple(function for group, there in groups if not there for function in group)

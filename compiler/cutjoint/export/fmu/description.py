@@ -165,9 +165,8 @@ def _attributes(reference: int, variable: Variable) -> dict[str, str]:
 def _common(subject: Subject) -> dict[str, str]:
     described = (f"Model {subject.name}", f"scene {subject.scene}", subject.steps)
     return {
-        "modelName": subject.name, "description": ", ".join(filter(None, described)),
-        "generationTool": f"cutjoint {__version__}", "license": "documentation/licenses/license.txt",
-        "variableNamingConvention": "structured",
+        "modelName": subject.name, "description": ", ".join(filter(None, described)), "generationTool": f"cutjoint {__version__}",
+        "license": "documentation/licenses/license.txt", "variableNamingConvention": "structured",
     }  # fmt: skip
 
 

@@ -98,9 +98,7 @@ def _beside(taken: set[str], variable: Variable) -> Variable:
 
 def make_interface(equations: RecursiveEquations, run_file: RunFile, dofs: int | None = None, posed: Sequence[str] = ()) -> Interface:
     """The variables of a C export: those for model exchange too if it has degrees of freedom, and the poses of ``posed`` elements.
-
-    Raises:
-        RunError: an input has no finite value at the start.
+    Raises RunError: an input has no finite value at the start.
     """
     parameters = tuple(
         Variable(
@@ -112,7 +110,9 @@ def make_interface(equations: RecursiveEquations, run_file: RunFile, dofs: int |
     settings, starts, inputs = tuple(_settings(run_file)), tuple(_starts(equations, run_file)), _inputs(equations)
     counts = (len(parameters), len(settings), len(starts), len(inputs))
     outputs = _outputs(equations, starts, counts)
-    poses = tuple(variable for name in posed for variable in _pose(name))
+    poses = tuple(
+        replace(_local(f"pose.{body}.{name}", f"{about}, of {body}"), unit=unit) for body in posed for name, about, unit in _POSE
+    )  # fmt: skip
     interface = Interface(parameters=parameters, settings=settings, starts=starts, inputs=inputs, outputs=outputs, poses=poses)
     return interface if dofs is None else _with_states(interface, equations, dofs)
 
@@ -171,11 +171,6 @@ def _local(name: str, description: str, dependencies: tuple[int, ...] = ()) -> V
     return Variable(
         name=name, causality="local", variability="continuous", description=description, unit=_PLAIN, start=None, dependencies=dependencies
     )  # fmt: skip
-
-
-def _pose(element: str) -> Iterator[Variable]:
-    for name, about, unit in _POSE:
-        yield replace(_local(f"pose.{element}.{name}", f"{about}, of {element}"), unit=unit)
 
 
 def _settings(run_file: RunFile) -> Iterator[Variable]:

@@ -271,11 +271,6 @@ def explain(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, done: S
     return re.sub(r"\n{3,}", "\n\n", text).rstrip("\n") + "\n"
 
 
-def is_reduced(model: Model, scene: Scene) -> bool:
-    """Return whether a model has elements of passes: guards, sensors of rods, columns that stand for others."""
-    return bool(model.guards or any(isinstance(r, RodForce) for r in model.reactions) or any(o.stands_for for o in scene.outputs))
-
-
 def explain_reduction(model: Model, scene: Scene, done: Sequence[Note]) -> Iterator[Entry]:
     """What passes made of the model in its file: nothing of one that they did not change."""
     if done:

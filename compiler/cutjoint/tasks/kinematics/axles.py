@@ -87,10 +87,8 @@ class Values:
 def find_axle(model: Model, values: Values, name: str | None, *, radius: float | None, steer: str | None) -> Axle:
     """The axle of a name, the only one if none is given.
 
-    A name is that of an axle, or those of two bodies with a comma between.
-
-    Raises:
-        RunError: there is no such axle, or it lacks what its kinematics need.
+    A name is that of an axle, or those of two bodies with a comma between. Raises RunError: there is no such axle, or it lacks what its
+    kinematics need.
     """
     pairs = _pairs(model, values)
     chosen, pair = _chosen(model, values, pairs, name)

@@ -94,8 +94,7 @@ def _of_wheel(axle: Axle, pose: Pose, i: int, share: float) -> Iterator[tuple[st
     side = side_of(axle, wheel)
     figures = {
         "travel": pose.prescribed[i], "camber": camber(state), "toe": -wheel.side * steer_angle(state, wheel.side),
-        **_support(axle, wheel, state, i, share),
-        **(_steering_axis(axle, wheel, state, pose, i) if axle.steering is not None else {}),
+        **_support(axle, wheel, state, i, share), **(_steering_axis(axle, wheel, state, pose, i) if axle.steering is not None else {}),
     }  # fmt: skip
     yield from ((f"{side}.{name}", float(figures[name])) for name in wheel_figures(axle))
 
