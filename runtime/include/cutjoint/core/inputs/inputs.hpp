@@ -44,25 +44,6 @@ class StepInputs {
   Real input_[length] = {};
 };
 
-/// A zero-order hold of all `count` inputs, which the host may change between steps.  Rates and accelerations are zero: a guide
-/// stands still within a step and jumps between steps, so inputs of guides should be interpolated.
-template <class Real>
-struct ZeroOrderHold {
-  const Real* values;
-  int count;
-
-  InputSource<Real> source() { return {&fill, this}; }
-
-  static void fill(void* host, Real, Real* input) {
-    const ZeroOrderHold& hold = *static_cast<const ZeroOrderHold*>(host);
-    for (int i = 0; i < hold.count; ++i) {
-      Real* const numbers = input + numbers_per_input * i;
-      numbers[0] = hold.values[i];
-      numbers[1] = numbers[2] = Real(0);
-    }
-  }
-};
-
 /// Value, rate and acceleration at `at` of the cubic with these values and rates at 0 and at `length`.
 template <class Real>
 void interpolate(Real at, Real length, Real begin, Real begin_rate, Real end, Real end_rate, Real* numbers) {
@@ -72,30 +53,5 @@ void interpolate(Real at, Real length, Real begin, Real begin_rate, Real end, Re
   numbers[1] = begin_rate + at * (2 * second + 3 * at * third);
   numbers[2] = 2 * second + 6 * at * third;
 }
-
-/// A source with values, and optionally rates, of all `count` inputs at the beginning and end of a step or sampling
-/// interval.  Inputs are cubic in between; linear without rates.
-template <class Real>
-struct Interpolated {
-  Real begin_time, end_time;
-  const Real* begin;
-  const Real* end;
-  const Real* begin_rates = nullptr;
-  const Real* end_rates = nullptr;
-  int count = 0;
-
-  InputSource<Real> source() { return {&fill, this}; }
-
-  static void fill(void* host, Real t, Real* input) {
-    const Interpolated& x = *static_cast<const Interpolated*>(host);
-    const Real length = x.end_time - x.begin_time;
-    for (int i = 0; i < x.count; ++i) {
-      const Real derivative = (x.end[i] - x.begin[i]) / length;
-      const bool cubic = x.begin_rates && x.end_rates;
-      interpolate(t - x.begin_time, length, x.begin[i], cubic ? x.begin_rates[i] : derivative, x.end[i], cubic ? x.end_rates[i] : derivative,
-                  input + numbers_per_input * i);
-    }
-  }
-};
 
 }  // namespace cutjoint

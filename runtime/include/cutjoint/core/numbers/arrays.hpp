@@ -33,19 +33,21 @@ constexpr Sizes static_sizes() {
   return {};
 }
 
-/// The sizes of a mechanism or system.
+/// The sizes of a mechanism or system.  What GCC inlines follows from its form, and with it how products are joined to sums.
 template <class M>
 Sizes sizes_of(const M& mechanism) {
   if constexpr (Sized<M>) {
     return M::sizes;
+  } else if constexpr (requires { mechanism.description().unknowns(); }) {
+    const auto& d = mechanism.description();
+    return {.coordinates = d.coordinates.size(), .speeds = d.unknowns().size(), .equations = d.equations.size(), .parameters = d.parameters.size(),
+            .inputs = d.inputs.size(), .roads = d.roads.size(), .columns = d.columns.size(), .guards = d.guards.size(), .states = d.states,
+            .controllers = d.controllers.size(), .discrete = d.discrete()};
   } else {
     const auto& d = mechanism.description();
-    Sizes sizes{.coordinates = d.coordinates.size(), .equations = d.equations.size(), .parameters = d.parameters.size(), .inputs = d.inputs.size(),
-                .roads = d.roads.size(), .columns = d.columns.size(), .guards = d.guards.size(), .states = d.states,
-                .controllers = d.controllers.size(), .discrete = d.discrete()};
-    if constexpr (requires { d.unknowns(); }) sizes.speeds = d.unknowns().size();
-    else sizes.speeds = d.speeds.size(), sizes.cuts = d.cuts.size();
-    return sizes;
+    return {.coordinates = d.coordinates.size(), .speeds = d.speeds.size(), .equations = d.equations.size(), .cuts = d.cuts.size(),
+            .parameters = d.parameters.size(), .inputs = d.inputs.size(), .roads = d.roads.size(), .columns = d.columns.size(),
+            .guards = d.guards.size(), .states = d.states, .controllers = d.controllers.size(), .discrete = d.discrete()};
   }
 }
 

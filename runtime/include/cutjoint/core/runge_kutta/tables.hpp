@@ -47,13 +47,8 @@ struct DormandPrinceTable {
       {{{35, 384}, {0}, {500, 1113}, {125, 192}, {-2187, 6784}, {11, 84}}},
   }};
   static constexpr std::array<Row, 1> errors{{{{{71, 57600}, {0}, {-71, 16695}, {71, 1920}, {-17253, 339200}, {22, 525}, {-1, 40}}}}};
-  static constexpr std::array<Row, 1> dense{{{{{-12715105075, 11282082432},
-                                               {0},
-                                               {87487479700, 32700410799},
-                                               {-10690763975, 1880347072},
-                                               {701980252875, 199316789632},
-                                               {-1453857185, 822651844},
-                                               {69997945, 29380423}}}}};
+  static constexpr std::array<Row, 1> dense{{{{{-12715105075, 11282082432}, {0}, {87487479700, 32700410799}, {-10690763975, 1880347072},
+                                               {701980252875, 199316789632}, {-1453857185, 822651844}, {69997945, 29380423}}}}};
 };
 
 /// The method of Dormand and Prince of order 8 with estimates of orders 5 and 3, and an interpolant of order 7 for which three more stages are found.
