@@ -113,7 +113,10 @@ class Point:
 
 def linearise(equations: ImplicitEquations, at: Point, *, at_rest: bool) -> Linearisation:
     """The equations linearised about a state, which is one ``at_rest`` or of a motion with its accelerations."""
-    here = _arrays(equations, at, at_rest)
+    here = {
+        "t": np.full(1, at.t), "q": at.q, "v": at.v, "vdot": at.vdot, "parameters": at.parameters,
+        "motion": np.full(1, 0.0 if at_rest else 1.0), "penalty": np.zeros(1),
+    }  # fmt: skip
     J = constraint_jacobian(equations, here)
     here["lambda"] = _balancing(J, _call(equations, "dynamic_residual", here, at).get("force_residual", np.zeros(0)))
     forces = _tangents(equations, "dynamic_residual", "force_residual", here, at)
@@ -148,13 +151,6 @@ def _turning(equations: ImplicitEquations, at: Point) -> Array:
         for part in parts:
             S[part, part] = np.cross(rate, np.eye(3)).T
     return S
-
-
-def _arrays(equations: ImplicitEquations, at: Point, at_rest: bool) -> dict[str, Array]:
-    return {
-        "t": np.full(1, at.t), "q": at.q, "v": at.v, "vdot": at.vdot, "parameters": at.parameters,
-        "motion": np.full(1, 0.0 if at_rest else 1.0), "penalty": np.zeros(1),
-    }  # fmt: skip
 
 
 def _call(equations: ImplicitEquations, function: str, arrays: Mapping[str, Array], at: Point) -> dict[str, Array]:

@@ -37,15 +37,9 @@ _OF_DERIVATIVES = _Number(
     functions=_STAGES | {"evaluate", "constraint_residual", "project", "report", "sample"},
 )  # fmt: skip
 
-_OF_SYSTEM_DERIVATIVES = _Number(
-    unity="system_dual", real="cutjoint::Dual", headers=("cutjoint/core/numbers/dual_lanes.hpp",),
-    functions=_STAGES | {"report", "sample"},
-)  # fmt: skip
+_OF_SYSTEM_DERIVATIVES = replace(_OF_DERIVATIVES, unity="system_dual", functions=_STAGES | {"report", "sample"})
 
-_OF_LOADED = _Number(
-    unity="balance_dual", real="cutjoint::Dual", headers=("cutjoint/core/numbers/dual_lanes.hpp",),
-    functions=frozenset({"load", "load_values", "loaded_values"}),
-)  # fmt: skip
+_OF_LOADED = replace(_OF_DERIVATIVES, unity="balance_dual", functions=frozenset({"load", "load_values", "loaded_values"}))
 
 
 @dataclass(frozen=True, kw_only=True)

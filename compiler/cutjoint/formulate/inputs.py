@@ -7,7 +7,7 @@ rate and acceleration of each input, initial values of controllers, event indica
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import cast
+from typing import Any
 
 import sympy
 
@@ -199,7 +199,7 @@ def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterabl
     if not inputs and not model.discrete_states:
         return SceneInputs()
     laws = [block for p in inputs for block in _law(b, model, scene, p)]
-    used = [laws[i] for i in _used(results)]
+    used = [laws[i] for i in sorted(elements_read(results, INPUTS))]
     indicators = find_indicators(b, used) if events else []
     domains = find_domains(b, used)
     conditions = [*(s.value for s in indicators), *(d.margin for d in domains)]
@@ -243,13 +243,16 @@ def _starts(b: Builder, model: Model) -> Iterator[Block]:
             yield from (translator.scalar(value.start) for value in controller.discrete_states)
 
 
-def _used(results: Iterable[Block]) -> list[int]:
-    found: set[int] = set()
+def elements_read(results: Iterable[Block], symbol: str) -> set[int]:
+    """The elements of an input of the program that results depend on."""
+    found = set[int]()
     for block in reachable_blocks(results):
-        if block.op == "take" and block.args[0].op == "symbol" and block.args[0].data == INPUTS:
-            (first, last), _ = cast(tuple[tuple[int, int], tuple[int, int]], block.data)
-            found.update(range(first, last))
-    return sorted(found)
+        if block.op == "symbol" and block.data == symbol and block.shape == (1, 1):
+            found.add(0)
+        for column in (a for a in block.args if a.op == "symbol" and a.data == symbol):
+            data: Any = block.data
+            found.update(range(*data[0]) if block.op == "take" else range(column.shape[0]))
+    return found
 
 
 def _read(b: Builder, count: int) -> Iterator[Block]:

@@ -3,11 +3,10 @@
 The unknown of a step is x', with which x changes by ``damping``.  The function ``sample`` updates the discrete states of controllers.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import count
-from typing import Any
 
-from cutjoint.formulate.inputs import DISCRETE_STATES, discrete_state_name
+from cutjoint.formulate.inputs import DISCRETE_STATES, discrete_state_name, elements_read
 from cutjoint.formulate.layout import Slot, StateLayout
 from cutjoint.formulate.quantities import reading
 from cutjoint.formulate.records import POSES, SAMPLE, Equations, Function
@@ -100,7 +99,7 @@ def describe_controllers(equations: Equations) -> list[dict[str, object]]:
     """The controllers as steps know them: name, place in the model file, times (s), and the number of discrete states of each.
     ``affects_motion`` has a 1 for each of these that accelerations, states, events or guards read, and a 0 for others. One that is
     ``accelerated`` reads more of a state than coordinates and speeds at its samples."""
-    affecting = _discrete_states_read(b for f in equations.functions if f.name not in _OBSERVING for b in f.results.values())
+    affecting = elements_read((b for f in equations.functions if f.name not in _OBSERVING for b in f.results.values()), DISCRETE_STATES)
     sample = next((f.results for f in equations.functions if f.name == SAMPLE), {})
     described, number = list[dict[str, object]](), count()
     for controller in equations.topology.model.controllers:
@@ -114,15 +113,3 @@ def describe_controllers(equations: Equations) -> list[dict[str, object]]:
             ),
         })  # fmt: skip
     return described
-
-
-def _discrete_states_read(results: Iterable[Block]) -> set[int]:
-    """The places of the discrete states of controllers that results depend on."""
-    found = set[int]()
-    for block in reachable_blocks(results):
-        if block.op == "symbol" and block.data == DISCRETE_STATES and block.shape == (1, 1):
-            found.add(0)
-        for states in (a for a in block.args if a.op == "symbol" and a.data == DISCRETE_STATES):
-            data: Any = block.data
-            found.update(range(*data[0]) if block.op == "take" else range(states.shape[0]))
-    return found

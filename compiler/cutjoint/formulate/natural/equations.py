@@ -12,6 +12,7 @@ symmetric tangent also neglects the coupling among first-order states, and that 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 
 from cutjoint.elements.joint import rate_name
 from cutjoint.formulate import events, records
@@ -191,13 +192,9 @@ class _System:
             for action in element.actions:
                 yield element.name, action.form, action.force
 
-    def _weights(self) -> tuple[Block, Block, Block]:
-        b = self.b
-        column = b.symbol("weights", 3, BindingTime.ITERATION)
-        damping, stiffness, constraint = (
-            b.label(b.element(column, i), name) for i, name in enumerate(("damping", "stiffness", "constraint"))
-        )
-        return damping, stiffness, constraint
+    def _weights(self) -> tuple[Block, ...]:
+        b, column = self.b, self.b.symbol("weights", 3, BindingTime.ITERATION)
+        return tuple(b.label(b.element(column, i), name) for i, name in enumerate(("damping", "stiffness", "constraint")))
 
     def _dynamic(self, *, symmetric: bool) -> NodalMatrix:
         """A = M + damping C + stiffness K, or its symmetric part."""
@@ -289,11 +286,8 @@ class _System:
         return {node: by_coordinate[node] for node in gradients.parts}
 
     def _offsets(self) -> dict[Node, int]:
-        offsets, n = {}, 0
-        for node in self.layout.coordinates:
-            offsets[node] = n
-            n += node.size
-        return offsets
+        nodes = self.layout.coordinates
+        return dict(zip(nodes, accumulate((node.size for node in nodes), initial=0), strict=False))
 
     def _elements(self, blocks: Mapping[tuple[Node, Node], Block], *, lower: bool) -> dict[str, Block]:
         offset = self._offsets()
@@ -313,18 +307,19 @@ class _System:
         for c in self.constraints:
             for block in (c.residual, c.rate, c.drift):
                 b.record(block, "constraint", c.element)
-            bend = b.add(c.drift, self._stretched(c))
+            bend = b.add(c.drift, self._times_gradient(c, "a"))
             results |= {f"residual:{c.symbol}": c.residual, f"rate:{c.symbol}": c.rate, f"curvature:{c.symbol}": bend}
         return results
 
-    def _stretched(self, c: Constraint) -> Block:
-        """Phi_q qdd."""
+    def _times_gradient(self, c: Constraint, rate: str) -> Block:
+        """Phi_q qd or Phi_q qdd."""
         b = self.b
-        return b.total([b.zero(len(c.names)), *(b.mul(gradient, self.motions.node(node).a) for node, gradient in c.gradient.items())])
+        products = (b.mul(gradient, getattr(self.motions.node(node), rate)) for node, gradient in c.gradient.items())
+        return b.total([b.zero(len(c.names)), *products])
 
     def apply_jacobian(self) -> dict[str, Block]:
         """Phi_q x, x in the place of the accelerations."""
-        return {f"change:{c.symbol}": self._stretched(c) for c in self.constraints}
+        return {f"change:{c.symbol}": self._times_gradient(c, "a") for c in self.constraints}
 
     def apply_jacobian_transposed(self) -> dict[str, Block]:
         """Phi_q^T w."""
@@ -342,13 +337,9 @@ class _System:
         with b.section("energy", "", "T = 1/2 qd^T M qd,  P = Q . qd + lambda . Phi_t", ""):
             masses = [speed.times(mass, b.dot(speed.node(i).v, speed.node(j).v)) for i, j, mass in self.masses]
             powers = [b.dot(speed.of(form).v, force) for _, form, force in self._applied_forces()]
-            guides = [b.dot(multipliers(b, c), b.sub(c.rate, self._change(c))) for c in self.constraints if c.element in self._guided()]
+            guided = [c for c in self.constraints if c.element in self._guided()]
+            guides = [b.dot(multipliers(b, c), b.sub(c.rate, self._times_gradient(c, "v"))) for c in guided]
             return records.energy_results(b, b.mul(b.number(0.5), b.total([b.zero(1), *masses])), b.total([b.zero(1), *powers, *guides]))
-
-    def _change(self, c: Constraint) -> Block:
-        """Phi_q qd."""
-        b = self.b
-        return b.total([b.zero(len(c.names)), *(b.mul(gradient, self.motions.node(node).v) for node, gradient in c.gradient.items())])
 
     def _guided(self) -> set[str]:
         """The elements whose equations guides move: guided joints, and gears with their coordinates."""

@@ -219,8 +219,8 @@ class _Builder:
         reactions = {r.name: r.joint for r in self._model.reactions if isinstance(r, Reaction)}
         first = {reactions[o.element] for o in outputs if o.element in reactions}
         joints = sorted((j for j in self._model.joints if not j.element.is_rigid), key=lambda j: j.name not in first)
-        for joint, coordinate in requested_angles(self._model, scene, outputs):
-            collector.angle(joint, coordinate)
+        for joint, _ in requested_angles(self._model, scene, outputs):
+            collector.angles(joint)
         for joint in joints:
             collector.joint(joint, idle=joint.element.constrains_one_rotation)
         for force in self._model.force_elements:

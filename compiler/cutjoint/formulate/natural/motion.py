@@ -33,13 +33,7 @@ class NodeMotions:
         if not form:
             return Motion(x=self.builder.zero(3), v=self.builder.zero(3), a=self.builder.zero(3))
         motions = [(coefficient, self.node(node)) for node, coefficient in form.items()]
-        return Motion(
-            x=self._total([(c, m.x) for c, m in motions]), v=self._total([(c, m.v) for c, m in motions]),
-            a=self._total([(c, m.a) for c, m in motions]),
-        )  # fmt: skip
-
-    def _total(self, terms: list[tuple[Scalar, Block]]) -> Block:
-        return self.builder.total([self.times(c, block) for c, block in terms])
+        return Motion(**{of: self.builder.total([self.times(c, getattr(m, of)) for c, m in motions]) for of in ("x", "v", "a")})
 
     def times(self, coefficient: Scalar, block: Block) -> Block:
         """A coefficient times a block."""

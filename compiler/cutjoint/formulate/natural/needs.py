@@ -14,7 +14,7 @@ from cutjoint.kernels.joints import direction_of
 from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.expressions.quantities import readings_of
-from cutjoint.model.records import GROUND, Body, Force, Joint, Marker, Model, Output, Reaction, Scalar, Scene, Vector
+from cutjoint.model.records import GROUND, Body, Force, Joint, Model, Output, Reaction, Scalar, Scene, Vector
 
 _FLAT = 1e-9  #: a second moment of mass below this share of the largest is a shape without extent in that direction
 
@@ -137,8 +137,7 @@ class Collector:
                 for needs in (base, follower):
                     self._direction(needs, joint, condition.direction)
             case SameAttitude():
-                base.attitude(joint.base)
-                follower.attitude(joint.follower)
+                self.angles(joint)
             case Products() if condition.joins_points:
                 if len(condition.base) > 1:
                     base.attitude(joint.base)
@@ -153,8 +152,8 @@ class Collector:
         label = "axis_1" if direction is Direction.AXIS and len(joint.axes) > 1 else direction
         needs.direction(direction_of(joint, direction), joint.name, label)
 
-    def angle(self, joint: Joint, coordinate: str) -> None:
-        """The directions that an angle is measured by."""
+    def angles(self, joint: Joint) -> None:
+        """The directions that a joint's angles are measured by."""
         for body in (joint.base, joint.follower):
             self.of(body).attitude(body)
 
@@ -192,7 +191,7 @@ class Collector:
                 self._motion(body.name, body.centre_of_mass, output)
         for marker in model.markers:
             if marker.name == output.element:
-                self._marker(marker, output)
+                self._motion(marker.body, marker.point, output)
         for reaction in model.reactions:
             if reaction.name == output.element and isinstance(reaction, Reaction):
                 if reaction.direction is None:
@@ -202,9 +201,6 @@ class Collector:
         for joint in model.joints:
             if joint.name == output.element:
                 self._joint_output(joint, output.quantity)
-
-    def _marker(self, marker: Marker, output: Output) -> None:
-        self._motion(marker.body, marker.point, output)
 
     def _motion(self, body: str, point: Vector, output: Output) -> None:
         if body == GROUND:
@@ -216,8 +212,7 @@ class Collector:
 
     def _joint_output(self, joint: Joint, quantity: str) -> None:
         if quantity in ("wx", "wy", "wz"):
-            self.of(joint.base).attitude(joint.base)
-            self.of(joint.follower).attitude(joint.follower)
+            self.angles(joint)
         elif quantity.removesuffix("_rate") not in joint.element.measures:
             self.slide(joint)
 
