@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 
 from cutjoint.model.document.model_file import Document
 from cutjoint.model.document.source import Path, Source, field_name
-from cutjoint.model.document.values import SpringDamper
+from cutjoint.model.document.values import LOST, SpringDamper
 from cutjoint.model.elements.forces import JOINT_FORCES
 from cutjoint.model.elements.instances import find_uses
 from cutjoint.model.errors import Problems, nearest, worded
@@ -23,6 +23,13 @@ _P = TypeVar("_P", bound=BaseModel)
 
 #: From the path to a place to the element that it leads into, in words, and how many keys lead to that.
 Names: TypeAlias = Callable[[Path], tuple[str, int]]
+
+#: Stand-ins, one after the other, for a field of an element that is missing or of the wrong shape; the last leaves it out.
+_OMITTED = object()
+_STANDS = (LOST, {"from": LOST, "to": LOST}, *((LOST,) * n for n in (1, 2, 3, 6)), _OMITTED)
+#: Fields for which no stand-in fits, but one for what they stand in; sections of which an element with a wrong field is left out.
+_INNER = ("table", "of", "coordinate")
+_WHOLE = ("parameters", "functions", "points", "submodels", "instances", "scenes")
 
 #: Placeholders for required fields of a model.
 _STAND_INS: Mapping[str, Any] = {"cutjoint": 1, "gravity": (0, 0, 0), "name": "model"}
@@ -233,22 +240,56 @@ def _chosen_by(member: Any, step: str | int) -> bool:
 
 
 def _without_broken(source: Source, found: list[_Flaw], drop: set[Path]) -> Shaped | None:
-    """The document without parts of the wrong shape and parts to ``drop``; None when more than elements is wrong."""
+    """The document without parts of the wrong shape and parts to ``drop``, but with the rest of elements that stand-ins make readable.
+    None when more than elements is wrong."""
+    stands: dict[Path, int] = {}
     while True:
-        new = {place for flaw in found for place in _left_out(flaw)} - drop
-        if () in new or (found and not new):
+        places = [_place_of_stand(flaw, stands) for flaw in found]
+        new = {path for flaw, place in zip(found, places, strict=True) if not place for path in _left_out(flaw)} - drop
+        if () in new or (found and not new and not any(places)):
             return None
+        for place in filter(None, {*places}):
+            outside = {path: index for path, index in stands.items() if path[: len(place)] != place}
+            stands = {**outside, place: stands.get(place, -1) + 1}
         drop = drop | new
         data = _pruned(source.data, (), drop)
+        for place, index in stands.items():
+            data = _replaced(data, place, _STANDS[index])
         data |= {name: value for name, value in _STAND_INS.items() if name not in data}
         try:
             document = Document.model_validate(data)
         except ValidationError as error:  # required fields may be missing without the parts that were left out
             found = [_Flaw(detail, _data_path(data, detail), Document, element_of) for detail in error.errors(include_url=False)]
             continue
-        names = frozenset(_full_names(source, document, drop))
-        parameters = {str(path[1]) for path in drop if len(path) == 2 and path[0] == "parameters"}
+        broken = drop | {path[: element_of(path)[1]] for path in stands}
+        names = frozenset(_full_names(source, document, broken))
+        parameters = {str(path[1]) for path in broken if len(path) == 2 and path[0] == "parameters"}
         return Shaped(document, names, frozenset({*parameters, *_in_unknown_sections(source, drop)}))
+
+
+def _place_of_stand(flaw: _Flaw, stands: Mapping[Path, int]) -> Path:
+    """The field of an element that the next stand-in takes; none where its element has to be left out, or only an unknown field."""
+    path, start = flaw.path, element_of(flaw.path)[1]
+    is_name = flaw.detail["loc"][-1] == "[key]" or flaw.kind.startswith("union_tag")
+    if not start or is_name or flaw.kind == "extra_forbidden" or path[start - 2] in _WHOLE:
+        return ()
+    path = path[: next((n for n in range(start, len(path)) if path[n] in _INNER), len(path))]
+    place = next((path[:n] for n in range(start + 1, len(path)) if path[:n] in stands), path)
+    while len(place) > start and stands.get(place, 0) == len(_STANDS) - 1:
+        place = place[:-1]
+    return place if len(place) > start else ()
+
+
+def _replaced(data: Any, path: Path, value: Any) -> Any:
+    """The data with another value at a path; as they are where it leads nowhere."""
+    if isinstance(data, dict) and len(path) == 1:
+        return {key: inner for key, inner in {**data, path[0]: value}.items() if inner is not _OMITTED}
+    if isinstance(data, dict) and path[0] in data:
+        return {**data, path[0]: _replaced(data[path[0]], path[1:], value)}
+    if isinstance(data, tuple) and isinstance(path[0], int) and path[0] < len(data):
+        inner = value if len(path) == 1 else _replaced(data[path[0]], path[1:], value)
+        return (*data[: path[0]], *(() if inner is _OMITTED else (inner,)), *data[path[0] + 1 :])
+    return data
 
 
 def _left_out(flaw: _Flaw) -> Iterator[Path]:

@@ -84,7 +84,11 @@ class _Reader:
         return read_axes(self.element, self.part, ()) if is_given else GLOBAL_AXES
 
     def number(self, *path: str | int, unit: str) -> Scalar:
-        return self.element.scalar(self._at(path, missing=0), _DIMENSIONS[unit] if unit else None, path)
+        found = self.element.scalar(self._at(path, missing=0), _DIMENSIONS[unit] if unit else None, path)
+        is_point = self.field(str(path[0])) == type(self.part).model_fields[str(path[0])].default
+        if path in (("radius",), ("cylinder",)) and not is_point and self.element.value(found) <= 0:
+            self.element.fail(f"{path[0]} must be greater than zero", "", path)
+        return found
 
     def expression(self, name: str, *, unit: str) -> Scalar:
         return self.element.scalar(self.field(name), _DIMENSIONS[unit], (name,), self.element.scope.reading("t"))

@@ -61,6 +61,8 @@ def _read_vector(element: Element, vector: Any, keys: Path) -> Vector:
         case values.Along():
             direction, by = read_direction(element, vector.along, (*keys, "along")), element.scalar(vector.by, LENGTH, (*keys, "by"))
             return _vector(by * c for c in direction)
+        case values.LOST:
+            return (FAILED, FAILED, FAILED)
         case str() | values.Midpoint():
             element.fail(f"{field_name(keys)}: only the first can be a point", "write {from: P, to: Q} for a vector", keys)
             return (FAILED, FAILED, FAILED)

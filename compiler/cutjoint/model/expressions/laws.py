@@ -258,7 +258,6 @@ class _Law:
         rest = getattr(law, free)
         if getattr(law, other) is not None or (rest is None and law.preload is None and law.stiffness != 0):
             self.element.fail(f"a spring of this kind needs {free}", f"write {free}: {DRAWN} for what is drawn, or a preload", keys)
-            return FAILED
         stiffness = self.element.scalar(law.stiffness, self.kind.per(name), (*keys, "stiffness"))
         damping = self.element.scalar(law.damping, self.kind.per("rate"), (*keys, "damping"))
         is_drawn = law.preload is not None or (rest == DRAWN and DRAWN not in self.names)

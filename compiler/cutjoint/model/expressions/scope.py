@@ -10,6 +10,7 @@ import sympy
 
 from cutjoint.model.document import element_parts as joint_parts
 from cutjoint.model.document.source import Path, Source, field_name
+from cutjoint.model.document.values import LOST
 from cutjoint.model.errors import Problems, nearest, worded
 from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.functions import SuppliedCall
@@ -42,7 +43,7 @@ class Directory:
 
     def misses(self, name: str) -> bool:
         """Return whether ``name`` is, or belongs to, an element that could not be read."""
-        return name in self.broken or name.split(".")[0] in self.broken
+        return name.endswith(LOST) or name in self.broken or name.split(".")[0] in self.broken
 
 
 @dataclass(frozen=True)
@@ -138,6 +139,8 @@ class Element:
 
     def term(self, value: int | float | str, keys: Path, names: Mapping[str, Term]) -> Term:
         """A number or expression over ``names``; a failed term when it is wrong."""
+        if value == LOST:
+            return FAILED_TERM
         try:
             return read_term(value, names)
         except ExpressionError as error:
