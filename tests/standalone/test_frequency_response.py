@@ -330,6 +330,7 @@ def test_the_command_writes_tables_plots_and_errors(tmp_path: Path) -> None:
     assert run("--output", "front_tyre.farce")[1].endswith("'front_tyre' has no quantity 'farce'; did you mean 'force'?\n")
     assert "go together" in run("--road", "C")[1]
     assert "is empty" in run("--from", "5", "--to", "2")[1]
+    assert "belong to a frequency response" in run("--road", "C", "--speed", "20", "--from", "1")[1]
 
 
 def test_a_position_that_a_force_holds_is_no_equilibrium_to_linearise_about() -> None:

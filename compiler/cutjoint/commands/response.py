@@ -24,6 +24,10 @@ def command(
     require_apart({"the model": model}, tables={"--out": out}, plots=plots)
     if (road is None) != (speed is None):
         raise RunError("--road and --speed go together: the road class and the driving speed")
+    if first is not None and last is not None and first >= last:
+        raise RunError(f"--from and --to: the range from {first:g} to {last:g} Hz is empty")
+    if road is not None and (first, last) != (None, None):
+        raise RunError("--from and --to belong to a frequency response; random vibration takes the road's frequencies")
     if plots is not None:
         require_folder(plots)
     read = with_inputs(read_model(model, tunable=tunable), external_wrenches=external_wrenches, terrain=terrain)

@@ -270,7 +270,7 @@ def _without_broken(source: Source, found: list[_Flaw], drop: set[Path]) -> Shap
 def _place_of_stand(flaw: _Flaw, stands: Mapping[Path, int]) -> Path:
     """The field of an element that the next stand-in takes; none where its element has to be left out, or only an unknown field."""
     path, start = flaw.path, element_of(flaw.path)[1]
-    is_name = flaw.detail["loc"][-1] == "[key]" or flaw.kind.startswith("union_tag")
+    is_name = flaw.detail["loc"][-1:] == ("[key]",) or flaw.kind.startswith("union_tag")
     if not start or is_name or flaw.kind == "extra_forbidden" or path[start - 2] in _WHOLE:
         return ()
     path = path[: next((n for n in range(start, len(path)) if path[n] in _INNER), len(path))]
