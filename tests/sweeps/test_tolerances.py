@@ -95,6 +95,25 @@ def test_cheapest(tmp_path: Path) -> None:
     assert np.allclose(list(cheapest.values()), best.x, rtol=1e-4)
 
 
+@pytest.mark.parametrize("design", [{"tolerances": 2}, {"tolerances": 3, "correlations": [["a", "b", 0.5]]}])
+def test_an_interrupted_sweep_goes_on_and_leaves_its_table_alone(tmp_path: Path, design: Any) -> None:
+    """Its parts know their own manifest, which has come back from a file."""
+    objectives = {"place": {"value": "block.z", "of": "equilibrium"}}
+    study = _study(tmp_path, parameters={"a": {"normal": 0.01}, "b": {"normal": 0.02}}, objectives=objectives, design=design)
+    out, notes = tmp_path / "out" / "t.parquet", list[str]()
+    out.parent.mkdir()
+
+    def stop(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sweep(study, out, threads=1, progress=stop)
+    assert (tmp_path / "out" / "t.parquet.parts" / "manifest.json").is_file()
+    assert sweep(study, out, threads=1, note=notes.append).table.num_rows == design["tolerances"] + 5
+    assert [path.name for path in out.parent.iterdir()] == ["t.parquet"]
+    assert not [note for note in notes if "manifest" in note]
+
+
 def test_distributions_of_variables_and_vectors(tmp_path: Path) -> None:
     import json
 

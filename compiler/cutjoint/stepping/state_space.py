@@ -190,7 +190,7 @@ class LinearModel:
             value = complex(gain(np.array([f]))[0])
             if value.real < 0.0 and abs(value.imag) < 1e-3 * abs(value) and abs(np.log(-value.real)) < abs(np.log(margins.gain)):
                 margins = margins._replace(gain=-1 / value.real, gain_at=f)
-        for f in crossings(lambda g: np.log(np.abs(g))):
+        for f in crossings(lambda g: np.log(np.maximum(np.abs(g), 1e-300))):  # 0 without effect
             lag = (np.degrees(np.angle(complex(gain(np.array([f]))[0]))) + 360.0) % 360.0 - 180.0
             if abs(lag) < abs(margins.phase):
                 margins = margins._replace(phase=float(lag), phase_at=f)

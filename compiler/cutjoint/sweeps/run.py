@@ -268,7 +268,7 @@ def make_manifest(study: Study, kernels: Sequence[Kernel]) -> dict[str, Any]:
         "source": {kernel.scene: kernel.source for kernel in kernels}, "library": {kernel.scene: kernel.digest for kernel in kernels},
         "method": study.method, **{each.name: {k.scene: getattr(k.steps, each.name) for k in kernels} for each in fields(StepSettings)},
         "lanes": {kernel.scene: kernel.lanes for kernel in kernels}, "compiler": target.compiler, "flags": list(target.flags),
-        "processor": [target.machine, *target.features], "design": dict(study.design), "runs": study.runs,
+        "processor": [target.machine, *target.features], "design": json.loads(json.dumps(study.design)), "runs": study.runs,
         "versions": {name: version(name) for name in ("numpy", "pyarrow")},
     }  # fmt: skip
 
