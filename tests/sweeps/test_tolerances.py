@@ -142,6 +142,9 @@ def test_distributions_of_variables_and_vectors(tmp_path: Path) -> None:
         ({"design": {"tolerances": 9, "correlations": [["a", "b", 0.5]]}}, "'b' has no normal distribution; correlate variables"),
         ({"parameters": {"a": {"normal": 1}, "b": {"normal": 1}}, "design": {"tolerances": 9, "correlations": [["a", "b", 1.5]]}},
          "no variables have these correlations; write smaller ones"),
+        *(({"parameters": {"a": {"normal": 1}, "b": {"normal": 1}}, "design": {"tolerances": 9, "correlations": pairs}},
+           "each pair of two variables stands once; write [one, other, correlation]")
+          for pairs in ([["a", "a", 0.5]], [["a", "b", 0.5], ["b", "a", -0.5]])),
         ({"objectives": {"sum": {"end": "a", "limits": [2, 1]}}}, "the limits enclose nothing; write the smaller one first"),
     ],
 )  # fmt: skip

@@ -106,12 +106,15 @@ class Variables:
         """What tolerances need: no lists, and correlations between normal distributions that can be."""
         if SCENE in extents or any(len(extent.levels) > 1 for extent in extents.values()):
             self._fail(("design",), "tolerances need one scene and distributions, no lists", "write for example {normal: 0.1 mm}")
-        for i, (one, other, _) in enumerate(design.correlations):
-            for name in (one, other):
+        pairs = [{one, other} for one, other, _ in design.correlations]
+        for i, pair in enumerate(pairs):
+            keys: Keys = ("design", "correlations", i)
+            if len(pair) < 2 or pair in pairs[:i]:
+                self._fail(keys, "each pair of two variables stands once", "write [one, other, correlation]")
+            for name in sorted(pair):
                 if name not in extents or extents[name].spread is None or extents[name].spread.dist.name != "norm":
-                    keys: Keys = ("design", "correlations", i)
                     self._fail(keys, f"'{name}' has no normal distribution", "correlate variables {normal: ...} without from and to")
-        if not self._problems and np.linalg.eigvalsh(designs.correlation(list(extents), design.correlations))[0] <= 0.0:
+        if not self._problems and not np.linalg.eigvalsh(designs.correlation(list(extents), design.correlations))[0] > 0.0:
             self._fail(("design", "correlations"), "no variables have these correlations", "write smaller ones")
         self._end()
 
