@@ -14,6 +14,7 @@ HEAD = """# Command line
 
 `cutjoint COMMAND --help` prints the same. Paths are relative to the current folder. Exit status: 0 success; 1 an error, whose
 message names the place and a remedy, or a requested accuracy that was not reached; 2 wrong use of the command.
+`cutjoint-bench` is the package in the folder `measuring/` of the repository.
 
 ## Common options
 

@@ -19,7 +19,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 def pages() -> Mapping[Path, str]:
     """The pages with their tables written anew; a table is found by its head."""
-    joints = table("kind", "leaves free", "further fields", "coordinates", "speeds", rows=map(joint_row, JOINTS.values()))
+    joints = table("kind", "leaves free", "further fields", "coordinates", "velocities", rows=map(joint_row, JOINTS.values()))
     forces = table("kind", "meaning", "fields", "law", rows=(force_row(force.element) for force in FORCES.values()))
     (apart,) = (force.element for force in FORCES.values() if force.element.kind == _APART)
     fields = table(f"field of `{_APART}`", "meaning", rows=map(field_row, apart.fields))

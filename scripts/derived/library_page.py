@@ -41,8 +41,8 @@ def quoted(names: list[str]) -> str:
 
 def parameters(names: list[str]) -> str:
     """Parameters that an instance gives; coefficients of a property file count as one."""
-    own = quoted([name for name in names if not name.isupper() or len(names) < 20])
-    return ", ".join(filter(None, [own, _COEFFICIENTS if len(names) >= 20 and any(map(str.isupper, names)) else ""]))
+    own = quoted([name for name in names if not name.isupper() or len(names) <= 20])
+    return ", ".join(filter(None, [own, _COEFFICIENTS if len(names) > 20 and any(map(str.isupper, names)) else ""]))
 
 
 def defaults(values: dict[str, object]) -> str:

@@ -151,7 +151,7 @@ def test_the_checker_needs_no_more_than_flint(tmp_path: Path) -> None:
     out, copy = tmp_path / "press.json", tmp_path / "checker.py"
     result = CliRunner().invoke(main, ["check", str(PRESS), "--proof", str(out)])
     assert result.exit_code == 0, result.output
-    assert "pin: proved on its whole range: one branch within" in " ".join(result.output.split())
+    assert "pin: proved on its whole range: one solution within" in " ".join(result.output.split())
     source = Path(certificate.__file__).read_text(encoding="utf-8")
     assert source.count("\n") <= 150
     copy.write_text("import sys\nsys.modules['cutjoint'] = None\n" + source, encoding="utf-8")

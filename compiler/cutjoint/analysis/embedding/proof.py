@@ -40,7 +40,7 @@ class LoopProof:
         lower, upper = e["range"]
         over = "its whole range" if self.is_whole else f"{lower:.6g} to {upper:.6g} of {e['asked'][0]:.6g} to {e['asked'][1]:.6g}"
         words = (
-            f"{e['independent']}: proved on {over}: one branch within {e['box']:.2g} of the functions; errors at most {errors[0]:.2g} "
+            f"{e['independent']}: proved on {over}: one solution within {e['box']:.2g} of the functions; errors at most {errors[0]:.2g} "
             f"({errors[1]}), of first derivatives {rates[0]:.2g} ({rates[1]}), of second ones {curvatures[0]:.2g} ({curvatures[1]})"
         )
         return words if e["redundant"] == 0 else f"{words}; dependent equations hold within {e['redundant']:.2g}"
