@@ -34,12 +34,13 @@ class Bushing(Force):
 
     element: ClassVar[ForceElement] = ForceElement(
         kind="bushing",
-        text="Six springs between two bodies at a point, along and about axes of the base: global in the design position, or `x`, `y`, `z`.",
+        text="Six springs between two bodies at a point, along and about axes of the base: global in the design position or `x`, `y`, `z`.",
         fields=(
             ForceField("bodies", Shape.BODIES), ForceField("at", Shape.POINT),
             *(ForceField(name, Shape.DIRECTION, None) for name in "xyz"),
             ForceField("stiffness", Shape.SIX, None, words=" (three N/m, three N m)"),
-            ForceField("damping", Shape.SIX, None, words=" (three N s/m, three N m s)"), ForceField("laws", Shape.LAWS, None, words=": six, in place of both"),
+            ForceField("damping", Shape.SIX, None, words=" (three N s/m, three N m s)"),
+            ForceField("laws", Shape.LAWS, None, words=": six, in place of both"),
         ),
         problem=_problem,
         interaction=Compliance(
