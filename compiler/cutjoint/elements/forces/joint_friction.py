@@ -30,7 +30,7 @@ class JointFriction(OnJoint):
             ForceField("coefficient", Shape.NUMBER, words=" of sliding"),
             ForceField("static", Shape.NUMBER, None, words=" static coefficient (default: that of sliding)"),
             ForceField("stribeck_speed", Shape.NUMBER, None, words=": Stribeck velocity of the decay to the sliding value", unit="m/s"),
-            ForceField("radius", Shape.NUMBER, None, words=" of the bearing; torque coefficient × load × radius", unit=_OF_LOAD["radius"]),
+            ForceField("radius", Shape.NUMBER, None, words=" of the bearing: torque = coefficient*load*radius", unit=_OF_LOAD["radius"]),
             ForceField("arm", Shape.NUMBER, None, words=": the bending moment divided by it adds to the load", unit=_OF_LOAD["arm"]),
             ForceField(
                 "thrust_radius", Shape.NUMBER, None, words=": the axial force times `thrust_radius`/`radius` adds to the load",
