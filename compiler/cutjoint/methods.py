@@ -290,7 +290,7 @@ def _radau(name: str, *, about: str, adaptive: bool) -> Integrator:
 #: One row for each integrator: runs, run files, drivers, exports, help and tables of docs follow from it by `make regenerate`.
 INTEGRATORS: Catalogue[Integrator] = Catalogue(
     Integrator(
-        name="trapezoidal", methods=tuple(METHODS), order="2", about="bounded work in a step; loops stabilised or projected",
+        name="trapezoidal", methods=tuple(METHODS), order="2", about="work bounded by iterations; loops stabilised or projected",
         steps={
             "recursive": Steps(header="cutjoint/core/stepping/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True),
             "augmented": Steps(header="cutjoint/core/newton/augmented.hpp", name="AugmentedSteps<Mechanism, System>"),
