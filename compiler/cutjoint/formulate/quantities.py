@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.expressions.dependencies import signals_below
+from cutjoint.model.expressions.dependencies import SignalOrder
 from cutjoint.model.expressions.parse import quantities_read, quantity_symbol
 from cutjoint.model.expressions.quantities import readings_of
 from cutjoint.model.records import Force, Model, Output, Scalar, Scene
@@ -16,10 +16,11 @@ def reading(b: Builder, translator: Translator, model: Model, quantity: Callable
     sampled = (signal for controller in model.controllers for signal in controller.signals)
     signals = {signal.symbol: signal for signal in (*model.signals, *sampled)}
     made: dict[Scalar, Block] = {}
+    order = SignalOrder(signals)
 
     def read(symbol: Scalar) -> Block:
         if symbol in signals:
-            for signal in signals_below(signals, symbol):  # each behind those that it reads
+            for signal in order.below(symbol):  # each behind those that it reads
                 if signal.symbol not in made:
                     with b.section("signal", signal.name, "", signal.span.place):
                         made[signal.symbol] = b.name(known.scalar(signal.value), "signal", signal.name)

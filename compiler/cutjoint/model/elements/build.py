@@ -17,7 +17,7 @@ from cutjoint.model.elements.friction import bristle_of
 from cutjoint.model.elements.gears import read_gear
 from cutjoint.model.elements.geometry import GLOBAL_AXES, coincide, perpendicular, read_axes, read_direction, read_point, unit
 from cutjoint.model.elements.mass import read_mass
-from cutjoint.model.expressions.laws import LawKind, dimension_of_lookup, read_law, read_lookup
+from cutjoint.model.expressions.laws import LawKind, dimension_of_table, read_law, read_lookup
 from cutjoint.model.expressions.parse import quantity_symbol
 from cutjoint.model.expressions.quantities import Element as Quantified
 from cutjoint.model.expressions.scope import FAILED, Element, Scope, element, with_points
@@ -206,8 +206,13 @@ def _read_state(element: Element, state: model_file.FirstOrderState) -> FirstOrd
 
 def _read_signal(element: Element, value: int | float | str | Table) -> Signal:
     require_free_name(element)
-    dimension = dimension_of_lookup(element, value)
-    expression = read_lookup(element, value, dimension if isinstance(value, Table) else None, ())
+    if isinstance(value, Table):
+        dimension = dimension_of_table(element, value)
+        expression = read_lookup(element, value, dimension, ())
+    else:
+        names = element.scope.reading("t")
+        term = element.scope.terms.get(element.name) or element.term(value, (), names)
+        dimension, expression = term.dimension, element.scalar(value, None, (), names, term=term)
     symbol = quantity_symbol(element.name, VALUE)
     return Signal(name=element.name, symbol=symbol, value=sympy.sympify(expression), unit=unit_text(dimension), span=element.span)
 

@@ -52,7 +52,7 @@ def expand(source: Source, problems: Problems, shaped: Shaped, tunables: Tunable
     parameters = read_parameters(scope, model, shaped.lost_parameters)
     scope = parameters.extend(scope)
     machine = Machine(partial(_survey, scope, model))
-    scope = replace(scope, own=_own(scope, model), read=machine.read)
+    scope = replace(scope, own=_own(scope, model), read=machine.read, terms=machine.terms)
     elements = _read(scope, model, machine)
     check_loops(elements.forces, elements.signals, problems)
     reporting = {prefix: replace(each, read=partial(machine.read, reported=True)) for prefix, each in machine.scopes.items()}
@@ -186,7 +186,8 @@ def _arguments(where: Element, use: Use, submodel: model_file.Submodel) -> dict[
         where.scope.tunables.instances.append(f"{escape(where.name)}.*")
     values = {("with", name): value for name, value in instance.with_.items()}
     values |= {("properties", name): value for name, value in {**properties, **absent}.items()}
-    terms = {keys: where.term(value, keys, where.scope.reading()) for keys, value in values.items()}
+    names = where.scope.reading()
+    terms = {keys: where.term(value, keys, names) for keys, value in values.items()}
     arguments = {keys[1]: where.tunable(term, None, keys, is_argument=True) for keys, term in terms.items()}
     return {name: arguments.get(name, FAILED_TERM) for name in submodel.parameters} | _with_defaults(where, use, arguments)
 

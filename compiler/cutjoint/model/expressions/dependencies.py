@@ -54,18 +54,27 @@ def seeing_forces(model: Model) -> frozenset[str]:
     return frozenset(name for name, value in sees.items() if value and name in forces)
 
 
-def signals_below(signals: Mapping[Scalar, Signal], symbol: Scalar) -> list[Signal]:
-    """The signal of a symbol and the signals that it depends on, each after those that it reads."""
-    uses: dict[str, list[str]] = {}
-    by_name = {signal.name: signal for signal in signals.values()}
-    waiting = [signals[symbol].name]
-    while waiting:
-        name = waiting.pop()
-        if name not in uses:
-            read = sorted(signals[x].name for x in by_name[name].value.free_symbols & signals.keys())
-            uses[name] = read
-            waiting += read
-    return [by_name[name] for name in in_order(uses)[0]]
+class SignalOrder:
+    """The signals among ``signals``, by symbol, that others depend on."""
+
+    def __init__(self, signals: Mapping[Scalar, Signal]) -> None:
+        self._signals = signals
+        self._by_name = {signal.name: signal for signal in signals.values()}
+        self._reads: dict[str, list[str]] = {}
+
+    def below(self, symbol: Scalar) -> list[Signal]:
+        """The signal of a symbol and the signals that it depends on, each after those that it reads."""
+        uses: dict[str, list[str]] = {}
+        waiting = [self._signals[symbol].name]
+        while waiting:
+            name = waiting.pop()
+            if name not in uses:
+                if name not in self._reads:
+                    symbols = self._by_name[name].value.free_symbols & self._signals.keys()
+                    self._reads[name] = sorted(self._signals[x].name for x in symbols)
+                uses[name] = self._reads[name]
+                waiting += uses[name]
+        return [self._by_name[name] for name in in_order(uses)[0]]
 
 
 MAX_LEVELS = 150  #: the deepest nesting of operations, those of the signals and forces that an expression reads included

@@ -59,10 +59,8 @@ def read_lookup(element: Element, law: int | float | str | values.Table, result:
     return sympy.sympify(curve).xreplace({variable(name): term.value for name, term in terms.items()})
 
 
-def dimension_of_lookup(element: Element, law: int | float | str | values.Table) -> Dimension | None:
-    """The dimension of an expression, or of a table's first value; None for any."""
-    if not isinstance(law, values.Table):
-        return element.term(law, (), element.scope.reading("t")).dimension
+def dimension_of_table(element: Element, law: values.Table) -> Dimension | None:
+    """The dimension of a table's first value; None for any."""
     first: Any = law.table.get("value", ())
     while isinstance(first, tuple) and first:
         first = first[0]

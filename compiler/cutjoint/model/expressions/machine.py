@@ -10,28 +10,36 @@ from cutjoint.model.document.values import Table
 from cutjoint.model.elements.controllers import dimension_of_sample, memory_term
 from cutjoint.model.elements.mirror import Image
 from cutjoint.model.errors import IgnoredProblems
-from cutjoint.model.expressions.laws import dimension_of_lookup
+from cutjoint.model.expressions.laws import dimension_of_table
 from cutjoint.model.expressions.operations import ExpressionError, Term
 from cutjoint.model.expressions.parse import quantity_symbol
 from cutjoint.model.expressions.quantities import Element, QuantityError, find_quantity, follows_from_forces, quantities
-from cutjoint.model.expressions.scope import FAILED_TERM, UNKNOWN, Scope, element
+from cutjoint.model.expressions.scope import FAILED, FAILED_TERM, UNKNOWN, Scope, element
+from cutjoint.model.expressions.scope import Element as ScopedElement
 from cutjoint.model.expressions.units import Dimension, measure
 from cutjoint.model.records import VALUE, Controller, Joint, Signal
 
 
 @dataclass
 class Machine:
-    """The elements of a model, which ``survey`` finds when the first of their quantities is read; ``scopes`` by their prefixes."""
+    """The elements of a model, which ``survey`` finds when the first of their quantities is read; ``scopes`` by their prefixes.
+    ``terms`` are those of signals that were read for their dimensions, but while that of a controller's sample is open."""
 
     survey: Callable[[], Mapping[str, Element]]
     scopes: dict[str, Scope] = field(default_factory=dict)
+    terms: dict[str, Term] = field(default_factory=dict)
     _signals: dict[str, tuple[Scope, int | float | str | Table]] = field(default_factory=dict)
     _controllers: dict[str, tuple[Scope, model_file.Controller]] = field(default_factory=dict)
     _dimensions: dict[str, Dimension | None] = field(default_factory=dict)
+    _open: int = 0
 
     @cached_property
     def _elements(self) -> Mapping[str, Element]:
         return self.survey()
+
+    @cached_property
+    def _joints(self) -> Mapping[str, Joint]:
+        return {joint.name: joint for joint in self._elements.values() if isinstance(joint, Joint)}
 
     def expect(self, scope: Scope, part: model_file.Elements) -> None:
         """Take note of the signals and controllers of a scope, whose dimensions others may ask for before they are read."""
@@ -48,9 +56,8 @@ class Machine:
         if found is None:
             return FAILED_TERM
         term = self._term(*found)
-        joints = {joint.name: joint for joint in self._elements.values() if isinstance(joint, Joint)} if scope.mirrors else {}
         for axis in scope.mirrors:
-            term = replace(term, value=Image(axis, joints).sign(self._elements[found[0]], found[1]) * term.value)
+            term = replace(term, value=Image(axis, self._joints).sign(self._elements[found[0]], found[1]) * term.value)
         return term
 
     def _memory(self, name: str) -> Term | None:
@@ -81,13 +88,21 @@ class Machine:
         unit = quantities(found)[quantity]
         match found:
             case Signal():
-                known = self._dimension(name, "signal", name, self._signals, dimension_of_lookup)
+                known = self._dimension(name, "signal", name, self._signals, self._dimension_of_signal)
             case Controller():
                 read = partial(dimension_of_sample, value=quantity)
                 known = self._dimension(f"{name}.{quantity}", "controller", name, self._controllers, read)
             case _:
                 known = measure(1.0, unit).dimension if unit else None
         return Term(quantity_symbol(name, quantity), known)
+
+    def _dimension_of_signal(self, where: ScopedElement, value: int | float | str | Table) -> Dimension | None:
+        if isinstance(value, Table):
+            return dimension_of_table(where, value)
+        term = where.term(value, (), where.scope.reading("t"))
+        if not self._open and not term.value.has(FAILED):
+            self.terms[where.name] = term
+        return term.dimension
 
     def _dimension(
         self, key: str, kind: str, name: str, known: Mapping[str, tuple[Scope, Any]], read: Callable[..., Dimension | None]
@@ -97,5 +112,7 @@ class Machine:
             self._dimensions[key] = None
             scope, part = known[name]
             where = element(replace(scope, problems=IgnoredProblems()), kind, f"{kind}s", name.removeprefix(scope.prefix))
+            self._open += kind == "controller"
             self._dimensions[key] = read(where, part)
+            self._open -= kind == "controller"
         return self._dimensions.get(key)

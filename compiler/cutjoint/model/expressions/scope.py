@@ -54,7 +54,8 @@ class Scope:
     * ``moving``: symbols of parameters that may change with time; ``settled``: values of those that never change
     * ``connectors``: local body names to full ones; ``instance_points``: points that the instance gives; ``tunables``: makes parameters of
       numbers
-    * ``own``, ``read``: quantities of the scope; finds a quantity; ``functions``: supplied by the user, for what reads quantities
+    * ``own``, ``read``: quantities of the scope; finds a quantity; ``terms``: those of signals, once their dimensions are known
+    * ``functions``: supplied by the user, for what reads quantities
     * ``sensed``: symbols of quantities that an instance gives to its submodel; ``mirrors``: axes of its mirror and of those around it
     * ``sampled``: expressions that read quantities may also read accelerations and reactions, since they act only afterwards
 
@@ -77,6 +78,7 @@ class Scope:
     tunables: TunableNumbers = field(default_factory=TunableNumbers)
     own: frozenset[str] = frozenset()
     read: "Callable[[Scope, str], Term] | None" = None
+    terms: Mapping[str, Term] = field(default_factory=dict)
     sensed: frozenset[Scalar] = frozenset()
     sampled: bool = False
     mirrors: tuple[str, ...] = ()
@@ -176,11 +178,12 @@ class Element:
 
     def scalar(
         self, value: int | float | str, expected: Dimension | None, keys: Path, names: Mapping[str, Term] | None = None, *,
-        in_triple: bool = False,
+        in_triple: bool = False, term: Term | None = None,
     ) -> Scalar:  # fmt: skip
         """A number or expression of dimension ``expected`` (None for any). ``names`` are the symbols it may use, by default all parameters
-        that do not change with time; then a number may be tunable. ``in_triple`` is whether the last key is that of a component."""
-        term = self.term(value, keys, self.scope.constants() if names is None else names)
+        that do not change with time; then a number may be tunable. ``in_triple`` is whether the last key is that of a component.
+        ``term`` is what ``value`` was read as already."""
+        term = term or self.term(value, keys, self.scope.constants() if names is None else names)
         if expected is not None and term.dimension not in (None, expected):
             self.fail(worded(field_name(keys), f"needs {described(expected)}, got {described(term.dimension)}"), "", keys)
         elif term.value is not FAILED and (fault := _mixed_units(value, expected, names)):
