@@ -179,7 +179,7 @@ def test_functions_of_a_pose_that_is_not_closed_have_no_proof() -> None:
         for joint, series in loop.functions.series.items()
     }  # fmt: skip
     (none,) = prove_loops(with_functions(found, series=moved))
-    assert str(none) == f"{loop.independent}: no proof: the iteration contracts nowhere: the functions are not near one branch"
+    assert str(none) == f"{loop.independent}: no proof: the iteration contracts nowhere: the functions are not near one solution"
 
 
 def test_a_part_of_the_range_is_named() -> None:
@@ -192,7 +192,7 @@ def test_a_part_of_the_range_is_named() -> None:
     (lower, upper), asked = proof.entry["range"], proof.entry["asked"]
     assert lower == asked[0]
     assert 0.9 * asked[1] < upper < asked[1]
-    assert f"a: proved on {lower:.6g} to {upper:.6g} of {asked[0]:.6g} to {asked[1]:.6g}: one branch" in str(proof)
+    assert f"a: proved on {lower:.6g} to {upper:.6g} of {asked[0]:.6g} to {asked[1]:.6g}: one solution" in str(proof)
     assert certificate.check(json.loads(json.dumps(dict(proof.entry)))) == ""
 
 

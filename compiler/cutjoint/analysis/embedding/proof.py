@@ -81,7 +81,7 @@ def _prove(model: Model, embedded_loop: EmbeddedLoop) -> LoopProof:
     asked = [lower, upper]
     cells = _longest(list(_search(entry, np.linspace(lower, upper, _CELLS + 1).tolist())))
     if not cells:
-        return LoopProof(name, "the iteration contracts nowhere: the functions are not near one branch")
+        return LoopProof(name, "the iteration contracts nowhere: the functions are not near one solution")
     found = {
         "range": [cells[0][0], cells[-1][1]], "asked": asked, "box": min(cell[2] for cell in cells),
         "bounds": np.max([cell[3] for cell in cells], axis=0).tolist(), "redundant": max(cell[4] for cell in cells),
