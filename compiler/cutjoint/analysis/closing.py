@@ -25,6 +25,10 @@ CLOSED = 1e-9  #: the residual (m, rad; share of the arm where that is not a met
 #: Damping of the steps by the largest square of a speed's effect: equations that are dependent to six digits have no effect.
 _DAMPING = 1e-12
 _ITERATIONS = 30
+NEIGHBOURS = 4  #: the number of wanted poses besides the design position, and of trials for one
+_ATTEMPTS = 16
+#: The first step changes the fastest coordinate by this much (m or arms, rad); it is halved where no closed pose is found.
+_STEP, _SMALLEST = 0.25, 0.015
 
 
 class FlatRoad:
@@ -233,12 +237,6 @@ def _rotated_quaternion(e: Array, theta: Array) -> Array:
     x, y, z = np.moveaxis(theta / 2, -1, 0)
     one = np.ones_like(x)
     return np.asarray(np.einsum("ij...,...j->...i", np.array([[one, -x, -y, -z], [x, one, -z, y], [y, z, one, -x], [z, -y, x, one]]), e))
-
-
-NEIGHBOURS = 4  #: the number of wanted poses besides the design position, and of trials for one
-_ATTEMPTS = 16
-#: The first step changes the fastest coordinate by this much (m or arms, rad); it is halved where no closed pose is found.
-_STEP, _SMALLEST = 0.25, 0.015
 
 
 @dataclass(frozen=True, kw_only=True)

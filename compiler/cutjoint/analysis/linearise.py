@@ -11,6 +11,10 @@ from cutjoint.formulate.implicit.equations import ImplicitEquations
 from cutjoint.program.interpret import RoadTable
 from cutjoint.topology.geometry import TOLERANCE
 
+_MASSLESS = 1e-12  #: a free motion whose mass is below this share of the masses of its coordinates has none
+#: A time (s) in which guides and inputs hardly move; the share of a motion's changes, or of a unit of inertia, that is rounding.
+_SOON, _STEADY = 1e-6, 1e-6
+
 # Equations
 
 
@@ -69,9 +73,6 @@ def reduce_system(of: Linearisation) -> ReducedSystem:
     return ReducedSystem(basis=N, stiffness=stiffness, damping=damping, first_order=first_order)
 
 
-_MASSLESS = 1e-12  #: a free motion whose mass is below this share of the masses of its coordinates has none
-
-
 def _of_unit_mass(of: Linearisation, free: Array) -> Array:
     mass = free.T @ of.M @ free
     values, vectors = np.linalg.eigh((mass + mass.T) / 2)
@@ -91,9 +92,6 @@ def _kept_rates(of: Linearisation, N: Array) -> Array:
 
 
 # Interpretation
-
-#: A time (s) in which guides and inputs hardly move; the share of a motion's changes, or of a unit of inertia, that is rounding.
-_SOON, _STEADY = 1e-6, 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,6 +22,9 @@ from cutjoint.model.expressions.functions import SuppliedCall
 from cutjoint.model.records import Joint
 from cutjoint.package.errors import EquationsError
 
+_TIMES = (0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)  #: times of the checks as shares of the scene's duration
+_PART = 1e-3  #: the share of the guides' rates that must remain after a least-squares fit of all speeds
+
 
 @dataclass(frozen=True, kw_only=True)
 class Mobility:
@@ -63,10 +66,6 @@ def require_soundness(equations: RecursiveEquations) -> RecursiveEquations:
     require_inertia(equations)
     require_guides(equations)
     return equations
-
-
-_TIMES = (0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)  #: times of the checks as shares of the scene's duration
-_PART = 1e-3  #: the share of the guides' rates that must remain after a least-squares fit of all speeds
 
 
 class GuideError(EquationsError, ValueError):

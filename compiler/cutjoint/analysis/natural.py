@@ -19,6 +19,8 @@ from cutjoint.topology.geometry import TOLERANCE
 
 #: The arrays of a call that input symbols' columns stand in.
 _ARRAYS = ("q", "v", "vdot", "lambda", "w", "relative_q", "relative_v", "weights.ball_tangents")
+_OFF = 0.05  #: the displacement (m, rad) of free speeds from a pose that is the only one
+_INDEPENDENT = 1e-7  #: the least part of a normalised row that the rows before it do not have
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,9 +117,6 @@ def closed_states(equations: LagrangianEquations) -> list[NaturalState]:
     return [_moving(equations, pose, rng) for pose in closing.explore(equations.start)]
 
 
-_OFF = 0.05  #: the displacement (m, rad) of free speeds from a pose that is the only one
-
-
 def states_off_a_single_pose(equations: LagrangianEquations, states: Sequence[NaturalState]) -> list[NaturalState]:
     """States with open loops along free speeds of the only closed pose.
     Equations that are dependent there too are so structurally, as in a planar loop; others in the closed pose only. None where other
@@ -172,9 +171,6 @@ def dependent_equations(equations: LagrangianEquations, states: Sequence[Natural
             rests = [rest - basis.T @ (basis @ rest) for basis, rest in zip(bases, rests, strict=True)]  # again, for what rounding left
             bases = [np.vstack([basis, rest / np.linalg.norm(rest)]) for basis, rest in zip(bases, rests, strict=True)]
     return tuple(name for row, name in enumerate(equations.equation_names) if row not in kept)
-
-
-_INDEPENDENT = 1e-7  #: the least part of a normalised row that the rows before it do not have
 
 
 def tangent_samples(equations: LagrangianEquations, states: Sequence[NaturalState], dt: float) -> Iterator[Array]:

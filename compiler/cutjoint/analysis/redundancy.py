@@ -31,6 +31,8 @@ _GOOD_ENOUGH = 0.01
 _PART = 1e-6  #: an equation whose part in another's combination is below this share has none
 _TIMES = 9  #: how many times of a scene symmetry is tried at, since a force may act for a while
 _DAMPING = 1e-13  #: damping of the combinations by the largest square of a row, for poses in which the kept equations are dependent
+#: A component that changes by less than this share of the effects of its single multipliers is determined: the rest is rounding.
+_DETERMINED = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,9 +123,6 @@ def _combinations(rows: Sequence[int], kept: Sequence[int], jacobians: Sequence[
 
 
 # Reactions
-
-#: A component that changes by less than this share of the effects of its single multipliers is determined: the rest is rounding.
-_DETERMINED = 1e-6
 
 
 def reaction_outputs(model: Model) -> tuple[Output, ...]:

@@ -26,6 +26,8 @@ _NEAR, _SAME = 0.02, 1e-10
 _SHOWN = 3  #: the number of named axes
 
 Loops = Sequence[tuple[Joint, Sequence[TreeJoint]]]
+#: A rate of violation below this share of the mechanism's size (at most 1 m) at a speed of 1 m/s or rad/s barely locks it.
+_NEAR = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,10 +143,6 @@ def _bundles(joints: Sequence[Joint], axes: Mapping[str, Array]) -> list[list[Jo
 def _angle(a: Array, b: Array) -> float:
     """The angle (rad) between two lines along unit vectors."""
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), abs(a @ b)))
-
-
-#: A rate of violation below this share of the mechanism's size (at most 1 m) at a speed of 1 m/s or rad/s barely locks it.
-_NEAR = 0.01
 
 
 def describe_geometry(equations: RecursiveEquations, mobility: Mobility) -> str:

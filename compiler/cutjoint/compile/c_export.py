@@ -254,10 +254,8 @@ def make_standalone(
     """The C export of a model in a scene, from the results of `pipeline.generate`.
     The integrator follows from ``integrator`` and ``equal_steps`` (`choose_steps`). ``lanes`` computes isomorphic parts side by side.
     ``linearise`` adds derivatives, ``derives_steps`` those of steps, ``adjoint`` adjoint sensitivities, ``side_by_side`` the class of
-    several instances.
-
-    Raises:
-        RunError: the method does not support the integrator, derivatives or poses, or a setting or the start is not finite.
+    several instances. Raises RunError: the method does not support the integrator, derivatives or poses, or a setting or the start is not
+    finite.
     """
     equations, program, source = generated
     _require_unknowns(equations)

@@ -11,6 +11,8 @@ from typing import Any, ClassVar, Protocol, Self
 from cutjoint.elements.interaction import Axis, Carrier, Frame, Interaction, Place, Point
 from cutjoint.elements.terms import Scalar, Span, Vector
 
+REQUIRED: Any = object()  #: the default of a field that must be given
+
 # Fields in the file
 
 
@@ -46,9 +48,6 @@ class Constants:
     title: str
     text: str
     names: tuple[str, ...]
-
-
-REQUIRED: Any = object()  #: the default of a field that must be given
 
 
 @dataclass(frozen=True)

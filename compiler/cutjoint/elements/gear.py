@@ -9,14 +9,11 @@ from collections.abc import Mapping
 
 #: Its description, for the documentation and `explain`.
 TEXT = "a coordinate of a tree joint is a ratio times a coordinate of another one, or a law of it"
+NAMES = ("ratio",)  #: the short name of its equation
+#: The unit of the force on its first coordinate, by that coordinate's unit; the force on the second one is -ratio times as large.
+FORCE_UNITS: Mapping[str, str] = {"rad": "N*m", "m": "N"}
 
 
 def equation(has_law: bool) -> str:
     """Its equation, for generated code and `explain`."""
     return "Phi = q_a - f(q_b)" if has_law else "Phi = q_a - ratio q_b"
-
-
-NAMES = ("ratio",)  #: the short name of its equation
-
-#: The unit of the force on its first coordinate, by that coordinate's unit; the force on the second one is -ratio times as large.
-FORCE_UNITS: Mapping[str, str] = {"rad": "N*m", "m": "N"}

@@ -11,6 +11,9 @@ from fractions import Fraction
 from functools import cached_property
 from typing import ClassVar, TypeAlias
 
+SPIN = ("wx", "wy", "wz")  #: the speeds of a ball
+ATTITUDE = ("e0", "e1", "e2", "e3")  #: the unit quaternion of a ball's attitude, scalar first
+
 # Directions
 
 
@@ -244,10 +247,6 @@ class Operations:
 
     placing: tuple[int, int]
     closing: tuple[int, int, int] = (0, 0, 0)
-
-
-SPIN = ("wx", "wy", "wz")  #: the speeds of a ball
-ATTITUDE = ("e0", "e1", "e2", "e3")  #: the unit quaternion of a ball's attitude, scalar first
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,6 +18,17 @@ from cutjoint.program.loops import TO, Rolled, roll
 from cutjoint.program.records import Program, Result
 from cutjoint.program.scalars import Graph
 
+_NOTE = "  // "  #: the beginning of a statement's comment
+LINE = 110  #: characters of a line of a generated expression
+#: A longer function (statements) is compiled in parts of about the second number: the time of GCC's combiner is quadratic.
+LONG, PART = 4000, 1000
+_STORED_EARLY = frozenset({"residual_jacobian"})  #: functions with so many results that each is stored as soon as it is computed
+#: Symbols whose elements are members of a record among the arguments.
+_MEMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "numerics": ("stabilisation", ("penalty", "damping_ratio", "frequency")),
+    "weights": ("weights", ("damping", "stiffness", "constraint")),
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class SectionView:
@@ -45,21 +56,6 @@ class FunctionView:
     arrays: tuple[str, ...]
     sections: tuple[SectionView, ...]
     results: tuple[str, ...]
-
-
-_NOTE = "  // "  #: the beginning of a statement's comment
-LINE = 110  #: characters of a line of a generated expression
-
-#: A longer function (statements) is compiled in parts of about the second number: the time of GCC's combiner is quadratic.
-LONG, PART = 4000, 1000
-
-_STORED_EARLY = frozenset({"residual_jacobian"})  #: functions with so many results that each is stored as soon as it is computed
-
-#: Symbols whose elements are members of a record among the arguments.
-_MEMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "numerics": ("stabilisation", ("penalty", "damping_ratio", "frequency")),
-    "weights": ("weights", ("damping", "stiffness", "constraint")),
-}
 
 
 class Viewer:

@@ -17,6 +17,8 @@ from cutjoint.model.records import Model, Scalar, Scene
 from cutjoint.program.blocks import Builder
 from cutjoint.program.indicators import Domain, EventIndicator
 
+FRICTION = "load of friction"  #: the stage of sections in which friction loads may be undefined
+
 # Indicators
 
 
@@ -102,9 +104,6 @@ def domains_function(domains: Sequence[Domain]) -> tuple[Function, ...]:
 def domain_slots(domains: Sequence[Domain]) -> dict[str, Slot]:
     """The slots of the margins."""
     return {f"inside:{i}": Slot(array="inside", offset=i, names=("inside",)) for i in range(len(domains))}
-
-
-FRICTION = "load of friction"  #: the stage of sections in which friction loads may be undefined
 
 
 def _function(name: str, stage: str) -> str:

@@ -29,6 +29,8 @@ INPUTS = "inputs"  #: the program's symbol of the model's inputs: the numbers of
 INPUT_ORDERS = ("value", "rate", "acceleration")
 
 DISCRETE_STATES = "discrete_states"  #: the program's symbol of the discrete states
+LAW_TIME = "law_time"  #: the time at which laws are evaluated; unlike ``t`` it is not known when a step begins
+LAW_VALUES = "law_values"  #: the symbol of the values of laws that a step reads in addition to inputs: indicators, then margins
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,10 +175,6 @@ def report_columns(
 def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Scalar]:
     """The outer body's point of a tree joint in the design position: the origin of the outer body's frame."""
     return joint.at if joint.to is None or is_reversed else joint.to
-
-
-LAW_TIME = "law_time"  #: the time at which laws are evaluated; unlike ``t`` it is not known when a step begins
-LAW_VALUES = "law_values"  #: the symbol of the values of laws that a step reads in addition to inputs: indicators, then margins
 
 
 @dataclass(frozen=True, kw_only=True)

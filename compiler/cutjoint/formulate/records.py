@@ -21,6 +21,29 @@ from cutjoint.topology.records import Topology
 if TYPE_CHECKING:
     from cutjoint.sparse.plan import Plan
 
+CLOSE = "close_"  #: the prefix of the functions that evaluate open loops, for the fit of embedded loops
+POSES = "poses"  #: the function of poses (`recursive/poses.py`)
+SAMPLE = "sample"  #: the function of controllers
+FORCE_RESIDUAL = "residual_of_forces"  #: the function of the residual of forces at given accelerations
+CHECKS = ("energy",)  #: functions that only check a run
+NAMES = ("kinetic", "power")  #: the results of the function
+_STATE = ("const Real* q", "const Real* v", "const Real* vdot")
+_MOTION = (*_STATE, "const Real* lambda", "Real penalty")
+_RESIDUALS = ("Real* force_residual", "Real* residual")
+#: The arguments of each function, results last.
+_ARGUMENTS: Mapping[str, tuple[str, ...]] = {
+    "initial_coordinates": ("const Real* relative_q", "const Real* relative_v", "Real* q", "Real* v"),
+    "dynamic_residual": (*_MOTION, *_RESIDUALS),
+    "linearise": (*_MOTION, "const Weights<Real>& weights", *_RESIDUALS, "Real* tangent"),
+    "constraint_residual": (*_STATE, "Real* residual", "Real* rate", "Real* curvature"),
+    "apply_jacobian_transposed": ("const Real* q", "const Real* w", "Real* force"),
+    "apply_jacobian": ("const Real* q", "const Real* vdot", "Real* change"),
+    "report": (*_STATE, "const Real* lambda", "Real* column"),
+    "energy": (*_STATE, "const Real* lambda", "Real* energy"),
+}
+LOAD_ARGUMENTS = ("const Real* parameters", "const Road<Real>* roads")  #: the arguments of the generated ``load``
+EQUATION_ARRAYS = ("lambda", "w", "residual", "rate", "curvature", "change")  #: the arrays that have an element for each equation
+
 
 @dataclass(frozen=True, kw_only=True)
 class IndicatorPlace:
@@ -258,14 +281,6 @@ class SystemEquations(Equations):
         return replace(self, slots={**self.slots, **slots})
 
 
-CLOSE = "close_"  #: the prefix of the functions that evaluate open loops, for the fit of embedded loops
-POSES = "poses"  #: the function of poses (`recursive/poses.py`)
-SAMPLE = "sample"  #: the function of controllers
-FORCE_RESIDUAL = "residual_of_forces"  #: the function of the residual of forces at given accelerations
-CHECKS = ("energy",)  #: functions that only check a run
-NAMES = ("kinetic", "power")  #: the results of the function
-
-
 def energy_results(b: Builder, kinetic: Block, power: Block) -> dict[str, Block]:
     """The results of the function, (1, 1) each."""
     return {"energy:kinetic": b.label(kinetic, "kinetic_energy"), "energy:power": b.label(power, "power")}
@@ -274,26 +289,6 @@ def energy_results(b: Builder, kinetic: Block, power: Block) -> dict[str, Block]
 def energy_slots() -> Mapping[str, Slot]:
     """The places of the results."""
     return {f"energy:{name}": Slot(array="energy", offset=i, names=(name,)) for i, name in enumerate(NAMES)}
-
-
-_STATE = ("const Real* q", "const Real* v", "const Real* vdot")
-_MOTION = (*_STATE, "const Real* lambda", "Real penalty")
-_RESIDUALS = ("Real* force_residual", "Real* residual")
-
-#: The arguments of each function, results last.
-_ARGUMENTS: Mapping[str, tuple[str, ...]] = {
-    "initial_coordinates": ("const Real* relative_q", "const Real* relative_v", "Real* q", "Real* v"),
-    "dynamic_residual": (*_MOTION, *_RESIDUALS),
-    "linearise": (*_MOTION, "const Weights<Real>& weights", *_RESIDUALS, "Real* tangent"),
-    "constraint_residual": (*_STATE, "Real* residual", "Real* rate", "Real* curvature"),
-    "apply_jacobian_transposed": ("const Real* q", "const Real* w", "Real* force"),
-    "apply_jacobian": ("const Real* q", "const Real* vdot", "Real* change"),
-    "report": (*_STATE, "const Real* lambda", "Real* column"),
-    "energy": (*_STATE, "const Real* lambda", "Real* energy"),
-}
-
-LOAD_ARGUMENTS = ("const Real* parameters", "const Road<Real>* roads")  #: the arguments of the generated ``load``
-EQUATION_ARRAYS = ("lambda", "w", "residual", "rate", "curvature", "change")  #: the arrays that have an element for each equation
 
 
 def system_functions(

@@ -18,6 +18,7 @@ from cutjoint.program.lower import reachable_blocks
 
 #: A row and a column of the tangent, and the entry there.
 Entry = tuple[int, int, Block]
+_OBSERVING = frozenset({SAMPLE, "report", "energy", "domains", POSES})  #: functions that evaluate a motion without changing it
 
 
 def state_rates(b: Builder, translator: Translator, model: Model) -> dict[str, Block]:
@@ -90,9 +91,6 @@ def sample_slots(model: Model) -> Mapping[str, Slot]:
     """The places of its results."""
     names = map(discrete_state_name, model.discrete_states)
     return {f"{SAMPLE}:{i}": Slot(array="next_discrete", offset=i, names=(name,)) for i, name in enumerate(names)}
-
-
-_OBSERVING = frozenset({SAMPLE, "report", "energy", "domains", POSES})  #: functions that evaluate a motion without changing it
 
 
 def describe_controllers(equations: Equations) -> list[dict[str, object]]:

@@ -34,6 +34,8 @@ _OF_LOOPS, _OF_CHAINS = frozenset({"constraint_residual", "project"}), frozenset
 
 _SUMMED = ("loaded", "input")  #: arrays of values that are summed over a run
 _KEPT = ("scene_inputs", CLOSE)  #: functions of the class that are not transposed
+#: The places of a value's lanes in ``by_loaded``.
+_Places = range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,10 +75,6 @@ def transpose(equations: RecursiveEquations, program: Program) -> Derived:
         equations=replace(equations, functions=tuple(made), slots={**equations.slots, **slots}),
         program=with_functions(work, lowered), loaded=length,
     )  # fmt: skip
-
-
-#: The places of a value's lanes in ``by_loaded``.
-_Places = range
 
 
 def _loaded(program: Program, functions: Sequence[LoweredFunction]) -> dict[int, _Places]:
@@ -195,10 +193,7 @@ def linearise_residual(equations: RecursiveEquations, program: Program) -> Linea
 
     ``residual_jacobian`` has those of the n force residuals, then of the m second rates of loops, row by row. Columns are those of q, v,
     inputs and discrete states, ``loaded``, vdot and lambda; entries that are always zero are left out. ``loaded_values`` has the values of
-    parameters' time in ``loaded``.
-
-    Raises:
-        ValueError: an operation has no derivative.
+    parameters' time in ``loaded``. Raises ValueError: an operation has no derivative.
     """
     work = replace(program, graph=program.graph.copy())
     graph, function = work.graph, program.function(FORCE_RESIDUAL)

@@ -11,6 +11,7 @@ CLOSED = 1e-5  #: a loop that stays open by less is closed, m and rad: files are
 _STEPS, _STEP = 200, 0.3
 _PATIENCE = 25  #: so many steps that win less than a tenth each end the way
 _TRIALS = 12
+_ZERO = 1e-12
 
 
 @dataclass(frozen=True)
@@ -126,9 +127,6 @@ def _rotation_vector(rotation: Array) -> Array:
         axis = axes[:, 2]
         return np.asarray(angle * axis * (1 if axis @ sine >= 0 else -1))
     return np.asarray(sine * (angle / np.sin(angle) if angle > 1e-6 else 1))
-
-
-_ZERO = 1e-12
 
 
 @dataclass(frozen=True)

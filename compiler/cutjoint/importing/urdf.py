@@ -21,6 +21,9 @@ _KINDS = {
     "spherical": "spherical",
 }  # fmt: skip
 _ENDS, _OLD_ENDS = ("predecessor", "successor"), ("parent", "child")  #: tags of the two ends of a loop or a coupling
+_KEYS = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
+_CARDAN = re.compile(r"UJOINT_([XYZ])([XYZ])")
+_HINT = "see 'Loops in a YAML beside a URDF' in docs/how-to/import.md"
 
 
 def read_urdf(path: Path) -> tuple[Robot, Node]:
@@ -235,11 +238,6 @@ def _direction(node: Node, text: str | None) -> Array:
     if length < 1e-9:
         node.refuse("is an axis without length", "give it a direction")
     return np.asarray(axis / length)
-
-
-_KEYS = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
-_CARDAN = re.compile(r"UJOINT_([XYZ])([XYZ])")
-_HINT = "see 'Loops in a YAML beside a URDF' in docs/how-to/import.md"
 
 
 class Sidecar:

@@ -21,6 +21,13 @@ from cutjoint.model.records import Joint, Scalar, Vector
 Matrix: TypeAlias = Any
 
 QUATERNION = sympy.symbols("e0:4", real=True)
+#: The directions of a chain of motions by their symbols, which no kind uses for two of them, and a joint's pitch.
+_A, _B, _C = (sympy.Matrix(sympy.symbols(f"{name}_x {name}_y {name}_z", real=True)) for name in "abc")
+_SYMBOLS = {
+    Direction.AXIS: _A, Direction.ROD: _A, Direction.AXIS_2: _B, Direction.ACROSS_1: _B, Direction.ACROSS_2: _C,
+    **{d: sympy.Matrix(axis) for d, axis in zip(DESIGN_FRAME, GLOBAL_AXES, strict=True)},
+}  # fmt: skip
+_PITCH = sympy.Symbol("pitch", real=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,15 +98,6 @@ def _derive_kind(kind: str, is_reversed: bool) -> JointKernel:
         subspace=_subspace(element, chain, columns), drift=_drift(chain, columns, u),
         columns=sympy.Matrix.hstack(*columns) if columns else sympy.zeros(6, 0),
     )  # fmt: skip
-
-
-#: The directions of a chain of motions by their symbols, which no kind uses for two of them, and a joint's pitch.
-_A, _B, _C = (sympy.Matrix(sympy.symbols(f"{name}_x {name}_y {name}_z", real=True)) for name in "abc")
-_SYMBOLS = {
-    Direction.AXIS: _A, Direction.ROD: _A, Direction.AXIS_2: _B, Direction.ACROSS_1: _B, Direction.ACROSS_2: _C,
-    **{d: sympy.Matrix(axis) for d, axis in zip(DESIGN_FRAME, GLOBAL_AXES, strict=True)},
-}  # fmt: skip
-_PITCH = sympy.Symbol("pitch", real=True)
 
 
 def _given(joint: Joint, is_reversed: bool) -> dict[Scalar, Scalar]:

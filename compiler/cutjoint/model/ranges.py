@@ -55,6 +55,11 @@ WHOLE = frozenset(
         "priority", "processor", "live",
     }
 )
+LARGEST_ANGLE = 1e6  #: angles beyond lose so many digits to whole turns that sine and cosine have an error of 1e-10
+#: Positions (m) and speeds (m/s, rad/s) beyond are rounded to more than 0.1 mm; squares of smaller ones have a value in any precision.
+LARGEST_COORDINATE = 1e12
+MOST_STEPS = 2**53  #: with more steps, times of neighbouring steps are one number in double precision
+MOST_ROWS = 10**8  #: the rows that a table has at most
 
 
 def fault_of(value: float, *, above: float = -inf, least: float = -inf, most: float = inf) -> str:
@@ -83,12 +88,6 @@ def _text(value: float) -> str:
     return str(value) if abs(value) < 10**15 else f"a number of {value.bit_length()} bits"
 
 
-LARGEST_ANGLE = 1e6  #: angles beyond lose so many digits to whole turns that sine and cosine have an error of 1e-10
-
-#: Positions (m) and speeds (m/s, rad/s) beyond are rounded to more than 0.1 mm; squares of smaller ones have a value in any precision.
-LARGEST_COORDINATE = 1e12
-
-
 def fault_of_state(value: float, *, is_angle: bool = False, bounds: Sequence[float] = ()) -> str:
     """The fault in an initial coordinate, speed or state (SI units); "" without one, and of NaN, which has been noted before."""
     if bounds and (value < bounds[0] or value > bounds[1]):
@@ -101,9 +100,6 @@ def fault_of_state(value: float, *, is_angle: bool = False, bounds: Sequence[flo
 
 
 # Steps
-
-MOST_STEPS = 2**53  #: with more steps, times of neighbouring steps are one number in double precision
-MOST_ROWS = 10**8  #: the rows that a table has at most
 
 
 class StepsError(ValueError):

@@ -31,6 +31,13 @@ from cutjoint.elements.terms import Vector as Vector
 from cutjoint.methods import Loops
 
 GROUND = "ground"
+VALUE = "value"  #: the quantity of a first-order state, and of a signal
+#: The scalar coordinates of each joint kind, in order.
+COORDINATES: Mapping[str, tuple[str, ...]] = {kind: element.coordinates for kind, element in JOINTS.items()}
+#: The speeds of each joint kind, in order: the rates of the coordinates, then the angular velocity of a ball in the axes of the body before
+#: it (rad/s).
+SPEEDS: Mapping[str, tuple[str, ...]] = {kind: element.speeds for kind, element in JOINTS.items()}
+STEP = 1e-3  #: the length of equal steps where none is given, s
 
 
 class Binding(StrEnum):
@@ -62,9 +69,6 @@ class DerivedParameter:
     name: str
     value: Scalar
     span: Span
-
-
-VALUE = "value"  #: the quantity of a first-order state, and of a signal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,14 +204,6 @@ class Body:
     def is_massless(self) -> bool:
         """Return whether the body has neither mass nor inertia at any values of the parameters."""
         return self.mass == 0 and all(entry == 0 for entry in self.inertia)
-
-
-#: The scalar coordinates of each joint kind, in order.
-COORDINATES: Mapping[str, tuple[str, ...]] = {kind: element.coordinates for kind, element in JOINTS.items()}
-
-#: The speeds of each joint kind, in order: the rates of the coordinates, then the angular velocity of a ball in the axes of the body before
-#: it (rad/s).
-SPEEDS: Mapping[str, tuple[str, ...]] = {kind: element.speeds for kind, element in JOINTS.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -517,9 +513,6 @@ class Output:
     def column(self) -> str:
         """The column's name in a CSV header."""
         return self.stands_for or self.name or f"{self.element}.{self.quantity}"
-
-
-STEP = 1e-3  #: the length of equal steps where none is given, s
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,10 @@ import re
 # Text
 
 MAX_MESSAGE = 300
+#: A decimal number without a sign, with an optional exponent, in plain digits and without underscores.
+UNSIGNED = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_NUMBER = re.compile(rf"[-+]?{UNSIGNED}", re.ASCII)
+_WHOLE = re.compile(r"[-+]?[0-9]+", re.ASCII)
 
 
 def escaped(text: str) -> str:
@@ -24,11 +28,6 @@ def printable(text: str) -> str:
 
 
 # Numbers
-
-#: A decimal number without a sign, with an optional exponent, in plain digits and without underscores.
-UNSIGNED = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-_NUMBER = re.compile(rf"[-+]?{UNSIGNED}", re.ASCII)
-_WHOLE = re.compile(r"[-+]?[0-9]+", re.ASCII)
 
 
 def is_number(text: str) -> bool:

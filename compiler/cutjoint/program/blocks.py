@@ -43,6 +43,19 @@ from typing import Any
 from cutjoint.ops import OPERATIONS
 from cutjoint.package.errors import EquationsError
 
+#: Scalar functions and their arity; a comparison yields 1.0 or 0.0 and may only feed ``where``, ``and`` and ``or``.
+FUNCTIONS = {
+    **{row.name: row.arity for row in OPERATIONS.values() if row.partials or row.name == "where"},
+    "road_height": 2, "road_slope": 2, "road_height_dx": 2, "road_slope_dx": 2,
+    **{f"road_{lookup}": 2 for lookup in ("surface", "surface_x", "surface_y", "surface_xx", "surface_xy", "surface_yy")},
+    **{f"road_{lookup}": 2 for lookup in ("friction", "friction_x", "friction_y")},
+}  # fmt: skip
+#: The beginnings of the names of lookups of a road's surface, "road_surface_xy" its derivative by x and y; and of its friction.
+SURFACE = ("road_surface", "road_friction")
+#: The beginning of the names of functions that a user supplies, "supplied.name" with and "opaque.name" without partial derivatives; a
+#: number behind the name, "supplied.name.0", is that of the argument by which it is differentiated.
+SUPPLIED = ("supplied.", "opaque.")
+
 
 class BindingTime(IntEnum):
     """The time at which a value is known; a block is known when the latest of its arguments is."""
@@ -51,22 +64,6 @@ class BindingTime(IntEnum):
     PARAM = 1  #: when parameters are loaded
     STEP = 2  #: when a step begins (functions of time)
     ITERATION = 3  #: at each evaluation
-
-
-#: Scalar functions and their arity; a comparison yields 1.0 or 0.0 and may only feed ``where``, ``and`` and ``or``.
-FUNCTIONS = {
-    **{row.name: row.arity for row in OPERATIONS.values() if row.partials or row.name == "where"},
-    "road_height": 2, "road_slope": 2, "road_height_dx": 2, "road_slope_dx": 2,
-    **{f"road_{lookup}": 2 for lookup in ("surface", "surface_x", "surface_y", "surface_xx", "surface_xy", "surface_yy")},
-    **{f"road_{lookup}": 2 for lookup in ("friction", "friction_x", "friction_y")},
-}  # fmt: skip
-
-#: The beginnings of the names of lookups of a road's surface, "road_surface_xy" its derivative by x and y; and of its friction.
-SURFACE = ("road_surface", "road_friction")
-
-#: The beginning of the names of functions that a user supplies, "supplied.name" with and "opaque.name" without partial derivatives; a
-#: number behind the name, "supplied.name.0", is that of the argument by which it is differentiated.
-SUPPLIED = ("supplied.", "opaque.")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,8 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+_ROW = 40  #: operations that a row of a part takes besides those of its elimination, times three
+
 
 def part(size: int, entries: Iterable[tuple[int, int]], together: Sequence[Collection[int]]) -> list[int]:
     """The part of each of ``size`` unknowns, by the non-zero entries (row, column) of a matrix; the last part is the border.
@@ -93,9 +95,6 @@ def _components(neighbours: Sequence[Collection[int]], border: Collection[int]) 
             component += fresh
         found.append(sorted(component))
     return sorted(found, key=len, reverse=True)
-
-
-_ROW = 40  #: operations that a row of a part takes besides those of its elimination, times three
 
 
 def _cost(parts: Sequence[Sequence[int]], border: int) -> int:

@@ -20,6 +20,11 @@ Jacobian: TypeAlias = Mapping[Block, Block]
 D = TypeVar("D")
 #: A rule as a coroutine: it yields blocks, is sent their derivatives, and returns that of its own block.
 Steps: TypeAlias = Generator[Block, D, D]
+#: Linear operations on one block: the same operation applies to the change of their argument.
+_LINEAR: Mapping[str, Callable[[Builder, Block], Block]] = {
+    "neg": Builder.neg, "transpose": Builder.transpose, "symmetrise": Builder.symmetrise, "skew": Builder.skew, "mirror": Builder.mirror,
+}  # fmt: skip
+X = TypeVar("X", bound="Operation")
 
 
 def _follow(block: Block, known: dict[Block, D], rule: Callable[[Block], Steps[D]]) -> D:
@@ -280,13 +285,6 @@ _VARIED: Mapping[str, Callable[[Variation, Block], Steps[Block]]] = {
     "add": Variation._sum, "sub": Variation._sum, "scale": Variation._scale, "mul": Variation._mul, "stack": Variation._stack,
     "take": Variation._take, "sandwich": Variation._sandwich, "call": Variation._call,
 }  # fmt: skip
-#: Linear operations on one block: the same operation applies to the change of their argument.
-_LINEAR: Mapping[str, Callable[[Builder, Block], Block]] = {
-    "neg": Builder.neg, "transpose": Builder.transpose, "symmetrise": Builder.symmetrise, "skew": Builder.skew, "mirror": Builder.mirror,
-}  # fmt: skip
-
-
-X = TypeVar("X", bound="Operation")
 
 
 class Operation(Protocol):

@@ -20,6 +20,12 @@ from cutjoint.program.differentiate import partial_derivatives
 from cutjoint.program.lower import call_scalar
 from cutjoint.program.scalars import Graph
 
+_ALL = -1  #: all lanes of a scalar
+#: An edge between two scalars: its coefficients by the lanes of source and target, None for a scalar without lanes.  From all lanes to all,
+#: each lane maps to itself; from all to none, lanes are summed.  A target of -1 - n from none is the sum of a coefficient's n lanes, which
+#: is formed as late as possible.
+_Edge: TypeAlias = dict[tuple[int | None, int | None], int]
+
 
 @dataclass(frozen=True, eq=False)
 class _Scalar:
@@ -191,14 +197,6 @@ def _chosen(graph: Graph, n: int, linear: Callable[[int], int], lanes: int) -> i
     zero = graph.const(0.0)
     found = graph.call("where", (condition, *(linear(x) if graph.value(x) != 0.0 else zero for x in (yes, no))))
     return found if graph.signless(n) == n else graph.neg(found)
-
-
-_ALL = -1  #: all lanes of a scalar
-
-#: An edge between two scalars: its coefficients by the lanes of source and target, None for a scalar without lanes.  From all lanes to all,
-#: each lane maps to itself; from all to none, lanes are summed.  A target of -1 - n from none is the sum of a coefficient's n lanes, which
-#: is formed as late as possible.
-_Edge: TypeAlias = dict[tuple[int | None, int | None], int]
 
 
 def derivatives(graph: Graph, results: Sequence[int], targets: Collection[int]) -> list[dict[int, int]]:

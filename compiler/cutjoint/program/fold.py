@@ -15,6 +15,8 @@ from cutjoint.program.lower import reachable_blocks
 
 #: One block for each lane.
 Family: TypeAlias = tuple[Block, ...]
+#: Operations of blocks in the lanes of a family that no one operation computes; other blocks are terms of themselves.
+_PLACED: Mapping[str, tuple[str, ...]] = {"signed": ("neg",), "sum": ("add", "sub")}
 
 
 @dataclass(frozen=True)
@@ -26,10 +28,6 @@ class _Plan:
     family: Family
     parts: tuple[Family, ...] = ()
     signs: tuple[float, ...] = ()
-
-
-#: Operations of blocks in the lanes of a family that no one operation computes; other blocks are terms of themselves.
-_PLACED: Mapping[str, tuple[str, ...]] = {"signed": ("neg",), "sum": ("add", "sub")}
 
 
 class _DependentMembersError(Exception):

@@ -31,6 +31,8 @@ TO = " .. "  #: stands between the first and the last element of a loop's sectio
 
 #: Array and element of an input or a result, by symbol name and index.
 Place: TypeAlias = Callable[[str, int], tuple[str, int]]
+#: An argument without its sign in all iterations.
+_Column: TypeAlias = tuple[int, ...]
 
 
 class Step(NamedTuple):
@@ -120,10 +122,6 @@ class Rolled:
     parts: tuple[tuple[int, ...] | int, ...]
     loops: tuple[Loop, ...]
     results: tuple[Result, ...]
-
-
-#: An argument without its sign in all iterations.
-_Column: TypeAlias = tuple[int, ...]
 
 
 @dataclass

@@ -14,6 +14,7 @@ from cutjoint.ops import CONDITIONS, OPERATIONS
 from cutjoint.program.blocks import BindingTime
 
 _LARGEST = 1e300  #: beyond this square of x, sin(2 atan(x)) counts as 0; it is about 2/x, below 1e-149
+FREE = frozenset({"const", "symbol", "neg", "lane_const", "gather", "lane"})  #: scalars that do not count as operations
 
 
 class OverflowedConstantError(ArithmeticError):
@@ -22,9 +23,6 @@ class OverflowedConstantError(ArithmeticError):
     def __init__(self, section: int) -> None:
         super().__init__(f"a constant of section {section} is not finite")
         self.section = section
-
-
-FREE = frozenset({"const", "symbol", "neg", "lane_const", "gather", "lane"})  #: scalars that do not count as operations
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,10 @@ from cutjoint.program.differentiate import partial_derivatives
 from cutjoint.program.interpret import Array, RoadTable, call_function, evaluate_block, in_order, skewed, transposed
 
 _TOUCHED = 1e-6  #: powers of contacts grow at least as fast as at this deflection, m
+_LINEAR: Mapping[str, Any] = {
+    "neg": lambda a: -a, "transpose": transposed, "skew": skewed, "symmetrise": lambda a: a + transposed(a),
+    "mirror": lambda a: np.triu(a) + transposed(np.triu(a, 1)),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -113,12 +117,6 @@ def _change(block: Block, args: list[Array], value: Array, d: list[Array | None]
     if op == "take":
         return first[:, slice(*data[0]), slice(*data[1])]
     return np.asarray(_LINEAR[op](first))
-
-
-_LINEAR: Mapping[str, Any] = {
-    "neg": lambda a: -a, "transpose": transposed, "skew": skewed, "symmetrise": lambda a: a + transposed(a),
-    "mirror": lambda a: np.triu(a) + transposed(np.triu(a, 1)),
-}  # fmt: skip
 
 
 def _sum(*terms: Array | None) -> Array | None:

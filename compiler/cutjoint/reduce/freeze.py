@@ -22,6 +22,8 @@ from cutjoint.run.simulator import SimulatorError
 from cutjoint.topology.records import grouped
 
 IDLE = 1e-3  #: a joint is idle that moves by less than a scene's tolerance, else than this (m and rad)
+_SAME = 1e-9  #: a body that has moved by less at the scene's start is in its design position (m and rad)
+_ANGLES = ("roll", "pitch", "yaw")
 
 
 def freeze_idle(model: Model, scene: Scene) -> Outcome:
@@ -130,9 +132,6 @@ def _moved_force(force: Force, body: str, rotation: NDArray[np.float64], shift: 
     return replace(force, **placed)
 
 
-_SAME = 1e-9  #: a body that has moved by less at the scene's start is in its design position (m and rad)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Frozen:
     """Joints that are frozen together."""
@@ -194,9 +193,6 @@ class Frozen:
                     if one in paths:
                         paths.setdefault(other, paths[one] | {j.name})
         return paths[joint.follower]
-
-
-_ANGLES = ("roll", "pitch", "yaw")
 
 
 def _need(model: Model, scene: Scene, joint: Joint) -> str:

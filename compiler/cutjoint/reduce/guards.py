@@ -18,6 +18,9 @@ from cutjoint.model.records import Force, Guard, Model, Scalar, Scene
 from cutjoint.reduce.sampling import run_scene
 from cutjoint.run.results import Trajectory
 
+#: The region in which all of some margins are not negative: () is everywhere, None nowhere that is known.
+Region: TypeAlias = tuple[Scalar, ...] | None
+
 
 def guardable(model: Model, scene: Scene) -> tuple[str, ...]:
     """The active forces whose law is zero in a part of its range."""
@@ -82,10 +85,6 @@ def _reason(force: Force, scene: Scene) -> str:
     if region is None:
         return "stays: its law has no case in which it is zero"
     return "" if region else "stays: its law is zero everywhere"
-
-
-#: The region in which all of some margins are not negative: () is everywhere, None nowhere that is known.
-Region: TypeAlias = tuple[Scalar, ...] | None
 
 
 def zero_region(law: Scalar) -> Region:

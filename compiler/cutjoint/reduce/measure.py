@@ -30,6 +30,9 @@ from cutjoint.run.simulator import SimulatorError
 CONVERGED = 0.1
 
 MOST_HALVINGS = 9  #: the largest number of halvings of the reference's step
+#: Units of places and angles, by which runs are compared, and quantities in them that are ratios of speeds or follow from a road.
+PLACES, OTHERS = ("m", "rad"), ("slip", "camber", "deflection")
+REPETITIONS = 5  #: timed runs, of which the fastest counts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,11 +86,6 @@ def fraction(row: float, about: float) -> float:
 
 
 # Costs and distances
-
-#: Units of places and angles, by which runs are compared, and quantities in them that are ratios of speeds or follow from a road.
-PLACES, OTHERS = ("m", "rad"), ("slip", "camber", "deflection")
-
-REPETITIONS = 5  #: timed runs, of which the fastest counts
 
 
 @dataclass(frozen=True, kw_only=True)

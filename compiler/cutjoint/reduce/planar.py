@@ -39,6 +39,8 @@ from cutjoint.topology.build import build_topology
 _PARALLEL = 1e-12  #: sine of the angle within which directions given in digits count as parallel
 
 _ROTATIONS = (JointKind.REVOLUTE, JointKind.PLANAR)
+#: Fields of a force that say who it is and what it acts on.
+_NAMING = frozenset({"name", "span", "active", "base", "follower", "body"})
 
 
 def drop_idle_equations(model: Model, scene: Scene) -> Outcome:
@@ -258,10 +260,6 @@ def _scaled(output: Output, factor: float, element: str, quantity: str = "") -> 
     """An output that is read from another column, or from another multiple of its own."""
     read = replace(output, element=element, quantity=quantity or output.quantity, factor=factor * output.factor)
     return read if read.column == output.column else replace(read, stands_for=output.column)
-
-
-#: Fields of a force that say who it is and what it acts on.
-_NAMING = frozenset({"name", "span", "active", "base", "follower", "body"})
 
 
 def require_own_images(model: Model, scene: Scene, plane: Plane, loose: Collection[str]) -> None:

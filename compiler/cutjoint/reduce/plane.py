@@ -11,6 +11,8 @@ from cutjoint.model.elements.mirror import Mirror, mirror_along
 from cutjoint.model.outcome import Note
 from cutjoint.model.records import COORDINATES, GROUND, Joint, JointKind, Scalar, Span, Vector
 
+K = JointKind
+
 
 class AsymmetryError(ValueError):
     """An element is not symmetric about a plane, or leaves it; ``note`` names it."""
@@ -83,9 +85,6 @@ def substitute(value: Any, values: Mapping[Scalar, Scalar]) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return replace(value, **{f.name: substitute(getattr(value, f.name), values) for f in fields(value)})
     return value.xreplace(values) if isinstance(value, sympy.Basic) else value
-
-
-K = JointKind
 
 
 @dataclass(frozen=True, kw_only=True)

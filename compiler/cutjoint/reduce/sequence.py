@@ -37,6 +37,12 @@ from cutjoint.run.simulator import SimulatorError
 # Light links
 
 LIGHT = 0.02  #: the share of the model's mass below which a body counts as light
+#: A tyre rolls straight on as long as its lateral force is below this share of the largest load that it has in the scene.
+SMALL = 0.15
+#: The motion of a reduced model: that of the full one, the same while guards hold, or near it.
+MOTIONS = ("exact", "guarded", "approximate")
+#: Errors by which a method may refuse a reduced model: redundant equations, cuts of the file that are impossible.
+_REFUSALS = (ModelError, EquationsError, RunError)
 
 
 def lighten_links(model: Model, scene: Scene) -> Outcome:
@@ -64,9 +70,6 @@ def _lighten(outcome: Outcome, body: Body, share: float) -> Outcome:
 
 
 # Rolling tyres
-
-#: A tyre rolls straight on as long as its lateral force is below this share of the largest load that it has in the scene.
-SMALL = 0.15
 
 
 def roll_straight(model: Model, scene: Scene) -> Outcome:
@@ -101,10 +104,6 @@ def _without_lateral(outcome: Outcome, tyres: list[Tyre], peaks: dict[str, tuple
     return replace(outcome, model=model, done=notes)
 
 
-#: The motion of a reduced model: that of the full one, the same while guards hold, or near it.
-MOTIONS = ("exact", "guarded", "approximate")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Step:
     """A pass by name, its effect on the motion (see MOTIONS), and whether it supports gears and laws that read quantities."""
@@ -135,10 +134,6 @@ APPROXIMATIONS: tuple[Step, ...] = (
     Step(name="frozen", reduce=freeze_idle, motion="approximate", gears=False),
     Step(name="light", reduce=lighten_links, motion="approximate"),
 )
-
-
-#: Errors by which a method may refuse a reduced model: redundant equations, cuts of the file that are impossible.
-_REFUSALS = (ModelError, EquationsError, RunError)
 
 
 #: Applied after all other approximations, since its guards watch the remaining tyres.
@@ -188,10 +183,7 @@ def cheapest_by(method: str, sequence: Sequence[ReducedModel]) -> list[ReducedMo
 
     For each motion it is the last model, or the one before as long as that costs less.  A motion is left out unless it costs less than the
     motions before.  The result of a pass does not depend on the method, only its profit does.  So no pass runs again, and few models are
-    derived.
-
-    Raises:
-        ModelError, EquationsError, RunError: the method takes none of them; the error is the full model's.
+    derived. Raises ModelError, EquationsError, RunError: the method takes none of them; the error is the full model's.
     """
     found: list[ReducedModel] = []
     for motion in MOTIONS:

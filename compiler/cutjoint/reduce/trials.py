@@ -28,6 +28,8 @@ from cutjoint.run.simulation import simulate
 
 _RESIDUAL = "dynamic_residual"  #: the function of a system that each iteration calls in addition to its Jacobian
 _INTERPRETING = 4e-9  #: initial estimate of the time of an interpreted operation, s
+Result = TypeVar("Result")
+DERIVING = RLock()  #: lock of threads that derive equations, since SymPy is not thread-safe
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,11 +127,6 @@ def at_step(artifact: Artifact, steps: Steps) -> Artifact:
 def run_at(artifact: Artifact, steps: Steps, parameters: Mapping[str, float]) -> Trajectory:
     """A run whose rows are some of the scene's."""
     return simulate(at_step(artifact, steps), parameters=parameters, error=False, check=False, **steps.options)
-
-
-Result = TypeVar("Result")
-
-DERIVING = RLock()  #: lock of threads that derive equations, since SymPy is not thread-safe
 
 
 def begin(work: Callable[[], Result]) -> Future[Result]:

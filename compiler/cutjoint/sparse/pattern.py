@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cutjoint.program.records import Program, Result
 
 Array = NDArray[np.float64]
+PREFIX = "tangent:"  #: the beginning of names of a tangent's entries: row and column follow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,9 +58,6 @@ def dense(pattern: Pattern, values: Sequence[float] | Array) -> Array:
         if pattern.symmetric:
             matrix[j, i] = value
     return matrix
-
-
-PREFIX = "tangent:"  #: the beginning of names of a tangent's entries: row and column follow
 
 
 def settle_entries(program: Program, size: int, *, symmetric: bool) -> tuple[Program, Pattern]:

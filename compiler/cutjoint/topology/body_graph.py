@@ -19,6 +19,8 @@ from functools import cached_property
 from cutjoint.model.records import GROUND, Gear, Joint
 from cutjoint.topology.records import Branch, TreeJoint, degrees, grouped
 
+MOST_UNKNOWNS = 12  #: the largest number of unknowns of a branch: a dense matrix costs their cube, the recursion their number
+
 
 class BodyGraph:
     """A spanning tree, cut joints and gears, and the bodies of unknown motion by the ones that carry them.
@@ -104,9 +106,6 @@ def _turned(gear: Gear, tree: Sequence[TreeJoint]) -> tuple[str, ...]:
     """The bodies that a gear's joints carry, without guided ones; a single body is listed twice."""
     bodies = tuple(t.child for name in gear.joints for t in tree if t.joint.name == name and degrees(t.joint))
     return bodies if len(bodies) > 1 else 2 * bodies
-
-
-MOST_UNKNOWNS = 12  #: the largest number of unknowns of a branch: a dense matrix costs their cube, the recursion their number
 
 
 class _Search:

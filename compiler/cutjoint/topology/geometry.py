@@ -18,6 +18,7 @@ from cutjoint.topology.records import TreeJoint, degrees
 from cutjoint.topology.spanning_tree import loops_of
 
 Array: TypeAlias = NDArray[np.float64]
+TOLERANCE = 1e-9  #: a singular value below this share of the largest counts as zero
 
 
 def evaluate(model: Model, expressions: Sequence[Scalar], values: Mapping[Scalar, Scalar] | None = None) -> Array:
@@ -96,9 +97,6 @@ def _skew(p: Array) -> Array:
     """p~ with p~ x = p x x."""
     x, y, z = p
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-
-
-TOLERANCE = 1e-9  #: a singular value below this share of the largest counts as zero
 
 
 def balanced(jacobian: Array) -> Array:

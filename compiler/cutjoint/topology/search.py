@@ -17,6 +17,8 @@ from cutjoint.topology.measured import Use, reason_not_to_measure, uses_of_coord
 from cutjoint.topology.records import Topology, TreeJoint, degrees, grouped
 from cutjoint.topology.spanning_tree import Cost, TopologyError, cost_of, joints_around, split
 
+RADIUS = 8  #: the largest distance, in joints, at which surroundings of joints are compared
+
 
 @dataclass(frozen=True, kw_only=True)
 class CutRules:
@@ -132,12 +134,10 @@ def _other(joint: Joint, body: str) -> str | None:
 def span(model: Model) -> "Spanning":
     """The joints of the tree and those to cut.
 
-    Given cuts are honoured.  Where loops stay, the compiler cuts: it starts from the tree of shortest paths to the ground and
-    exchanges a cut joint for a tree joint of its loop, in all loops alike or in this one alone, as long as that lowers the cost, or at the
-    same cost the condition of the loop's equations.
-
-    Raises:
-        TopologyError: the given cuts tear a body off, or joints that must not be cut close a loop.
+    Given cuts are honoured.  Where loops stay, the compiler cuts: it starts from the tree of shortest paths to the ground and exchanges a
+    cut joint for a tree joint of its loop, in all loops alike or in this one alone, as long as that lowers the cost, or at the same cost
+    the condition of the loop's equations. Raises TopologyError: the given cuts tear a body off, or joints that must not be cut close a
+    loop.
     """
     joints, rules = [j for j in model.joints if j.cut is not True], find_rules(model)
     chosen = shortest_paths(joints, [*rules.uncuttable, *rules.uses])
@@ -255,9 +255,6 @@ class _Search:
             return float(f"{loop_condition(self.geometry, spanning.tree, spanning.cuts, cut):.2e}")
         except ModelError:  # a direction of this joint depends on a tunable parameter and has no value yet
             return math.inf
-
-
-RADIUS = 8  #: the largest distance, in joints, at which surroundings of joints are compared
 
 
 def number_alike(model: Model) -> Mapping[str, int]:

@@ -20,6 +20,12 @@ from cutjoint.topology.records import Branch, TreeJoint, degrees, eliminate, joi
 # Predicted operations
 
 BODY = 135  #: mass matrix, weight and inertia force of a body
+#: Of an equation of a cut joint in a branch: residual, stabilisation, multiplier.  Of a gear between unguided joints in a branch.
+EQUATION, GEAR = 30, 19
+#: For a body in a branch: composite mass and force.  For each unknown of its joint: the column G = M^c S.
+CARRIED, COLUMN = 30, 25
+#: For two unknowns in one path to the ground: an entry of H.  For an equation and an unknown: an entry of J.
+ENTRY, SLOPE = 8, 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,14 +113,6 @@ def _projection(t: TreeJoint, s: int, inner: bool) -> int:
         return 0
     k, width = degrees(t.joint), 5 if t.joint.element.keeps_attitude or not inner else 11
     return width * (6 * k * (1 + s) + k * (k + 1) // 2)
-
-
-#: Of an equation of a cut joint in a branch: residual, stabilisation, multiplier.  Of a gear between unguided joints in a branch.
-EQUATION, GEAR = 30, 19
-#: For a body in a branch: composite mass and force.  For each unknown of its joint: the column G = M^c S.
-CARRIED, COLUMN = 30, 25
-#: For two unknowns in one path to the ground: an entry of H.  For an equation and an unknown: an entry of J.
-ENTRY, SLOPE = 8, 8
 
 
 def _branched(branch: Branch, graph: BodyGraph, massive: set[str]) -> int:

@@ -34,6 +34,10 @@ from cutjoint.topology.spanning_tree import split
 #: The last results of `embed_loops` by their inputs: a run, its report and its view use the same ones.
 _KEPT: dict[bytes, Outcome] = {}
 _MOST_KEPT = 8
+#: The most terms of all functions of a block whose guide moves.  Measured: with 1900 terms in each front suspension the Iltis took 59 ms in
+#: simul3, by its loops 42 ms.
+DEAREST = 500
+_CLOSED = 1e-8  #: the largest violation in the design position, m or rad, for which loops may be embedded
 
 
 def embed_loops(model: Model, scene: Scene, *, measure: bool = False) -> Outcome:
@@ -166,13 +170,6 @@ def _embed_block(model: Model, topology: Topology, block: Block, scene: Scene, s
         functions=functions if drive is not None else replace(functions, drive_range=None), span=joint.span,
     )  # fmt: skip
     return _Embedded(block=block, embedded_loop=embedded_loop, accuracy=accuracy(loops, own, functions, u) if seen.measure else None)
-
-
-#: The most terms of all functions of a block whose guide moves.  Measured: with 1900 terms in each front suspension the Iltis took 59 ms in
-#: simul3, by its loops 42 ms.
-DEAREST = 500
-
-_CLOSED = 1e-8  #: the largest violation in the design position, m or rad, for which loops may be embedded
 
 
 def _require_simple(model: Model, block: Block) -> None:

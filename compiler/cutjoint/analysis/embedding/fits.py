@@ -31,6 +31,20 @@ from cutjoint.topology.blocks import Block
 from cutjoint.topology.records import Topology
 
 MOST_ACROSS, NODES_ACROSS = 20, 24  #: the most terms of a function by u, and the nodes across q at which loops are closed
+#: The spare terms of functions that are found anew with other geometry, and may then need more, and the nodes that such a search has beyond
+#: the longest function's terms: with n nodes the coefficient of order 2n - k adds to that of order k.
+SPARE, SPARE_NODES = 2, 4
+#: The ranges that functions reached, by the curves of the independent coordinate: equal and mirrored blocks share them.
+Ranges: TypeAlias = dict[tuple[float, ...], Interval]
+_SHORTER = 0.85  #: the part of a side of the range that is left where functions would need too many terms
+_LEAST_SIDE = 0.05  #: the smallest share of the whole range that a side may have
+_LEAST = 0.4  #: the least cosine of half the angle of a ball
+_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  #: the orders of derivatives by q and u that motions have
+_ALLOWED = 10.0  #: the allowed violation as a multiple of the tolerance of a function: several functions and arms contribute
+#: The number of random coordinates at which functions are compared with closed loops, and the distance of neighbours as a share of half the
+#: range.
+_RANDOM, _NEIGHBOUR = 1000, 1e-4
+_SAMPLES = 40  #: the number of points at which derivatives are evaluated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,14 +69,6 @@ class Wanted:
     def nodes_around(self) -> int:
         """The number of nodes on a full turn."""
         return 5 * self.harmonics // 2
-
-
-#: The spare terms of functions that are found anew with other geometry, and may then need more, and the nodes that such a search has beyond
-#: the longest function's terms: with n nodes the coefficient of order 2n - k adds to that of order k.
-SPARE, SPARE_NODES = 2, 4
-
-#: The ranges that functions reached, by the curves of the independent coordinate: equal and mirrored blocks share them.
-Ranges: TypeAlias = dict[tuple[float, ...], Interval]
 
 
 def fit(loops: BlockLoops, independent: Independent, u: Interval, wanted: Wanted, known: Ranges) -> LoopFunctions:
@@ -105,10 +111,6 @@ def _fit_longest(loops: BlockLoops, independent: Independent, u: Interval, wante
             whole = Interval(lower=lower, upper=upper)
             if u.half == 0 or whole.half < 0.5 * STEP * loops.scales[independent.place]:
                 raise
-
-
-_SHORTER = 0.85  #: the part of a side of the range that is left where functions would need too many terms
-_LEAST_SIDE = 0.05  #: the smallest share of the whole range that a side may have
 
 
 def _shorter(whole: Interval, value: float, unresolved: bool) -> list[Interval]:
@@ -229,9 +231,6 @@ def _coordinates(loops: BlockLoops, chart: Chart, poses: Poses, independent: int
     return np.concatenate(places, axis=1), np.concatenate(rates, axis=1)
 
 
-_LEAST = 0.4  #: the least cosine of half the angle of a ball
-
-
 def _series(
     places: Array, derivatives: Array, interval: Interval, u: Interval, independent: Independent, nodes: Array, wanted: Wanted
 ) -> Series:
@@ -265,9 +264,6 @@ def _trimmed(c: Array, half: float, tolerance: float) -> Array:
     largest = np.max([0.1 ** max(p + q - 1, 0) * np.outer(along[p], across[q]) for p, q in _ORDERS], axis=0)
     left = np.cumsum((np.abs(c) * largest)[::-1], axis=0)[::-1]
     return np.where(left > tolerance / c.shape[1], c, 0.0)
-
-
-_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  #: the orders of derivatives by q and u that motions have
 
 
 def _length(c: Array, half: float, tolerance: float) -> int:
@@ -340,9 +336,6 @@ def place(loops: BlockLoops, independent: str, functions: LoopFunctions, q: Arra
     return whole, rates
 
 
-_ALLOWED = 10.0  #: the allowed violation as a multiple of the tolerance of a function: several functions and arms contribute
-
-
 def _violations(loops: BlockLoops, independent: Independent, functions: LoopFunctions, wanted: Wanted) -> tuple[float, float]:
     """The largest residual, and the largest rate of one at q' = 1, on a grid four times finer than the nodes."""
     nodes = wanted.nodes_around if functions.is_periodic else wanted.nodes
@@ -359,11 +352,6 @@ def _violations(loops: BlockLoops, independent: Independent, functions: LoopFunc
     return violation, violation_rate
 
 
-#: The number of random coordinates at which functions are compared with closed loops, and the distance of neighbours as a share of half the
-#: range.
-_RANDOM, _NEIGHBOUR = 1000, 1e-4
-
-
 def accuracy(loops: BlockLoops, independent: Independent, functions: LoopFunctions, u: Interval) -> tuple[float, float]:
     """Largest differences of first and second derivatives by q from those of closed loops, at random coordinates.
     Of speeds and accelerations at q' = 1 (1/s)."""
@@ -378,9 +366,6 @@ def accuracy(loops: BlockLoops, independent: Independent, functions: LoopFunctio
             raise NoEmbeddingError("its loops do not close over its range")
         derivatives.append(made - loops.derivatives(closed, independent.place))
     return float(np.abs(derivatives[1]).max()), float(np.abs(derivatives[2] - derivatives[0]).max() / (2 * key))
-
-
-_SAMPLES = 40  #: the number of points at which derivatives are evaluated
 
 
 def _largest_derivative(functions: LoopFunctions) -> float:

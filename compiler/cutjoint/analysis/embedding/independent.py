@@ -23,6 +23,8 @@ NO_INDEPENDENT = "no joint with one coordinate can be independent in it"  #: the
 #: The step along a motion, the largest rotation or the largest displacement by the block's size; and the most steps in one direction.
 STEP, STEPS = 0.15, 150
 _WORSE, _WORST = 10.0, 1e3  #: the largest condition of the equations relative to that of the start, and absolutely
+_ALIKE = 1e-7  #: the largest residual, and rate of one at unit speeds, of a motion that is copied from another block
+_SLOWEST = 0.08  #: the least speed of an independent coordinate as a share of the largest of all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,9 +70,6 @@ def _copied_from(loops: BlockLoops, other: BlockLoops, curve: Curve, u: float, m
     drift = np.abs(np.einsum("nij,nj->ni", jacobian, speeds)).max(initial=0.0)
     begins = np.abs(q[curve.start] - loops.design()[0]).max() < _ALIKE
     return replace(curve, q=q, speeds=speeds) if begins and max(np.abs(residual).max(initial=0.0), drift) < _ALIKE else None
-
-
-_ALIKE = 1e-7  #: the largest residual, and rate of one at unit speeds, of a motion that is copied from another block
 
 
 def _trace_branch(loops: BlockLoops, start: Poses, rank: int, u: float) -> Curve:
@@ -190,9 +189,6 @@ def find_independent(loops: BlockLoops, curve: Curve) -> list[Independent]:
     if not candidates:
         raise NoEmbeddingError(NO_INDEPENDENT)
     return sorted(candidates, key=lambda independent: -independent.travel)
-
-
-_SLOWEST = 0.08  #: the least speed of an independent coordinate as a share of the largest of all
 
 
 def _lead(loops: BlockLoops, joint: Joint, chart: Chart, curve: Curve) -> Independent | None:

@@ -19,6 +19,8 @@ from cutjoint.formulate.natural.nodes import Form, Node, NodeName, record
 from cutjoint.model.records import GROUND, Body, Scalar
 from cutjoint.program.blocks import Block
 
+_ROUNDING = 1e-14  #: an element this much smaller than the largest is rounding
+
 
 @dataclass(kw_only=True)
 class NodalForce:
@@ -85,9 +87,6 @@ class NodalMatrix:
             self.add(node.title, node.parts, {j: 1} if j is not node else one, self.parts.pop((i, j)))
         for i, j in [pair for pair in self.parts if pair[1] is node]:
             self.add(node.title, {i: 1}, node.parts, self.parts.pop((i, j)))
-
-
-_ROUNDING = 1e-14  #: an element this much smaller than the largest is rounding
 
 
 def mass_matrix(group: Group, bodies: Iterable[Body]) -> dict[tuple[Node, Node], Scalar]:

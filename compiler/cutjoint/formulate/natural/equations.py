@@ -47,6 +47,8 @@ from cutjoint.program.differentiate import Differentiator
 from cutjoint.program.indicators import find_domains, find_indicators
 from cutjoint.topology.records import Topology
 
+_OPEN = 1e-5  #: the residual, of lengths of vectors near 1 and of m, beyond which an equation that is left out is violated
+
 
 def formulate_lagrangian(
     start: RecursiveEquations, method: str, outputs: tuple[Output, ...], left_out: Collection[str] = (), *, watched: bool = False
@@ -115,9 +117,6 @@ def without(equations: "LagrangianEquations", left_out: Collection[str], *, watc
     if not left_out:
         return equations
     return formulate_lagrangian(equations.start, equations.method, equations.outputs, left_out, watched=watched)
-
-
-_OPEN = 1e-5  #: the residual, of lengths of vectors near 1 and of m, beyond which an equation that is left out is violated
 
 
 def _unheld(

@@ -25,6 +25,10 @@ from cutjoint.model.records import GROUND, Body, Force, Joint, LawForce, Model, 
 from cutjoint.program.blocks import BindingTime, Block
 from cutjoint.program.differentiate import Differentiator
 
+_At: TypeAlias = tuple[str, Vector]
+_ORIGIN: _At = (GROUND, (sympy.Integer(0), sympy.Integer(0), sympy.Integer(0)))
+_PAIRS = ((2, 1), (0, 2), (1, 0))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Tangent:
@@ -128,9 +132,6 @@ class ForceMaker:
         """The weight of a body at its centre of mass."""
         force = self._b.scale(self._m.translator.scalar(body.mass), self._m.vector(self._model.gravity))
         return self._m.layout.point(body.name, body.centre_of_mass), force
-
-
-_At: TypeAlias = tuple[str, Vector]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -329,7 +330,3 @@ class NodalMechanics(Laws):
     def apply_joint_friction(self, law: Block) -> None:
         """Natural coordinates do not have the loads of joints. Raises ModelError: always."""
         raise refuse_method(self.model, (self.force.name,))
-
-
-_ORIGIN: _At = (GROUND, (sympy.Integer(0), sympy.Integer(0), sympy.Integer(0)))
-_PAIRS = ((2, 1), (0, 2), (1, 0))

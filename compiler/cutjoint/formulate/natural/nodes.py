@@ -8,6 +8,8 @@ from typing import TypeAlias
 from cutjoint.model.records import GROUND, Scalar, Vector
 from cutjoint.program.blocks import Block, Builder
 
+_ROUNDING = 1e-13  #: a coefficient smaller than this against the others is rounding
+
 
 class NodeKind(StrEnum):
     """The kind of a node: a point in m, a direction, or the angle of a joint in rad."""
@@ -83,9 +85,6 @@ class Use:
 
 #: A sum of forms, each as one group has it.
 Uses: TypeAlias = tuple[Use, ...]
-
-
-_ROUNDING = 1e-13  #: a coefficient smaller than this against the others is rounding
 
 
 def combine(*terms: tuple[Scalar, Form]) -> dict[Node, Scalar]:

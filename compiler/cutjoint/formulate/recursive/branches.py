@@ -31,6 +31,8 @@ from cutjoint.model.records import GROUND
 from cutjoint.program.blocks import Block
 from cutjoint.topology.records import Branch
 
+_EQUATION = "H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h"
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Share:
@@ -297,6 +299,3 @@ class HubSystem:
     def solve(self, Zdd: dict[str, Block]) -> dict[str, Block]:
         """The unknowns of all joints by body, those of the hub first."""
         return {body: block for branch in (self.hub, *self.around) for body, block in branch.solve(Zdd).items()}
-
-
-_EQUATION = "H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h"

@@ -26,6 +26,8 @@ from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.indicators import EventIndicator, find_domains, find_indicators
 from cutjoint.topology.records import Topology
 
+_STATE = ("const Real* q", "const Real* v")
+
 
 def resolving_body(topology: Topology) -> str:
     """The body in whose axes vectors are resolved: the rotating body that carries all others, else the ground.
@@ -43,9 +45,6 @@ def resolving_body(topology: Topology) -> str:
     in_space = any(t.joint.element.has_ball or len(t.joint.element.angles) > 1 for t in topology.tree)
     slides = len(element.coordinates) - len(element.angles)
     return root.child if in_space or slides < 2 else GROUND
-
-
-_STATE = ("const Real* q", "const Real* v")
 
 
 def formulate_recursive(

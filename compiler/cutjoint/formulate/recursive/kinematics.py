@@ -22,6 +22,9 @@ from cutjoint.model.records import GROUND, EmbeddedLoop, Model, Parameter, Scala
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.topology.records import Topology, TreeJoint
 
+_Motion = tuple[Block | None, Block, Block | None]
+ATTITUDE = frozenset({"roll", "pitch", "yaw"})  #: the angles that a body reports
+
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
@@ -305,9 +308,6 @@ def _guided(k: Kinematics, guide: Scalar, model: Model) -> tuple[Block, Block, B
     return place, b.mul(motion, rate), b.mul(motion, acceleration)
 
 
-_Motion = tuple[Block | None, Block, Block | None]
-
-
 def _add_root(
     k: Kinematics, t: TreeJoint, kernel: JointKernel, local: Translator, local_rotation: Block, shift: Block, rate: tuple[Block, ...]
 ) -> tuple[Frame, _Motion]:
@@ -361,9 +361,6 @@ def _to_pole(k: Kinematics, R: Block, at: Block, motion: Block) -> Block:
         return motion
     v, w = b.mul(R, b.take(motion, (0, 3), (0, n))), b.mul(R, b.take(motion, (3, 6), (0, n)))
     return b.stack([[b.add(v, b.mul(b.skew(at), w))], [w]])
-
-
-ATTITUDE = frozenset({"roll", "pitch", "yaw"})  #: the angles that a body reports
 
 
 def attitude(b: Builder, R: Block, angle: str) -> Block:

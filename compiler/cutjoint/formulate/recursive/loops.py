@@ -21,6 +21,8 @@ from cutjoint.kernels.joints import rod_of
 from cutjoint.model.records import GROUND, Gear, Joint
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
+ERRORS, CORRECTION = "A Zdd + s  (eq. 42)", "lambda <- lambda + a (A Zdd + s)  (eq. 42)"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Closing:
@@ -202,6 +204,3 @@ def corrections(b: Builder, closing: Sequence[Closing], numbers: Numbers, errors
         with b.section("multipliers", name, CORRECTION, loop.element.span.place):
             found[name] = b.name(b.scale(numbers.penalties[name], errors[name]), "correction", name, rows=loop.names)
     return found
-
-
-ERRORS, CORRECTION = "A Zdd + s  (eq. 42)", "lambda <- lambda + a (A Zdd + s)  (eq. 42)"

@@ -13,6 +13,12 @@ from cutjoint.formulate.recursive.kinematics import ATTITUDE, Kinematics, attitu
 from cutjoint.model.records import SPEEDS, Model, Output, Vector
 from cutjoint.program.blocks import Block, Builder
 
+#: The numbers of one: a point's position, the rotation by columns, the point's velocity, the angular velocity, all in global axes, and
+#: the point in the design position, of a contact 0.
+LENGTH = 3 + 9 + 3 + 3 + 3
+#: The numbers of a pose that hosts get: position, attitude, velocity, angular velocity, and the point in the design position.
+NUMBERS_PER_POSE = 16
+
 
 @dataclass(kw_only=True)
 class Forces:
@@ -86,14 +92,6 @@ class Quantities:
 def let_laws_read(k: Kinematics, model: Model, forces: Forces) -> None:
     """Give the translator of laws the quantities of motion, and of forces as soon as they have acted."""
     k.translator = reading(k.builder, k.translator, model, Quantities(model=model, kinematics=k, forces=forces).quantity)
-
-
-#: The numbers of one: a point's position, the rotation by columns, the point's velocity, the angular velocity, all in global axes, and
-#: the point in the design position, of a contact 0.
-LENGTH = 3 + 9 + 3 + 3 + 3
-
-#: The numbers of a pose that hosts get: position, attitude, velocity, angular velocity, and the point in the design position.
-NUMBERS_PER_POSE = 16
 
 
 def digest_of_poses(model: str, names: Sequence[str]) -> int:

@@ -9,6 +9,7 @@ from cutjoint.model.document.values import Direction, Inertia, Number, Part, Poi
 from cutjoint.model.text import printable
 
 MAX_SHAPES = 1000
+MESHES = (".glb", ".stl", ".obj")  #: the endings of meshes that can be drawn
 
 
 class Solid(Part):
@@ -86,9 +87,6 @@ Shape: TypeAlias = Annotated[
         {key: f"<{key}>" for key in ("box", "cylinder", "sphere", "rod", "point")}, "needs one of box, cylinder, sphere, rod, point"
     ),
 ]
-
-
-MESHES = (".glb", ".stl", ".obj")  #: the endings of meshes that can be drawn
 
 
 class Visual(Part):

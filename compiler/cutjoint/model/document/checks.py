@@ -40,6 +40,23 @@ KINDS = {
     "forces": "force", "reactions": "reaction", "markers": "marker", "states": "state", "signals": "signal",
     "controllers": "controller", "submodels": "submodel", "instances": "instance", "scenes": "scene",
 }  # fmt: skip
+#: Remedies for missing fields, by section and field.
+_MISSING: Mapping[tuple[Path, str | int], str] = {
+    (("reactions",), "axes_of"): "write the body along whose axes the components are, such as axes_of: ground",
+    (("states",), "start"): "write its value where a run begins, such as start: 0 rad",
+    (("states",), "rate"): "write an expression for its rate of change, such as rate: speed - 2*level",
+    (("controllers",), "every"): "write the time between two samples, such as every: 1 ms",
+    (("forces",), "calspan"): "write ten Calspan constants; for a vertical spring alone, kind: wheel with force: [0, 0, 2e5*deflection]",
+    (("law",), "at"): "write the place where the stop is met, such as at: 0.25",
+    (("law",), "side"): "write on which side of it the stop acts: side: above, as of a rope, or side: below, as of a bumper",
+    (("memory",), "start"): "write its value before the first sample, such as start: 0",
+    (("memory",), "next"): "write an expression for its value from a sample on, such as next: sum + error",
+}
+_BOUNDS = {"ge": "at least", "le": "at most", "gt": "above", "lt": "below"}
+_EXPECTATIONS = {
+    "dict_type": "needs a mapping", "model_type": "needs a mapping", "model_attributes_type": "needs a mapping",
+    "tuple_type": "needs a list", "string_type": "needs text", "bool_type": "needs true or false", "int_type": "needs a whole number",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -166,27 +183,6 @@ def _words(flaw: _Flaw) -> tuple[str, str]:
             return f"needs at most {context['max_length']} items, got {context['actual_length']}", ""
     hint = "write table: {t: [0, 1], value: [0, 2]}, with the law's variable in place of t" if "table" in path[-2:] else ""
     return _EXPECTATIONS.get(flaw.kind, detail["msg"]), hint
-
-
-#: Remedies for missing fields, by section and field.
-_MISSING: Mapping[tuple[Path, str | int], str] = {
-    (("reactions",), "axes_of"): "write the body along whose axes the components are, such as axes_of: ground",
-    (("states",), "start"): "write its value where a run begins, such as start: 0 rad",
-    (("states",), "rate"): "write an expression for its rate of change, such as rate: speed - 2*level",
-    (("controllers",), "every"): "write the time between two samples, such as every: 1 ms",
-    (("forces",), "calspan"): "write ten Calspan constants; for a vertical spring alone, kind: wheel with force: [0, 0, 2e5*deflection]",
-    (("law",), "at"): "write the place where the stop is met, such as at: 0.25",
-    (("law",), "side"): "write on which side of it the stop acts: side: above, as of a rope, or side: below, as of a bumper",
-    (("memory",), "start"): "write its value before the first sample, such as start: 0",
-    (("memory",), "next"): "write an expression for its value from a sample on, such as next: sum + error",
-}
-
-_BOUNDS = {"ge": "at least", "le": "at most", "gt": "above", "lt": "below"}
-
-_EXPECTATIONS = {
-    "dict_type": "needs a mapping", "model_type": "needs a mapping", "model_attributes_type": "needs a mapping",
-    "tuple_type": "needs a list", "string_type": "needs text", "bool_type": "needs true or false", "int_type": "needs a whole number",
-}  # fmt: skip
 
 
 def _unknown_kind(what: str, kind: str, expected: str) -> tuple[str, str]:

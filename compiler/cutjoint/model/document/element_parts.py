@@ -12,6 +12,14 @@ from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model.document.values import Direction, Law, Laws, Names, Number, Pair, Part, Point, Six, Triple, shape_error
 
+#: The types of the fields that kinds have of their own.
+_JOINT_TYPES: Mapping[str, Any] = {"axis": Direction, "axis_2": Direction, "to": Point, "pitch": Number}
+_FORCE_TYPES: Mapping[Shape, Any] = {
+    Shape.BODY: StrictStr, Shape.BODIES: Pair, Shape.JOINT: StrictStr, Shape.COORDINATE: StrictStr, Shape.POINT: Point,
+    Shape.DIRECTION: Direction, Shape.NUMBER: Number, Shape.TRIPLE: Triple, Shape.SIX: Six, Shape.LAW: Law, Shape.LAWS: Laws,
+    Shape.NAMES: Names, Shape.SWITCH: StrictBool,
+}  # fmt: skip
+
 # Joints
 
 
@@ -68,9 +76,6 @@ def _list(value: Any) -> Any:
 
 Guides = Annotated[tuple[Law, ...], BeforeValidator(_list)]
 
-#: The types of the fields that kinds have of their own.
-_JOINT_TYPES: Mapping[str, Any] = {"axis": Direction, "axis_2": Direction, "to": Point, "pitch": Number}
-
 
 def _joint_shape(element: JointElement) -> type[JointPart]:
     fields: dict[str, Any] = {"kind": (Literal[str(element.kind)], ...)}
@@ -101,13 +106,6 @@ class ForcePart(Part):
     if TYPE_CHECKING:
         kind: str
     active: StrictBool = True
-
-
-_FORCE_TYPES: Mapping[Shape, Any] = {
-    Shape.BODY: StrictStr, Shape.BODIES: Pair, Shape.JOINT: StrictStr, Shape.COORDINATE: StrictStr, Shape.POINT: Point,
-    Shape.DIRECTION: Direction, Shape.NUMBER: Number, Shape.TRIPLE: Triple, Shape.SIX: Six, Shape.LAW: Law, Shape.LAWS: Laws,
-    Shape.NAMES: Names, Shape.SWITCH: StrictBool,
-}  # fmt: skip
 
 
 def attribute(name: str) -> str:

@@ -38,19 +38,32 @@ from cutjoint.model.document.values import (
 from cutjoint.package.errors import plural
 
 MAX_GEARED = 12  #: the most joints of a gear
+_Ratio: TypeAlias = Annotated[
+    Annotated[Number, Tag("<number>")] | Annotated[tuple[Number, ...], Tag("<list>")],
+    discriminated_by({**dict.fromkeys((int, float, str), "<number>"), tuple: "<list>"},
+        "needs a number, or one for each joint but the first"),
+]
+#: An expression, or a table over quantities.
+Lookup: TypeAlias = Annotated[
+    Annotated[Number, Tag("<number>")] | Annotated[Table, Tag("<table>")],
+    discriminated_by(
+        {**dict.fromkeys((int, float, str), "<number>"), **dict.fromkeys(("table", "interpolation"), "<table>")},
+        "needs an expression, or {table: {...}}",
+    ),
+]
+#: Values by name, or a file that has them.
+_PROPERTIES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "object", "additionalProperties": {"type": ["number", "string"]}}]}
+_NUMERICS = records.Numerics()
+_Names: TypeAlias = Annotated[
+    Annotated[tuple[Name, ...], Field(min_length=1), Tag("<list>")] | Annotated[dict[Name, Unit], Field(min_length=1), Tag("<mapping>")],
+    discriminated_by({tuple: "<list>", list: "<list>", dict: "<mapping>"}, "needs a list of names, or names with their units"),
+]
 
 
 def _joints(value: Any) -> Any:
     if isinstance(value, tuple) and len(value) > 1:
         return value
     raise shape_error("needs two names", "write [one, other]")
-
-
-_Ratio: TypeAlias = Annotated[
-    Annotated[Number, Tag("<number>")] | Annotated[tuple[Number, ...], Tag("<list>")],
-    discriminated_by({**dict.fromkeys((int, float, str), "<number>"), tuple: "<list>"},
-        "needs a number, or one for each joint but the first"),
-]
 
 
 class Gear(Part):
@@ -86,16 +99,6 @@ class Marker(Part):
 
     body: StrictStr
     at: Point
-
-
-#: An expression, or a table over quantities.
-Lookup: TypeAlias = Annotated[
-    Annotated[Number, Tag("<number>")] | Annotated[Table, Tag("<table>")],
-    discriminated_by(
-        {**dict.fromkeys((int, float, str), "<number>"), **dict.fromkeys(("table", "interpolation"), "<table>")},
-        "needs an expression, or {table: {...}}",
-    ),
-]
 
 
 class FirstOrderState(Part):
@@ -197,10 +200,6 @@ class Elements(Part):
     signals: dict[TermName, Lookup] = Field(default={})
     controllers: dict[TermName, Controller] = Field(default={})
     outputs: tuple[OutputEntry, ...] = ()
-
-
-#: Values by name, or a file that has them.
-_PROPERTIES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "object", "additionalProperties": {"type": ["number", "string"]}}]}
 
 
 class Instance(Part):
@@ -361,9 +360,6 @@ class Road(Part):
         return self
 
 
-_NUMERICS = records.Numerics()
-
-
 class MethodNumerics(Part):
     """Settings that one method has instead of the scene's."""
 
@@ -447,12 +443,6 @@ class Scene(Part):
             message = f"the integrator {integrator.name} belongs to the method {join_or(integrator.methods)}"
             raise shape_error(message, "leave 'method' or 'integrator' away")
         return self
-
-
-_Names: TypeAlias = Annotated[
-    Annotated[tuple[Name, ...], Field(min_length=1), Tag("<list>")] | Annotated[dict[Name, Unit], Field(min_length=1), Tag("<mapping>")],
-    discriminated_by({tuple: "<list>", list: "<list>", dict: "<mapping>"}, "needs a list of names, or names with their units"),
-]
 
 
 class SuppliedFunction(Part):

@@ -20,19 +20,18 @@ from cutjoint.package.locations import require_input
 
 #: Keys and indices from the root of the document to a value.
 Path: TypeAlias = tuple[str | int, ...]
+MAX_BYTES = 4_000_000
+MAX_NODES = 100_000  #: nodes as written
+MAX_EXPANDED = 200_000  #: values after aliases and merge keys are expanded
+MAX_DEPTH = 40
+_TAG = "tag:yaml.org,2002:"
+_SURROGATE = re.compile(r"[\ud800-\udfff]")  #: half of a character, as the escape "\\ud800" has it; no encoding can write it
+_FLOAT = rf"[-+]?{UNSIGNED}|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
 
 
 def field_name(keys: Path) -> str:
     """A field as a user would name it, such as "numerics.dt"."""
     return ".".join(key for key in keys if isinstance(key, str))
-
-
-MAX_BYTES = 4_000_000
-MAX_NODES = 100_000  #: nodes as written
-MAX_EXPANDED = 200_000  #: values after aliases and merge keys are expanded
-MAX_DEPTH = 40
-
-_TAG = "tag:yaml.org,2002:"
 
 
 @dataclass(frozen=True)
@@ -62,9 +61,6 @@ class Source:
         return self.keys.get(path) or self.value_span(path)
 
 
-_SURROGATE = re.compile(r"[\ud800-\udfff]")  #: half of a character, as the escape "\\ud800" has it; no encoding can write it
-
-
 class _Loader(yaml.SafeLoader):
     """PyYAML's safe loader with YAML 1.2 scalars and bounds on depth and number of nodes."""
 
@@ -90,7 +86,6 @@ class _Loader(yaml.SafeLoader):
         return node
 
 
-_FLOAT = rf"[-+]?{UNSIGNED}|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
 for _name, _pattern, _first in (
     ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
     ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),

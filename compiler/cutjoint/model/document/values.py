@@ -22,6 +22,13 @@ MAX_PIECES = 100
 MAX_TABLE = 200  #: points of a curve
 MAX_GRID = 400  #: points of a surface
 MAX_FIELD = 50_000  #: heights of a road
+_NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "maxLength": MAX_NAME_LENGTH}
+NAMED_AXES = ("x", "y", "z", "-x", "-y", "-z")  #: the axes of the design frame by their names, and the opposite directions
+_DIRECTION = "needs three numbers, an axis such as x or -y, or {from: P, to: Q}"
+#: The axes of Euler angles, in turn.
+Order = Literal["xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xyx", "xzx", "yxy", "yzy", "zxz", "zyz"]
+ANY = "any"  #: stands for one of the directions across the axis of an axisymmetric body
+_PRINCIPAL, _WORDS = f"{_DIRECTION}, or any", (*NAMED_AXES, ANY)
 
 
 class Part(pydantic.BaseModel):
@@ -106,7 +113,6 @@ def _without(problem: Callable[[str], tuple[str, str] | None]) -> pydantic.After
     return pydantic.AfterValidator(checked)
 
 
-_NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "maxLength": MAX_NAME_LENGTH}
 Name = Annotated[StrictStr, _without(name_problem), WithJsonSchema(_NAME_SCHEMA)]
 TermName = Annotated[StrictStr, _without(term_name_problem), WithJsonSchema(_NAME_SCHEMA)]
 ParameterName = Annotated[StrictStr, _without(parameter_name_problem), WithJsonSchema(_NAME_SCHEMA)]
@@ -135,10 +141,6 @@ class FromTo(Part):
     from_: StrictStr = Field(alias="from")
     to: StrictStr
 
-
-NAMED_AXES = ("x", "y", "z", "-x", "-y", "-z")  #: the axes of the design frame by their names, and the opposite directions
-
-_DIRECTION = "needs three numbers, an axis such as x or -y, or {from: P, to: Q}"
 
 NamedAxis = Annotated[StrictStr, pydantic.AfterValidator(_word_of(NAMED_AXES, _DIRECTION)), WithJsonSchema({"enum": list(NAMED_AXES)})]
 
@@ -195,10 +197,6 @@ Point: TypeAlias = Annotated[
 ]
 
 
-#: The axes of Euler angles, in turn.
-Order = Literal["xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xyx", "xzx", "yxy", "yzy", "zxz", "zyz"]
-
-
 class Attitude(Part):
     """The attitude of a joint's follower relative to its base, in one of three forms; ``order`` names the axes of the Euler angles in turn.
     """
@@ -229,10 +227,6 @@ State: TypeAlias = Annotated[
     ),
 ]
 
-
-ANY = "any"  #: stands for one of the directions across the axis of an axisymmetric body
-
-_PRINCIPAL, _WORDS = f"{_DIRECTION}, or any", (*NAMED_AXES, ANY)
 
 _AxisOrAny = Annotated[StrictStr, pydantic.AfterValidator(_word_of(_WORDS, _PRINCIPAL)), WithJsonSchema({"enum": [*_WORDS]})]
 

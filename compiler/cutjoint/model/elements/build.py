@@ -41,6 +41,10 @@ from cutjoint.model.records import (
 )
 from cutjoint.package.errors import plural
 
+OPPOSITE = 1e-6  #: the least length of the sum of two unit vectors that are not opposite
+#: The laws of guides by the unit of their coordinate.
+GUIDES = {"rad": LawKind({"t": TIME}, ANGLE), "m": LawKind({"t": TIME}, LENGTH)}
+
 
 @dataclass(frozen=True)
 class Elements:
@@ -175,8 +179,6 @@ def _are_opposite(element: Element, a: Vector, b: Vector) -> bool:
     return math.hypot(*(element.value(p + q) for p, q in zip(a, b, strict=True))) < OPPOSITE
 
 
-OPPOSITE = 1e-6  #: the least length of the sum of two unit vectors that are not opposite
-
 _FAULTS: Mapping[Fault, Callable[[Element, Vector, Vector], bool]] = {
     Fault.SAME_POINT: coincide,
     Fault.OPPOSITE: _are_opposite,
@@ -234,10 +236,6 @@ def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | N
         read_law(element, law, GUIDES[kind.units[name]], ("guide", index) if isinstance(guide, tuple) else ("guide",), timed)
         for index, (name, law) in enumerate(zip(coordinates, laws, strict=False))
     )
-
-
-#: The laws of guides by the unit of their coordinate.
-GUIDES = {"rad": LawKind({"t": TIME}, ANGLE), "m": LawKind({"t": TIME}, LENGTH)}
 
 
 def _read_reaction(element: Element, reaction: model_file.Reaction) -> Reaction:

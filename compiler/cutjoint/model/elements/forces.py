@@ -29,6 +29,8 @@ _DIMENSIONS: Mapping[str, Dimension] = {
     "m": LENGTH, "m/s": SPEED, "rad": ANGLE, "rad/s": ANGULAR_SPEED, "N": FORCE, "N/m": FORCE / LENGTH, "N*s/m": FORCE / SPEED,
     "N*m": TORQUE, "1": NONE, "N*m*s": TORQUE / ANGULAR_SPEED, "kg*m^2": INERTIA,
 }  # fmt: skip
+#: The endings of the names of a joint's own forces, by the field that makes them.
+JOINT_FORCES = {"spring": "spring", "limits": "stop"}
 
 
 def _kind_of(law: Law) -> LawKind:
@@ -125,10 +127,6 @@ def read_force(element: Element, force: force_parts.Force) -> Force:
 
 def _naming(joint: Path, coordinate: Path) -> Naming:
     return Naming("a force needs one to act on", "coordinate: ", "", joint, coordinate)
-
-
-#: The endings of the names of a joint's own forces, by the field that makes them.
-JOINT_FORCES = {"spring": "spring", "limits": "stop"}
 
 
 def joint_forces(element: Element, joint: joint_parts.Joint) -> Iterator[Force]:

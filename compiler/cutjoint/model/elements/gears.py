@@ -17,6 +17,8 @@ from cutjoint.model.expressions.units import ANGLE, LENGTH, NONE, Dimension
 from cutjoint.model.records import Gear, JointCoordinate, Scalar
 from cutjoint.package.errors import plural
 
+_DIMENSIONS: Mapping[str, Dimension] = {"rad": ANGLE, "m": LENGTH}
+
 
 @dataclass(frozen=True)
 class Naming:
@@ -50,9 +52,6 @@ def read_coordinate(element: Element, name: str, joint: joint_parts.Joint, coord
         found = coordinate or known[0]
         return JointCoordinate(joint=name, name=found, unit=kind.units[found])
     return JointCoordinate(joint=name, name="", unit="")
-
-
-_DIMENSIONS: Mapping[str, Dimension] = {"rad": ANGLE, "m": LENGTH}
 
 
 def read_gear(element: Element, gear: model_file.Gear) -> Gear:

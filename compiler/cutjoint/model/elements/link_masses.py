@@ -20,10 +20,8 @@ def with_link_masses(model: Model, masses: Mapping[str, float]) -> Model:
     """The model with slender rods in place of massless bodies; ``masses`` are in kg by names, in which ``*`` stands for any text.
 
     A rod of length L lies between the two joints' points of the body that are farthest apart; its moments of inertia are m L^2/12 across
-    and :data:`AXIAL` times that about its axis.  Of several names that match, the last counts.
-
-    Raises:
-        ModelError: a name matches no massless body, a mass is not positive, or a body has joints at one point only.
+    and :data:`AXIAL` times that about its axis.  Of several names that match, the last counts. Raises ModelError: a name matches no
+    massless body, a mass is not positive, or a body has joints at one point only.
     """
     links = [body for body in model.bodies if body.is_massless]
     problems = [p for pattern, mass in masses.items() for p in _problems(model, links, pattern, mass)]

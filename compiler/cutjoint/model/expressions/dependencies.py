@@ -12,6 +12,8 @@ from cutjoint.model.expressions.choices import bottom_up
 from cutjoint.model.expressions.parse import quantities_read, samples_read
 from cutjoint.model.records import Force, Model, Scalar, Signal
 
+MAX_LEVELS = 150  #: the deepest nesting of operations, those of the signals and forces that an expression reads included
+
 
 def in_order(uses: Mapping[str, Iterable[str]]) -> tuple[list[str], list[list[str]]]:
     """The names, each after those that it uses, and the cycles: in each a name uses the next one, and the last one the first.
@@ -75,9 +77,6 @@ class SignalOrder:
                 uses[name] = self._reads[name]
                 waiting += uses[name]
         return [self._by_name[name] for name in in_order(uses)[0]]
-
-
-MAX_LEVELS = 150  #: the deepest nesting of operations, those of the signals and forces that an expression reads included
 
 
 def check_levels(forces: Sequence[Force], signals: Sequence[Signal], problems: Problems) -> None:

@@ -14,6 +14,19 @@ from cutjoint.elements.terms import Scalar
 from cutjoint.model.expressions.operations import RELATIONS, SMOOTH
 from cutjoint.ops import OPERATIONS
 
+_OF_RUNS: Mapping[Any, Callable[..., Any]] = {
+    sympy.Add: lambda *terms: sum(terms),
+    sympy.Mul: lambda *factors: math.prod(factors),
+    sympy.Pow: lambda base, exponent: np.power(np.float64(base), exponent),
+    sympy.And: lambda *parts: reduce(np.logical_and, parts),
+    sympy.Or: lambda *parts: reduce(np.logical_or, parts),
+    sympy.Not: np.logical_not,
+    sympy.Abs: np.abs,
+    sympy.exp: np.exp,
+    **dict(RELATIONS.values()),
+    **{function: OPERATIONS[name].numpy for name, (function, _) in SMOOTH.items() if isinstance(function, type)},
+}
+
 
 def evaluate(expression: Scalar, values: Mapping[Scalar, float]) -> float:
     """The value of an expression of a model file, in plain floats; NaN when it has none."""
@@ -85,17 +98,3 @@ def _evaluate_runs(node: Scalar, values: Mapping[Scalar, Any]) -> Any:
     if node.func not in _OF_RUNS:
         return math.nan
     return _OF_RUNS[node.func](*(_evaluate_runs(argument, values) for argument in node.args))
-
-
-_OF_RUNS: Mapping[Any, Callable[..., Any]] = {
-    sympy.Add: lambda *terms: sum(terms),
-    sympy.Mul: lambda *factors: math.prod(factors),
-    sympy.Pow: lambda base, exponent: np.power(np.float64(base), exponent),
-    sympy.And: lambda *parts: reduce(np.logical_and, parts),
-    sympy.Or: lambda *parts: reduce(np.logical_or, parts),
-    sympy.Not: np.logical_not,
-    sympy.Abs: np.abs,
-    sympy.exp: np.exp,
-    **dict(RELATIONS.values()),
-    **{function: OPERATIONS[name].numpy for name, (function, _) in SMOOTH.items() if isinstance(function, type)},
-}

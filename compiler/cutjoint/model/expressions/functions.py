@@ -26,6 +26,15 @@ PREFIX = "cutjoint_"  #: the beginning of the C functions' names
 _UPDATE = "_update"  #: the end of the name of the C function that writes a memory
 MAX_MEMORY, MAX_RESULTS = 256, 16  #: the largest memory of a function, bytes, and the most results
 _VALUE = -1  #: stands for the value where a number of an argument stands for a partial derivative
+_LEFT = "// A host has the code of these functions.\n"
+_HOST = """
+struct cutjoint_host_function {
+  void (*call)(void* host, const double* arguments, const void* memory, void* results, double* partials);
+  void* host;
+};
+inline thread_local const cutjoint_host_function* cutjoint_host_functions = nullptr;
+"""
+SUPPLIED_FILE = "supplied.cpp"  #: the name of the file of generated code that has the code of the functions
 
 
 class SuppliedCall(sympy.Expr):  # type: ignore[misc]
@@ -236,16 +245,6 @@ def functions_of_host(model: Model) -> tuple[str, ...]:
     return tuple(name.removeprefix(PREFIX) for f in model.functions for name in signatures_of(f)) if model.code.startswith(_LEFT) else ()
 
 
-_LEFT = "// A host has the code of these functions.\n"
-_HOST = """
-struct cutjoint_host_function {
-  void (*call)(void* host, const double* arguments, const void* memory, void* results, double* partials);
-  void* host;
-};
-inline thread_local const cutjoint_host_function* cutjoint_host_functions = nullptr;
-"""
-
-
 def _calls_of_host(model: Model) -> Iterator[str]:
     """The C functions: each calls the function of the simulation that steps on this thread."""
     place = 0
@@ -282,6 +281,3 @@ def templates_of(model: Model) -> tuple[SuppliedFunction, ...]:
     """The functions with a template over the number type as their code: partial derivatives follow from it."""
     pattern = r"\btemplate\s*<\s*(?:class|typename)\s+\w+\s*>\s*void\s+{}\s*\("
     return tuple(f for f in model.functions if re.search(pattern.format(PREFIX + f.name), model.code))
-
-
-SUPPLIED_FILE = "supplied.cpp"  #: the name of the file of generated code that has the code of the functions

@@ -19,6 +19,8 @@ from cutjoint.model.expressions.units import Dimension, Quantity, described
 from cutjoint.model.records import Scalar
 
 DRAWN = "drawn"  #: the keyword for the length or position in the design position
+#: Variable, its key for the unloaded state, the key that it must not have, and the sign of the law.
+_SPRINGS = (("length", "free_length", "free_position", 1), ("position", "free_position", "free_length", -1))
 
 
 @dataclass(frozen=True)
@@ -311,7 +313,3 @@ def soft_stops(
             pushes = inward(force, 0, evaluate=False)
             branches.append((force, met if c == 0 else sympy.And(met, pushes, evaluate=False)))
     return choice(*branches, (sympy.Integer(0), sympy.true)) * (-1 if name == "length" else 1)
-
-
-#: Variable, its key for the unloaded state, the key that it must not have, and the sign of the law.
-_SPRINGS = (("length", "free_length", "free_position", 1), ("position", "free_position", "free_length", -1))

@@ -19,6 +19,24 @@ from cutjoint.elements.terms import Scalar
 from cutjoint.model.expressions.choices import Choice, Extent, measure
 from cutjoint.model.expressions.units import Dimension
 
+MAX_SIZE = 5000  #: nodes after expansion
+MAX_DERIVED = 25_000  #: nodes of a second derivative, about
+MAX_POWER = 12
+MAX_INTEGER = 2**53
+MAX_EXACT = 2**256  #: numerators and denominators of fractions that stay exact
+MAX_IRRATIONAL = 30  #: operations of irrational constants that stay exact
+MAX_ROOT = 100  #: denominators of exponents that stay exact
+MAX_DEGREE = 1000  #: exponents within each other, multiplied
+MAX_ROOTS = 6  #: fractional powers within each other
+#: Comparisons: SymPy's and the plain one.
+RELATIONS: Mapping[type[ast.cmpop], tuple[Any, Callable[[float, float], bool]]] = {
+    ast.Lt: (sympy.StrictLessThan, operator.lt),
+    ast.LtE: (sympy.LessThan, operator.le),
+    ast.Gt: (sympy.StrictGreaterThan, operator.gt),
+    ast.GtE: (sympy.GreaterThan, operator.ge),
+}
+MANY = -1
+
 
 class Exponential(sympy.Function):  # type: ignore[misc]
     """exp of a sum with a decimal number, anything else SymPy's. SymPy takes such a number out of the exponent, exp(x - 800.5) =
@@ -49,17 +67,6 @@ class Exponential(sympy.Function):  # type: ignore[misc]
 
     def _sympystr(self, printer: Any) -> str:
         return f"exp({printer.doprint(self.args[0])})"
-
-
-MAX_SIZE = 5000  #: nodes after expansion
-MAX_DERIVED = 25_000  #: nodes of a second derivative, about
-MAX_POWER = 12
-MAX_INTEGER = 2**53
-MAX_EXACT = 2**256  #: numerators and denominators of fractions that stay exact
-MAX_IRRATIONAL = 30  #: operations of irrational constants that stay exact
-MAX_ROOT = 100  #: denominators of exponents that stay exact
-MAX_DEGREE = 1000  #: exponents within each other, multiplied
-MAX_ROOTS = 6  #: fractional powers within each other
 
 
 class ExpressionError(ValueError):
@@ -259,15 +266,6 @@ def _atan2(y: Scalar, x: Scalar) -> Scalar:
     return sympy.Float(math.atan2(float(y), float(x)))
 
 
-#: Comparisons: SymPy's and the plain one.
-RELATIONS: Mapping[type[ast.cmpop], tuple[Any, Callable[[float, float], bool]]] = {
-    ast.Lt: (sympy.StrictLessThan, operator.lt),
-    ast.LtE: (sympy.LessThan, operator.le),
-    ast.Gt: (sympy.StrictGreaterThan, operator.gt),
-    ast.GtE: (sympy.GreaterThan, operator.ge),
-}
-
-
 def compare(sign: ast.cmpop, a: Term, b: Term) -> Scalar:
     """A condition, true or false at once for constants.  Raises ExpressionError."""
     if type(sign) not in RELATIONS:
@@ -358,7 +356,7 @@ SMOOTH: Mapping[str, tuple[Callable[..., Scalar], Callable[..., float]]] = {
     name: (Exponential if name == "exp" else getattr(sympy, name), getattr(math, name)) for name in ops.SMOOTH
 }
 
-MANY = -1
+
 #: The functions of expressions and the number of their arguments.
 FUNCTIONS: Mapping[str, int] = {
     **{name: ops.OPERATIONS[name].arity for name in SMOOTH}, "abs": 1, "sign": 1, "min": MANY, "max": MANY, "where": 3,

@@ -26,6 +26,9 @@ from cutjoint.model.text import is_number
 READERS = "laws of forces, signals, rates of states and controllers may have it"
 MAX_LENGTH = 2000  #: characters of a text
 MAX_DEPTH = 60  #: nested operations
+_BARE = Term(sympy.Integer(0))
+_MEASURE = re.compile(r"\d\s+(?:deg|rad|[kcm]?m|kg|g|s|ms|k?N|rpm|Hz)\b")  #: a number with a unit behind it
+_CHAINS: tuple[tuple[type[ast.operator], ...], ...] = ((ast.Add, ast.Sub), (ast.Mult, ast.Div))
 
 
 def variable(name: str) -> Scalar:
@@ -62,9 +65,6 @@ def samples_read(expression: Scalar) -> list[str]:
     """The signals of controllers, "controller.signal", that an expression has as they are computed, sorted."""
     names = sorted(str(symbol) for symbol in getattr(expression, "free_symbols", ()))
     return [name.removeprefix("$") for name in names if name.startswith("$")]
-
-
-_BARE = Term(sympy.Integer(0))
 
 
 @dataclass(frozen=True)
@@ -172,9 +172,6 @@ def _one_line(text: str) -> str:
     if not text.isascii() or not text.replace("\n", " ").isprintable() or "#" in text:
         raise ExpressionError("the expression has a character that does not belong there")
     return text.replace("\n", " ").strip()
-
-
-_MEASURE = re.compile(r"\d\s+(?:deg|rad|[kcm]?m|kg|g|s|ms|k?N|rpm|Hz)\b")  #: a number with a unit behind it
 
 
 def _syntax_tree(text: str) -> ast.expr:
@@ -315,9 +312,6 @@ class _Parser:
                 join = operations.all_of if isinstance(word, ast.And) else operations.any_of
                 return join([part for part, _ in parts]), 1 + sum(size for _, size in parts)
         raise ExpressionError("the first argument of where must be a condition", "write for example where(x < 0, a, b)")
-
-
-_CHAINS: tuple[tuple[type[ast.operator], ...], ...] = ((ast.Add, ast.Sub), (ast.Mult, ast.Div))
 
 
 def _dotted(node: ast.expr) -> str | None:

@@ -56,6 +56,8 @@ _WRENCH: Mapping[str, str] = {**dict.fromkeys(("Fx", "Fy", "Fz"), "N"), **dict.f
 
 #: Quantities and units of the tree joints of each kind: coordinates, then speeds.
 JOINT_QUANTITIES: Mapping[str, Mapping[str, str]] = {kind: joint.units for kind, joint in JOINTS.items()}
+#: The elements that may read quantities.
+Reader: TypeAlias = Force | FirstOrderState | Signal | Controller
 
 
 def quantities(element: Element) -> Mapping[str, str]:
@@ -133,10 +135,6 @@ def readings_of(model: Model) -> tuple[Output, ...]:
         for name, quantity in (of for expression in expressions for of in quantities_read(expression) if of[0] not in own):
             found.setdefault((name, quantity), Output(element=name, quantity=quantity, span=element.span))
     return tuple(found.values())
-
-
-#: The elements that may read quantities.
-Reader: TypeAlias = Force | FirstOrderState | Signal | Controller
 
 
 def read_by(model: Model, output: Output) -> tuple[Output, ...]:

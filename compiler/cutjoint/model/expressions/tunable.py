@@ -18,6 +18,8 @@ from cutjoint.model.expressions.units import Dimension
 from cutjoint.model.records import Binding, Body, Marker, Model, Parameter, Scalar, Span, Vector
 
 _AXES = "xyz"  #: the names of components of points and directions
+#: The units of the inputs of an external wrench, by the ends of their names.
+WRENCH_UNITS = {**dict.fromkeys(("fx", "fy", "fz"), "N"), **dict.fromkeys(("tx", "ty", "tz"), "N*m")}
 
 
 @dataclass
@@ -74,9 +76,6 @@ def number_name(element: str, keys: Path, *, in_triple: bool) -> str:
 
 
 # Forces and ground from outside
-
-#: The units of the inputs of an external wrench, by the ends of their names.
-WRENCH_UNITS = {**dict.fromkeys(("fx", "fy", "fz"), "N"), **dict.fromkeys(("tx", "ty", "tz"), "N*m")}
 
 
 def with_inputs(model: Model, *, external_wrenches: Sequence[str] = (), terrain: Sequence[str] = ()) -> Model:

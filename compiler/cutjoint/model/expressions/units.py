@@ -16,6 +16,18 @@ import numpy as np
 
 from cutjoint.model.text import UNSIGNED
 
+_BASE = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[temperature]": "K",
+         "[substance]": "mol", "[luminosity]": "cd"}  # fmt: skip
+_ANGLES = re.compile(r"rad|deg|turn|rev|rpm")
+_NUMBER = rf"[-+]?{UNSIGNED}"
+_FACTOR = r"[A-Za-z]+(?:(?:\^|\*\*)-?[0-9]{1,2})?"
+_FACTORS = rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR})*"
+_UNIT = rf"(?:1\s*/\s*)?{_FACTORS}"
+_TERM = re.compile(r"(/?)\s*([A-Za-z]+)(?:(?:\^|\*\*)(-?[0-9]+))?")
+_ZEROTH_POWER = re.compile(r"(?:\^|\*\*)-?0+(?![0-9])")
+_MEASURE = re.compile(rf"\s*({_NUMBER})(?![eE](?![A-Za-z]))(?:\s*({_FACTORS})|\s+(1\s*/\s*{_FACTORS}))\s*")
+MAX_UNIT_LENGTH = 40
+
 
 @dataclass(frozen=True)
 class Dimension:
@@ -41,10 +53,6 @@ class Dimension:
 def described(dimension: Dimension | None) -> str:
     """A dimension as text for messages: its unit, or words if it has none."""
     return "an angle or a plain number" if dimension == NONE else str(dimension)
-
-
-_BASE = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[temperature]": "K",
-         "[substance]": "mol", "[luminosity]": "cd"}  # fmt: skip
 
 
 def _base(index: int) -> Dimension:
@@ -138,9 +146,6 @@ def fault_of_dimension(value: float, unit: str) -> str:
     return f"is in {unit}: {fault}" if (fault := fault_of_hertz(value.text, unit)) else ""
 
 
-_ANGLES = re.compile(r"rad|deg|turn|rev|rpm")
-
-
 def fault_of_hertz(written: str, unit: str = "rad/s") -> str:
     """The fault in Hz in the place of an angular speed, or the reverse; "" without one.  ``written`` is a rate or its unit."""
     if "Hz" in written and _ANGLES.search(unit):
@@ -148,16 +153,6 @@ def fault_of_hertz(written: str, unit: str = "rad/s") -> str:
         hint = " or ".join(f"'{number} {one}/s'".replace("' ", "'") for one in ("turn", "rad"))
         return f"Hz leaves open whether turns or radians per second are meant; write {hint}"
     return f"'{written}' counts angles; write Hz" if unit == "Hz" and _ANGLES.search(written) else ""
-
-
-_NUMBER = rf"[-+]?{UNSIGNED}"
-_FACTOR = r"[A-Za-z]+(?:(?:\^|\*\*)-?[0-9]{1,2})?"
-_FACTORS = rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR})*"
-_UNIT = rf"(?:1\s*/\s*)?{_FACTORS}"
-_TERM = re.compile(r"(/?)\s*([A-Za-z]+)(?:(?:\^|\*\*)(-?[0-9]+))?")
-_ZEROTH_POWER = re.compile(r"(?:\^|\*\*)-?0+(?![0-9])")
-_MEASURE = re.compile(rf"\s*({_NUMBER})(?![eE](?![A-Za-z]))(?:\s*({_FACTORS})|\s+(1\s*/\s*{_FACTORS}))\s*")
-MAX_UNIT_LENGTH = 40
 
 
 def read_measure(text: str) -> Measure | None:

@@ -20,6 +20,8 @@ MAX_ROWS = 50_000  #: rows of a table below its names
 _MAX_REPORTED = 20  #: problems of one table that are reported
 
 _HEADER = re.compile(r"([^\[\]]+?)\s*(?:\[\s*([^\[\]]*?)\s*\])?")
+#: The places of values, and those of keys.
+Places: TypeAlias = tuple[dict[Path, Span], dict[Path, Span]]
 
 
 @dataclass(frozen=True)
@@ -153,9 +155,6 @@ class _Reading:
 
 
 # Tables of laws and roads: their columns as lists; of two variables a row of the file for each pair.
-
-#: The places of values, and those of keys.
-Places: TypeAlias = tuple[dict[Path, Span], dict[Path, Span]]
 
 
 def as_lists(columns: Mapping[str, Column], element: str, *, is_law: bool = True) -> tuple[dict[str, Any], Places]:

@@ -32,6 +32,14 @@ from cutjoint.model.validate import check_guides, joints_are_known
 
 SETTINGS = {SOLVER_TOLERANCE: "tolerance"}  #: the settings of files whose records have another name
 _STEP = variable("dt")  #: the variables that penalty and frequency may have
+#: Settings with two bounds, and what they do near them.
+_BETWEEN = {
+    "spectral_radius": "1 adds no damping, 0 damps all motion that is fast compared with a step",
+    "loop_tolerance": "loop embeddings err by as many m and rad at most",
+    "loop_terms": "more terms make the range of loop embeddings longer, and each evaluation dearer",
+}
+#: The guides that a scene gives to joints by their names, None to those that it leaves free.
+Guides = Mapping[str, tuple[Scalar, ...] | None]
 
 
 @dataclass(frozen=True)
@@ -209,14 +217,6 @@ def _require_value(where: Element, key: str, law: Scalar, dt: float) -> None:
         where.fail(f"{key} has no finite value at dt = {dt:g} s", "write another expression", ("numerics", key))
 
 
-#: Settings with two bounds, and what they do near them.
-_BETWEEN = {
-    "spectral_radius": "1 adds no damping, 0 damps all motion that is fast compared with a step",
-    "loop_tolerance": "loop embeddings err by as many m and rad at most",
-    "loop_terms": "more terms make the range of loop embeddings longer, and each evaluation dearer",
-}
-
-
 def _in_range(where: Element, key: str, value: float, keys: Path) -> None:
     if key in ("dt", "penalty", SOLVER_TOLERANCE, "absolute_tolerance", "iterations"):
         _positive(where, value, keys)
@@ -280,10 +280,6 @@ def _switches(where: Element, switches: Mapping[str, bool], stage: _Stage) -> di
             where.fail(f"switches: no force is called '{key}'", hint, ("switches", key), at_key=True)
         found.update(dict.fromkeys(matches, active))
     return found
-
-
-#: The guides that a scene gives to joints by their names, None to those that it leaves free.
-Guides = Mapping[str, tuple[Scalar, ...] | None]
 
 
 def read_drives(where: Element, scene: model_file.Scene, joints: Mapping[str, Joint]) -> Guides:

@@ -12,6 +12,13 @@ from cutjoint.model.expressions.scope import Element
 from cutjoint.model.expressions.units import LENGTH, NONE, Quantity
 from cutjoint.model.records import CurvedGrid, HeightTable, Patch, Road, RoadSegment, RoughSurface, SegmentKind, Span
 
+_SEGMENTS: Mapping[type[Any], tuple[SegmentKind, str, str]] = {
+    model_file.Flat: (SegmentKind.FLAT, "flat", ""),
+    model_file.Ramp: (SegmentKind.RAMP, "ramp", "rise"),
+    model_file.Step: (SegmentKind.STEP, "", "step"),
+    model_file.Cosine: (SegmentKind.COSINE, "cosine", "amplitude"),
+}
+
 
 def read_road(where: Element, road: model_file.Road) -> Road:
     """The road of a scene."""
@@ -132,14 +139,6 @@ def _patch(where: Element, patch: model_file.Patch, keys: Path) -> Patch:
     edge = where.positive(where.number(patch.edge, LENGTH, (*keys, "edge")), (*keys, "edge"))
     span = where.scope.source.value_span((*where.path, *keys))
     return Patch(x=(ends["x"][0], ends["x"][1]), y=(ends["y"][0], ends["y"][1]), friction=friction, edge=edge, span=span)
-
-
-_SEGMENTS: Mapping[type[Any], tuple[SegmentKind, str, str]] = {
-    model_file.Flat: (SegmentKind.FLAT, "flat", ""),
-    model_file.Ramp: (SegmentKind.RAMP, "ramp", "rise"),
-    model_file.Step: (SegmentKind.STEP, "", "step"),
-    model_file.Cosine: (SegmentKind.COSINE, "cosine", "amplitude"),
-}
 
 
 def _segment(where: Element, part: Any, keys: Path) -> RoadSegment:

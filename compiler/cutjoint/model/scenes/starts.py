@@ -32,6 +32,12 @@ UNIT_BOUND = 1e-3  #: the largest difference of a quaternion's length from one
 
 #: Four expressions, scalar first.
 Quaternion: TypeAlias = tuple[Scalar, ...]
+_DIMENSIONS: Mapping[str, Dimension] = {"m": LENGTH, "m/s": SPEED, "rad": NONE, "rad/s": ANGULAR_SPEED}
+#: The components of a joint that each section of a scene may give, by the joint's kind.
+_COMPONENTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "positions": {kind: (*COORDINATES[kind], *(("attitude",) if joint.has_attitude else ())) for kind, joint in JOINTS.items()},
+    "rates": SPEEDS,
+}
 
 def read_attitude(where: Element, attitude: Attitude, keys: Path) -> Quaternion:
     """The quaternion of an attitude, its length one within `UNIT_BOUND` at the parameters' values.
@@ -108,14 +114,6 @@ def _product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 # Coordinates and speeds
-
-_DIMENSIONS: Mapping[str, Dimension] = {"m": LENGTH, "m/s": SPEED, "rad": NONE, "rad/s": ANGULAR_SPEED}
-
-#: The components of a joint that each section of a scene may give, by the joint's kind.
-_COMPONENTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
-    "positions": {kind: (*COORDINATES[kind], *(("attitude",) if joint.has_attitude else ())) for kind, joint in JOINTS.items()},
-    "rates": SPEEDS,
-}
 
 
 def read_states(where: Element, values: Mapping[str, Any], section: str, joints: Mapping[str, Joint]) -> dict[str, Scalar]:

@@ -24,6 +24,12 @@ from cutjoint.formulate.recursive.recursion import BodySystem, KnownMotions
 from cutjoint.model.records import GROUND, EmbeddedLoop
 from cutjoint.program.blocks import Block, is_zero
 
+_EQUATION = "H = sum B^T M B,  M_P += sum M - G H^-1 G^T,  Q_P += sum F - G H^-1 h"
+LEAST_HALF_RANGE = 1e-9  #: a guide that moves by less, m or rad, counts as fixed
+#: The share of the mean square of the rows by which equations that follow from others get a pivot; corrections take it away from the
+#: others.
+_SHARE, _CORRECTIONS = 1e-9, 2
+
 
 @dataclass(kw_only=True)
 class EmbeddedLoopSystem:
@@ -100,9 +106,6 @@ class EmbeddedLoopSystem:
         return {self.independent: unknown}
 
 
-_EQUATION = "H = sum B^T M B,  M_P += sum M - G H^-1 G^T,  Q_P += sum F - G H^-1 h"
-
-
 def embedded_loop_systems(system: BodySystem, k: Kinematics) -> Mapping[str, EmbeddedLoopSystem]:
     """The systems of all embedded loops, by each of their bodies."""
     found = [EmbeddedLoopSystem(embedded_loop=embedded_loop, system=system, k=k) for embedded_loop in k.topology.model.embedded_loops]
@@ -133,9 +136,6 @@ def range_margins(k: Kinematics) -> dict[str, Block]:
     return margins
 
 
-LEAST_HALF_RANGE = 1e-9  #: a guide that moves by less, m or rad, counts as fixed
-
-
 def embedded_reactions(
     k: Kinematics, held: Sequence[LoopClosure], carried: Mapping[str, Block], joint_forces: Mapping[str, Block]
 ) -> tuple[LoopClosure, ...]:  # fmt: skip
@@ -149,11 +149,6 @@ def embedded_reactions(
             found[loop.joint.name] = replace(loop, multipliers=k.builder.take(multipliers, (first, first + len(loop.names))))
             first += len(loop.names)
     return tuple(found[loop.joint.name] for loop in held)
-
-
-#: The share of the mean square of the rows by which equations that follow from others get a pivot; corrections take it away from the
-#: others.
-_SHARE, _CORRECTIONS = 1e-9, 2
 
 
 def _multipliers(
