@@ -255,3 +255,68 @@ scenes:
     rates: {moves.vx: 15, moves.vy: 0}
     trim: {find: [drive, steer, moves.wz], hold: {car.ay: 5 m/s^2, car.wz*15: 5 m/s^2}, unsteady: [moves.vy]}
 """
+
+#: A car of the library on a circle at 20 m/s: LATERAL in m/s^2, with guesses of the steering wheel's angle and of the yaw rate.
+LIBRARY_CAR = """
+cutjoint: 1
+name: my_car
+gravity: [0, 0, -9.81]
+parameters:
+  drive: {value: 0, unit: N*m, binding: input}
+  wheel_angle: {value: 0, unit: rad, binding: input}
+  lateral: {value: LATERAL, unit: m/s^2, binding: param}
+bodies:
+  chassis: {mass: 1100, centre_of_mass: [0, 0, 0.55], inertia: [400, 1500, 1650]}
+joints:
+  moves: {kind: free, bodies: [ground, chassis], at: [0, 0, 0.55]}
+submodels:
+  strut: {include: library/macpherson}
+  links: {include: library/five_link}
+  wheel: {include: library/wheel_mf62}
+  steering: {include: library/rack_steering}
+  bar: {include: library/anti_roll_bar}
+  brakes: {include: library/brakes}
+  air: {include: library/aero}
+  shaft: {include: library/shaft}
+  front:
+    connectors: [chassis, rack]
+    parameters: [brake]
+    instances:
+      strut: {use: strut, connect: {chassis: chassis, steering: rack}, with: {x: 1.2, y: 0.72, z: 0.3}}
+      wheel: {use: wheel, connect: {carrier: strut.carrier}, with: {x: 1.2, y: 0.72, z: 0.3, brake: brake},
+              properties: library/road_tyre.tir}
+  rear:
+    connectors: [chassis]
+    parameters: [brake, drive]
+    instances:
+      links: {use: links, connect: {chassis: chassis, steering: chassis}, with: {x: -1.2, y: 0.72, z: 0.3}}
+      wheel: {use: wheel, connect: {carrier: links.carrier}, with: {x: -1.2, y: 0.72, z: 0.3, brake: brake, drive: drive},
+              properties: library/road_tyre.tir}
+      shaft: {use: shaft, connect: {base: chassis, carrier: links.carrier}, with: {torque: drive}}
+instances:
+  fl: &front {use: front, connect: {chassis: chassis, rack: steering.rack}, with: {brake: brakes.front}}
+  fr: {<<: *front, mirror: y}
+  rl: {use: rear, connect: {chassis: chassis}, with: {brake: brakes.rear, drive: drive}}
+  rr: {use: rear, connect: {chassis: chassis}, with: {brake: brakes.rear, drive: drive}, mirror: y}
+  steering: {use: steering, connect: {chassis: chassis}, with: {angle: wheel_angle},
+             points: {middle: [1.07, 0, 0.24]}}
+  bar:
+    {use: bar, connect: {chassis: chassis, left: fl.strut.arm, right: fr.strut.arm},
+     points: {left_end: [1.2, 0.52, 0.234], left_foot: [1.2, 0.52, 0.194],
+              right_end: [1.2, -0.52, 0.234], right_foot: [1.2, -0.52, 0.194]}}
+  brakes: {use: brakes, with: {pedal: 0}}
+  air: {use: air, connect: {chassis: chassis}}
+outputs: [chassis.wz, chassis.roll, chassis.z]
+scenes:
+  circle:
+    end: 0.5
+    output_step: 0.1
+    rates: {moves.vx: 20, moves.wz: RATE}
+    inputs: {wheel_angle: WHEEL}
+    positions: {moves.x: 0, moves.y: 0}
+    trim:
+      find: [drive, wheel_angle, moves.wz, fl.wheel.rolling.bearing.angle_rate, fr.wheel.rolling.bearing.angle_rate,
+             rl.wheel.rolling.bearing.angle_rate, rr.wheel.rolling.bearing.angle_rate]
+      hold: {chassis.ay: lateral, chassis.wz*chassis.vx: lateral}
+      unsteady: [moves.vy]
+"""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, reduce
 
 import numpy as np
 import pytest
@@ -17,7 +17,20 @@ from cutjoint.package.errors import CutjointError
 from cutjoint.run.results import MechanismState
 from cutjoint.run.simulation import simulate
 from tests.conftest import with_heavy
-from tests.mechanisms.steady import CONICAL, CONVEYOR, FAN, GOVERNOR, HELICOPTER, HOOP, PLANAR_CAR, ROTOR, SHAFT, SIMPLE_MOTORCYCLE, TOP
+from tests.mechanisms.steady import (
+    CONICAL,
+    CONVEYOR,
+    FAN,
+    GOVERNOR,
+    HELICOPTER,
+    HOOP,
+    LIBRARY_CAR,
+    PLANAR_CAR,
+    ROTOR,
+    SHAFT,
+    SIMPLE_MOTORCYCLE,
+    TOP,
+)
 from tests.physics.simulation import compile_scene
 
 G = 9.81
@@ -262,3 +275,18 @@ def test_the_motion_is_steady(text: str) -> None:
     for name in motion.columns:
         if name not in ("frame.yaw", "load.x", "hull.x"):
             assert np.ptp(motion[name]) < 1e-6 * max(1.0, float(np.abs(motion[name]).max())), name
+
+
+def on_circle(lateral: float) -> str:
+    guesses = {"LATERAL": lateral, "WHEEL": 0.15 * lateral, "RATE": lateral / 20}
+    return reduce(lambda text, of: text.replace(of[0], repr(of[1])), guesses.items(), LIBRARY_CAR)
+
+
+@pytest.mark.parametrize("lateral", with_heavy([4.0, -4.0, 2.0, 6.0], -4.0, 2.0, 6.0))
+def test_a_library_car_on_a_circle(lateral: float) -> None:
+    """Its loops turn with it, so that what is left of their rates and accelerations is rounding, which counted as an open loop."""
+    state = found(on_circle(lateral))
+    steer = unknowns(on_circle(lateral))["wheel_angle"] / 16
+    assert unknowns(on_circle(lateral))["moves.wz"] == pytest.approx(lateral / 20, rel=1e-9)
+    assert 0 < (steer - 2.4 * lateral / 400) / lateral < 0.01  # it understeers: by a few degrees at 10 m/s^2
+    assert state["chassis.roll"] * lateral > 0  # to the outside
