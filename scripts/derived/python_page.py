@@ -43,7 +43,7 @@ ARGUMENTS = {
     "scene": ("str", "default: the only one"),
     "tunable": ("list of str", 'patterns such as `"*.stiffness"`; constants whose names match become parameters'),
     "parameters": ("dict", "values (SI units) of parameters and constant inputs by name"),
-    "method, integrator, solver, events": ("str", "as on the command line; default: the scene's; method of `load`: `recursive`"),
+    "method, integrator, solver, events": ("str", "as on the command line; default: the scene's"),
     "dt, end": ("float", "step and end (s); default: the scene's"),
     "accuracy, solver_tolerance, tolerance, penalty, iterations": ("float, int", "as on the command line"),
     "external_wrenches": ("list of str", "bodies and markers with inputs `NAME.wrench.fx` to `NAME.wrench.tz` (N, N m, global axes)"),

@@ -11,7 +11,7 @@ from cutjoint.compile.c99 import make_c99
 from cutjoint.compile.c_export import describe_frozen, freeze_start_parameters, make_standalone, needs_load_events
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import tunable_parameters
-from cutjoint.methods import DEFAULT_PRECISION
+from cutjoint.methods import DEFAULT_PRECISION, METHODS
 from cutjoint.model.expressions.functions import leave_to_host
 from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model, Scene
@@ -20,7 +20,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_files
 from cutjoint.run.run_file import find_trim
-from cutjoint.run.scenes import find_case, with_default_closure
+from cutjoint.run.scenes import find_case, method_of, with_default_closure
 from cutjoint.toolchain.build import simulator_of
 from cutjoint.toolchain.wasm import require_zig
 from cutjoint.topology.reading import read_model
@@ -40,7 +40,7 @@ def _refuse_dt(ctx: click.Context, param: click.Parameter, value: str | None) ->
 @table.command("compile")
 @click.option("--dt", hidden=True, expose_value=False, callback=_refuse_dt)
 def command(
-    model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, adjoint: bool, poses: bool,
+    model: Path, scene: str | None, method: str | None, out: Path, integrator: str | None, linearise: bool, adjoint: bool, poses: bool,
     external_wrenches: tuple[str, ...], terrain: tuple[str, ...], tunable: tuple[str, ...], functions: Path | None, hosted: bool,
     target: str, reproducible: bool, language: str, iterations: int | None, precision: str,
 ) -> None:  # fmt: skip
@@ -58,6 +58,7 @@ def command(
     with options.progress_bar(f"compiling {model.name}"):
         read = read_model(model, tunable=tunable, functions=functions)
         read = leave_to_host(read) if hosted else read
+        method = method or method_of(find_case(read, scene)[1], [name for name, m in METHODS.items() if m.c99 or language != C99])
         if language == C99 or target == WASM:
             stepped = with_inputs(read, external_wrenches=external_wrenches, terrain=terrain)
             if language == C99:

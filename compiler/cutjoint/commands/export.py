@@ -11,7 +11,6 @@ from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.export.fmu.description import KINDS
 from cutjoint.export.mjcf import write_mjcf
 from cutjoint.export.robots import write_urdf
-from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.elements.link_masses import with_link_masses
 from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model, Output
@@ -45,7 +44,7 @@ def command(
         checked = with_link_masses(read_model(model, tunable=tunable, functions=functions), options.read_masses(links))
         export_fmu(
             with_inputs(checked, external_wrenches=external_wrenches, terrain=terrain), scene, model, version=int(fmi or "2"),
-            kind=kind or "cs", content=content or "both", method=method or DEFAULT_METHOD, integrator=integrator, out=out,
+            kind=kind or "cs", content=content or "both", method=method, integrator=integrator, out=out,
             platforms=platforms, target=target, poses=poses,
         )  # fmt: skip
         return
@@ -100,7 +99,7 @@ def export_robot(model: Model, parameters: Mapping[str, float], path: Path, kind
 
 
 def export_fmu(
-    model: Model, scene: str | None, path: Path, *, version: int, kind: str, content: str, method: str, integrator: str | None,
+    model: Model, scene: str | None, path: Path, *, version: int, kind: str, content: str, method: str | None, integrator: str | None,
     out: Path, platforms: Sequence[str] = (), target: str | None = None, poses: bool = False,
 ) -> None:  # fmt: skip
     """Write a model as an FMU; errors as of `make_fmu` and `Fmu.pack`.

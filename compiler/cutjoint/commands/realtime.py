@@ -14,8 +14,8 @@ from cutjoint.topology.reading import read_model
 
 @table.command("realtime")
 def command(
-    model: Path, scene: str | None, method: str, dt: float | None, end: float | None, iterations: int | None, changes: tuple[str, ...],
-    priority: int | None, processor: int | None, out: Path | None, functions: Path | None,
+    model: Path, scene: str | None, method: str | None, dt: float | None, end: float | None, iterations: int | None,
+    changes: tuple[str, ...], priority: int | None, processor: int | None, out: Path | None, functions: Path | None,
 ) -> None:  # fmt: skip
     """Run one scene of MODEL by the trapezoidal rule against the wall clock: how long steps take, and how many miss their deadline."""
     require_apart({"the model": model}, tables={"--out": out})
@@ -23,7 +23,7 @@ def command(
     read = read_model(model, functions=functions)
     parameter_values(read, parameters)
     with options.progress_bar(f"compiling {model.name}"):
-        artifact = compile_model(read, scene=scene, method=method)
+        artifact = compile_model(read, scene=scene, **({"method": method} if method else {}))
     with options.progress_bar(f"running {artifact.scene.name}"):
         times = run_in_real_time(
             artifact, dt=dt, end=end, iterations=iterations, parameters=parameters, out=out, check=False, priority=priority,

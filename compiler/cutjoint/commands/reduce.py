@@ -9,13 +9,13 @@ from cutjoint.report.tasks import reduction_table
 from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.run_file import parameter_values
-from cutjoint.run.scenes import find_case
+from cutjoint.run.scenes import find_case, method_of
 from cutjoint.topology.reading import read_model
 
 
 @table.command("reduce")
 def command(
-    model: Path, scene: str | None, method: str, approximate: bool, dt: float | None, changes: tuple[str, ...], view: Path | None
+    model: Path, scene: str | None, method: str | None, approximate: bool, dt: float | None, changes: tuple[str, ...], view: Path | None
 ) -> None:  # fmt: skip
     """Reduce MODEL to what a scene needs; print what each pass did, and operations, error and speed of each reduced model."""
     require_apart({"the model": model}, documents=[("--view", view)])
@@ -24,7 +24,7 @@ def command(
         checked, chosen = find_case(checked, scene)
         driven, parameters = with_constant_inputs(checked, chosen, options.read_parameters(changes))
         parameter_values(checked, parameters)
-        variants = reduction_sequence(checked, driven, method, approximate=approximate)
+        variants = reduction_sequence(checked, driven, method or method_of(driven), approximate=approximate)
         costs = measure_reduced(variants, dt=dt, parameters=parameters)
     options.out.print(reduction_table(variants, costs))
     for note in (*variants[-1].done, *variants[-1].left):

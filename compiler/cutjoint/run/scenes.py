@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
@@ -124,6 +124,6 @@ def load_model(source: ModelLike, scene: str | None = None, tunable: Sequence[st
     return (model, source.scene) if scene is None and isinstance(source, Compiled) else find_case(model, scene)
 
 
-def method_of(scene: Scene) -> str:
-    """The method that a scene names; the default one if the scene leaves the choice open."""
-    return scene.method if scene.method in METHODS else DEFAULT_METHOD
+def method_of(scene: Scene, offered: Collection[str] = METHODS) -> str:
+    """The method that a scene names, if it is among those ``offered``; else the default one."""
+    return scene.method if scene.method in offered else DEFAULT_METHOD

@@ -9,27 +9,27 @@ from typing import Any
 
 from cutjoint.compile.c_export import Standalone, make_standalone, needs_load_events
 from cutjoint.compile.pipeline import generate
-from cutjoint.methods import DEFAULT_METHOD, STEPS
+from cutjoint.methods import STEPS
 from cutjoint.model.expressions.functions import functions_of_host, leave_to_host
 from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import changing_parts, find_dependent_parts, parameter_values
-from cutjoint.run.scenes import ModelLike, load_model, with_default_closure
+from cutjoint.run.scenes import ModelLike, load_model, method_of, with_default_closure
 from cutjoint.stepping.library import HostFunction, Lanes, Library, with_rollout
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.toolchain.build import FLAGS
 
 
 def load(
-    model: ModelLike, *, scene: str | None = None, method: str = DEFAULT_METHOD, integrator: str | None = None, tunable: Sequence[str] = (),
+    model: ModelLike, *, scene: str | None = None, method: str | None = None, integrator: str | None = None, tunable: Sequence[str] = (),
     linearise: bool = False, adjoint: bool = False, poses: bool = False, external_wrenches: Sequence[str] = (), terrain: Sequence[str] = (),
     flags: Sequence[str] = FLAGS, functions: Mapping[str, Callable[..., object]] | None = None,
 ) -> Simulation:  # fmt: skip
     """Compile a model or its file for stepping, or find it in the cache; `Simulation.reset` comes next.
 
     Args:
-        method, integrator: names of docs/reference/integrators.md; default: recursive, and the scene's integrator, else trapezoidal
+        method, integrator: names of docs/reference/integrators.md; default: the scene's; else recursive, and trapezoidal
             if the scene has a ``dt``, or dormand-prince.
         tunable: patterns; constants whose names match become parameters.
         linearise, adjoint: generate derivatives; compiling takes several times as long.
@@ -53,10 +53,11 @@ def load(
 
 
 def load_scene(
-    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, integrator: str | None = None, linearise: bool = False,
+    model: Model, scene: Scene, *, method: str | None = None, integrator: str | None = None, linearise: bool = False,
     adjoint: bool = False, poses: bool = False, flags: Sequence[str] = FLAGS, functions: Mapping[str, Callable[..., object]] | None = None,
 ) -> Simulation:  # fmt: skip
     """Compile a scene of a loaded model; arguments and errors as of `load`."""
+    method = method or method_of(scene)
     if method not in STEPS:
         raise RunError(f"method: '{method}' is not one of simulations to step, {', '.join(STEPS)}")
     scene = with_default_closure(scene, method, integrator)

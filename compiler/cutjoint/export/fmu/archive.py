@@ -20,7 +20,7 @@ from cutjoint.methods import DEFAULT_METHOD, METHODS, join_or
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import licence, without_mark
-from cutjoint.run.scenes import with_default_closure
+from cutjoint.run.scenes import method_of, with_default_closure
 from cutjoint.toolchain.build import build_files
 from cutjoint.toolchain.platforms import PLATFORMS, name_here
 from cutjoint.topology.records import Topology
@@ -146,16 +146,17 @@ class Fmu:
 
 
 def make_fmu(
-    model: Model, scene: Scene, *, version: int, kind: str = "cs", method: str = DEFAULT_METHOD, integrator: str | None = None,
+    model: Model, scene: Scene, *, version: int, kind: str = "cs", method: str | None = None, integrator: str | None = None,
     poses: bool = False,
 ) -> Fmu:
-    """The FMU of a model in a scene by FMI ``version``, 2 or 3, of one of `KINDS`, with the steps of a ``method``.
+    """The FMU of a model in a scene by FMI ``version``, 2 or 3, of one of `KINDS`.  The ``method`` is by default the scene's.
     ``poses`` adds those of all bodies and markers as local variables.
 
     Raises:
         RunError: the method has no folders, or none with states for model exchange.
         others: as of `pipeline.generate`, `make_standalone`.
     """
+    method = method or method_of(scene, (DEFAULT_METHOD,) if KINDS[kind][1] else METHODS)
     _require_method(method, kind)
     scene = with_default_closure(scene, method, integrator)
     model = freeze_start_parameters(model, scene)
