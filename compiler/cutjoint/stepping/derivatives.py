@@ -104,7 +104,8 @@ class Derivatives(Linear):
         start, rows = self.time, steps // every + 1
         values, derivatives = np.empty((rows, len(chosen))), np.empty((rows, len(chosen), len(numbers)))
         tell = self._record_events(events, len(numbers), len(chosen))
-        self._follow(trajectories, changes=columns.changes(trajectories))
+        changes = columns.changes(trajectories)  # a name keeps the arrays whose addresses the call takes
+        self._follow(trajectories, changes=changes)
         self._call(
             self.library.forward_sensitivities, steps, len(numbers), numbers.ctypes.data, matrix.ctypes.data, len(chosen),
             chosen.ctypes.data, every, values.ctypes.data, derivatives.ctypes.data,
