@@ -82,5 +82,6 @@ def test_equal_steps_lose_less_the_shorter_they_are(method: str) -> None:
 
 
 def test_a_leak_to_nowhere_shows() -> None:
-    found = run(oil(text().replace("rate: outflow - inflow", "rate: outflow - inflow - leak")), "recursive", "dormand-prince", tolerance=1e-8)
+    leaking = text().replace("rate: outflow - inflow", "rate: outflow - inflow - leak")
+    found = run(oil(leaking), "recursive", "dormand-prince", tolerance=1e-8)
     assert np.ptp(found["oil"]) > 1e-3
