@@ -110,7 +110,10 @@ _WRONG = {
     ),
     "no table": (
         f"{_HEAD}design: {{csv: none.csv}}\n{_END}",
-        ["s:3:15: design: none.csv cannot be read: No such file or directory; write its path from the folder of the study"],
+        [
+            "s:3:15: design: none.csv cannot be read: No such file or directory; "
+            "write the path of a table; in a study, from the study's folder"
+        ],
     ),
     "rows that differ": (
         f"{_HEAD}design: {{list: [{{stiffness: 1}}, {{pin.angle_rate: 1}}]}}\n{_END}",

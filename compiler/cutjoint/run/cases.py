@@ -54,7 +54,7 @@ def read_rows(path: Path, fail: Fail) -> list[tuple[int, list[str]]]:
             reader = csv.reader(stream, skipinitialspace=True)
             rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(cell.strip() for cell in row)]
     except OSError as error:
-        fail(f"{path}: it cannot be read: {error.strerror}", "write the path of a table, in a study from its folder")
+        fail(f"{path} cannot be read: {error.strerror}", "write the path of a table; in a study, from the study's folder")
     except (UnicodeDecodeError, csv.Error) as error:
         fail(f"{path}: not a table in UTF-8: {error}", "save it as CSV UTF-8, with commas")
     else:
