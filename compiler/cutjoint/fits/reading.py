@@ -76,7 +76,7 @@ class _Reading:
         known = {p.name: p for model in self.models.values() for p in (*tunable_parameters(model), *input_parameters(model))}
         fitted = [self._parameter(name, part, known.get(name)) for name, part in document.parameters.items()]
         ties: dict[str, Scalar] = {}
-        for i, name in enumerate(document.inertias):
+        for i, name in enumerate(dict.fromkeys(document.inertias)):
             try:
                 shaped, tied = tie_inertia(name, {n: p.value for n, p in known.items()}, self.source.value_span(("inertias", i)))
             except RunError as error:

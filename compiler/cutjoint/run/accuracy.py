@@ -450,7 +450,7 @@ def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
         return ""
     change = max(abs(energy.defect - other.defect) for other in balances)
     explained = change * (_EXPLAINED_BY_ONE if len(balances) == 1 else _EXPLAINED)
-    if energy.defect <= explained:
+    if not energy.defect > explained:  # also of a run whose defect is unknown
         return ""
     return (
         f"work and energy differ by {energy.defect:.2g} J, of {energy.kinetic + energy.exchanged:.2g} J in all, and with other "

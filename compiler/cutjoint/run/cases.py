@@ -49,18 +49,20 @@ def read_rows(path: Path, fail: Fail) -> list[tuple[int, list[str]]]:
     if path.is_char_device():
         fail(f"{path}: a device, which has no end", "name a file")
         return []
+    fault: tuple[str, str] | None = None
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.reader(stream, skipinitialspace=True)
             rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(cell.strip() for cell in row)]
     except OSError as error:
-        fail(f"{path} cannot be read: {error.strerror}", "write the path of a table; in a study, from the study's folder")
+        fault = f"{path} cannot be read: {error.strerror}", "write the path of a table; in a study, from the study's folder"
     except (UnicodeDecodeError, csv.Error) as error:
-        fail(f"{path}: not a table in UTF-8: {error}", "save it as CSV UTF-8, with commas")
-    else:
+        fault = f"{path}: not a table in UTF-8: {error}", "save it as CSV UTF-8, with commas"
+    if fault is None:
         if len(rows) > 1:
             return rows
-        fail(f"{path}: no runs", "write the names of parameters in the first line and a line of numbers for each run")
+        fault = f"{path}: no runs", "write the names of parameters in the first line and a line of numbers for each run"
+    fail(*fault)
     return []
 
 

@@ -3,7 +3,7 @@
 import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -134,8 +134,7 @@ def start(
     """
     require_apart({}, tables={"out": out, "steps": steps, "tangents": tangents})
     requested = RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents)
-    unnamed: AbstractContextManager[Any] = tempfile.TemporaryFile(buffering=0) if run.with_coordinates else nullcontext()  # noqa: SIM115
-    with requested as tables, unnamed as file:
+    with requested as tables, tempfile.TemporaryFile(buffering=0) if run.with_coordinates else nullcontext() as file:
         place = {} if file is None else {"coordinates_out_rows": place_of(file, "the temporary table of coordinates")}
         run_file = {**run.run_file.entries(), **tables.places, **place}
         summary = call_simulator(run.simulator, run_file, progress, seconds=seconds, description=run.description)

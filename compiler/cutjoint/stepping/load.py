@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cutjoint.compile.c_export import Standalone, make_standalone, needs_load_events
+from cutjoint.compile.c_export import Standalone, linearised_methods, make_standalone, needs_load_events
 from cutjoint.compile.pipeline import generate
-from cutjoint.methods import STEPS
+from cutjoint.methods import METHODS, STEPS
 from cutjoint.model.expressions.functions import functions_of_host, leave_to_host
 from cutjoint.model.expressions.tunable import with_inputs
 from cutjoint.model.records import Model, Scene
@@ -57,7 +57,7 @@ def load_scene(
     adjoint: bool = False, poses: bool = False, flags: Sequence[str] = FLAGS, functions: Mapping[str, Callable[..., object]] | None = None,
 ) -> Simulation:  # fmt: skip
     """Compile a scene of a loaded model; arguments and errors as of `load`."""
-    method = method or method_of(scene)
+    method = method or method_of(scene, linearised_methods() if linearise or adjoint or poses else METHODS)
     if method not in STEPS:
         raise RunError(f"method: '{method}' is not one of simulations to step, {', '.join(STEPS)}")
     scene = with_default_closure(scene, method, integrator)

@@ -12,6 +12,7 @@ import sympy
 
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.formulate.inputs import discrete_state_name
+from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.errors import nearest
 from cutjoint.model.expressions.parse import parameter_symbol, quantity_symbol
 from cutjoint.model.expressions.quantities import QuantityError, elements_of, find_quantity
@@ -104,7 +105,7 @@ def _at_rest(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Sce
 
 
 def _begin(model: Model, scene: Scene, parameters: Mapping[str, float], at: float | None) -> Simulation:
-    sim = load_scene(model, scene, linearise=True, poses=False)
+    sim = load_scene(model, scene, method=DEFAULT_METHOD, linearise=True)
     sim.parameters.update({name: value for name, value in parameter_values(model, parameters).items() if name in sim.parameters})
     sim.reset()
     if at:
