@@ -14,7 +14,7 @@ from cutjoint.model.document.source import parse_yaml
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.read import read_model_text
 
-from .pendulum import problems
+from .pendulum import PENDULUM, problems
 
 _FRAME = """
 cutjoint: 1
@@ -128,3 +128,10 @@ def _exchanged(data: Any, place: tuple[str | int, ...], value: Any) -> Any:
         return [*data[:key], *([] if inner is _MISSING else [inner]), *data[key + 1 :]]
     inner = _exchanged(data[key], tuple(rest), value) if rest else value
     return {name: inner if name == key else part for name, part in data.items() if name != key or inner is not _MISSING}
+
+
+def test_no_text_of_a_file_passes_for_what_was_lost() -> None:
+    """Parts of the wrong shape have a stand-in that checks skip, which no file can write itself."""
+    for text in ('"?"', '"arm?"', '"\\0"', '"arm\\0"'):
+        with pytest.raises(ModelError):
+            read_model_text(PENDULUM.replace("mass: arm_mass", f"mass: {text}", 1), "m.yaml")

@@ -305,7 +305,7 @@ class TrimEquations:
         if ties_at:  # what closes a loop's rate or acceleration may have no free number left, and their derivatives are rounding then
             slots = {name: point[0][name] for name in ("q", "parameters")}
             J = call(self._system, "apply_jacobian_transposed", {**slots, "w": np.eye(ties_at)})["force"]
-            closing = np.broadcast_to(np.abs(J).max(axis=-1), ties_at)
+            closing = np.broadcast_to(np.where(np.isfinite(J), np.abs(J), 0.0).max(axis=-1), ties_at)
             rows[states + ties_at : states + 3 * ties_at] = np.maximum(rows[states + ties_at : states + 3 * ties_at], np.tile(closing, 2))
         rows[joints:states] = np.maximum(rows[joints:states], _SLOWEST * self._sizes[self._part(SPEEDS)][joints:])
         rows[joints:] = self._reach = np.maximum(self._reach, rows[joints:])  # derivatives vanish where values are out of reach

@@ -261,12 +261,12 @@ def number_alike(model: Model) -> Mapping[str, int]:
     """A number for each joint by its name, the same for joints whose surroundings have one shape up to RADIUS joints away.
     Bodies that guided joints carry count as the bodies that carry them, so that a steered axle is like another."""
     merged = grouped((GROUND, *(b.name for b in model.bodies)), ((j.base, j.follower) for j in model.joints if degrees(j) == 0))
-    massless = {body.name for body in model.bodies if body.is_massless}
+    heavy = {merged[body.name] for body in model.bodies if not body.is_massless}
     forces: dict[str, list[str]] = {}
     for force in model.forces:
         for body in force.bodies:
             forces.setdefault(merged[body], []).append(type(force).__name__)
-    bodies: dict[str, Any] = {b: (b == merged[GROUND], b in massless, tuple(sorted(forces.get(b, ())))) for b in merged.values()}
+    bodies: dict[str, Any] = {b: (b == merged[GROUND], b not in heavy, tuple(sorted(forces.get(b, ())))) for b in merged.values()}
     joints: dict[str, Any] = {j.name: (j.kind, j.guide is not None) for j in model.joints}
     ends = {j.name: (merged[j.base], merged[j.follower]) for j in model.joints}
     for _ in range(RADIUS):

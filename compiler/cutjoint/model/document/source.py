@@ -25,6 +25,7 @@ MAX_NODES = 100_000  #: nodes as written
 MAX_EXPANDED = 200_000  #: values after aliases and merge keys are expanded
 MAX_DEPTH = 40
 _TAG = "tag:yaml.org,2002:"
+_NULL = "\0"  #: what the escape "\\0" has
 _SURROGATE = re.compile(r"[\ud800-\udfff]")  #: half of a character, as the escape "\\ud800" has it; no encoding can write it
 _FLOAT = rf"[-+]?{UNSIGNED}|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
 
@@ -81,8 +82,9 @@ class _Loader(yaml.SafeLoader):
 
     def compose_scalar_node(self, anchor: dict[Any, yaml.Node]) -> yaml.ScalarNode:
         node = super().compose_scalar_node(anchor)
-        if not node.value.isascii() and _SURROGATE.search(node.value):
-            raise yaml.composer.ComposerError(None, None, "an escape is half of a character", node.start_mark)
+        if (not node.value.isascii() and _SURROGATE.search(node.value)) or _NULL in node.value:
+            what = "stands for no character" if _NULL in node.value else "is half of a character"
+            raise yaml.composer.ComposerError(None, None, f"an escape {what}", node.start_mark)
         return node
 
 

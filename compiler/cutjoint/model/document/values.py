@@ -16,7 +16,7 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from cutjoint.model.names import MAX_NAME_LENGTH, name_problem, parameter_name_problem, term_name_problem
 
-LOST = "?"  #: stands for a name or an expression that could not be read; its problem is reported, and checks skip it
+LOST = "\0"  #: stands for what could not be read, whose problem is reported, in names and expressions; no file can have it
 MAX_COEFFICIENTS = 20
 MAX_PIECES = 100
 MAX_TABLE = 200  #: points of a curve

@@ -10,7 +10,7 @@ from cutjoint.elements.joint import Fault, JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model.document import body_parts, model_file
 from cutjoint.model.document import element_parts as joint_parts
-from cutjoint.model.document.values import Table
+from cutjoint.model.document.values import LOST, Table
 from cutjoint.model.elements.controllers import read_controller, require_free_name, unit_text
 from cutjoint.model.elements.forces import joint_forces, read_force
 from cutjoint.model.elements.friction import bristle_of
@@ -229,7 +229,7 @@ def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | N
     laws, timed = guide if isinstance(guide, tuple) else (guide,), element.scope.timed()
     if joint.cut:
         element.fail("a cut joint has no coordinate to guide", "remove cut or guide", ("guide",))
-    if len(laws) != len(coordinates):
+    if len(laws) != len(coordinates) and LOST not in laws:
         message = f"guide has {plural(len(laws), 'law')}, a {joint.kind} joint {plural(len(coordinates), 'coordinate')}"
         element.fail(message, f"give one for each of {', '.join(coordinates)}", ("guide",))
     return tuple(

@@ -87,9 +87,10 @@ class _Reader:
 
     def number(self, *path: str | int, unit: str) -> Scalar:
         found = self.element.scalar(self._at(path, missing=0), _DIMENSIONS[unit] if unit else None, path)
-        is_point = self.field(str(path[0])) == type(self.part).model_fields[str(path[0])].default
-        if path in (("radius",), ("cylinder",)) and not is_point and self.element.value(found) <= 0:
-            self.element.fail(f"{path[0]} must be greater than zero", "", path)
+        if path in (("radius",), ("cylinder",)):
+            value, may_be_point = self.element.value(found), type(self.part).model_fields[str(path[0])].default == 0
+            if value < 0 or (value == 0 and not may_be_point):
+                self.element.fail(f"{path[0]} must be greater than zero", "", path)
         return found
 
     def expression(self, name: str, *, unit: str) -> Scalar:
