@@ -24,7 +24,7 @@ from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import ModelLike, find_scene
-from cutjoint.tasks import compiled
+from cutjoint.tasks import batch
 from cutjoint.tasks.batch import BatchArtifact
 from cutjoint_bench.generic.artifact import compile_generic_model
 from tests.conftest import MODELS, ROOT, needs_cpp
@@ -163,7 +163,7 @@ def test_a_file_a_model_and_an_artifact_are_as_good(monkeypatch: pytest.MonkeyPa
     artifact = compile_interpreted(model, find_scene(model, None))
     states = [cutjoint.find_initial_state(given)["slider.x"] for given in (PRESS, model, artifact)]
     assert states[1:] == states[:1] * 2
-    monkeypatch.setattr(compiled, "compile_scene", lambda model, scene, options: compile_interpreted(model, scene, method=options.method))
+    monkeypatch.setattr(batch, "compile_scene", lambda model, scene, options: compile_interpreted(model, scene, method=options.method))
     runs = [cutjoint.simulate(given, end=0.02, error=False) for given in (str(PRESS), model, artifact)]
     assert [list(run["slider.x"]) for run in runs[1:]] == [list(runs[0]["slider.x"])] * 2
     tunable = cutjoint.simulate(PRESS, tunable=["B.*"], parameters={"B.z": 0.05}, end=0.02, error=False, method="recursive-newton")
