@@ -22,12 +22,12 @@ from cutjoint.topology.search import Choice, Option
 from cutjoint.topology.spanning_tree import loops_of
 
 #: Axes closer than the first angle (rad) to parallel or perpendicular may have been meant so; those closer than the second one are.
-_NEAR, _SAME = 0.02, 1e-10
+_NEAR, _SAME = 0.01, 1e-10
 _SHOWN = 3  #: the number of named axes
 
 Loops = Sequence[tuple[Joint, Sequence[TreeJoint]]]
 #: A rate of violation below this share of the mechanism's size (at most 1 m) at a speed of 1 m/s or rad/s barely locks it.
-_NEAR = 0.01
+_BARELY = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,7 +159,7 @@ def describe_rigidity(equations: RecursiveEquations) -> str:
     if start is None or not start[1].size:
         return ""
     opening, values, speeds = np.linalg.svd(start[1], full_matrices=False)
-    if values[-1] > _NEAR * min(1.0, _extent(equations)):
+    if values[-1] > _BARELY * min(1.0, _extent(equations)):
         return ""
     speed, row = int(np.abs(speeds[-1]).argmax()), int(np.abs(opening[:, -1]).argmax())
     rate = values[-1] / abs(speeds[-1, speed])

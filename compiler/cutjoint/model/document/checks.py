@@ -244,7 +244,7 @@ def _without_broken(source: Source, found: list[_Flaw], drop: set[Path]) -> Shap
         new = {path for flaw, place in zip(found, places, strict=True) if not place for path in _left_out(flaw)} - drop
         if () in new or (found and not new and not any(places)):
             return None
-        for place in filter(None, {*places}):
+        for place in filter(None, dict.fromkeys(places)):
             outside = {path: index for path, index in stands.items() if path[: len(place)] != place}
             stands = {**outside, place: stands.get(place, -1) + 1}
         drop = drop | new
