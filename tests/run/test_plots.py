@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from cutjoint.model.records import Plot
 from cutjoint.package.errors import RunError
 from cutjoint.report import plots
 from cutjoint.report.plots import plot_run, read_others
-from cutjoint.run.display import in_units
+from cutjoint.run.display import in_units, unused_units
 from cutjoint.run.figures import Line, draw
 from cutjoint.run.results import Columns, Trajectory
 from tests.conftest import needs_cpp
@@ -141,6 +142,13 @@ def test_display_units_convert_columns_of_their_quantity_alone(drawn: list[Figur
     assert drawn[0].axes[0].get_ylabel() == "x [mm]"
 
 
+def test_display_units_that_no_output_has_are_named() -> None:
+    """A mass is no length; deg fits no ratio, and J no torque."""
+    units = ["m", "m/s", "", "N*m"]
+    assert unused_units(units, ["mm", "kg", "deg", "kJ"]) == ["kg", "deg", "kJ"]
+    assert unused_units([*units, "rad", "kg"], ["mm", "g", "deg"]) == []
+
+
 def test_yaw_in_plots_has_no_jumps_of_a_turn() -> None:
     angles = np.linspace(0, 20, 50)
     columns = {"bob.yaw": np.arctan2(np.sin(angles), np.cos(angles)), "pin.angle": 10 * T}
@@ -156,6 +164,17 @@ def test_yaw_in_plots_has_no_jumps_of_a_turn() -> None:
 def test_wrong_display_units_are_refused(units: list[str], fault: str) -> None:
     with pytest.raises(RunError, match=fault):
         in_units({}, {}, units)
+
+
+@needs_cpp
+def test_a_display_unit_without_an_output_is_said(tmp_path: Path) -> None:
+    (tmp_path / "swing.yaml").write_text(TEXT, encoding="utf-8")
+    words = ["simulate", "swing.yaml", "--scene", "fall", "--no-error", "--implementation", "interpreted", "--plots", "plots"]
+    for unit, said in {"kg": True, "mm": False}.items():
+        with chdir(tmp_path):
+            done = CliRunner().invoke(main, [*words, "--display", unit])
+        assert done.exit_code == 0, done.output
+        assert ("--display: no output of this run has the quantity of kg" in done.output) == said
 
 
 def test_display_units_without_plots_are_refused(tmp_path: Path) -> None:

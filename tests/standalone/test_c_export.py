@@ -207,6 +207,11 @@ def test_a_run_file_changes_the_run(press: Path) -> None:
     (press / "wrong.run").write_text("end 1\nparameter stifness 3\n")
     done = subprocess.run([program, "wrong.run"], cwd=press, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (1, "wrong.run:2: an index is out of range: parameter stifness 3\n")
+    for line in ("iterations nan", "iterations 2.5", "iterations 1e12", "end nan", "end inf", "end -1", "output_step inf", "step nan"):
+        (press / "wrong.run").write_text(f"{line}\n")
+        done = subprocess.run([program, "wrong.run"], cwd=press, capture_output=True, text=True, timeout=20)
+        assert (done.returncode, done.stdout) == (1, "")
+        assert re.fullmatch(rf"wrong\.run:1: [a-z].*: {re.escape(line)}\n", done.stderr)
 
 
 def test_a_project_takes_it_in_both_ways(tmp_path: Path) -> None:

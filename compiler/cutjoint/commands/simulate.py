@@ -99,6 +99,11 @@ def command(
         for name, value in tables.reported_facts(prepared.counts, prepared.compilation, run):
             console.print(f"{name}: {value}")
         console.print(tables.summary_line(prepared.compilation, run))
+    if display:
+        from cutjoint.run.display import unused_units
+
+        if unused := unused_units(run.units.values(), display):
+            console.print(f"--display: no output of this run has the quantity of {', '.join(unused)}")
     if plots is not None and run.t.size:
         from cutjoint.report.plots import plot_run
 

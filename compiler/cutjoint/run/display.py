@@ -1,7 +1,7 @@
 """Results in units for display, in plots and pages; result files keep the units of the model."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -46,7 +46,15 @@ def in_units(columns: Mapping[str, Array], units: Mapping[str, str], wanted: Seq
         if unit == "rad" and name.endswith(_WRAPPED):
             converted[name] = np.unwrap(converted[name])
         for other, one in found.items():
-            own = measure(1.0, unit or "1")
-            if one.dimension == own.dimension and _kind(other) == _kind(unit):
-                converted[name], names[name] = converted[name] * (own.value / one.value), other
+            if _fits(one, other, unit):
+                converted[name], names[name] = converted[name] * (measure(1.0, unit or "1").value / one.value), other
     return converted, names
+
+
+def unused_units(units: Iterable[str], wanted: Sequence[str]) -> list[str]:
+    """The ``wanted`` units whose quantity none of ``units`` has. Raises RunError: as for `read_units`."""
+    return [other for other, one in read_units(wanted).items() if not any(_fits(one, other, unit) for unit in units)]
+
+
+def _fits(one: Measure, other: str, unit: str) -> bool:
+    return one.dimension == measure(1.0, unit or "1").dimension and _kind(other) == _kind(unit)
