@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.export.laws import find_start
 from cutjoint.model.read import read_model
 from cutjoint.run.results import Trajectory
 from cutjoint.tasks.states import find_equilibrium
 from cutjoint.topology.build import build_topology
+from cutjoint_bench.export.starts import find_start
 from tests.conftest import DATA, MODELS, with_heavy
 from tests.physics.simulation import compile_model, compile_text, completed, read_reference, simulate
 

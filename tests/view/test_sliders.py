@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.analysis.closing import evaluate_closures
+from cutjoint.analysis.closing import design_coordinates, evaluate_closures
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.reading import read_model
@@ -87,11 +87,11 @@ WORDS = {"use", "strict", "const", "function", "return", "poses", "residual", "M
 
 
 def test_a_program_has_no_text_of_the_model() -> None:
-    model = read_model(PRESS)
-    sliders = make_sliders(model, model.scenes["turn"], {}, None)
+    first, second = (Mover(model=model, scene=model.scenes["turn"], parameters={}) for model in (read_model(PRESS), read_model(PRESS)))
+    sliders = make_sliders(first, design_coordinates(first.equations))
     assert sliders is not None
     assert {word for word in re.findall("[A-Za-z]+", sliders.script) if word not in WORDS} <= {"x", "e", "sin", "cos", "sqrt"}
-    assert sliders.script == getattr(make_sliders(read_model(PRESS), model.scenes["turn"], {}, None), "script", "")
+    assert sliders.script == getattr(make_sliders(second, design_coordinates(second.equations)), "script", "")
 
 
 #: Operations with their arguments, of x = 0.3, y = 0.7.

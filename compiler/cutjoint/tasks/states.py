@@ -26,7 +26,7 @@ from cutjoint.methods import LINEARISED, PLAIN_CLOSURE, Loops
 from cutjoint.model.expressions.quantities import POSE, Element, quantities, unit_of
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
+from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.failures import IncompleteError, describe_failure, is_impossible
 from cutjoint.run.modes import NotReachedError, linearise_at, point_of
 from cutjoint.run.record import RunFile
@@ -125,13 +125,15 @@ def _neutral(artifact: Artifact, run_file: RunFile, state: Mapping[str, Any]) ->
             yield at.names[i]
 
 
-def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
-    """The tree's coordinates at the static equilibrium of a scene, or where it is trimmed; errors as of `find_equilibrium`."""
-    scene = replace(scene, pose="equilibrium", rates={}) if scene.trim is None else scene
-    at_rest = with_loops(with_closure(replace(scene, end=0.0), PLAIN_CLOSURE), Loops.EXACT)
-    artifact = compile_interpreted(model, at_rest, outputs=[])
-    plan = make_simulator_run(artifact, PLAIN_STEPS, parameters)
-    run = require_end(start(replace(plan, with_coordinates=True)), artifact, parameters)
+def find_start_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
+    """The tree's coordinates where a scene starts.
+    Raises RunError: it has no start; SimulatorError, ToolchainError: as for a run.
+    """
+    chosen = with_loops(with_closure(replace(scene, end=0.0), PLAIN_CLOSURE), Loops.EXACT)
+    artifact = compile_interpreted(model, chosen, outputs=[])
+    run = start(replace(make_simulator_run(artifact, PLAIN_STEPS, parameters), with_coordinates=True))
+    if run.failure is not None:
+        raise RunError(_describe(run.failure, artifact, parameters))
     assert run.coordinates is not None
     return np.asarray(run.coordinates[0])
 

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.analysis.body_poses import BodyPose
-from cutjoint.analysis.closing import design_coordinates, make_inputs
+from cutjoint.analysis.closing import make_inputs
 from cutjoint.elements.interaction import Coil, Point, Ring, Wheel
 from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
@@ -23,7 +22,7 @@ from cutjoint.ops import OPERATIONS, fact
 from cutjoint.program.blocks import Block
 from cutjoint.program.lower import Lowering
 from cutjoint.program.scalars import Graph, Scalar
-from cutjoint.view.motions import Mover, quaternions_of
+from cutjoint.view.motions import Mover
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import find_sizes, named_visuals, point_of
 
@@ -52,12 +51,10 @@ class Sliders:
         return {name: list(value) for name, value in vars(self).items() if name != "script"}
 
 
-def make_sliders(model: Model, scene: Scene, parameters: Mapping[str, float], q: Array | None) -> Sliders | None:
-    """The sliders of a pose with coordinates ``q``, by default the design position; None where no coordinate has one."""
-    mover = Mover(model=model, scene=scene, parameters=parameters)
-    equations = mover.equations
-    q = design_coordinates(equations) if q is None else q
-    numbers = Numbers.of(model, scene, parameters)
+def make_sliders(mover: Mover, q: Array) -> Sliders | None:
+    """The sliders of a pose with coordinates ``q``; None where no coordinate has one."""
+    model, scene, equations = mover.model, mover.scene, mover.equations
+    numbers = Numbers.of(model, scene, mover.parameters)
     sliders = list(_sliders(model, equations, q, find_sizes(model, scene, numbers).extent))
     if not sliders:
         return None
@@ -113,20 +110,6 @@ def _others(model: Model, scene: Scene, numbers: Numbers) -> Iterator[dict[str, 
     for joint in model.joints:
         if joint.to is not None:
             yield {"name": joint.name, "from": at(joint.base, joint.at), "to": at(joint.follower, joint.to)}
-
-
-def coordinates_of(equations: RecursiveEquations, poses: Mapping[str, BodyPose], scalars: Mapping[str, Mapping[str, float]]) -> Array:
-    """The tree's coordinates of a pose: ``scalars`` by joint and name, quaternions from the bodies' rotations (1, 3, 3)."""
-    q = design_coordinates(equations)
-    tree = {t.joint.name: t for t in equations.topology.tree}
-    for chart in equations.charts:
-        q[chart.q : chart.q + chart.scalars] = [scalars[chart.joint][name] for name in chart.coordinate_names[: chart.scalars]]
-        if chart.ball:
-            t = tree[chart.joint]
-            inner = np.eye(3) if t.parent == GROUND else poses[t.parent].rotation[0]
-            x, y, z, w = quaternions_of((inner.T @ poses[t.child].rotation[0])[np.newaxis])[0]
-            q[chart.q + chart.scalars : chart.q + chart.scalars + 4] = [w, x, y, z]
-    return q
 
 
 def print_function(name: str, blocks: Sequence[Block], values: Mapping[str, Array], places: Mapping[str, int]) -> str:

@@ -16,7 +16,7 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.report.tasks import mode_figures, participants
 from cutjoint.run.results import MechanismState
-from cutjoint.tasks.states import find_resting_coordinates
+from cutjoint.tasks.states import find_start_coordinates
 from cutjoint.topology.build import build_topology
 from cutjoint.view.graph import Graph, draw_graph
 from cutjoint.view.motions import PERIOD, Motion, Mover, motion_times
@@ -70,7 +70,8 @@ def show_equilibrium(model: Model, scene: Scene, parameters: Mapping[str, float]
         ToolchainError, SimulatorError: as for a run.
     """
     mover = Mover(model=model, scene=scene, parameters=parameters)
-    end = find_resting_coordinates(model, scene, parameters)
+    resting = replace(scene, pose="equilibrium", rates={}) if scene.trim is None else scene
+    end = find_start_coordinates(model, resting, parameters)
     start = design_coordinates(mover.equations)
     shares = (1 - np.cos(2 * np.pi * motion_times() / PERIOD)) / 2
     rows = np.array([mover.closed(_between(mover.equations, start, end, share), np.zeros(0)) for share in shares])

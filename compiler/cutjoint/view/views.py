@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from cutjoint.analysis.body_poses import BodyPose, find_poses, find_spanned_poses
-from cutjoint.export.laws import Numbers, find_start
+from cutjoint.analysis.closing import design_coordinates
+from cutjoint.export.laws import Numbers
 from cutjoint.formulate.natural.poses import derive_spans
 from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.methods import METHODS, Formulation
 from cutjoint.model.expressions.quantities import bodies_of
-from cutjoint.model.records import COORDINATES, GROUND, Model, Scene
+from cutjoint.model.records import GROUND, Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.artifact import Artifact
@@ -23,8 +24,9 @@ from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import parameter_values
+from cutjoint.run.run_file import find_trim, parameter_values
 from cutjoint.run.scenes import ModelLike, load_model, method_of
+from cutjoint.tasks.states import find_start_coordinates
 from cutjoint.topology.build import build_topology
 from cutjoint.view.drawing import draw, find_camera
 from cutjoint.view.ghost import GhostRun, read_page
@@ -34,7 +36,7 @@ from cutjoint.view.motions import Motion, Mover, motion_times
 from cutjoint.view.page import LAST_ROWS, Drive, Failure, PlotColumn, find_failure, make_page
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import Placed, find_sizes
-from cutjoint.view.sliders import Sliders, coordinates_of, make_sliders
+from cutjoint.view.sliders import Sliders, make_sliders
 
 #: The suffixes of views.
 PAGE, GLTF = ".html", ".glb"
@@ -115,15 +117,14 @@ def show_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> V
         SimulatorError, ToolchainError: as for a run.
     """
     is_posed = scene.positions or scene.assemble or scene.trim
-    if scene.pose == "design" and not is_posed and all(joint.guide is None for joint in model.joints):
-        poses, q = {body.name: BodyPose(rotation=np.eye(3)[np.newaxis], shift=np.zeros((1, 3))) for body in model.bodies}, None
-    else:
-        starts, values = find_start(build_topology(model), scene, parameters)
-        poses = {name: BodyPose(rotation=s.rotation[np.newaxis], shift=s.shift[np.newaxis]) for name, s in starts.items()}
-        scalars = {joint.name: dict(zip(COORDINATES[joint.kind], values.get(joint.name, ()), strict=False)) for joint in model.joints}
-        q = coordinates_of(Mover(model=model, scene=scene, parameters=parameters).equations, poses, scalars)
-    sliders = make_sliders(model, scene, parameters, q)
-    return ViewSpec(model=model, scene=scene, parameters=parameters, t=np.zeros(1), poses=poses, sliders=sliders)
+    is_designed = scene.pose == "design" and not is_posed and all(joint.guide is None for joint in model.joints)
+    if scene.trim is not None:
+        model, scene, _ = find_trim(model, scene, parameters)
+    mover = Mover(model=model, scene=scene, parameters=parameters)
+    q = design_coordinates(mover.equations) if is_designed else find_start_coordinates(model, scene, parameters)
+    return ViewSpec(
+        model=model, scene=scene, parameters=parameters, t=np.zeros(1), poses=mover.poses(q[np.newaxis]), sliders=make_sliders(mover, q)
+    )  # fmt: skip
 
 
 def write_view(
