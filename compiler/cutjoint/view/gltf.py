@@ -28,10 +28,10 @@ def write_gltf(drawing: Drawing, motions: Mapping[str, Drawing] | None = None) -
     Its animation is "run", how the drawing moves, or those of ``motions`` by name: drawings of the same nodes.
     """
     writer = _Writer(drawing, {"run": drawing} if motions is None else motions)
-    return _packed(writer.document(), bytes(writer.buffer))
+    return packed(writer.document(), bytes(writer.buffer))
 
 
-def _packed(document: dict[str, Any], buffer: bytes) -> bytes:
+def packed(document: dict[str, Any], buffer: bytes) -> bytes:
     """The header and the chunks, each of a length that four divides."""
     text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)

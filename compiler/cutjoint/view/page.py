@@ -20,7 +20,6 @@ from cutjoint.package.locations import licence_of_musl, templates_folder
 from cutjoint.run.results import Trajectory
 from cutjoint.view import meshes
 from cutjoint.view.ghost import GhostRun
-from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import PERIOD, Motion
 from cutjoint.view.records import ALARM, Array, Node, Part
@@ -85,7 +84,7 @@ def make_page(
         "motions": [{"name": m.name, "facts": list(m.facts)} for m in motions], "period": PERIOD,
         **({"live": True} if is_live else {}), **({"drive": drive.facts} if drive else {}),
         "sliders": None if sliders is None else sliders.facts, "graph": None if graph is None else asdict(graph),
-        "over": None if ghost is None else {"name": ghost.name, "rows": int(ghost.drawing.t.size), "columns": list(ghost.columns)},
+        "over": None if ghost is None else {"name": ghost.name, "rows": int(ghost.t.size), "columns": list(ghost.columns)},
         "plots": [asdict(plot) for plot in plots if {plot.x, *plot.y} <= {"t", *(c.name for c in columns)}],
         "columns": [{"name": c.name, "unit": c.unit, "bodies": list(c.bodies)} for c in columns],
     }  # fmt: skip
@@ -95,7 +94,7 @@ def make_page(
     if drive is not None:
         data["module"] = _encoded(drive.module)
     if ghost is not None:
-        data |= {"over-glb": _encoded(write_gltf(ghost.drawing)), "over-table": as_table(ghost.drawing.t, [*ghost.columns.values()])}
+        data |= {"over-glb": _encoded(ghost.glb), "over-table": as_table(ghost.t, [*ghost.columns.values()])}
     return environment().get_template("view/page.html.jinja").render(
         title=escape(f"{title}, {scene}"), is_live=is_live, driving=drive is not None, notice="" if drive is None else licence_of_musl(),
         data=[(name, crc32(text.encode()), text) for name, text in data.items()],
