@@ -1,0 +1,468 @@
+"""Faults that are planted one by one, and the first test that sees each: what a quick selection of tests may not leave out.
+
+    python -m cutjoint_bench.studies.planted [NAMES...] [--jobs 2] [--all] [--every] [--list] [--out docs/evidence/measured]
+
+Each fault of `FAULTS` is a slip that changes results or safety and raises no error by itself.  It is planted into a worktree of the
+present commit, and the tests that should see it run there, those without a compiler first, until one fails or the CPU time is up.
+A test counts only if it passes without the fault; one that does not is left out, and the others go on.  ``--every`` goes on to the end
+and lists all tests that see a fault.  CPU times are those of tests; drivers are compiled before, each once, into a cache of the study's
+own, and the Python of a worktree has the packages of the Python that runs the study, but an installation of its own.
+Results of faults that ran before stay in planted.json; planted.txt is the same as a table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+from tempfile import TemporaryDirectory
+from threading import Lock
+from typing import Any
+
+from cutjoint.run.result_files import write_whole
+from cutjoint_bench.studies.checkout import ROOT
+from cutjoint_bench.studies.provenance import provenance
+
+#: CPU time (s) of the tests of a fault at most, and how long (s) a test may stand still on an idle machine.
+LIMIT, _STUCK = 240.0, 1800.0
+#: Passes over the tests of a fault: without a compiler, then with one.
+_PASSES = ("not heavy and not cpp", "not heavy and cpp")
+#: What compiles the drivers that interpret programs, for a pass with a compiler.
+_DRIVERS = """
+from cutjoint.toolchain.build import build_interpreter
+from cutjoint.toolchain.drivers import INTERPRETING
+for driver in INTERPRETING:
+    build_interpreter(driver)
+"""
+#: More tests than this that fail without the fault too say that the tree is broken.
+_UNSOUND = 5
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A slip: ``old`` stands once in a ``file`` and becomes ``new``; ``about`` is what goes wrong, ``tests`` should see it."""
+
+    name: str
+    file: str
+    old: str
+    new: str
+    about: str
+    tests: tuple[str, ...]
+
+
+_C = "compiler/cutjoint/"
+_R = "runtime/include/cutjoint/"
+
+FAULTS = (
+    # Kernels and equations
+    Fault("joint_drift", f"{_C}kernels/joints.py", "w.cross(added[:3, :]) + v.cross(added[3:, :])", "w.cross(added[:3, :])",
+          "the drift of a joint lacks what its slides add to its turns",
+          ("tests/formulate/test_against_dense.py", "tests/formulate/test_against_pinocchio.py", "tests/formulate/test_energy.py")),
+    Fault("joined_inertia", f"{_C}formulate/recursive/forces.py", "steiner = one.mass * other.mass / mass * (", "steiner = other.mass * (",
+          "a rotor and its carrier in one: the other's mass in place of the reduced mass",
+          ("tests/formulate/test_rotors.py", "tests/formulate/test_against_dense.py", "tests/physics/test_drivetrain.py")),
+    Fault("thrust_radius", f"{_C}formulate/recursive/friction.py", "force.thrust_radius / force.bearing_radius",
+          "force.bearing_radius / force.thrust_radius", "the thrust of a bearing adds to its load by the inverse ratio of radii",
+          ("tests/physics/test_friction.py", "tests/physics/test_friction_by_hand.py", "tests/compile_run/test_friction.py")),
+    Fault("loop_damping", f"{_C}formulate/recursive/loops.py",
+          "b.mul(b.number(2.0), b.mul(numbers.damping_ratio, numbers.frequency))", "b.mul(numbers.damping_ratio, numbers.frequency)",
+          "the stabilisation of loops damps half as much as it says",
+          ("tests/formulate/test_against_dense.py", "tests/formulate/test_natural.py", "tests/formulate/test_proximal.py")),
+    Fault("natural_tangent", f"{_C}formulate/natural/forces.py", "for leaf in (motion.x, motion.v))", "for leaf in (motion.v, motion.x))",
+          "stiffness and damping of a force are swapped in the tangent of natural coordinates",
+          ("tests/formulate/test_natural.py", "tests/physics/test_lagrangian.py", "tests/runtime/test_lagrangian.py")),
+    Fault("implicit_turning", f"{_C}formulate/implicit/contributions.py",
+          "b.scale(b.add(mass, mass), k.velocity(body.name, c))", "b.scale(mass, k.velocity(body.name, c))",
+          "half of the velocity products is missing in the tangent of relative coordinates",
+          ("tests/formulate/test_implicit.py", "tests/physics/test_implicit.py", "tests/physics/test_recursive_newton.py")),
+    Fault("transposed_weights", f"{_C}formulate/transposed.py",
+          "graph.add(weights[r.scalar], weight) if r.scalar in weights else weight", "weight",
+          "of two results with the same scalar only the last counts in adjoints",
+          ("tests/program/test_transposed.py", "tests/standalone/test_run_adjoints.py")),
+    # Forces
+    Fault("bushing_image", f"{_C}elements/forces/bushing.py", "(*mirror.signs, *(-sign for sign in mirror.signs))",
+          "(*mirror.signs, *mirror.signs)", "rotations of a mirrored bushing have the signs of displacements",
+          ("tests/formulate/test_mirror.py", "tests/model/test_bushings.py", "tests/model/test_instances.py", "tests/images")),
+    Fault("contact_frame", f"{_C}elements/interactions/touch.py",
+          'b.letter(b.sub(displacement.v, b.cross(turning, displacement.x)), "u")', 'b.letter(displacement.v, "u")',
+          "the rate of a contact is not seen from its turning base",
+          ("tests/formulate/test_against_dense.py", "tests/formulate/test_energy.py", "tests/physics/test_contacts.py")),
+    Fault("tyre_camber", f"{_C}elements/interactions/road_contact.py",
+          "b.neg(b.add(b.mul(cornering, slip), b.mul(thrust, camber)))", "b.neg(b.sub(b.mul(cornering, slip), b.mul(thrust, camber)))",
+          "camber thrust to the wrong side",
+          ("tests/formulate/test_against_dense.py", "tests/physics/test_tyre_ranges.py", "tests/physics/test_fitted_tyre.py")),
+    # Models and files of robots
+    Fault("compound_inertia", f"{_C}model/elements/mass.py",
+          "inertia += lump.inertia + _steiner(lump.mass, _displacement((x, y, z), lump.centre))", "inertia += lump.inertia",
+          "shapes of a body lack their parallel-axis terms", ("tests/model/test_mass.py", "tests/model/test_shapes.py")),
+    Fault("curve_slopes", f"{_C}model/expressions/curves.py",
+          "(steps[k + 1] * secants[k] + steps[k] * secants[k + 1])", "(steps[k] * secants[k] + steps[k + 1] * secants[k + 1])",
+          "slopes of curves over uneven points weigh the wrong secant more",
+          ("tests/model/test_functions.py", "tests/model/test_laws.py", "tests/model/test_files.py")),
+    Fault("attitude_product", f"{_C}model/scenes/starts.py", "a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]",
+          "a[0] * b[1] + a[1] * b[0] - a[2] * b[3] + a[3] * b[2]", "Euler angles of a start about the wrong axes",
+          ("tests/model/test_attitudes.py", "tests/physics/test_starts.py")),
+    Fault("urdf_inertia", f"{_C}importing/urdf.py", "at.rotation @ own @ at.rotation.T", "at.rotation.T @ own @ at.rotation",
+          "inertias of a URDF are turned the wrong way round", ("tests/importing/test_urdf.py", "tests/export/test_urdf.py")),
+    Fault("sdf_axis", f"{_C}importing/sdf.py", "self._pose(name).rotation.T @ self._pose(found).rotation @ axis",
+          "self._pose(name).rotation @ self._pose(found).rotation @ axis", "axes of an SDF that are expressed in another frame",
+          ("tests/importing/test_sdf.py",)),
+    # Analyses
+    Fault("trim_bounds", f"{_C}analysis/trims.py", "return np.clip(y, self._lower, self._upper), share", "return y, share",
+          "the unknowns of a trim leave their bounds", ("tests/physics/test_trims.py",)),
+    Fault("redundant_rank", f"{_C}analysis/redundancy.py", "rank = max(p.rank for p in poses)", "rank = min(p.rank for p in poses)",
+          "what depends in one pose counts as dependent in all",
+          ("tests/analysis/test_redundancy.py", "tests/analysis/test_check.py", "tests/analysis/test_shaky.py")),
+    Fault("proof_bound", f"{_C}analysis/embedding/certificate.py", "2 * twice[i]", "twice[i]",
+          "a certificate with too small bounds of second derivatives holds", ("tests/analysis/test_proof.py",)),
+    # Programs and code
+    Fault("scale_rule", f"{_C}program/differentiate.py", "(lambda d: b.scale(s, d), (yield a)), (lambda d: b.mul(a, d), (yield s))",
+          "(lambda d: b.scale(s, d), (yield a))", "the derivative of a scaled column lacks that of the factor",
+          ("tests/program/test_differentiate.py", "tests/formulate/test_natural.py")),
+    Fault("loop_places", f"{_C}program/loops.py", "return step if all(step.at(k) == p for k, p in enumerate(places)) else None",
+          "return step", "a loop of code reads places as regular that are not",
+          ("tests/program/test_loops.py", "tests/compile_run/test_loops.py")),
+    Fault("divisor", f"{_C}emit/printer.py", "/{self.text(a[1], _UNARY)}", "/{self.text(a[1], _PRODUCT)}",
+          "a divisor that is a product loses its parentheses: a/b*c",
+          ("tests/compile_run/test_generated.py", "tests/standalone/test_c99.py")),
+    # Tools
+    Fault("eigenvalue_scale", f"{_C}stepping/values.py", "[w @ change @ v / (w @ v) for change in changes]",
+          "[w @ change @ v for change in changes]", "derivatives of eigenvalues depend on the lengths of their vectors",
+          ("tests/standalone/test_start_derivatives.py",)),
+    Fault("sobol_sets", f"{_C}sweeps/designs.py", "np.where(np.arange(first.shape[1]) == i, second, first)",
+          "np.where(np.arange(first.shape[1]) == i, first, second)", "Sobol' indices by the complementary sets of points",
+          ("tests/sweeps/test_indices.py",)),
+    Fault("damaged_part", f"{_C}sweeps/parts.py", "return content if is_sealed(BytesIO(content), label) else None", "return content",
+          "rows of a damaged part of a sweep are taken", ("tests/sweeps/test_parts.py",)),
+    Fault("lag_sign", f"{_C}fits/residuals.py", "derivatives = derivatives - rate[:, np.newaxis] * by_lag",
+          "derivatives = derivatives + rate[:, np.newaxis] * by_lag", "derivatives by a delay have the wrong sign",
+          ("tests/fits/test_fit.py",)),
+    Fault("guide_armature", f"{_C}tasks/inverse.py", "law=-j.armature * guide_rates(j.guide[0], model)[2]",
+          "law=-j.armature * guide_rates(j.guide[0], model)[1]", "the armature of a prescribed joint resists its rate",
+          ("tests/physics/test_inverse.py", "tests/fits/test_motion.py")),
+    Fault("port_unit", f"{_C}coupling/run.py", "(port, values[name] * sizes[name])", "(port, values[name])",
+          "controllers read outputs in the model's units", ("tests/coupling/test_with.py", "tests/coupling/test_systems.py")),
+    Fault("guard_border", f"{_C}reduce/guards.py", "return None if is_strict and not _vanishes(value, margin) else (margin,)",
+          "return (margin,)", "a force that acts at the border of its guard is taken out", ("tests/reduce/test_guards.py",)),
+    Fault("quaternion_sides", f"{_C}view/motions.py", "return np.asarray(q * signs[:, np.newaxis])", "return np.asarray(q)",
+          "bodies of a page turn the long way round between rows", ("tests/view/test_gltf.py", "tests/view/test_motions.py")),
+    Fault("phase_unit", f"{_C}report/response.py", "np.radians(response.phase[:, i, j])", "response.phase[:, i, j]",
+          "the table of a frequency response has degrees under rad",
+          ("tests/report/test_response_table.py", "tests/standalone/test_frequency_response.py")),
+    Fault("stale_binary", f"{_C}toolchain/build.py",
+          "runtime_digest(part=source.driver), *compiler.key, *resolve(flags), *kind.key])\n    return cache_folder()",
+          "runtime_digest(part=source.driver), *compiler.key, *kind.key])\n    return cache_folder()",
+          "a simulator with other flags is found in the cache",
+          ("tests/toolchain/test_flags.py", "tests/toolchain/test_compiler.py", "tests/toolchain/test_warm.py")),
+    Fault("fmu_dependencies", f"{_C}export/fmu/variables.py", 'positions=rates or direct.has("q:")', 'positions=direct.has("q:")',
+          "an FMU does not say that outputs by speeds depend on places", ("tests/fmu/test_exchange.py", "tests/fmu/test_archive.py")),
+    # Runtime and templates
+    Fault("error_weight", f"{_R}core/runge_kutta/tables.hpp", "{71, 1920}", "{17, 1920}",
+          "adaptive steps follow a wrong estimate of their error", ("tests/runtime/test_tables.py", "tests/physics/test_explicit.py")),
+    Fault("radau_memory", f"{_R}core/radau/stages.hpp", "    parted_w_ = memory.parted_w;\n", "",
+          "coupled stages go on from a snapshot with the scale of another tangent",
+          ("tests/standalone/test_held.py", "tests/standalone/test_integrators.py", "tests/standalone/test_simulation.py")),
+    Fault("adjoint_mean", f"{_R}core/derivatives/adjoint.hpp",
+          "by_.vdot[i] += share.begin * by_mean[i], by_.mean[i] += share.mean * by_mean[i];", "by_.vdot[i] += share.begin * by_mean[i];",
+          "adjoints of rules that average forget the average before", ("tests/standalone/test_run_adjoints.py",)),
+    Fault("event_time", f"{_R}core/derivatives/substep_derivatives.hpp", "move(dt_end_, q_, v_);", "move(dt_begin_, q_, v_);",
+          "derivatives over an event move with the time of the event before", ("tests/standalone/test_event_derivatives.py",)),
+    Fault("impact_rank", f"{_R}core/constraints/impacts.hpp", "squares.decompose(std::max(Real(1e-10), 1024 * epsilon()));",
+          "squares.decompose(std::max(Real(1e-2), 1024 * epsilon()));", "impacts leave directions out that loops hardly constrain",
+          ("tests/physics/test_impacts.py", "tests/standalone/test_impacts.py")),
+    Fault("sample_again", f"{_R}core/inputs/sampling.hpp", "static_cast<long>(std::floor(passed)) + 1;",
+          "static_cast<long>(std::floor(passed));", "a controller takes the sample of a time that a host has set once more",
+          ("tests/physics/test_controllers.py", "tests/standalone/test_inputs.py", "tests/standalone/test_held.py")),
+    Fault("road_spread", f"{_R}core/roads/surface.hpp", "t_v = -(at.lean + at.spread * t) * d;", "t_v = -at.lean * d;",
+          "slopes of a curved road ignore how its cross sections spread",
+          ("tests/physics/test_road_surfaces.py", "tests/model/test_roads.py")),
+    Fault("lane_sum", f"{_R}core/numbers/lanes.hpp", "for (int k = 1; k < N; ++k) total += a[k];",
+          "for (int k = 1; k + 1 < N; ++k) total += a[k];", "sums over two or eight lanes lack the last one",
+          ("tests/compile_run/test_generated.py", "tests/sweeps/test_lanes.py")),
+    Fault("energy_exchanged", f"{_R}energy_balance.hpp", "exchanged += weights[i] * h * abs(power);",
+          "exchanged += weights[i] * h * power;",
+          "energy that forces take is no energy known: motions seem to run away, or not to", ("tests/physics/test_energy.py",)),
+    Fault("kept_factors", f"{_R}core/newton/newton.hpp", "std::min(tolerated, std::max(apart / Real(100), rounding))",
+          "std::max(tolerated, std::max(apart / Real(100), rounding))", "iterations with kept factors end early, and their rest adds up",
+          ("tests/physics/test_recursive_newton.py", "tests/standalone/test_simulation.py", "tests/physics/test_implicit.py")),
+    Fault("c99_input", "templates/c99/model.c.jinja", "(rate + since / 2.0 * acceleration)", "(rate + since * acceleration)",
+          "inputs with an acceleration run ahead in C99", ("tests/standalone/test_c99.py",)),
+    Fault("fmu_finite", "templates/fmu/instance.cpp.jinja",
+          '  if (!(value - value == 0.0)) return "the value is not finite: value reference";\n', "",
+          "an FMU takes values that are no numbers", ("tests/fmu/test_wrong_calls.py",)),
+    Fault("page_click", "templates/view/page/bodies.js", "1 - (y / picture.clientHeight) * 2", "(y / picture.clientHeight) * 2 - 1",
+          "a click on a page meets what is mirrored at the middle of the picture", ("tests/view/test_page.py",)),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checkout:
+    """A worktree of the present commit with its Python, and the cache that the study's tests share."""
+
+    folder: Path
+    cache: Path
+    python: str = sys.executable
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """The variables of tests: modules come from here, not from the tree whose Python runs."""
+        paths = os.pathsep.join(str(self.folder / part) for part in ("compiler", "measuring"))
+        flags = os.environ.get("CUTJOINT_FLAGS", "-O1")  # as tests have them
+        return {**os.environ, "PYTHONPATH": paths, "CUTJOINT_CACHE": str(self.cache), "CUTJOINT_FLAGS": flags}
+
+    def require_own_modules(self) -> None:
+        """Raises RuntimeError: Python finds the modules of another tree here."""
+        code = "import cutjoint, cutjoint_bench; print(cutjoint.__file__, cutjoint_bench.__file__, sep='\\n')"
+        command = [self.python, "-c", code]
+        found = subprocess.run(command, cwd=self.folder, env=self.environment, check=True, stdout=subprocess.PIPE, text=True).stdout
+        if not all(Path(line).is_relative_to(self.folder) for line in found.splitlines()):
+            raise RuntimeError(f"Python in {self.folder} finds {found.split()}")
+
+    @contextmanager
+    def planted(self, fault: Fault) -> Iterator[None]:
+        """The fault in its file, which is as it was afterwards. Raises RuntimeError: its text does not stand there once."""
+        file = self.folder / fault.file
+        text = file.read_text(encoding="utf-8")
+        if text.count(fault.old) != 1:
+            raise RuntimeError(f"{fault.name}: its text stands {text.count(fault.old)} times in {fault.file}")
+        file.write_text(text.replace(fault.old, fault.new), encoding="utf-8")
+        try:
+            yield
+        finally:
+            file.write_text(text, encoding="utf-8")
+
+    def run_tests(self, tests: Sequence[str], selected: str, left: float, more: Sequence[str]) -> Outcome:
+        """Run tests until their CPU time (s) is up. Raises RuntimeError: pytest does not know them."""
+        words = ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", selected, *more, *tests]
+        status, text, seconds, in_time = self._run(words, left)
+        if status == 4:
+            raise RuntimeError(f"{' '.join(words)}: {text[-2000:]}")
+        seen = re.findall(r"^(?:FAILED|ERROR) (\S+?(?:\[.*?\])?)(?: - .*)?$", text, re.MULTILINE)
+        return Outcome(list(dict.fromkeys(seen)), seconds, in_time)
+
+    def build_drivers(self) -> float:
+        """Build the drivers that interpret programs as the worktree has them; returns their CPU time (s)."""
+        return self._run(["-c", _DRIVERS], float("inf"))[2]
+
+    def _run(self, words: Sequence[str], left: float) -> tuple[int, str, float, bool]:
+        """Status and output of Python, its CPU time (s) and whether it ended in time."""
+        with (self.folder.parent / f"{self.folder.name}.log").open("w+b") as log:
+            process = subprocess.Popen(
+                [self.python, *words], cwd=self.folder, env=self.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+                start_new_session=True,
+            )  # fmt: skip
+            seconds, in_time = _wait(process, left)
+            log.seek(0)
+            return process.returncode, log.read().decode("utf-8", "replace"), seconds, in_time
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The tests that failed, their CPU time (s), and whether they came to their end."""
+
+    seen: Sequence[str]
+    seconds: float
+    in_time: bool
+
+
+def _wait(process: subprocess.Popen[bytes], left: float) -> tuple[float, bool]:
+    """The CPU time (s) of a process and all that it started, and whether it ended before that was up; else it is killed."""
+    begun, in_time, used = time.monotonic(), True, 0.0
+    while True:
+        pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+        if pid:
+            process.returncode = os.waitstatus_to_exitcode(status)
+            return usage.ru_utime + usage.ru_stime if in_time else used, in_time
+        used = max(used, cpu_seconds(process.pid))
+        if in_time and (used > left or time.monotonic() - begun > _STUCK):
+            in_time = False
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+        time.sleep(0.2)
+
+
+def cpu_seconds(root: int) -> float:
+    """The CPU time (s) of a running process, its descendants, and those of them that have ended."""
+    parents, ticks = dict[int, int](), dict[int, int]()
+    for place in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = place.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+            number = int(place.parent.name)
+            parents[number], ticks[number] = int(fields[1]), sum(map(int, fields[11:15]))
+    own, found = [root], 0
+    for number in own:
+        found += ticks.get(number, 0)
+        own += [child for child, parent in parents.items() if parent == number]
+    return found / os.sysconf("SC_CLK_TCK")
+
+
+def examine(checkout: Checkout, fault: Fault, *, every: bool) -> dict[str, Any]:
+    """Plant a fault and find the first test that sees it, or all; the CPU time is that of the tests with the fault."""
+    seen, unsound, seconds, in_time, built = list[str](), list[str](), 0.0, True, 0.0
+    stop = () if every else ("-x",)
+    for selected in _PASSES:
+        if selected == _PASSES[1] and (checkout.folder / "runtime").is_dir():
+            built = checkout.build_drivers()
+            with checkout.planted(fault):
+                built += checkout.build_drivers()
+        while in_time and len(unsound) <= _UNSOUND:
+            with checkout.planted(fault):
+                left_out = [word for test in (*seen, *unsound) for word in ("--deselect", test)]
+                outcome = checkout.run_tests(fault.tests, selected, LIMIT - seconds, (*stop, *left_out))
+            seconds, in_time = seconds + outcome.seconds, outcome.in_time
+            wrong = _failing_anyway(checkout, outcome.seen, selected)
+            unsound += wrong
+            seen += [test for test in outcome.seen if test not in wrong]
+            if every or seen or not wrong:
+                break
+        if seen and not every:
+            break
+    return {
+        "fault": fault.name, "about": fault.about, "file": fault.file, "seen_by": seen, "cpu_seconds": round(seconds, 1),
+        "drivers_seconds": round(built, 1), "in_time": in_time, **({"fail_without": unsound} if unsound else {}),
+    }  # fmt: skip
+
+
+def _failing_anyway(checkout: Checkout, tests: Sequence[str], selected: str) -> list[str]:
+    """The tests that fail without a fault too."""
+    whole = [test for test in tests if "::" in test or (checkout.folder / test).exists()]
+    return list(checkout.run_tests(whole, selected, LIMIT, ()).seen) if whole else []
+
+
+@contextmanager
+def checkouts(number: int) -> Iterator[list[Checkout]]:
+    """Worktrees of the present commit in a temporary folder, which are gone afterwards."""
+    with TemporaryDirectory(prefix="planted-") as place:
+        top = Path(place).resolve()
+        folders = [top / f"tree{i}" for i in range(number)]
+        made = [Checkout(folder=each, cache=top / "cache", python=str(each / ".venv" / "bin" / "python")) for each in folders]
+        try:
+            for one in made:
+                _git("worktree", "add", "--quiet", "--detach", str(one.folder), "HEAD")
+                _make_python(one.folder / ".venv")
+                one.require_own_modules()
+            yield made
+        finally:
+            for one in made:
+                subprocess.run(["git", "-C", str(ROOT), "worktree", "remove", "--force", str(one.folder)], check=False)
+
+
+def _make_python(place: Path) -> None:
+    """A Python with the packages and programs of this one, and a copy of its drivers: tests may build or remove drivers there."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", "--symlinks", str(place)], check=True)
+    own = Path(sysconfig.get_path("purelib", vars={"base": str(place)}))
+    (own / "others.pth").write_text(f"import site; site.addsitedir({sysconfig.get_path('purelib')!r})\n", encoding="utf-8")
+    for program in (Path(sys.prefix) / "bin").iterdir():
+        target = place / "bin" / program.name
+        if program.is_file() and not target.exists():
+            line = f"#!{sys.prefix}/".encode()
+            content = program.read_bytes()
+            target.write_bytes(content.replace(line, f"#!{place}/".encode(), 1) if content.startswith(line) else content)
+            target.chmod(program.stat().st_mode)
+    drivers = Path(sys.prefix) / "share" / "cutjoint"
+    if drivers.is_dir():
+        shutil.copytree(drivers, place / "share" / "cutjoint")
+
+
+def _git(*words: str) -> str:
+    return subprocess.run(["git", "-C", str(ROOT), *words], check=True, stdout=subprocess.PIPE, text=True).stdout.strip()
+
+
+def table_of(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows as text: a fault, what sees it, CPU seconds."""
+    lines = [("fault", "seen by", "CPU s")]
+    for row in rows:
+        missed = "MISSED" if row["in_time"] else "MISSED in the time"
+        first, *others = row["seen_by"] or [missed]
+        lines += [(row["fault"], first, f"{row['cpu_seconds']:.1f}"), *(("", test, "") for test in others)]
+    widths = [max(len(line[i]) for line in lines) for i in (0, 1)]
+    return "".join(f"{a:{widths[0]}}  {b:{widths[1]}}  {c:>6}".rstrip() + "\n" for a, b, c in lines)
+
+
+class Results:
+    """The rows of faults, written after each; those of faults that ran before stay."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._lock = folder, Lock()
+        file = folder / "planted.json"
+        known = json.loads(file.read_text(encoding="utf-8"))["faults"] if file.is_file() else []
+        self._rows: dict[str, dict[str, Any]] = {row["fault"]: row for row in known}
+        self._of = f"{provenance()}, commit {_git('rev-parse', '--short', 'HEAD')}"
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """All rows in the order of the faults."""
+        return [self._rows[fault.name] for fault in FAULTS if fault.name in self._rows]
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Print a row, and write all."""
+        with self._lock:
+            self._rows[row["fault"]] = row
+            print(table_of([row]).partition("\n")[2], end="", flush=True)
+            write_whole(self._folder / "planted.json", json.dumps({"of": self._of, "faults": self.rows}, indent=1) + "\n")
+            write_whole(self._folder / "planted.txt", f"{self._of}\n\n{table_of(self.rows)}")
+
+
+def perform(faults: Sequence[Fault], results: Results, jobs: int, *, every: bool) -> None:
+    """Examine faults, some side by side, each in a worktree that no other uses meanwhile."""
+    with checkouts(min(jobs, len(faults))) as made:
+        idle: SimpleQueue[Checkout] = SimpleQueue()
+        for one in made:
+            idle.put(one)
+
+        def work(fault: Fault) -> None:
+            checkout = idle.get()
+            try:
+                results.add(examine(checkout, fault, every=every))
+            finally:
+                idle.put(checkout)
+
+        with ThreadPoolExecutor(len(made)) as pool:
+            try:
+                for done in [pool.submit(work, fault) for fault in faults]:
+                    done.result()
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+
+
+def main() -> None:
+    """Print and write the table; the exit status is 1 where a fault is missed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAMES", help="faults; --list prints them")
+    parser.add_argument("--all", action="store_true", help="all faults")
+    parser.add_argument("--every", action="store_true", help="find all tests that see a fault, not the first alone")
+    parser.add_argument("--list", action="store_true", help="print the faults, and plant none")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="faults side by side")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "evidence" / "measured", metavar="FOLDER")
+    asked = parser.parse_args()
+    if unknown := {*asked.names} - {fault.name for fault in FAULTS}:
+        parser.error(f"there is no fault {', '.join(sorted(unknown))}")
+    chosen = [fault for fault in FAULTS if asked.all or fault.name in asked.names]
+    if asked.list or not chosen:
+        print("".join(f"{fault.name:20}{fault.about} ({fault.file})\n" for fault in chosen or FAULTS), end="")
+        return
+    results = Results(asked.out.resolve())
+    perform(chosen, results, max(1, asked.jobs), every=asked.every)
+    print(f"\n{table_of(results.rows)}", end="")
+    missed = [row["fault"] for row in results.rows if not row["seen_by"]]
+    if missed:
+        print(f"\n{len(missed)} MISSED: {', '.join(missed)}")
+    raise SystemExit(bool(missed))
+
+
+if __name__ == "__main__":
+    main()
