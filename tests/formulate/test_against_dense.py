@@ -76,7 +76,8 @@ def assert_same_step(blocks: BlockMechanism, dense: DenseMechanism, at: Instant,
     A cut joint of bodies that cannot move against each other has a Jacobian of nothing but the oracle's rounding, and a step of that.
     """
     expected, condition = dense.project(at, gap, numerics)
-    of_rounding = 8 * EPS * numerics.penalty * np.abs(gap).sum() / (np.diag(dense.inertia(dense.motion(at))[0]).min() if dense.nv else 1.0)
+    diagonal = np.diag(dense.inertia(dense.motion(at))[0]) + numerics.penalty * np.sum(dense.closures(at).jacobian ** 2, axis=0)
+    of_rounding = 8 * EPS * numerics.penalty * np.abs(gap).sum() / np.min(diagonal, initial=np.inf)
     error = np.abs(blocks.project(at, gap, numerics) - expected)
     assert np.max(error, initial=0.0) < (1e-11 + 50 * EPS * condition) * max(np.max(np.abs(expected), initial=0.0), 0.01) + of_rounding
 
