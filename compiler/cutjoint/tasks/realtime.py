@@ -67,7 +67,7 @@ class StepTimes:
 
     @property
     def missed_by_steps(self) -> int:
-        """The number of steps that would have ended late had each begun as soon as it could."""
+        """The number of late steps, without those that were late only because the operating system delayed a start."""
         missed, late = 0, 0.0
         for took in self.durations:
             late = max(late, 0.0) + took - self.period
