@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from cutjoint.cli import main
 from cutjoint.model.errors import ModelError
-from cutjoint.model.read import read_model_text
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Plot
 from cutjoint.package.errors import RunError
 from cutjoint.report import plots
@@ -164,6 +164,28 @@ def test_yaw_in_plots_has_no_jumps_of_a_turn() -> None:
 def test_wrong_display_units_are_refused(units: list[str], fault: str) -> None:
     with pytest.raises(RunError, match=fault):
         in_units({}, {}, units)
+
+
+@needs_cpp
+def test_a_model_names_its_display_units(drawn: list[Figure], tmp_path: Path) -> None:
+    """Plots have them, of a prepared run too, and the option's in their place."""
+    path = tmp_path / "swing.yaml"
+    path.write_text(TEXT.replace("outputs:", "display: [mm, km/h]\noutputs:"), encoding="utf-8")
+    assert read_model(path).display == ("mm", "km/h")
+    words = ["simulate", str(path), "--scene", "again", "--no-error", "--implementation", "interpreted", "--plots", str(tmp_path)]
+    labels = []
+    for options in ([], [], ["--display", "cm"]):
+        drawn.clear()
+        done = CliRunner().invoke(main, [*words, *options])
+        assert done.exit_code == 0, done.output
+        labels.append({axis.get_ylabel() for figure in drawn for axis in figure.axes})
+    assert labels[0] == labels[1] == {"x [mm]", "z [mm]", "vx [km/h]"}
+    assert labels[2] == {"x [cm]", "z [cm]", "vx [m/s]"}
+
+
+def test_wrong_display_units_of_a_model_are_errors_of_their_line() -> None:
+    with pytest.raises(ModelError, match=r"swing\.yaml:6:\d+: model: display: 'mm' and 'cm' are units of one quantity"):
+        read_model_text(TEXT.replace("outputs:", "display: [mm, cm]\noutputs:"), "swing.yaml")
 
 
 @needs_cpp

@@ -187,7 +187,7 @@ def prepare(artifact: Artifact, requested: Options, parameters: Mapping[str, flo
         model=model.name, counts=counts, places=artifact.places, compilation=artifact.compilation,
         dependent_parts=changing_parts(model, artifact.scene), inputs=tuple(p.name for p in input_parameters(model)),
         units={p.name: p.unit for p in (*tunable_parameters(model), *input_parameters(model))},
-        run=make_simulator_run(artifact, requested, parameters), plots=artifact.scene.plots,
+        run=make_simulator_run(artifact, requested, parameters), plots=artifact.scene.plots, display=model.display,
         files={name: sha256(text.encode()).hexdigest() for name, text in model.files.items() if not name.startswith(SHIPPED)},
     )  # fmt: skip
 

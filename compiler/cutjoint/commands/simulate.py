@@ -108,7 +108,7 @@ def command(
         from cutjoint.report.plots import plot_run
 
         title = f"{prepared.model}, {prepared.compilation.scene}"
-        console.print(f"plots: {', '.join(map(str, plot_run(run, title, plots, prepared.plots, others, display)))}")
+        console.print(f"plots: {', '.join(map(str, plot_run(run, title, plots, prepared.plots, others, display or prepared.display)))}")
     if view is not None and run.t.size:
         from cutjoint.commands.replay import write_replay
 

@@ -61,7 +61,8 @@ class PreparedRun:
     ``counts`` are the model's by name, ``places`` has where each joint stands in the model file.  ``dependent_parts`` are the parts of
     the run file that depend on tunable parameters (`changing_parts`); if there are none, parameters are changed in the run file alone.
     ``files`` are the digests of the files that the model file names.  ``inputs`` are the names of the model's inputs, which can be held
-    constant there too; ``units`` are those of inputs and tunable parameters, ``plots`` the pictures that the scene names.
+    constant there too; ``units`` are those of inputs and tunable parameters, ``plots`` the pictures that the scene names, ``display`` their
+    units.
     """
 
     model: str
@@ -74,6 +75,7 @@ class PreparedRun:
     run: SimulatorRun
     files: Mapping[str, str]
     plots: "tuple[Plot, ...]" = ()
+    display: tuple[str, ...] = ()
 
     def accepts(self, parameters: Mapping[str, float]) -> bool:
         """Return whether parameters can be changed, and inputs set to constants, without the model."""
@@ -190,7 +192,7 @@ def _from_json(data: Mapping[str, Any]) -> PreparedRun:
         model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
         compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"]), "start": Start(**compilation["start"])}),
         dependent_parts=tuple(data["dependent_parts"]), inputs=tuple(data["inputs"]), units=data["units"], files=data["files"],
-        plots=tuple(_plot(plot) for plot in data["plots"]),
+        plots=tuple(_plot(plot) for plot in data["plots"]), display=tuple(data["display"]),
         run=SimulatorRun(**{
             **run, "simulator": cache_folder() / run["simulator"] / "simulator", "run_file": RunFile.of(run["run_file"]),
             "others": [Settings.of(other) for other in run["others"]],

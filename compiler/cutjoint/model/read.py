@@ -17,7 +17,7 @@ from cutjoint.model.errors import Problems
 from cutjoint.model.expressions.dependencies import check_levels
 from cutjoint.model.expressions.scope import Element
 from cutjoint.model.expressions.tunable import TunableNumbers
-from cutjoint.model.expressions.units import ACCELERATION
+from cutjoint.model.expressions.units import ACCELERATION, UnitError, display_units
 from cutjoint.model.files.referenced import with_files
 from cutjoint.model.records import Model, Span
 from cutjoint.model.scenes.build import read_scenes
@@ -57,6 +57,10 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, tuna
     scenes, reported = read_scenes(document, expansion)
     root = Element(expansion.scope, "model", document.name, ())
     gravity = root.triple(document.gravity, ACCELERATION, ("gravity",))
+    try:
+        display_units(document.display)
+    except UnitError as error:
+        root.fail(f"display: {error}", "such as [deg, mm, km/h]", ("display",))
     for problem in tunables.problems(tunable, Span(file=file, line=1, column=1)) if not shaped.removed else ():
         problems.add(problem.span, problem.element, problem.message, problem.hint)
     # one check of the whole
@@ -67,6 +71,7 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, tuna
     model = Model(
         name=document.name,
         gravity=gravity,
+        display=document.display,
         parameters=(*expansion.parameters, *tunables.parameters.values()),
         derived=expansion.derived,
         bodies=elements.bodies,

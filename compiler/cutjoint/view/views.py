@@ -54,7 +54,7 @@ class ViewSpec:
 
     ``poses`` are those of its bodies at times ``t`` (times,), s, ``columns`` those of a table at these times, ``failure`` the reason of the
     run's stop, ``motions`` are about the pose of the first time.  ``note`` is said beside the scene, ``graph`` is the topology, ``sliders``
-    change the pose.  Columns are shown in the units of ``display`` where these fit.
+    change the pose.  Columns are shown in the units of ``display``, by default the model's, where these fit.
     """
 
     model: Model
@@ -196,9 +196,10 @@ def _content(kind: str, shown: ViewSpec, ghost: GhostRun | None, *, is_live: boo
 
 def _displayed(shown: ViewSpec, ghost: GhostRun | None) -> tuple[list[PlotColumn], GhostRun | None]:
     """The columns of a page in its units, and a ghost with its columns of these units."""
-    values, units = in_units({c.name: c.values for c in shown.columns}, {c.name: c.unit for c in shown.columns}, shown.display)
+    display = shown.display or shown.model.display
+    values, units = in_units({c.name: c.values for c in shown.columns}, {c.name: c.unit for c in shown.columns}, display)
     if ghost is not None:
-        others, named = in_units(ghost.columns, ghost.units, shown.display)
+        others, named = in_units(ghost.columns, ghost.units, display)
         ghost = replace(ghost, columns={name: others[name] for name in others if units.get(name, named[name]) == named[name]})
     return [replace(c, values=values[c.name], unit=units[c.name]) for c in shown.columns], ghost
 

@@ -470,6 +470,7 @@ class Document(Elements):
     cutjoint: Literal[1]
     name: Name
     gravity: Triple
+    display: tuple[Unit, ...] = ()
     parameters: dict[ParameterName, ParameterEntry] = Field(default={})
     functions: dict[TermName, SuppliedFunction] = Field(default={})
     submodels: dict[Name, Submodel] = Field(default={})

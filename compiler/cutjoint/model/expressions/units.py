@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache
@@ -19,6 +19,8 @@ from cutjoint.model.text import UNSIGNED
 _BASE = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[temperature]": "K",
          "[substance]": "mol", "[luminosity]": "cd"}  # fmt: skip
 _ANGLES = re.compile(r"rad|deg|turn|rev|rpm")
+#: Units of one dimension that measure different quantities.
+_KINDS = (re.compile(r"rad|deg|turn|rev|rpm|arc|grad"), re.compile(r"J|Wh|cal"), re.compile(r"Hz"))
 _NUMBER = rf"[-+]?{UNSIGNED}"
 _FACTOR = r"[A-Za-z]+(?:(?:\^|\*\*)-?[0-9]{1,2})?"
 _FACTORS = rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR})*"
@@ -181,6 +183,24 @@ def measure(value: float, unit: str) -> Measure:
     if not math.isfinite(si):
         raise UnitError(f"'{value} {unit}' is out of range")
     return Measure(si, dimension, unit if size == 1.0 else "rad" if dimension == NONE else str(dimension))
+
+
+def kind_of_unit(unit: str) -> tuple[bool, ...]:
+    """What tells quantities of one dimension apart: angles and numbers, energies and torques, frequencies."""
+    return tuple(bool(kind.search(unit)) for kind in _KINDS)
+
+
+def display_units(wanted: Sequence[str]) -> Mapping[str, Measure]:
+    """The size and dimension of units for display. Raises UnitError: one is unknown, has an offset, or is of an earlier one's quantity."""
+    found: dict[str, Measure] = {}
+    for unit in wanted:
+        one = measure(1.0, unit)
+        if measure(0.0, unit).value:
+            raise UnitError(f"'{unit}' has an offset")
+        if rivals := [u for u, other in found.items() if other.dimension == one.dimension and kind_of_unit(u) == kind_of_unit(unit)]:
+            raise UnitError(f"'{rivals[0]}' and '{unit}' are units of one quantity; name one of them")
+        found[unit] = one
+    return found
 
 
 def _common(unit: str) -> tuple[float, Dimension] | None:
