@@ -232,7 +232,7 @@ class StateSpace(LinearModel):
     Attributes:
         A, B, C, D: (n, n), (n, inputs), (outputs, n), (outputs, inputs); n is twice the degrees of freedom plus first-order states.
         x, y: (n,), (outputs,) the states and outputs about which it holds; `simulation.states.array - x` is the change.
-        states, inputs, outputs: names; states are independent coordinates, their rates, first-order states.
+        states, inputs, outputs: names; states are independent coordinates, their rates, and first-order states.
         units: by the names of inputs and outputs.
         places: x and y (m) of inputs that are the height under one wheel or move one joint.
     """
