@@ -29,7 +29,8 @@ These errors are not repeated below.
 * A wrong model, scene or study raises `ModelError` or `EquationsError`. `RunError`: there is no such scene, method or
   integrator, or a parameter cannot be set.
 * A failing compiler raises `ToolchainError`, a missing one its subclass `MissingToolsError`, a failed simulator
-  `SimulatorError`, a file that cannot be written `OutputError`, and a signal `Interrupted` or `Terminated`.
+  `SimulatorError`, a file that cannot be written `OutputError`, and SIGINT or SIGTERM
+  `Interrupted` or `Terminated`.
 * Members of `Simulation` that need a state raise `SimulationError` before its first `reset`; so does a failed step.
   Derivatives raise `TypeError` unless the model was loaded with `linearise`, adjoint sensitivities with `adjoint`, poses
   with `poses`. In a singular pose, derivatives raise `SimulationError`.

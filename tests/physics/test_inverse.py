@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cutjoint.compile.interpreted import compile_interpreted
-from cutjoint.model.records import Model
+from cutjoint.model.records import Model, Output
 from cutjoint.package.errors import RunError
 from cutjoint.run.scenes import find_case
 from cutjoint.run.simulation import simulate
@@ -88,6 +88,26 @@ def test_several_solutions_and_none() -> None:
         inverse_dynamics(model, scene="move", drives=["jx"])
 
 
+def test_drives_may_be_joints_that_stand_still_or_would_be_cut() -> None:
+    """All sets of drives have one power; a constant law is a motion as any other if its joint is named."""
+    text = FIVE_BAR.replace("POSITIONS", "rates: {}").replace("  part:", '  bent: {end: 1, output_step: 0.25, drive: {ja: "0.3*sin(3*t)", jb: "0"}}\n  part:')
+    model = read_model_text(text, "five_bar.yaml")
+    columns = [f"{name}.angle_rate" for name in ("ja", "jb", "jc", "jd", "je")]
+    powers = []
+    for drives in (("ja", "jc"), ("ja", "je"), ("jd", "je"), ("ja", "jb")):
+        found = inverse_dynamics(model, scene="move", drives=drives)
+        case, scene = find_case(model, "move")
+        outputs = [Output(element=c.partition(".")[0], quantity="angle_rate", span=model.span) for c in columns]
+        run = simulate(compile_interpreted(case, scene, outputs=outputs), error=False)
+        powers.append(sum(found[name] * run[f"{name}.angle_rate"] for name in drives))
+    for power in powers[1:]:
+        assert power == pytest.approx(powers[0], rel=1e-8, abs=1e-8)
+    named = inverse_dynamics(model, scene="bent", drives=["ja", "jb"])
+    moving = inverse_dynamics(read_model_text(text.replace('jb: "0"', 'jb: "1e-30*t"'), "five_bar.yaml"), scene="bent")
+    assert named["jb"] == pytest.approx(moving["jb"], rel=1e-9)
+    assert named["ja"] == pytest.approx(moving["ja"], rel=1e-9)
+
+
 def test_a_pendulum_in_closed_form(tmp_path: Path) -> None:
     text = """
 cutjoint: 1
@@ -95,9 +115,15 @@ name: pendulum
 gravity: [0, 0, -9.81]
 bodies: {arm: {mass: 2, centre_of_mass: [0.5, 0, 0], inertia: [0.01, 0.1, 0.1]}}
 joints: {pin: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: y, armature: 0.4}}
-scenes: {turn: {end: 1, output_step: 0.1, drive: {pin: "sin(t)"}}}
+scenes:
+  turn: {end: 1, output_step: 0.1, drive: {pin: "sin(t)"}}
+  hold: {end: 0.1, output_step: 0.1, positions: {pin.angle: 30 deg}, lock: [pin]}
+  stand: {end: 0.1, output_step: 0.1, drive: {pin: 30 deg}}
 """
-    found = inverse_dynamics(read_model_text(text, "pendulum.yaml"))
+    model = read_model_text(text, "pendulum.yaml")
+    for scene in ("hold", "stand"):  # where nothing moves, the torque that holds
+        assert inverse_dynamics(model, scene=scene)["pin"] == pytest.approx(-2 * 9.81 * 0.5 * np.cos(np.pi / 6), abs=1e-10)
+    found = inverse_dynamics(model, scene="turn")
     angle = np.sin(found.t)
     expected = (0.1 + 2 * 0.25 + 0.4) * -np.sin(found.t) - 2 * 9.81 * 0.5 * np.cos(angle)
     assert found["pin"] == pytest.approx(expected, abs=1e-10)

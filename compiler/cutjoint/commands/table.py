@@ -354,7 +354,7 @@ OPTIONS: Mapping[str, Row] = {
     "inverse.scene": click.option("--scene", metavar="NAME", help="Scene that prescribes the motion. Default: the only one."),
     "inverse.out": click.option("--out", type=_CSV, help="CSV file with the forces over time; units are written beside it."),
     "drives": click.option("--drives", metavar="JOINTS",
-        help="Actuated joints, whose forces are found, as FIRST,SECOND. Default: those that the scene moves."),
+        help="Actuated joints, whose forces are found, as FIRST,SECOND. Default: those that the scene moves, or else drives or locks."),
     "axle": click.option("--axle", metavar="NAME",
         help="Axle: a text in the names of its wheels alone; or front or rear; or its two bodies as LEFT,RIGHT. Default: the only one."),
     "travel": click.option("--travel", type=Setting("travel"), default=0.05, show_default=True,

@@ -63,7 +63,7 @@ def inverse_dynamics(
     They act in addition to the friction, springs and loads of the model.
 
     Args:
-        drives: joints with one coordinate; default: those that the scene moves.
+        drives: joints with one coordinate; default: those that the scene moves, or if none moves those that it drives or locks.
 
     Raises:
         RunError: the scene leaves some motion free, the drives cannot bring it about, or a joint has not just one coordinate.
@@ -102,14 +102,16 @@ def guide_terms(model: Model, joint: Joint) -> list[tuple[Output, Scalar]]:
 
 
 class InverseDynamics:
-    """One search: ``moved`` are the joints whose guides follow the time or inputs; guides that stand still are locks, and stay."""
+    """One search: ``moved`` are the joints whose guides follow the time or inputs, or are drives; if there are none, those that the scene
+    drives or locks.  Other guides that stand still are locks, and stay."""
 
     def __init__(self, model: Model, scene: Scene, parameters: Mapping[str, float], drives: tuple[str, ...]) -> None:
         self._scene, self._parameters = with_loops(scene, Loops.EXACT), parameters
         joints = {joint.name: joint for joint in model.joints}
         self._numbers = {p.symbol: self._parameters.get(p.name, p.value) for p in model.parameters}
         moving = {TIME, *(p.symbol for p in input_parameters(model))}
-        self.moved = [j for j in model.joints if any(sympy.sympify(guide).free_symbols & moving for guide in j.guide or ())]
+        moves = {j.name for j in model.joints if any(sympy.sympify(guide).free_symbols & moving for guide in j.guide or ())} or scene.guides
+        self.moved = [j for j in model.joints if j.guide is not None and (j.name in moves or j.name in drives)]
         if not self.moved:
             raise RunError(f"scene '{scene.name}' prescribes no motion; give it drive: {{joint: law of t}}")
         if unknown := next((name for name in drives if name not in joints), ""):
@@ -118,7 +120,8 @@ class InverseDynamics:
         for joint in (*self.moved, *self.drives):
             if len(joint.element.coordinates) != 1:
                 raise RunError(f"joint '{joint.name}' has {plural(len(joint.element.coordinates), 'coordinate')}, where a drive has one")
-        self._model = with_guide_forces(model, [j.name for j in self.moved])
+        in_tree = tuple(replace(j, cut=False) if j.name in drives and j.cut is None else j for j in model.joints)
+        self._model = with_guide_forces(replace(model, joints=in_tree), [j.name for j in self.moved])
 
     def find(self, end: float | None) -> Drives:
         """The forces at the rows of the run."""
