@@ -102,8 +102,11 @@ def guide_terms(model: Model, joint: Joint) -> list[tuple[Output, Scalar]]:
 
 
 class InverseDynamics:
-    """One search: ``moved`` are the joints whose guides follow the time or inputs, or are drives; if there are none, those that the scene
-    drives or locks.  Other guides that stand still are locks, and stay."""
+    """One search for the forces of drives.
+
+    ``moved`` are the joints whose guides follow the time or inputs, or are drives; if none moves, those that the scene drives or locks.
+    Other guides that stand still are locks, and stay.
+    """
 
     def __init__(self, model: Model, scene: Scene, parameters: Mapping[str, float], drives: tuple[str, ...]) -> None:
         self._scene, self._parameters = with_loops(scene, Loops.EXACT), parameters
