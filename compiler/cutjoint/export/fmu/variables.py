@@ -29,7 +29,7 @@ _POSE = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Variable:
     """A real variable in the words of the standard; its value reference is its place among all.
 
@@ -83,7 +83,7 @@ class Interface:
     @property
     def variables(self) -> tuple[Variable, ...]:
         """All of them; their places are their value references.  The model's names stay, others give way to them."""
-        time = Variable(name="time", causality="independent", variability="continuous", description="Time", unit="s", start=None)
+        time = Variable("time", "independent", "continuous", "Time", "s", None)
         taken = {v.name for v in (*self.parameters, *self.inputs, *self.outputs)}
         fixed = [_beside(taken, v) for v in (time, *self.settings, *map(_of_start, self.starts))]
         exchanged = [_beside(taken, v) for v in (*self.poses, *self.rates, *self.states, *self.derivatives, *self.indicators)]
@@ -100,13 +100,8 @@ def make_interface(equations: RecursiveEquations, run_file: RunFile, dofs: int |
     """The variables of a C export: those for model exchange too if it has degrees of freedom, and the poses of ``posed`` elements.
     Raises RunError: an input has no finite value at the start.
     """
-    parameters = tuple(
-        Variable(
-            name=p.name, causality="parameter", variability="tunable", description="Parameter of the model", unit=p.unit,
-            start=float(run_file.parameters[p.name]),
-        )
-        for p in equations.parameters
-    )  # fmt: skip
+    values = ((p, float(run_file.parameters[p.name])) for p in equations.parameters)
+    parameters = tuple(Variable(p.name, "parameter", "tunable", "Parameter of the model", p.unit, value) for p, value in values)
     settings, starts, inputs = tuple(_settings(run_file)), tuple(_starts(equations, run_file)), _inputs(equations)
     counts = (len(parameters), len(settings), len(starts), len(inputs))
     outputs = _outputs(equations, starts, counts)
@@ -168,9 +163,7 @@ def _rates(value: Variable) -> tuple[Variable, Variable]:
 
 
 def _local(name: str, description: str, dependencies: tuple[int, ...] = ()) -> Variable:
-    return Variable(
-        name=name, causality="local", variability="continuous", description=description, unit=_PLAIN, start=None, dependencies=dependencies
-    )  # fmt: skip
+    return Variable(name, "local", "continuous", description, _PLAIN, None, dependencies)
 
 
 def _settings(run_file: RunFile) -> Iterator[Variable]:
@@ -182,9 +175,7 @@ def _settings(run_file: RunFile) -> Iterator[Variable]:
         absolute = "Error of a step relative to nominal values (1 in SI units near a metre)"
         settings.append(("absolute_tolerance", absolute, "", of_run.absolute_tolerance or of_run.tolerance))
     for name, description, unit, value in settings:
-        yield Variable(
-            name=f"integrator.{name}", causality="parameter", variability="tunable", description=description, unit=unit, start=float(value)
-        )
+        yield Variable(f"integrator.{name}", "parameter", "tunable", description, unit, float(value))
 
 
 def _starts(equations: RecursiveEquations, run_file: RunFile) -> Iterator[Start]:
@@ -199,22 +190,15 @@ def _starts(equations: RecursiveEquations, run_file: RunFile) -> Iterator[Start]
 
 def _of_start(start: Start) -> Variable:
     what = VALUE if start.name.endswith(f".{VALUE}") else start.kind
-    return Variable(
-        name=f"start.{start.name}", causality="parameter", variability="fixed", description=f"The {what} at the start",
-        unit=start.unit, start=start.value,
-    )  # fmt: skip
+    return Variable(f"start.{start.name}", "parameter", "fixed", f"The {what} at the start", start.unit, start.value)
 
 
 def _inputs(equations: RecursiveEquations) -> tuple[Variable, ...]:
     model, scene = equations.topology.model, equations.scene
     laws, value = input_functions(model, scene), Evaluator(model, {})
-    return tuple(
-        Variable(
-            name=p.name, causality="input", variability="continuous", description="Input of the model", unit=p.unit,
-            start=value(laws[p.symbol].subs(TIME, 0), f"{scene.span}: scene '{scene.name}': input '{p.name}' at the start"),
-        )
-        for p in equations.inputs
-    )  # fmt: skip
+    where = f"{scene.span}: scene '{scene.name}': input"
+    starts = ((p, value(laws[p.symbol].subs(TIME, 0), f"{where} '{p.name}' at the start")) for p in equations.inputs)
+    return tuple(Variable(p.name, "input", "continuous", "Input of the model", p.unit, start) for p, start in starts)
 
 
 def _outputs(equations: RecursiveEquations, starts: Sequence[Start], counts: tuple[int, int, int, int]) -> tuple[Variable, ...]:
@@ -232,12 +216,9 @@ def _outputs(equations: RecursiveEquations, starts: Sequence[Start], counts: tup
 
     found_by_column = find_dependencies(equations, [s.name for s in starts])
     return tuple(
-        Variable(
-            name=c.name, causality="output", variability="continuous", description=f"{o.quantity} of {o.element}", unit=c.unit, start=None,
-            dependencies=initial(found),
-        )
+        Variable(c.name, "output", "continuous", f"{o.quantity} of {o.element}", c.unit, None, initial(found))
         for c, o, found in zip(equations.columns, equations.outputs, found_by_column, strict=True)
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
