@@ -12,7 +12,6 @@ from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import RunError, ToolchainError
 from cutjoint.run.artifact import Artifact
-from cutjoint.toolchain.platforms import machine
 from cutjoint_bench.cases import falling_steps
 from cutjoint_bench.cutjoint_contenders import OwnRunner
 from cutjoint_bench.drift import compile_for_drift, measure_drift
@@ -20,6 +19,7 @@ from cutjoint_bench.failures.atlas import Grid, map_case, suggest_grid
 from cutjoint_bench.failures.outcomes import identify
 from cutjoint_bench.failures.trials import Situation, try_situation
 from cutjoint_bench.fixed_point import predict_limit
+from cutjoint_bench.machine import machine
 from cutjoint_bench.measure import extent, largest_step, measure_point
 from cutjoint_bench.paper import PAPER_STEPS
 from cutjoint_bench.progress import Say, part_of, silently

@@ -145,7 +145,7 @@ def another_compiler(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def another_processor(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutjoint.reduce.choose.machine", lambda: {"processor": "another"})
+    monkeypatch.setattr("cutjoint.reduce.choose.processor", lambda: ("another",))
 
 
 @pytest.mark.parametrize("change", [another_source, another_flag, another_compiler, another_processor])

@@ -27,7 +27,7 @@ from cutjoint.run.scenes import with_closure, with_default_closure
 from cutjoint.run.settings import accuracy_of, find_closure
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
-from cutjoint.toolchain.platforms import machine
+from cutjoint.toolchain.compiler import processor
 
 SHARE = 0.8  #: the share of the accuracy that a choice may use; the rest is for the error of the reference
 LONGEST, SHORTEST = 16, 2**-9  #: range of tried steps, as multiples of the scene's step for the method, longest first
@@ -145,7 +145,7 @@ def _own(scene: Scene, chosen: Candidate) -> dict[str, float]:
 
 def _cache_path(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
     """The file of a choice in the cache: by model, code of functions, scene, compiler, flags, and the machine that times it."""
-    about = (model.content, model.code, asdict(scene), sorted(parameters.items()), build_provenance(), machine())
+    about = (model.content, model.code, asdict(scene), sorted(parameters.items()), build_provenance(), processor())
     return cache_folder() / "choices" / f"{sha256(repr(about).encode()).hexdigest()[:32]}.json"
 
 

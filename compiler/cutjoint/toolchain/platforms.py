@@ -1,9 +1,8 @@
-"""Platforms that code is compiled for: this machine's, and others by Debian's cross-compilers; and the machine that times are of."""
+"""Platforms that code is compiled for: this machine's, and others by Debian's cross-compilers."""
 
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain.compiler import Compiler, ask_version, find_compiler, find_tool, require_tools
@@ -11,8 +10,6 @@ from cutjoint.toolchain.compiler import Compiler, ask_version, find_compiler, fi
 _AVX2 = ("-mavx2", "-mfma")
 #: GCC does not align the stack for AVX on Windows (its bug 54412); the assembler writes moves that take any address.
 _UNALIGNED = "-Wa,-muse-unaligned-vector-move"
-#: The names of a processor's widest vector registers, by CPU flag.
-_VECTORS = {"avx512f": "AVX-512", "avx2": "AVX2"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,19 +69,3 @@ PLATFORMS: Mapping[str, Platform] = {
 def name_here() -> str | None:
     """The name of this machine's platform; None if it has none."""
     return next((name for name, known in PLATFORMS.items() if known.is_here()), None)
-
-
-def machine() -> Mapping[str, str]:
-    """This machine: processor, its cores, system."""
-    return {"processor": _processor(), "system": platform.system(), "python": platform.python_version()}
-
-
-def _processor() -> str:
-    cores, vectors, name, known = 0, "", platform.processor() or platform.machine(), Path("/proc/cpuinfo")
-    for line in known.read_text(encoding="utf-8").splitlines() if known.exists() else ():
-        key, _, value = (part.strip() for part in line.partition(":"))
-        cores += key == "processor"
-        name = value if key == "model name" else name
-        if key == "flags":
-            vectors = next((f" with {words}" for flag, words in _VECTORS.items() if flag in value.split()), "")
-    return f"{name}{vectors}, {cores} cores" if cores else name

@@ -32,7 +32,7 @@ from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import Steps, at_step
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.cache import runtime_digest
-from cutjoint.toolchain.platforms import machine
+from cutjoint_bench.machine import machine
 from cutjoint_bench.store import Record, Store
 from cutjoint_bench.studies.checkout import DOCS, MODELS, RESULTS
 

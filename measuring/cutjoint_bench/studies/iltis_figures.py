@@ -20,9 +20,9 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.roads import profile_pieces
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.states import find_equilibrium
-from cutjoint.toolchain.platforms import machine
 from cutjoint_bench.generic.artifact import compile_generic_model
 from cutjoint_bench.generic.build import measuring_digest
+from cutjoint_bench.machine import machine
 from cutjoint_bench.studies.checkout import DATA, MODELS
 
 MODEL = MODELS / "iltis.yaml"

@@ -20,8 +20,8 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator import call_simulator
-from cutjoint.toolchain.platforms import machine
 from cutjoint_bench.driver import ADDED_SOLVERS, ALL_SOLVERS
+from cutjoint_bench.machine import machine
 from cutjoint_bench.progress import progress_bar
 from cutjoint_bench.studies.checkout import MODELS
 

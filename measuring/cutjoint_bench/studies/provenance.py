@@ -8,7 +8,7 @@ from cutjoint.package.locations import __version__
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import runtime_digest
 from cutjoint.toolchain.compiler import find_compiler
-from cutjoint.toolchain.platforms import machine
+from cutjoint_bench.machine import machine
 
 
 def provenance(flags: Sequence[str] = FLAGS) -> str:

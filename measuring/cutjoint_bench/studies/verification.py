@@ -10,7 +10,7 @@ from cutjoint.compile.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
-from cutjoint.toolchain.platforms import machine
+from cutjoint_bench.machine import machine
 from cutjoint_bench.studies.problems import PROBLEMS, Errors, Problem, measure_errors, observed_orders
 
 REPETITIONS = 7
