@@ -81,7 +81,7 @@ class ForceNodes(Placed):
     def _ring(self, force: Force, name: str, visual: Ring) -> Node:
         """A ring that rotates with its frame's body."""
         ring = meshes.revolved([(0.8, -0.5), (1.3, -0.5), (1.3, 0.5), (0.8, 0.5), (0.8, -0.5)])
-        mesh = Mesh(points=1.2 * self.sizes.joint * ring.points, normals=ring.normals, faces=ring.faces)
+        mesh = Mesh(points=1.2 * self.sizes.joint * ring.points, faces=ring.faces)
         rotated = mesh.moved(rotation_to(point_of(self.numbers, visual.frame.of(force)[2])), np.zeros(3))
         rotation = quaternions_of(self.poses[visual.frame.body(force)].rotation)
         return self._node(name, (Part(mesh=rotated, colour=JOINT),), self.point(force, visual.at), rotation)
@@ -125,8 +125,8 @@ class ForceNodes(Placed):
             for shade, colour in enumerate((*ROAD, *ICE)):
                 kept = cells == shade
                 if kept.any():
-                    mesh = Mesh(points=whole.points, normals=whole.normals, faces=whole.faces[kept])
-                    parts.append(Part(mesh=mesh, colour=colour, roughness=1.0))
+                    used, faces = np.unique(whole.faces[kept], return_inverse=True)
+                    parts.append(Part(mesh=Mesh(points=whole.points[used], faces=faces.reshape(-1, 3)), colour=colour, roughness=1.0))
         return Node(name="road", parts=tuple(parts), translation=np.zeros((1, 3)), about={"road": True})
 
 

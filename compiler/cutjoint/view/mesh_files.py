@@ -44,14 +44,11 @@ def _placed(body: Body, visual: Visual, numbers: Numbers) -> Mesh:
     placed = _triangles(body, visual) @ axes + point_of(numbers, visual.at)
     if np.linalg.det(axes) < 0:
         placed = placed[:, ::-1]
-    normals = np.cross(placed[:, 1] - placed[:, 0], placed[:, 2] - placed[:, 0])
-    sizes = np.linalg.norm(normals, axis=1)
-    kept = sizes > 0
+    kept = np.linalg.norm(np.cross(placed[:, 1] - placed[:, 0], placed[:, 2] - placed[:, 0]), axis=1) > 0
     if not kept.any():
         raise _problem(body, visual, "has no triangle with an area", "write it in metres, or give a scale")
-    normals = normals[kept] / sizes[kept, np.newaxis]
     points = placed[kept].reshape(-1, 3)
-    return Mesh(points=points, normals=np.repeat(normals, 3, axis=0), faces=np.arange(len(points)).reshape(-1, 3))
+    return Mesh(points=points, faces=np.arange(len(points)).reshape(-1, 3))
 
 
 def _triangles(body: Body, visual: Visual) -> Array:

@@ -15,34 +15,25 @@ _AROUND = 20
 _DRAWN = 8.0
 
 
-def _grid_faces(rows: int, columns: int) -> Faces:
-    """Two triangles for each cell of a grid of (rows, columns) points."""
-    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
-    a = (i * columns + j).ravel()
-    b, c, d = a + 1, a + columns, a + columns + 1
-    return np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
+def _grid_faces(rows: int, columns: int, *, closes: bool = True) -> Faces:
+    """Two triangles for each cell of a grid of (rows, columns) points, whose last column is beside the first one if it ``closes``."""
+    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns if closes else columns - 1), indexing="ij")
+    a, b = (i * columns + j).ravel(), (i * columns + (j + 1) % columns).ravel()
+    return np.concatenate([np.stack([a, b, b + columns], axis=1), np.stack([a, b + columns, a + columns], axis=1)])
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one."""
     firsts = np.cumsum([0, *(len(m.points) for m in meshes[:-1])])
-    return Mesh(
-        points=np.concatenate([m.points for m in meshes]), normals=np.concatenate([m.normals for m in meshes]),
-        faces=np.concatenate([m.faces + first for m, first in zip(meshes, firsts, strict=True)]),
-    )  # fmt: skip
+    faces = [m.faces + first for m, first in zip(meshes, firsts, strict=True)]
+    return Mesh(points=np.concatenate([m.points for m in meshes]), faces=np.concatenate(faces))
 
 
 def revolved(profile: Sequence[tuple[float, float]], around: int = _AROUND) -> Mesh:
     """The surface that a profile of points (radius, z) sweeps about z, upwards outside, with an edge at each point."""
-    angle = np.linspace(0.0, tau, around + 1)
-    parts = []
-    for (r0, z0), (r1, z1) in pairwise(profile):
-        out, up = z1 - z0, r0 - r1
-        length = float(np.hypot(out, up))
-        rows = [np.stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)], axis=1) for r, z in ((r0, z0), (r1, z1))]
-        normals = np.stack([np.cos(angle) * out, np.sin(angle) * out, np.full_like(angle, up)], axis=1) / length
-        parts.append(Mesh(points=np.concatenate(rows), normals=np.concatenate([normals, normals]), faces=_grid_faces(2, around + 1)))
-    return joined(parts)
+    angle = np.linspace(0.0, tau, around, endpoint=False)
+    rows = [np.stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)], axis=1) for r, z in profile]
+    return joined([Mesh(points=np.concatenate(pair), faces=_grid_faces(2, around)) for pair in pairwise(rows)])
 
 
 def cylinder(radius: float, length: float, around: int = _AROUND) -> Mesh:
@@ -55,9 +46,9 @@ def cylinder(radius: float, length: float, around: int = _AROUND) -> Mesh:
 def sphere(radius: float) -> Mesh:
     """A sphere."""
     rows = 11
-    theta, phi = np.meshgrid(np.linspace(-pi / 2, pi / 2, rows), np.linspace(0.0, tau, _AROUND + 1), indexing="ij")
-    normals = np.stack([np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), np.sin(theta)], axis=-1).reshape(-1, 3)
-    return Mesh(points=radius * normals, normals=normals, faces=_grid_faces(rows, _AROUND + 1))
+    theta, phi = np.meshgrid(np.linspace(-pi / 2, pi / 2, rows), np.linspace(0.0, tau, _AROUND, endpoint=False), indexing="ij")
+    points = radius * np.stack([np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), np.sin(theta)], axis=-1)
+    return Mesh(points=points.reshape(-1, 3), faces=_grid_faces(rows, _AROUND))
 
 
 def box(a: float, b: float, c: float) -> Mesh:
@@ -69,7 +60,7 @@ def box(a: float, b: float, c: float) -> Mesh:
             normal, u = sign * np.eye(3)[axis], np.eye(3)[(axis + 1) % 3]
             v = np.cross(normal, u)
             corners = np.array([normal - u - v, normal + u - v, normal + u + v, normal - u + v]) * half
-            sides.append(Mesh(points=corners, normals=np.tile(normal, (4, 1)), faces=np.array([[0, 1, 2], [0, 2, 3]])))
+            sides.append(Mesh(points=corners, faces=np.array([[0, 1, 2], [0, 2, 3]])))
     return joined(sides)
 
 
@@ -115,7 +106,7 @@ def _polygon(corners: Array, normal: Array) -> Mesh:
     right = (corners[0] - middle) / np.linalg.norm(corners[0] - middle)
     around = np.argsort(np.arctan2((corners - middle) @ np.cross(normal, right), (corners - middle) @ right))
     faces = np.array([[0, i, i + 1] for i in range(1, len(corners) - 1)])
-    return Mesh(points=corners[around], normals=np.broadcast_to(normal, corners.shape), faces=faces)
+    return Mesh(points=corners[around], faces=faces)
 
 
 @cache
@@ -135,8 +126,7 @@ def coil(radius: float) -> Mesh:
     path = np.stack([reach * np.cos(tau * turns * s), reach * np.sin(tau * turns * s), end + (1 - 2 * end) * s], axis=1)
     long = np.array([1.0, 1.0, _DRAWN * radius])
     tube = _tube(np.concatenate([[[0.0, 0.0, 0.0]], path, [[0.0, 0.0, 1.0]]]) * long, radius / 6)
-    normals = tube.normals * long
-    return Mesh(points=tube.points / long, normals=normals / np.linalg.norm(normals, axis=1, keepdims=True), faces=tube.faces)
+    return Mesh(points=tube.points / long, faces=tube.faces)
 
 
 def _tube(path: Array, radius: float) -> Mesh:
@@ -150,11 +140,9 @@ def _tube(path: Array, radius: float) -> Mesh:
         first = first - (first @ direction) * direction
         first /= np.linalg.norm(first)
         across[i] = first
-    around = np.linspace(0.0, tau, sides + 1)[np.newaxis, :, np.newaxis]
-    normals = np.cos(around) * across[:, np.newaxis] + np.sin(around) * np.cross(ahead, across)[:, np.newaxis]
-    points = path[:, np.newaxis] + radius * normals
-    faces = _grid_faces(len(path), sides + 1)
-    return Mesh(points=points.reshape(-1, 3), normals=normals.reshape(-1, 3), faces=faces)
+    around = np.linspace(0.0, tau, sides, endpoint=False)[np.newaxis, :, np.newaxis]
+    out = np.cos(around) * across[:, np.newaxis] + np.sin(around) * np.cross(ahead, across)[:, np.newaxis]
+    return Mesh(points=(path[:, np.newaxis] + radius * out).reshape(-1, 3), faces=_grid_faces(len(path), sides))
 
 
 def tyre(radius: float) -> Mesh:
@@ -180,19 +168,14 @@ def _about_z(angle: float) -> Array:
 
 def relief(x: Array, y: Array, z: Array) -> Mesh:
     """A surface through heights z (n, m) over x (n,) and y (m,), seen from above."""
-    slopes = np.gradient(z, x, y)
-    normals = np.stack([-slopes[0], -slopes[1], np.ones_like(z)], axis=-1).reshape(-1, 3)
     points = np.stack([*np.meshgrid(x, y, indexing="ij"), z], axis=-1).reshape(-1, 3)
-    faces = _grid_faces(len(x), len(y))[:, ::-1]
-    return Mesh(points=points, normals=normals / np.linalg.norm(normals, axis=1, keepdims=True), faces=faces)
+    return Mesh(points=points, faces=_grid_faces(len(x), len(y), closes=False)[:, ::-1])
 
 
 def strip(x: Array, z: Array, left: float, right: float) -> Mesh:
     """A surface over x with heights z (n,), from y = right to left, seen from above; an edge at each point."""
     n = len(x)
-    slope = np.stack([-(z[1:] - z[:-1]), np.zeros(n - 1), x[1:] - x[:-1]], axis=1)
-    normals = np.repeat(slope / np.linalg.norm(slope, axis=1, keepdims=True), 4, axis=0)
     corners = [np.stack([a, np.full(n - 1, y), h], axis=1) for a, h in ((x[:-1], z[:-1]), (x[1:], z[1:])) for y in (right, left)]
     first = 4 * np.arange(n - 1)[:, np.newaxis]
     faces = np.concatenate([first + np.array([0, 2, 3]), first + np.array([0, 3, 1])])
-    return Mesh(points=np.stack(corners, axis=1).reshape(-1, 3), normals=normals, faces=faces)
+    return Mesh(points=np.stack(corners, axis=1).reshape(-1, 3), faces=faces)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,15 +17,22 @@ Colour: TypeAlias = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh:
-    """Triangles: ``points`` and ``normals`` (n, 3), ``faces`` (m, 3), anticlockwise from outside."""
+    """Triangles: ``points`` (n, 3), ``faces`` (m, 3), anticlockwise from outside; there is an edge where faces do not share points."""
 
     points: Array
-    normals: Array
     faces: Faces
+
+    @cached_property
+    def normals(self) -> Array:
+        """Unit vectors (n, 3): of the faces around each point, by their areas."""
+        a, b, c = self.points[self.faces].swapaxes(0, 1)
+        normals = np.zeros_like(self.points)
+        np.add.at(normals, self.faces, np.cross(b - a, c - a)[:, np.newaxis])
+        return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
     def moved(self, rotation: Array, shift: Array) -> "Mesh":
         """The mesh turned by (3, 3) and shifted by (3,)."""
-        return Mesh(points=self.points @ rotation.T + shift, normals=self.normals @ rotation.T, faces=self.faces)
+        return Mesh(points=self.points @ rotation.T + shift, faces=self.faces)
 
 
 @dataclass(frozen=True, kw_only=True)
