@@ -70,8 +70,8 @@ def _copied(content: bytes) -> bytes:
     for _ in glb.triangles():  # reads all of them
         pass
     for animation in glb.document.animations:
-        for channel in animation.channels:
-            sampler = animation.samplers[channel.sampler]
-            glb.numbers(sampler.input, "SCALAR")
-            glb.numbers(sampler.output, "VEC4" if channel.target.path == "rotation" else "VEC3")
+        for channel in animation["channels"]:
+            sampler = animation["samplers"][channel["sampler"]]
+            glb.numbers(sampler["input"], "SCALAR")
+            glb.numbers(sampler["output"], "VEC4" if channel["target"]["path"] == "rotation" else "VEC3")
     return packed(glb.document.model_dump(by_alias=True, exclude_unset=True, exclude={"extensions_required"}), glb.binary)

@@ -23,7 +23,7 @@ _ROWS, _ENTRIES = 10_000_000, 100_000
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 #: Modes of primitives: triangle lists, strips, fans; lower numbers are points and lines.
-TRIANGLES, _FAN = 4, 6
+_TRIANGLES, _FAN = 4, 6
 #: Beginnings of extensions that change no triangle, or only the types of numbers that are read anyhow.
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_mesh_quantization")
 
@@ -93,7 +93,7 @@ class Accessor(_Described):
 class Primitive(_Described):
     attributes: dict[str, Index]
     indices: Index | None = None
-    mode: Annotated[int, Field(ge=0, le=6)] = TRIANGLES
+    mode: Annotated[int, Field(ge=0, le=6)] = _TRIANGLES
 
 
 class GltfMesh(_Described):
@@ -115,29 +115,8 @@ class GltfScene(_Described):
     nodes: list[Index] = []
 
 
-class Sampler(_Described):
-    input: Index
-    output: Index
-    interpolation: str = "LINEAR"
-
-
-class Target(_Described):
-    node: Index | None = None
-    path: str
-
-
-class Channel(_Described):
-    sampler: Index
-    target: Target
-
-
-class Animation(_Described):
-    channels: Some[Channel]
-    samplers: Some[Sampler]
-
-
 class Document(_Described):
-    """The part of a document that determines triangles and motions."""
+    """The part of a document that determines triangles, and motions as they are."""
 
     asset: Asset
     scene: Index = 0
@@ -147,7 +126,7 @@ class Document(_Described):
     accessors: Some[Accessor] = []
     buffer_views: Some[View] = []
     buffers: Some[Buffer] = []
-    animations: Some[Animation] = []
+    animations: Any = []
     extensions_required: list[str] = []
 
 
@@ -219,24 +198,14 @@ class Glb:
             if node.mesh is None:
                 continue
             for primitive in _at(self.document.meshes, node.mesh, "mesh").primitives:
-                if primitive.mode >= TRIANGLES and "POSITION" in primitive.attributes:
-                    points, faces = self.part(primitive)
-                    yield points[faces] @ matrix[:3, :3].T + matrix[:3, 3]
-
-    def part(self, primitive: Primitive) -> tuple[Array, Faces]:
-        """Points (n, 3) and triangles (m, 3) of a part of a mesh."""
-        points = self.numbers(primitive.attributes["POSITION"], "VEC3")
-        corners = np.arange(len(points)) if primitive.indices is None else self.integers(primitive.indices)
-        if corners.max() >= len(points):
-            raise GlbError(f"a triangle has corner {corners.max()} of {len(points)}")
-        return points, _faces(corners, primitive.mode)
-
-    def integers(self, index: int) -> NDArray[np.int64]:
-        """The numbers (n,) of an accessor of indices."""
-        accessor = _at(self.document.accessors, index, "accessor")
-        if accessor.component_type not in (5121, 5123, 5125):
-            raise GlbError(f"accessor {index} has no whole numbers, and indices are wanted")
-        return self.numbers(index, "SCALAR")[:, 0].astype(np.int64)
+                if primitive.mode >= _TRIANGLES and "POSITION" in primitive.attributes:
+                    points, index = self.numbers(primitive.attributes["POSITION"], "VEC3"), primitive.indices
+                    if index is not None and _at(self.document.accessors, index, "accessor").component_type not in (5121, 5123, 5125):
+                        raise GlbError(f"accessor {index} has no whole numbers, and indices are wanted")
+                    corners = np.arange(len(points)) if index is None else self.numbers(index, "SCALAR")[:, 0].astype(np.int64)
+                    if corners.max() >= len(points):
+                        raise GlbError(f"a triangle has corner {corners.max()} of {len(points)}")
+                    yield points[_faces(corners, primitive.mode)] @ matrix[:3, :3].T + matrix[:3, 3]
 
     def numbers(self, index: int, type_: str) -> Array:
         """The rows (n, width) of an accessor, which is of a type such as VEC3."""
@@ -319,7 +288,7 @@ def _matrix(node: GltfNode) -> Array:
 
 def _faces(corners: NDArray[np.int64], mode: int) -> Faces:
     """The triangles (m, 3) of a list of corners (section 3.7.2.1)."""
-    if mode == TRIANGLES:
+    if mode == _TRIANGLES:
         if len(corners) % 3:
             raise GlbError(f"{len(corners)} corners make no whole triangles")
         return corners.reshape(-1, 3)
