@@ -36,7 +36,7 @@ def command(
     if replay is not None:
         with options.progress_bar(f"compiling {model.name}"):
             table = replay_drive(checked, chosen, replay, method=steps)
-        write_table(out, table.units, table.text)
+        write_table(out, table.units, table.rows)
         options.message_console(out).print(f"replay: {out}, {plural(len(table.rows), 'row')}")
         return
     with options.progress_bar(f"compiling {model.name}"):

@@ -1,7 +1,7 @@
 """The run of a model with controllers: all take communication steps and exchange values."""
 
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from heapq import merge
@@ -18,7 +18,7 @@ from cutjoint.coupling.controller import Controller, ControllerFmu, Port
 from cutjoint.coupling.process import ControllerError
 from cutjoint.package.errors import RunError
 from cutjoint.run.accuracy import SHORTER, STRICTER, compare
-from cutjoint.run.result_files import Stream, TableFile, open_table, write_all
+from cutjoint.run.result_files import whole_table, write_all
 from cutjoint.run.results import Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress
 from cutjoint.stepping.handle import SimulationError
@@ -106,7 +106,10 @@ def _estimate(plan: Plan, run: Trajectory) -> ErrorEstimate:
 
 def _run(plan: Plan, out: Path | None, progress: Progress | None) -> Trajectory:
     begun, rows, places = perf_counter(), [], []
-    with _table(out, plan.units) as table:
+    units = {"t": "s", **plan.units}
+    with nullcontext() if out is None else whole_table(out, units) as table:
+        if table is not None:
+            write_all(table.file, (",".join(units) + "\n").encode())
         for row, coordinates in _rows(plan):
             rows.append(row)
             places.append(coordinates)
@@ -120,23 +123,6 @@ def _run(plan: Plan, out: Path | None, progress: Progress | None) -> Trajectory:
         t=values[:, 0], columns=Columns(columns), units=Columns(plan.units), steps=sum(1 for _ in _exchange_times(plan)), evaluations=0,
         seconds=perf_counter() - begun, undetermined=(), failure=None, table=out, coordinates=np.array(places),
     )  # fmt: skip
-
-
-@contextmanager
-def _table(out: Path | None, units: Mapping[str, str]) -> Iterator[TableFile | Stream | None]:
-    """The table of a run with its header; it is complete unless an error occurs."""
-    if out is None:
-        yield None
-        return
-    table = open_table(out, {"t": "s", **units})
-    try:
-        write_all(table.file, (",".join(["t", *units]) + "\n").encode())
-        yield table
-    except BaseException as error:
-        if remaining := table.leave(str(error) or "interrupted"):
-            error.add_note(f"the rows up to then are in {remaining}")
-        raise
-    table.finish()
 
 
 def _rows(plan: Plan) -> Iterator[tuple[list[float], list[float]]]:

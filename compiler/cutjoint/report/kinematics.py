@@ -1,7 +1,6 @@
 """Kinematics of an axle: for people tables in mm and degrees and plots, for programs a CSV file in SI units."""
 
 from collections.abc import Iterator
-from io import StringIO
 from math import degrees
 from pathlib import Path
 
@@ -90,12 +89,8 @@ def write_kinematics(found: AxleKinematics, path: Path) -> Path:
     """Write all sweeps into one CSV file, each row with its sweep's name; a second file has the units.
     Raises OutputError: it cannot be written.
     """
-    text = StringIO()
-    print("sweep", *found.units, sep=",", file=text)
-    for name, columns in found.sweeps.items():
-        for row in zip(*(columns[c] for c in found.units), strict=True):
-            print(name, *(f"{x + 0.0:.17g}" for x in row), sep=",", file=text)
-    return write_table(path, found.units, text.getvalue())
+    rows = ((name, *row) for name, sweep in found.sweeps.items() for row in zip(*(sweep[c] for c in found.units), strict=True))
+    return write_table(path, found.units, rows, "sweep")
 
 
 def compliance_tables(found: AxleCompliance) -> Iterator[Table]:
@@ -112,8 +107,7 @@ def compliance_tables(found: AxleCompliance) -> Iterator[Table]:
 
 def write_compliance(found: AxleCompliance, path: Path) -> Path:
     """Write the figures as a CSV file of one row; a second file has the units. Raises OutputError: it cannot be written."""
-    rows = (",".join(found.units), ",".join(f"{found.figures[name] + 0.0:.17g}" for name in found.units))
-    return write_table(path, found.units, "\n".join((*rows, "")))
+    return write_table(path, found.units, [[found.figures[name] for name in found.units]])
 
 
 def plot_kinematics(found: AxleKinematics, title: str, folder: Path) -> list[Path]:
@@ -122,8 +116,6 @@ def plot_kinematics(found: AxleKinematics, title: str, folder: Path) -> list[Pat
 
 
 def _picture(found: AxleKinematics, name: str, title: str, path: Path) -> Path:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     from cutjoint.run.figures import Picture, as_png
 
     columns, leading = found.sweeps[name], LEADING[name]
@@ -134,7 +126,6 @@ def _picture(found: AxleKinematics, name: str, title: str, path: Path) -> Path:
     panels = {figure: names for figure, names in panels.items() if any(_varies(columns[c]) for c in names)}
     rows = -(-len(panels) // 3)
     drawing = Picture(figsize=(13, 1 + 2.6 * rows), layout="constrained")
-    FigureCanvasAgg(drawing)
     axes = drawing.subplots(max(rows, 1), 3, sharex=True, squeeze=False).ravel()
     for ax, (figure, names) in zip(axes, panels.items(), strict=False):
         scale, unit, _ = _FOR_PEOPLE[found.units[names[0]]]

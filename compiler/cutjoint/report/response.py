@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,6 @@ from rich.table import Table
 from cutjoint.report.tables import facts, table
 from cutjoint.run.result_files import write_table, write_whole
 from cutjoint.stepping.state_space import FrequencyResponse, LinearModel, SampledStateSpace
-from cutjoint.stepping.values import Array
 from cutjoint.stepping.vibration import RandomVibration
 
 if TYPE_CHECKING:
@@ -105,7 +104,7 @@ def write_response(response: FrequencyResponse, path: Path) -> Path:
         name = f"{response.outputs[i]}/{response.inputs[j]}"
         units |= {f"{name}.gain": f"({above or 1})/({below})" if below else above, f"{name}.phase": "rad"}
         columns += [response.magnitude[:, i, j], np.radians(response.phase[:, i, j])]
-    return _write(path, units, columns)
+    return write_table(path, units, zip(*columns, strict=True))
 
 
 def write_densities(found: RandomVibration, path: Path) -> Path:
@@ -113,12 +112,7 @@ def write_densities(found: RandomVibration, path: Path) -> Path:
     Raises OutputError: it cannot be written.
     """
     units = {"f": "Hz", **{f"{name}.psd": f"({found.units.get(name) or 1})^2/Hz" for name in found.outputs}}
-    return _write(path, units, [found.frequencies, *found.densities.T])
-
-
-def _write(path: Path, units: Mapping[str, str], columns: Sequence[Array]) -> Path:
-    rows = (",".join(f"{x + 0.0:.17g}" for x in row) for row in zip(*columns, strict=True))
-    return write_table(path, units, "\n".join((",".join(units), *rows, "")))
+    return write_table(path, units, zip(found.frequencies, *found.densities.T, strict=True))
 
 
 def plot_response(response: FrequencyResponse, title: str, folder: Path) -> list[Path]:
@@ -166,12 +160,9 @@ def plot_densities(found: RandomVibration, title: str, folder: Path) -> list[Pat
 
 
 def _draw(path: Path, title: str, rows: int, draw: Callable[[Sequence[Axes]], None]) -> Path:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     from cutjoint.run.figures import Picture, as_png
 
     figure = Picture(figsize=(9, 1 + 2.6 * max(rows, 2)), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = list(figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])
     draw(axes)
     for panel in axes:

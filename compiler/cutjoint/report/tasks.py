@@ -79,9 +79,7 @@ def drive_table(found: Drives) -> Table:
 
 def write_drives(found: Drives, path: Path) -> Path:
     """Write the forces over time as a CSV file, and a file of units; raises OutputError if it cannot be written."""
-    rows = zip(found.t, *found.forces.values(), strict=True)
-    lines = [",".join(found), *(",".join(f"{x + 0.0:.17g}" for x in row) for row in rows)]
-    return write_table(path, found.units, "\n".join([*lines, ""]))
+    return write_table(path, {"t": "s", **found.units}, zip(found.t, *found.forces.values(), strict=True))
 
 
 def _decimals(values: Sequence[float]) -> list[str]:
@@ -230,24 +228,18 @@ def modes_json(modes: Modes, model: str, scene: str) -> str:
     content = {
         "model": model, "scene": scene, "t": modes.time,
         "about": "static equilibrium" if modes.at_rest else "steady motion" if modes.steady else "motion",
-        "degrees_of_freedom": modes.degrees_of_freedom, "modes": [_plain_mode(m) for m in modes.modes],
-        "undamped": [_plain_mode(m) for m in modes.undamped], "zero_eigenvalues": modes.zeros,
-        "frozen_controllers": list(modes.frozen_controllers),
-        "rigid_body_modes": {name: _plain_shape(shape) for name, shape in modes.rigid_body_modes.items()},
+        "degrees_of_freedom": modes.degrees_of_freedom, "modes": modes.modes,
+        "undamped": modes.undamped, "zero_eigenvalues": modes.zeros, "frozen_controllers": modes.frozen_controllers,
+        "rigid_body_modes": modes.rigid_body_modes,
     }  # fmt: skip
-    return json.dumps(content, indent=2) + "\n"
+    return json.dumps(content, indent=2, default=_plain) + "\n"
 
 
-def _plain_mode(mode: Mode) -> dict[str, Any]:
-    value = mode.eigenvalue
-    return {
-        "eigenvalue": [value.real, value.imag], "frequency": mode.frequency, "damping_ratio": mode.damping_ratio,
-        "time_constant": mode.time_constant, "shape": _plain_shape(mode.shape),
-    }  # fmt: skip
-
-
-def _plain_shape(shape: Mapping[str, Participant]) -> dict[str, Any]:
-    return {name: {"amplitude": [p.amplitude.real, p.amplitude.imag], "share": p.share} for name, p in shape.items()}
+def _plain(value: complex | Mode | Participant) -> Any:
+    if isinstance(value, complex):
+        return [value.real, value.imag]
+    names = ("eigenvalue", "frequency", "damping_ratio", "time_constant", "shape") if isinstance(value, Mode) else vars(value)
+    return {name: getattr(value, name) for name in names}
 
 
 # Reductions

@@ -6,7 +6,6 @@ from io import BytesIO
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -43,7 +42,6 @@ def draw(lines: Sequence[Line], *, x_label: str, title: str = "") -> Picture:
     for line in lines:
         panels.setdefault((line.panel, line.unit), []).append(line)
     figure = Picture(figsize=(9, 1 + 2.1 * len(panels)), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(max(1, len(panels)), 1, sharex=True, squeeze=False)[:, 0]
     for panel, ((name, unit), drawn) in zip(axes, panels.items(), strict=False):
         for line in drawn:

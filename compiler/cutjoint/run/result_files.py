@@ -5,7 +5,7 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from errno import ENXIO
 from math import isfinite
@@ -98,15 +98,27 @@ def open_table(path: Path, units: Units | None = None) -> TableFile | Stream:
     return Stream(path) if is_stream(path) else TableFile(path, units)
 
 
-def write_table(path: Path, units: Units, text: str) -> Path:
-    """Write a complete table and a file with its units. Raises OutputError: it cannot be written."""
+def write_table(path: Path, units: Units, rows: Iterable[Iterable[str | float]], *names: str) -> Path:
+    """Write a complete table, whose first columns may be words with ``names``, and a file with its units.
+    Raises OutputError: it cannot be written.
+    """
+    lines = ((x if isinstance(x, str) else repr(float(x) + 0.0) for x in row) for row in rows)
+    with whole_table(path, units) as table:
+        write_all(table.file, "".join(f"{','.join(line)}\n" for line in ((*names, *units), *lines)).encode())
+    return path
+
+
+@contextmanager
+def whole_table(path: Path, units: Units) -> Iterator[TableFile | Stream]:
+    """A table that is complete unless an error occurs, which then says where the rows are."""
     table = open_table(path, units)
     try:
-        write_all(table.file, text.encode())
-        return table.finish()
+        yield table
     except BaseException as error:
-        table.leave(str(error))
+        if left := table.leave(str(error) or "interrupted"):
+            error.add_note(f"the rows up to then are in {left}")
         raise
+    table.finish()
 
 
 class RunTables:

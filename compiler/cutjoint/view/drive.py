@@ -113,11 +113,6 @@ class Replay:
     units: Mapping[str, str]
     rows: Array
 
-    @property
-    def text(self) -> str:
-        """The table as CSV, with all digits."""
-        return "\n".join([",".join(self.units), *(",".join(map(repr, row)) for row in self.rows.tolist()), ""])
-
 
 def make_drive(
     model: Model, scene: Scene, parameters: Mapping[str, float], *, method: str = DEFAULT_METHOD, dt: float | None = None,

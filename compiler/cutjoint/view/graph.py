@@ -240,7 +240,6 @@ def _short(name: str, beside: str) -> str:
 def picture_graph(topology: Topology) -> bytes:
     """Bodies and joints as `draw_graph` places them, of the tree in grey, cut ones and gears in dashed red.  The same topology gives
     the same bytes."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.patches import FancyBboxPatch
 
@@ -249,7 +248,6 @@ def picture_graph(topology: Topology) -> bytes:
     graph = draw_graph(topology, (), {})
     shrunk = min(1.0, _LARGEST * _PIXELS / max(graph.width, graph.height))
     figure = Figure(figsize=(shrunk * graph.width / _PIXELS, shrunk * graph.height / _PIXELS))
-    FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set(xlim=(0.0, graph.width), ylim=(graph.height, 0.0))
     axes.set_axis_off()
