@@ -7,7 +7,7 @@ runs and by first and second order.
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, log, prod
+from math import inf, prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,34 +72,28 @@ class Masses:
 
 @dataclass(frozen=True, kw_only=True)
 class Extent:
-    """The range of a variable: ``levels``, or ``low`` to ``high``, linear or logarithmic, or SciPy's distribution ``spread``."""
+    """The range of a variable: ``levels``, or SciPy's distribution ``spread``."""
 
     levels: tuple[float, ...] = ()
-    low: float = 0.0
-    high: float = 0.0
-    by_ratio: bool = False
     spread: Any = None
 
     @property
     def moments(self) -> tuple[float, float]:
         """Mean and standard deviation."""
-        if self.spread is not None or not self.levels:
-            stats = _stats()
-            even = stats.loguniform(self.low, self.high) if self.by_ratio else stats.uniform(self.low, self.high - self.low)
-            spread = self.spread or even
-            return float(spread.mean()), float(spread.std())
+        if self.spread is not None:
+            return float(self.spread.mean()), float(self.spread.std())
         return float(np.mean(self.levels)), float(np.std(self.levels))
 
     def at(self, share: Array) -> Array:
         """The values at fractions of the range from 0 to 1."""
         if self.spread is not None:
             return np.asarray(self.spread.ppf(share))
-        if self.levels:
-            places = np.minimum((share * len(self.levels)).astype(np.int64), len(self.levels) - 1)
-            return np.array(self.levels)[places]
-        if self.by_ratio:
-            return np.exp(log(self.low) + share * (log(self.high) - log(self.low)))
-        return self.low + share * (self.high - self.low)
+        return np.array(self.levels)[np.minimum((share * len(self.levels)).astype(np.int64), len(self.levels) - 1)]
+
+
+def even(low: float, high: float, *, by_ratio: bool) -> Any:
+    """A distribution of SciPy over a range, linear or logarithmic."""
+    return _stats().loguniform(low, high) if by_ratio else _stats().uniform(low, high - low)
 
 
 def distribution(kind: str, mean: float, size: float, low: float, high: float) -> Any:

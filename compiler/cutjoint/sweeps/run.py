@@ -36,7 +36,7 @@ from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Kind, Study
 from cutjoint.sweeps.table import MANIFEST, Layout, arrow, is_whole, require_file, require_room
 from cutjoint.sweeps.tasks import Tasks
-from cutjoint.sweeps.work import Chunk, Threads, Work, Workers, in_lanes
+from cutjoint.sweeps.work import Chunk, Threads, Work, in_lanes
 
 #: Seconds of work that a chunk has, if there are runs enough: at least, and usually.  By Dask a chunk costs 10 to 20 ms besides.
 LEAST_WORK, USUAL_WORK = 0.1, 1.0
@@ -184,7 +184,7 @@ def perform_study(
     return Sweep(path=out, performed=driver.performed, seconds=driver.seconds, elapsed=perf_counter() - begin)
 
 
-def _workers(work: Work, scheduler: str | None, threads: int | None, say: Callable[[str], None]) -> Workers:
+def _workers(work: Work, scheduler: str | None, threads: int | None, say: Callable[[str], None]) -> Threads | Cluster:
     if scheduler is None:
         return Threads(work, threads or processors())
     cluster = Cluster(work, scheduler, say)
@@ -199,7 +199,7 @@ class _Driver:
     study: Study
     work: Work
     parts: Parts
-    workers: Workers
+    workers: Threads | Cluster
     row_bytes: int
     progress: Progress | None
     performed: int = 0

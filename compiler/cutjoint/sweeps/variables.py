@@ -142,7 +142,7 @@ class Variables:
         if not low < mean < high and not isnan(low + mean + high):
             self._fail(keys, f"the mean {mean:g} is not between from and to", "write limits about it")
         if self._problems:
-            return Extent(low=0.0, high=1.0)
+            return Extent(levels=(0.0,))
         return Extent(spread=designs.distribution(values.kind, mean, size, low, high))
 
     def _unknown(self, name: str, known: Mapping[str, object]) -> tuple[str, str]:
@@ -193,8 +193,10 @@ class Variables:
             self._fail(keys, "a grid needs the number of values", "write count: 10 beside from and to", at_key=True)
         if not is_grid and values.count is not None:
             self._fail((*keys, "count"), "'count' belongs to a grid", "leave it out: the design has the number of runs", at_key=True)
-        if self._problems or values.count is None:
-            return Extent(low=low, high=high, by_ratio=by_ratio)
+        if self._problems:
+            return Extent(levels=(0.0,))
+        if values.count is None:
+            return Extent(spread=designs.even(low, high, by_ratio=by_ratio))
         levels = np.geomspace(low, high, values.count) if by_ratio else np.linspace(low, high, values.count)
         return Extent(levels=tuple(map(float, levels)))
 

@@ -8,7 +8,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from queue import Empty, Queue
 from time import perf_counter
-from typing import Protocol
 
 import numpy as np
 
@@ -118,23 +117,6 @@ class Work:
         """The rows of a trajectory that are stored: every n-th and the last."""
         rows: Counts = np.unique([*range(0, kernel.rows, self.every), kernel.rows - 1])
         return rows
-
-
-class Workers(Protocol):
-    """Workers that perform several chunks at a time."""
-
-    @property
-    def number(self) -> int:
-        """The number of chunks that run at the same time."""
-
-    def submit(self, chunk: Chunk) -> None:
-        """Begin to perform a chunk."""
-
-    def take(self, seconds: float) -> Rows | None:
-        """The rows of a completed chunk, None if there is none in this time; raises the error of a failed one."""
-
-    def close(self) -> None:
-        """Start no more chunks."""
 
 
 class Threads:
