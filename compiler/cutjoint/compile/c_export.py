@@ -51,7 +51,7 @@ from cutjoint.run.record import RunFile
 from cutjoint.run.result_files import write_files
 from cutjoint.run.run_file import make_run_file, sources_of_parts
 from cutjoint.run.settings import Options, StepSettings, find_closure, find_integrator, find_tolerance
-from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of
+from cutjoint.toolchain.build import FLAGS, build, build_files, simulator_of
 from cutjoint.toolchain.wasm import build_matching_library, build_module, mathematics, with_section
 
 # Folders and libraries
@@ -174,8 +174,8 @@ class Standalone:
         return replace(self, code=self.code + text)
 
     def build_simulator(self, flags: Sequence[str] = FLAGS) -> Path:
-        """Compile the folder's program; errors as of `toolchain.build.build_folder`."""
-        return build_folder(self.name, self.files, self.digest, flags)
+        """Compile the folder's program; errors as of `toolchain.build.build_files`."""
+        return build_files(self.name, self.files, simulator_of(self.name), self.digest, flags)
 
     def build_library(self, flags: Sequence[str] = FLAGS) -> Path:
         """The shared library; errors as of `toolchain.build.build`."""

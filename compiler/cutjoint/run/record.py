@@ -83,15 +83,9 @@ class RunFile:
     near: tuple[str, ...] = ()
 
     def entries(self) -> dict[str, Any]:
-        """The file as plain data for JSON."""
-        return {
-            "task": self.task, "parameters": self.parameters, **({} if self.inputs is None else {"inputs": self.inputs}),
-            **self.settings.entries(), "end": self.end, "output_step": self.output_step, "pose": self.pose, "positions": self.positions,
-            "rates": self.rates, "roads": self.roads, "out": self.out,
-            **({} if self.surface is None else {"surface": self.surface}), **({"near": list(self.near)} if self.near else {}),
-            **({} if self.jumps_within is None else {"jumps_within": self.jumps_within}),
-            **({"energy": True} if self.energy else {}), **({} if self.initial_state is None else {"initial_state": self.initial_state}),
-        }  # fmt: skip
+        """The file as plain data for JSON, without what it does not have."""
+        own = {name: x for name, x in vars(self).items() if name != "settings" and x is not None and x is not False and x != ()}
+        return {**own, **self.settings.entries()}
 
     def with_settings(self, **changes: Any) -> "RunFile":
         """The file with other values of some of its settings."""

@@ -1,21 +1,21 @@
 """A compile that nobody waits for: in a process of its own, which goes on when its parent ends.
 
-The process is given a record of the cache, removes it, and builds what it says into the cache, as its parent would have.
+The process reads at its standard input what to build into the cache, as its parent would have.
 """
 
+import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from secrets import token_hex
+from tempfile import TemporaryFile
 from typing import Any
 
 from cutjoint.emit.source import Generated, Source
 from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain.build import build, is_built
-from cutjoint.toolchain.cache import cache_folder, read_record, write_record
+from cutjoint.toolchain.cache import cache_folder
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.toolchain.drivers import Kind, interpreter_is_there
 from cutjoint.toolchain.objects import missing_sources
@@ -57,22 +57,19 @@ def build_in_background(source: Source, *, flags: Sequence[str], patience: float
 
 
 def main() -> None:
-    """Build from the record named on the command line."""
+    """Build what standard input says."""
     os.nice(10)
-    place = Path(sys.argv[1])
-    record: Mapping[str, Any] = read_record(place)
-    place.unlink()
-    build(Source(**record["source"]), flags=record["flags"], kind=Kind())
+    asked = json.load(sys.stdin)
+    build(Source(**asked["source"]), flags=asked["flags"], kind=Kind())
 
 
 def _begin(source: Source, flags: Sequence[str]) -> subprocess.Popen[bytes]:
-    place = cache_folder() / "later" / f"{token_hex(8)}.json"
-    write_record(place, {"source": asdict(source), "flags": list(flags)})
     environment = {**os.environ, "CUTJOINT_CACHE": str(cache_folder()), "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment, "start_new_session": True}
     try:
-        return subprocess.Popen(
-            [sys.executable, "-P", "-c", _START, str(place)], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL, env=environment, start_new_session=True,
-        )  # fmt: skip
+        with TemporaryFile("w+", encoding="utf-8") as file:
+            json.dump({"source": asdict(source), "flags": list(flags)}, file)
+            file.seek(0)
+            return subprocess.Popen([sys.executable, "-P", "-c", _START], stdin=file, **quiet)
     except OSError as error:
         raise ToolchainError(f"{sys.executable} cannot be started: {error.strerror}; use --implementation generated") from error

@@ -96,18 +96,12 @@ def simulator_of(name: str) -> str:
     return f"{name}_simulator"
 
 
-def build_folder(name: str, files: Mapping[str, str], digest: str, flags: Sequence[str] = FLAGS) -> Path:
-    """Build the simulator of a C export by its CMake project, or find it in the cache.
-    Raises ToolchainError: a tool is missing, or the compiler refused the code.
-    """
-    return build_files(name, files, simulator_of(name), digest, flags)
-
-
 def build_files(
     name: str, files: Mapping[str, str], made: str, digest: str, flags: Sequence[str], *settings: str, platform: Platform | None = None
 ) -> Path:  # fmt: skip
     """Build the CMake project of ``files`` around a C export for a ``platform`` (default: this machine); returns the file ``made``, cached.
-    Errors as above."""
+    Raises ToolchainError: a tool is missing, or the compiler refused the code.
+    """
     compiler, there = (platform.find_compiler(), platform.settings) if platform else (find_compiler(), ())
     key = digest_of([digest, *map(without_mark, files.values()), *compiler.key, *resolve(flags), *settings, *there])
     cached = cache_folder() / f"alone-{key}" / made
