@@ -84,8 +84,10 @@ class RunFile:
 
     def entries(self) -> dict[str, Any]:
         """The file as plain data for JSON, without what it does not have."""
-        own = {name: x for name, x in vars(self).items() if name != "settings" and x is not None and x is not False and x != ()}
-        return {**own, **self.settings.entries()}
+        found: dict[str, Any] = {}
+        for name, x in vars(self).items():
+            found |= x.entries() if name == "settings" else {} if x is None or x is False or x == () else {name: x}
+        return found
 
     def with_settings(self, **changes: Any) -> "RunFile":
         """The file with other values of some of its settings."""
