@@ -1,8 +1,9 @@
 """The shape of a study file, as pydantic classes; names, numbers and units are resolved in `reading`."""
 
-from typing import Annotated, Literal, TypeAlias
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import ConfigDict, Field, StrictInt, StrictStr, Tag, model_validator
+from pydantic import ConfigDict, Field, StrictInt, StrictStr, Tag, create_model, model_validator
 
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS
 from cutjoint.model.document.model_file import json_schema
@@ -136,60 +137,34 @@ REDUCTIONS = (
 )  # fmt: skip
 
 
-class Kinematics(Part):
-    """Options of the kinematics of an axle, as of the command."""
-
-    axle: StrictStr | None = None
-    over: Literal["travel", "roll", "steer"] | None = None
-    travel: Number | None = None
-    steer_travel: Number | None = None
-    points: Annotated[StrictInt, Field(ge=3)] | None = None
-    steer: StrictStr | None = None
-    radius: Number | None = None
-    share: Number | None = None
+def _optional(name: str, about: str, of: Mapping[str, Any]) -> Any:
+    """A class of keys that may be missing, by their names and types; that of ``from_`` is from."""
+    fields: dict[str, Any] = {key: (kind | None, Field(default=None, alias=key.removesuffix("_"))) for key, kind in of.items()}
+    return create_model(name, __base__=Part, __doc__=about, **fields)
 
 
-class Modes(Part):
-    """Options of modes, as of the command."""
-
-    at: Number | None = None
-
-
-class Response(Part):
-    """Options of a frequency response, as of the command."""
-
-    input: StrictStr | None = None
-    output: StrictStr | None = None
-    at: Number | None = None
-    from_: Number | None = Field(default=None, alias="from")
-    to: Number | None = None
-
-
-class Inverse(Part):
-    """Options of inverse dynamics, as of the command."""
-
-    drives: Annotated[tuple[StrictStr, ...], Field(min_length=1)] | None = None
-
-
-class Equilibrium(Part):
-    """Options of the static equilibrium or trimmed start: none."""
-
-
-class TaskOptions(Part):
-    """A task and its options; each is a key of the file."""
-
-    kinematics: Kinematics | None = None
-    modes: Modes | None = None
-    response: Response | None = None
-    inverse: Inverse | None = None
-    equilibrium: Equilibrium | None = None
-
+_MEASURES = dict.fromkeys(("travel", "steer_travel"), Number)
+Kinematics = _optional("Kinematics", "Options of the kinematics of an axle, as of the command.", {
+    "axle": StrictStr, "over": Literal["travel", "roll", "steer"], **_MEASURES, "points": Annotated[StrictInt, Field(ge=3)],
+    "steer": StrictStr, "radius": Number, "share": Number,
+})  # fmt: skip
+Modes = _optional("Modes", "Options of modes, as of the command.", {"at": Number})
+Response = _optional("Response", "Options of a frequency response, as of the command.", {
+    "input": StrictStr, "output": StrictStr, "at": Number, "from_": Number, "to": Number,
+})  # fmt: skip
+Inverse = _optional("Inverse", "Options of inverse dynamics, as of the command.", {
+    "drives": Annotated[tuple[StrictStr, ...], Field(min_length=1)],
+})  # fmt: skip
+Equilibrium = _optional("Equilibrium", "Options of the static equilibrium or trimmed start: none.", {})
+TaskOptions = _optional("TaskOptions", "A task and its options; each is a key of the file.", {
+    "kinematics": Kinematics, "modes": Modes, "response": Response, "inverse": Inverse, "equilibrium": Equilibrium,
+})  # fmt: skip
 
 #: The tasks besides runs whose results can be objectives.
 TASKS = tuple(TaskOptions.model_fields)
 
 TaskForm: TypeAlias = Annotated[
-    Annotated[str, OneOf(TASKS), Tag("<task>")] | Annotated[TaskOptions, Tag("<options>")],
+    Annotated[str, OneOf(TASKS), Tag("<task>")] | Annotated[TaskOptions, Tag("<options>")],  # type: ignore[valid-type]
     discriminated_by({str: "<task>", dict: "<options>"}, f"needs one of {', '.join(TASKS)}, or {{kinematics: {{axle: front}}}}"),
 ]
 
@@ -197,23 +172,9 @@ TaskForm: TypeAlias = Annotated[
 OF_TASKS = ("value", "slope")
 
 
-class Objective(Part):
+class Objective(_optional("Reduced", "", {**dict.fromkeys(REDUCTIONS, Number), **dict.fromkeys(OF_TASKS, StrictStr)})):  # type: ignore[misc]
     """A number of each run: one reduction of an expression over outputs in a window of time, or of a result of another task."""
 
-    end: Number | None = None
-    minimum: Number | None = None
-    maximum: Number | None = None
-    range: Number | None = None
-    mean: Number | None = None
-    rms: Number | None = None
-    deviation: Number | None = None
-    integral: Number | None = None
-    percentile: Number | None = None
-    crossing: Number | None = None
-    frequency: Number | None = None
-    amplitude: Number | None = None
-    value: StrictStr | None = None
-    slope: StrictStr | None = None
     of: TaskForm | None = None
     at: Number | None = None
     direction: Literal["up", "down", "any"] | None = None
