@@ -11,13 +11,13 @@ import sympy
 from click.testing import CliRunner, Result
 
 from cutjoint.cli import main
-from cutjoint.export.laws import Numbers, expression
 from cutjoint.model.elements.link_masses import with_link_masses
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Output
 from cutjoint.run.scenes import find_scene
 from cutjoint_bench.export.columns import known_outputs, make_columns
+from cutjoint_bench.export.laws import Numbers, expression
 from cutjoint_bench.export.mechanism import build_mechanism
 from cutjoint_bench.export.peers import PEERS
 from tests.conftest import MODELS

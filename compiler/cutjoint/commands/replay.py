@@ -10,9 +10,9 @@ from pathlib import Path
 from cutjoint.commands.preparing import FinishedRun, read_request
 from cutjoint.compile.derivation import with_requested_loops
 from cutjoint.compile.prepared import Request
-from cutjoint.export.laws import Numbers
 from cutjoint.methods import INTEGRATORS
 from cutjoint.run.results import Trajectory
+from cutjoint.run.run_file import Evaluator, parameter_values
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 from cutjoint.view.mesh_files import require_meshes
@@ -30,8 +30,8 @@ def require_replay(request: Request, parameters: Mapping[str, float], view: Path
         RunError, OutputError: the file has an unknown ending, or the ghost's page or run is missing.
     """
     read_ghost(ghost, view)
-    model, scene, _ = read_request(request)
-    require_meshes(model, Numbers.of(model, scene, parameters))
+    model, *_ = read_request(request)
+    require_meshes(model, Evaluator(model, parameter_values(model, parameters)))
 
 
 def write_replay(

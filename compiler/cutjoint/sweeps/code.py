@@ -3,25 +3,28 @@
 The code has the runs' arguments, and the series that they leave.
 """
 
-from collections.abc import Mapping, Sequence
-
-import sympy
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from cutjoint.compile.c_export import Standalone, lanes_break_even, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.emit.classes import MOST_LANES
+from cutjoint.emit.printer import Dialect, Printer
 from cutjoint.emit.source import environment
-from cutjoint.export.laws import expression
 from cutjoint.formulate.inputs import input_parameters
 from cutjoint.formulate.records import Column
+from cutjoint.formulate.translate import Translator
 from cutjoint.model.expressions.operations import ExpressionError, Term
 from cutjoint.model.expressions.parse import Names, quantity_symbol, read_term, variable
 from cutjoint.model.expressions.quantities import QuantityError, elements_of, find_quantity, quantities
 from cutjoint.model.expressions.units import TIME, Dimension, measure
 from cutjoint.model.records import VALUE, Binding, Model, Output, Scalar, Scene, Span
 from cutjoint.model.scenes.starts import UNIT_BOUND
+from cutjoint.ops import STANDARD
 from cutjoint.package.errors import RunError
+from cutjoint.program.blocks import BindingTime, Builder
+from cutjoint.program.lower import Lowering
 from cutjoint.program.records import Program
 from cutjoint.run.run_file import changing_parts, require_same_start, sources_of_parts
 from cutjoint.run.scenes import with_default_closure
@@ -32,6 +35,8 @@ _CALLS = {
     Kind.PARAMETER: ("set_parameter", "parameter", ""), Kind.INPUT: ("set_input", "input", ", 0.0, 0.0"),
     Kind.POSITION: ("set_start_coordinate", "coordinate", ""), Kind.RATE: ("set_start_speed", "speed", ""),
 }  # fmt: skip
+#: C++ outside of generated classes.
+_CPP = Dialect(constant="{}", negative="({})", functions={**{name: f"std::{name}" for name in STANDARD}, "where": "cutjoint::where"})
 #: The largest number of rows of a run, and of a group of lanes; a chunk of runs stays in memory.
 _MOST_ROWS = 10_000_000
 
@@ -42,13 +47,13 @@ def with_runs(
     """A C export whose library also runs a study, in lanes if possible; ``names``: its parameters, inputs, coordinates and speeds.
     Raises RunError: the library has no place for something that the study changes.
     """
-    symbols = _symbols(study.model, columns, names)
+    show = _printer(study.model, columns, names)
     p, calls = standalone.name, _calls(standalone.name, study.variables, names)
     text = environment().get_template("sweep/runs.cpp.jinja").render(
         p=p, P=p.upper(), lanes=standalone.lanes, variables=study.variables, unit_bound=UNIT_BOUND,
-        series=[_print(s.value, symbols) for s in study.series],
+        series=[show(s.value) for s in study.series],
         parameters=[call for v, call in calls if v.kind in (Kind.PARAMETER, Kind.INPUT)],
-        following=list(_following(p, study, scene, symbols, names)),
+        following=list(_following(p, study, scene, show, names)),
         starts=[call for v, call in calls if v.kind in (Kind.POSITION, Kind.RATE)],
     )  # fmt: skip
     return standalone.with_code(text)
@@ -71,7 +76,7 @@ def _place(v: Variable, names: Sequence[str]) -> int:
     return list(names).index(v.name)
 
 
-def _following(p: str, study: Study, scene: Scene, symbols: Mapping[Scalar, Scalar], names: Mapping[str, Sequence[str]]) -> list[str]:
+def _following(p: str, study: Study, scene: Scene, show: Callable[[Scalar], str], names: Mapping[str, Sequence[str]]) -> list[str]:
     """The calls that set all quantities of a start that depend on parameters of the study."""
     model, changed = study.model, {v.name for v in study.variables if v.kind is Kind.PARAMETER}
     moving = {q.symbol for q in model.parameters if q.name in changed}
@@ -94,24 +99,33 @@ def _following(p: str, study: Study, scene: Scene, symbols: Mapping[Scalar, Scal
                 continue  # its first component sets the attitude
             values = [expressions[f"{joint}.{e}"] for e in ATTITUDE] if component in ATTITUDE else [value]
             if any(each.free_symbols & moving for each in values):
-                call, printed = f"{p}_{function}", ", ".join(_print(each, symbols) for each in values)
+                call, printed = f"{p}_{function}", ", ".join(map(show, values))
                 if component in ATTITUDE:
                     call, printed = "set_attitude", f"{{{printed}}}"
                 calls.append(f"{call}(sim, {list(names[table]).index(name)}, {printed})")
     return calls
 
 
-def _symbols(model: Model, columns: Sequence[Column], names: Mapping[str, Sequence[str]]) -> dict[Scalar, Scalar]:
-    """The C++ text of each symbol: a place of an array, or the value of a parameter that the library does not load."""
-    loaded = {name: i for i, name in enumerate(names["parameter"])}
-    taken = {p.symbol: sympy.Symbol(f"parameters[{loaded[p.name]}]", real=True) for p in model.parameters if p.name in loaded}
-    fixed = {p.symbol: sympy.Float(p.value, 17) for p in model.parameters if p.name not in loaded}
-    outputs = {symbol_of(c.name): sympy.Symbol(f"columns[{i}]", real=True) for i, c in enumerate(columns)}
-    return {**fixed, **taken, **outputs, variable("t"): sympy.Symbol("t", real=True)}
+def _printer(model: Model, columns: Sequence[Column], names: Mapping[str, Sequence[str]]) -> Callable[[Scalar], str]:
+    """Prints expressions as C++: over arrays of parameters and columns, and time.  Parameters that no array has are their values."""
+    b, loaded = Builder(), {name: i for i, name in enumerate(names["parameter"])}
+    parameters, outputs = (b.symbol(name, n, BindingTime.STEP) for name, n in (("parameters", len(loaded)), ("columns", len(columns))))
+    known = {variable("t"): b.symbol("t", 1, BindingTime.STEP)}
+    for p in model.parameters:
+        at = loaded.get(p.name)
+        known[p.symbol] = b.number(p.value) if at is None else b.take(parameters, (at, at + 1))
+    known |= {symbol_of(c.name): b.take(outputs, (i, i + 1)) for i, c in enumerate(columns)}
+    translator, lowering = Translator(b, known), Lowering()
 
+    def show(value: Scalar) -> str:
+        block, graph = translator.scalar(value), lowering.graph
+        lowering.lower([block])
+        (result,) = lowering.elements[block][0]
+        leaves: Any = ((n, graph.nodes[n].data) for n in graph.reachable([result]) if graph.nodes[n].op == "symbol")
+        places = {n: "t" if name == "t" else f"{name}[{i}]" for n, (name, i) in leaves}
+        return Printer(graph=graph, names={}, known=places, prefixes=(), used_names=frozenset(), roads={}, dialect=_CPP).text(result)
 
-def _print(value: Scalar, symbols: Mapping[Scalar, Scalar]) -> str:
-    return expression(sympy.sympify(value).xreplace(dict(symbols)))
+    return show
 
 
 def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, ...]:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutjoint.elements.terms import JointKind
-from cutjoint.export.laws import Numbers
 from cutjoint.model.records import GROUND, Body, Joint, Model, Scene, Shape, ShapeKind
+from cutjoint.run.run_file import Evaluator
 from cutjoint.view import meshes
 from cutjoint.view.forces import Arrows, ForceNodes
 from cutjoint.view.mesh_files import load_meshes
@@ -37,7 +37,7 @@ class BodyParts:
 
     model: Model
     scene: Scene
-    numbers: Numbers
+    numbers: Evaluator
     sizes: Sizes
 
     def all(self) -> Mapping[str, tuple[Part, ...]]:
@@ -82,7 +82,7 @@ class BodyParts:
 
     def _shape(self, shape: Shape) -> Iterator[Mesh]:
         places = [point_of(self.numbers, point) for point in shape.points]
-        sizes = [self.numbers.number(size) for size in shape.sizes]
+        sizes = [self.numbers(size) for size in shape.sizes]
         axes = [point_of(self.numbers, axis) for axis in shape.axes]
         match shape.kind:
             case ShapeKind.BOX:
@@ -140,7 +140,7 @@ def draw(placed: Placed, t: Array, *, failed: str = "", columns: Mapping[tuple[s
     return Drawing(name=model.name, t=t, nodes=(*nodes, *forces.all(), *mark(placed, failed), *arrows.all()), up=up)
 
 
-def up_of(numbers: Numbers, model: Model) -> Array:
+def up_of(numbers: Evaluator, model: Model) -> Array:
     """The direction against gravity, (3,); z without gravity."""
     gravity = point_of(numbers, model.gravity)
     size = float(np.linalg.norm(gravity))
@@ -157,7 +157,7 @@ def find_camera(placed: Placed, drawing: Drawing) -> Camera:
     )  # fmt: skip
 
 
-def _direction(model: Model, numbers: Numbers, up: Array) -> Array:
+def _direction(model: Model, numbers: Evaluator, up: Array) -> Array:
     axes = [point_of(numbers, joint.axes[0]) for joint in model.joints if joint.axes and "rad" in joint.element.units.values()]
     level = rotation_to(up)  # axes of an upright observer
     across = axes[0] if axes else None
@@ -188,6 +188,6 @@ def _followed(placed: Placed) -> str:
     """The heaviest body if it moves far, else none."""
     if not placed.model.bodies:
         return ""
-    body = max(placed.model.bodies, key=lambda b: placed.numbers.number(b.mass))
+    body = max(placed.model.bodies, key=lambda b: placed.numbers(b.mass))
     way = placed.place(body.name, body.centre_of_mass)
     return body.name if np.ptp(way, axis=0).max() > _FAR * placed.sizes.extent else ""

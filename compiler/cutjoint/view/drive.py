@@ -14,7 +14,6 @@ from pydantic import AliasChoices, BaseModel, Field, FiniteFloat, NonNegativeInt
 from cutjoint.compile.c_export import Standalone, freeze_start_parameters, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.elements.interaction import Wheel
-from cutjoint.export.laws import Numbers
 from cutjoint.formulate.inputs import input_parameters, tunable_parameters
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.errors import nearest
@@ -25,7 +24,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import constant_inputs, require_unit
 from cutjoint.run.road_field import BAND, LENGTH, ROUGHNESS, STEP, CurvedField, rough_field, surface_of
 from cutjoint.run.roads import profile_pieces
-from cutjoint.run.run_file import parameter_values
+from cutjoint.run.run_file import Evaluator, parameter_values
 from cutjoint.stepping.load import open_standalone
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.toolchain.wasm import require_zig
@@ -134,8 +133,8 @@ def make_drive(
             raise RunError(f"{model.span.file}: '{name}' changes the start only, which is fixed in a page; change it in the file")
     rests = {p.name: p.value for p in input_parameters(model)}
     values = {**parameter_values(model, parameters), **rests, **constant_inputs(model, parameters)}
-    numbers = Numbers.of(model, scene, parameters)
-    masses = {body.name: numbers.number(body.mass) for body in model.bodies}
+    numbers = Evaluator(model, parameter_values(model, parameters))
+    masses = {body.name: numbers(body.mass) for body in model.bodies}
     wheels = list(_wheels(model))
     is_car = len(wheels) >= _WHEELS
     weight = 9.81 * sum(masses.values())
@@ -177,10 +176,10 @@ def _wheels(model: Model) -> Iterator[tuple[Force, Wheel]]:
     return ((force, visual) for force in model.forces for _, visual in named_visuals(force) if isinstance(visual, Wheel))
 
 
-def _wheel(wheel: Force, visual: Wheel, numbers: Numbers, outputs: Sequence[Output]) -> dict[str, Any]:
+def _wheel(wheel: Force, visual: Wheel, numbers: Evaluator, outputs: Sequence[Output]) -> dict[str, Any]:
     """The position of a wheel in the design position, m, and the indices of its outputs."""
     of = {o.quantity: i for i, o in enumerate(outputs) if o.element == wheel.name}
-    at = [float(x) for x in numbers.triple(visual.at.of(wheel))]
+    at = [numbers(x) for x in visual.at.of(wheel)]
     return {"name": wheel.name, "at": at, "of": {q: of[q] for q in _OF_WHEELS if q in of}}
 
 

@@ -41,7 +41,7 @@ class ForceNodes(Placed):
             for name, visual in named_visuals(force):
                 yield replace(self._drawn(force, name, visual), about={"element": force.name})
                 if isinstance(visual, Wheel):
-                    wheels.append((self.numbers.number(force.radius), self.point(force, visual.at)))
+                    wheels.append((self.numbers(force.radius), self.point(force, visual.at)))
         for joint in self.model.joints:
             if joint.to is not None:
                 start, end = self.place(joint.base, joint.at), self.place(joint.follower, joint.to)
@@ -89,7 +89,7 @@ class ForceNodes(Placed):
     def _wheel(self, force: Force, name: str, wheel: Wheel) -> Node:
         """A wheel that rotates with its body, or rolls by its centre's displacement if no coordinate has its angle."""
         axis, pose = point_of(self.numbers, wheel.axis.of(force)), self.poses[wheel.axis.body(force)]
-        radius, centre = self.numbers.number(force.radius), self.point(force, wheel.at)
+        radius, centre = self.numbers(force.radius), self.point(force, wheel.at)
         angle = np.zeros(len(centre)) if wheel.rotates else self._rolled(centre, pose.rotate(axis), radius)
         quaternion = np.concatenate([np.sin(angle / 2)[:, np.newaxis] * axis, np.cos(angle / 2)[:, np.newaxis]], axis=1)
         rotation = product(quaternions_of(pose.rotation), quaternion)
@@ -243,7 +243,7 @@ class ForceVisual:
 
     def lift(self, at: Point, below: Scalar, quantity: str) -> Arrow:
         """A force up, below a point."""
-        up, depth = self.arrows.up, self.arrows.numbers.number(below)
+        up, depth = self.arrows.up, self.arrows.numbers(below)
         return self._of(quantity, self.arrows.point(self.force, at) - depth * up, up)
 
     def _of(self, quantity: str, place: Array, direction: Array) -> Arrow:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cutjoint.export.laws import Numbers
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import Body, Model, Visual
 from cutjoint.model.text import printable
 from cutjoint.package.locations import require_input
+from cutjoint.run.run_file import Evaluator
 from cutjoint.view.glb import GlbError, read_glb
 from cutjoint.view.records import Array, Mesh
 from cutjoint.view.sizes import point_of
@@ -19,7 +19,7 @@ from cutjoint.view.sizes import point_of
 _BYTES, _TRIANGLES, _FAR = 50_000_000, 200_000, 1e6
 
 
-def require_meshes(model: Model, numbers: Numbers) -> None:
+def require_meshes(model: Model, numbers: Evaluator) -> None:
     """Check that all meshes of a model can be drawn. Raises ModelError: files are not there or are no meshes; all of them."""
     problems: list[Problem] = []
     for body in model.bodies:
@@ -31,14 +31,14 @@ def require_meshes(model: Model, numbers: Numbers) -> None:
         raise ModelError(problems)
 
 
-def load_meshes(body: Body, numbers: Numbers) -> list[Mesh]:
+def load_meshes(body: Body, numbers: Evaluator) -> list[Mesh]:
     """The meshes of a body in the design position, with an edge between all triangles.
     Raises ModelError: a file is not there, is not below the model file's folder, or is no mesh.
     """
     return [_placed(body, visual, numbers) for visual in body.visuals if visual.mesh]
 
 
-def _placed(body: Body, visual: Visual, numbers: Numbers) -> Mesh:
+def _placed(body: Body, visual: Visual, numbers: Evaluator) -> Mesh:
     """A mesh where it stands, without triangles that have no area; the image in a mirror is turned inside out first."""
     axes = visual.scale * np.array([point_of(numbers, axis) for axis in visual.axes])
     placed = _triangles(body, visual) @ axes + point_of(numbers, visual.at)

@@ -9,13 +9,12 @@ import numpy as np
 from cutjoint.analysis.body_poses import BodyPose, find_poses
 from cutjoint.analysis.closing import close_loops, retract
 from cutjoint.analysis.modes import Complex
-from cutjoint.export.laws import Numbers
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.model.records import GROUND, Model, Scene
 from cutjoint.run.inputs import with_constant_inputs
-from cutjoint.run.run_file import parameter_values
+from cutjoint.run.run_file import Evaluator, parameter_values
 from cutjoint.topology.build import build_topology
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import attached_points, find_sizes, point_of
@@ -156,7 +155,7 @@ class Mover:
         step = _STEP / largest
         rows = [q, *(retract(self.equations, q, step * part) for part in (shape.real, shape.imag))]
         poses = self.poses(np.array(rows))
-        numbers = Numbers.of(self.model, self.scene, self.parameters)
+        numbers = Evaluator(self.model, parameter_values(self.model, self.parameters))
         points = [*attached_points(self.model, self.scene), *((b.name, b.centre_of_mass) for b in self.model.bodies)]
         ways = [poses[body].place(point_of(numbers, point)) for body, point in points if body != GROUND]
         moved = max((float(np.hypot(*np.linalg.norm(way[1:] - way[0], axis=1))) for way in ways), default=0.0)

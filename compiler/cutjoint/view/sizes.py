@@ -7,9 +7,9 @@ import numpy as np
 
 from cutjoint.analysis.body_poses import BodyPose
 from cutjoint.elements.interaction import Point, Visual, Wheel
-from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
 from cutjoint.model.records import Force, Model, Scene, Shape, ShapeKind, Vector
+from cutjoint.run.run_file import Evaluator
 from cutjoint.view.records import Array
 
 
@@ -24,9 +24,9 @@ class Sizes:
     shortest: float
 
 
-def point_of(numbers: Numbers, point: Vector) -> Array:
+def point_of(numbers: Evaluator, point: Vector) -> Array:
     """A point or direction of the design position as numbers (3,)."""
-    return np.array(numbers.triple(point))
+    return np.array([numbers(x) for x in point])
 
 
 def force_points(force: Force) -> Iterator[tuple[str, Vector]]:
@@ -51,7 +51,7 @@ def attached_points(model: Model, scene: Scene) -> Iterator[tuple[str, Vector]]:
             yield from force_points(force)
 
 
-def find_sizes(model: Model, scene: Scene, numbers: Numbers) -> Sizes:
+def find_sizes(model: Model, scene: Scene, numbers: Evaluator) -> Sizes:
     """The sizes for a model: its extent is that of all points in the design position, and of the shapes around them."""
     corners = [point_of(numbers, body.centre_of_mass) for body in model.bodies]
     corners += [point_of(numbers, point) for _, point in attached_points(model, scene)]
@@ -59,7 +59,7 @@ def find_sizes(model: Model, scene: Scene, numbers: Numbers) -> Sizes:
         corners += [corner for shape in body.shapes for corner in _corners(numbers, shape)]
     for force in model.forces:
         for wheel in (visual for visual in force.interaction.visuals() if isinstance(visual, Wheel)):
-            centre, radius = point_of(numbers, wheel.at.of(force)), numbers.number(force.radius)
+            centre, radius = point_of(numbers, wheel.at.of(force)), numbers(force.radius)
             corners += [centre - radius, centre + radius]
     extent = float(np.linalg.norm(np.ptp(np.array(corners), axis=0))) if corners else 0.0
     extent = extent if extent > 0 else 1.0
@@ -67,17 +67,17 @@ def find_sizes(model: Model, scene: Scene, numbers: Numbers) -> Sizes:
     return Sizes(extent=extent, bar=0.011 * extent, joint=0.019 * extent, spring=0.026 * extent, shortest=0.013 * extent)
 
 
-def _corners(numbers: Numbers, shape: Shape) -> Iterator[Array]:
+def _corners(numbers: Evaluator, shape: Shape) -> Iterator[Array]:
     """Corners of a box around a shape; one that is larger is of no harm."""
     centre = point_of(numbers, shape.points[0])
     if shape.kind is ShapeKind.BOX:
-        sides = np.abs(np.array([np.array(numbers.triple(axis)) for axis in shape.axes])).T @ [numbers.number(s) for s in shape.sizes] / 2
+        sides = np.abs(np.array([point_of(numbers, axis) for axis in shape.axes])).T @ [numbers(s) for s in shape.sizes] / 2
     elif shape.kind is ShapeKind.CYLINDER:
-        radius, length = (numbers.number(s) for s in shape.sizes)
+        radius, length = (numbers(s) for s in shape.sizes)
         axis = np.abs(point_of(numbers, shape.axes[0]))
         sides = length / 2 * axis + radius * np.sqrt(np.maximum(0.0, 1 - axis**2))
     else:
-        sides = np.full(3, numbers.number(shape.sizes[0]) if shape.sizes else 0.0)
+        sides = np.full(3, numbers(shape.sizes[0]) if shape.sizes else 0.0)
         for point in shape.points[1:]:
             yield point_of(numbers, point)
     yield from (centre - sides, centre + sides)
@@ -89,7 +89,7 @@ class Placed:
 
     model: Model
     scene: Scene
-    numbers: Numbers
+    numbers: Evaluator
     sizes: Sizes
     poses: Mapping[str, BodyPose]
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from cutjoint.analysis.closing import make_inputs
 from cutjoint.elements.interaction import Coil, Point, Ring, Wheel
-from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.kinematics import derive_poses
@@ -22,6 +21,7 @@ from cutjoint.ops import OPERATIONS, fact
 from cutjoint.program.blocks import Block
 from cutjoint.program.lower import Lowering
 from cutjoint.program.scalars import Graph, Scalar
+from cutjoint.run.run_file import Evaluator, parameter_values
 from cutjoint.view.motions import Mover
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import find_sizes, named_visuals, point_of
@@ -54,7 +54,7 @@ class Sliders:
 def make_sliders(mover: Mover, q: Array) -> Sliders | None:
     """The sliders of a pose with coordinates ``q``; None where no coordinate has one."""
     model, scene, equations = mover.model, mover.scene, mover.equations
-    numbers = Numbers.of(model, scene, mover.parameters)
+    numbers = Evaluator(model, parameter_values(model, mover.parameters))
     sliders = list(_sliders(model, equations, q, find_sizes(model, scene, numbers).extent))
     if not sliders:
         return None
@@ -88,7 +88,7 @@ def _sliders(model: Model, equations: RecursiveEquations, q: Array, extent: floa
             yield {"name": f"{chart.joint}.{name}", "unit": unit, **place, "low": value - reach, "high": value + reach}
 
 
-def _others(model: Model, scene: Scene, numbers: Numbers) -> Iterator[dict[str, Any]]:
+def _others(model: Model, scene: Scene, numbers: Evaluator) -> Iterator[dict[str, Any]]:
     """Springs and rods between two points, springs along an axis, and what stands on a body."""
 
     def at(body: str, point: Vector) -> dict[str, Any]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from cutjoint.analysis.body_poses import BodyPose, find_poses, find_spanned_poses
 from cutjoint.analysis.closing import design_coordinates
-from cutjoint.export.laws import Numbers
 from cutjoint.formulate.natural.poses import derive_spans
 from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.methods import METHODS, Formulation
@@ -24,7 +23,7 @@ from cutjoint.run.inputs import with_constant_inputs
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import find_trim, parameter_values
+from cutjoint.run.run_file import Evaluator, find_trim, parameter_values
 from cutjoint.run.scenes import ModelLike, load_model, method_of
 from cutjoint.tasks.states import find_start_coordinates
 from cutjoint.topology.build import build_topology
@@ -220,7 +219,7 @@ def _in_reach(path: Path, shown: ViewSpec) -> ViewSpec:
 
 
 def _placed(shown: ViewSpec, poses: Mapping[str, BodyPose], t: Array) -> Placed:
-    numbers = Numbers.of(shown.model, shown.scene, shown.parameters)
+    numbers = Evaluator(shown.model, parameter_values(shown.model, shown.parameters))
     still = BodyPose(rotation=np.broadcast_to(np.eye(3), (t.size, 3, 3)), shift=np.zeros((t.size, 3)))
     return Placed(
         model=shown.model, scene=shown.scene, numbers=numbers, sizes=find_sizes(shown.model, shown.scene, numbers),

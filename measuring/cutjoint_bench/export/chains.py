@@ -9,9 +9,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from cutjoint.elements.joint import AXIAL_FRAME, Ball, Direction, Offset, Rotation, Translation
-from cutjoint.export.laws import Array, Triple
 from cutjoint.model.errors import Problem
 from cutjoint.model.records import GROUND, Force
+from cutjoint_bench.export.laws import Array, Triple
 from cutjoint_bench.export.records import Mechanism, PeerJoint
 
 #: The directions of a frame's axes.

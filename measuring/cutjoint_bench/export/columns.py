@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cutjoint.export.laws import Numbers
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.expressions.quantities import unit_of
 from cutjoint.model.records import Body, Marker, Model, Output
+from cutjoint_bench.export.laws import Numbers
 from cutjoint_bench.export.records import Column, Mechanism
 
 #: The quantities of bodies and markers that peers report.

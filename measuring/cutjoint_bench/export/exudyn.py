@@ -8,7 +8,6 @@ from textwrap import fill
 
 import sympy
 
-from cutjoint.export.laws import Numbers
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import GROUND, JointKind, Model, Output, Scene
@@ -19,6 +18,7 @@ from cutjoint_bench.export.exudyn_forces import ForceWriter, road_statements
 from cutjoint_bench.export.exudyn_joints import Constraint, constrain, independent_cuts, joint_problems, locked
 from cutjoint_bench.export.exudyn_laws import function
 from cutjoint_bench.export.forces_cpp import arm
+from cutjoint_bench.export.laws import Numbers
 from cutjoint_bench.export.mechanism import build_mechanism
 from cutjoint_bench.export.printing import TEMPLATES, environment
 from cutjoint_bench.export.records import Column, Mechanism, PeerJoint, RigidBody

@@ -12,7 +12,6 @@ import sympy
 from cutjoint.elements.interaction import Point
 from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.elements.joint import AXIAL_FRAME
-from cutjoint.export.laws import Array, Numbers, Triple
 from cutjoint.formulate.forces import variable
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.expressions.evaluate import evaluate
@@ -21,6 +20,7 @@ from cutjoint.run.roads import road_pieces
 from cutjoint_bench.export.chains import frame
 from cutjoint_bench.export.exudyn_laws import function
 from cutjoint_bench.export.forces_cpp import arm, radii_on_road
+from cutjoint_bench.export.laws import Array, Numbers, Triple
 from cutjoint_bench.export.records import Mechanism, PeerJoint, Place
 
 _GLOBAL: Sequence[Vector] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))

@@ -22,11 +22,11 @@ from cutjoint.elements.joint import (
     SamePoint,
     Translation,
 )
-from cutjoint.export.laws import Array
 from cutjoint.model.errors import Problem
 from cutjoint.model.records import Model, Scene
 from cutjoint_bench.export.chains import Frame, frame, triple
 from cutjoint_bench.export.independence import Row, independent_rows
+from cutjoint_bench.export.laws import Array
 from cutjoint_bench.export.records import Mechanism, PeerJoint
 
 #: The slides along and turns about a joint's frame that a condition locks; the joint's axis is the frame's third.

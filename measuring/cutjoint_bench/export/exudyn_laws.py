@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import sympy
 from sympy.printing.pycode import PythonCodePrinter
 
-from cutjoint.export.laws import RealNumbers
 from cutjoint.model.records import Scalar
+from cutjoint_bench.export.laws import RealNumbers
 
 
 class _Printer(RealNumbers, PythonCodePrinter):  # type: ignore[misc]

@@ -11,10 +11,10 @@ import sympy
 from cutjoint.elements.interaction import Point
 from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, RoadContact, Wrench
 from cutjoint.emit.names import unique
-from cutjoint.export.laws import Numbers, Triple, expression
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.records import COORDINATES, GROUND, Force, Scalar, Scene, Vector
 from cutjoint.run.roads import Piece, road_pieces
+from cutjoint_bench.export.laws import Numbers, Triple, expression
 from cutjoint_bench.export.printing import environment, vector
 from cutjoint_bench.export.records import Mechanism
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from cutjoint.analysis.closing import Array, FlatRoad, explore, make_inputs
 from cutjoint.analysis.redundancy import choose_independent
-from cutjoint.export.laws import Triple
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import GROUND, Model, Output, Scene
 from cutjoint.program.interpret import RoadTable, interpret_blocks
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.geometry import TOLERANCE
+from cutjoint_bench.export.laws import Triple
 from cutjoint_bench.export.records import Mechanism, Place
 from cutjoint_bench.export.starts import markers_of
 

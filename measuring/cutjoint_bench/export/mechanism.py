@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.elements.joint import Direction
-from cutjoint.export.laws import Array, Numbers, Triple
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import TIME
 from cutjoint.kernels.joints import direction_of
@@ -17,6 +16,7 @@ from cutjoint.model.records import GROUND, Body, Gear, Joint, Model, Scalar, Sce
 from cutjoint.package.errors import RunError
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology, TreeJoint
+from cutjoint_bench.export.laws import Array, Numbers, Triple
 from cutjoint_bench.export.records import Matrix, Mechanism, PeerGear, PeerJoint, Place, RigidBody
 from cutjoint_bench.export.starts import Start, find_start
 from cutjoint_bench.mechanics_alone import is_reduced, require_mechanics_alone

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 
-from cutjoint.export.laws import Numbers
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.run.additions import Export
 from cutjoint_bench.export.columns import make_columns
 from cutjoint_bench.export.forces_cpp import Forces, write_forces
+from cutjoint_bench.export.laws import Numbers
 from cutjoint_bench.export.mechanism import build_mechanism
 from cutjoint_bench.export.mujoco_model import Mjcf, body_name, write_mjcf
 from cutjoint_bench.export.printing import environment

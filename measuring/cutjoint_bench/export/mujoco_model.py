@@ -8,12 +8,12 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from cutjoint.export.laws import Array, Triple
 from cutjoint.export.mjcf import CLOSINGS, closures, couple
 from cutjoint.export.robots import WORLD
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import COORDINATES, GROUND, JointKind
 from cutjoint_bench.export.chains import Part, chain, chain_problems, speeds
+from cutjoint_bench.export.laws import Array, Triple
 from cutjoint_bench.export.records import Mechanism, PeerGear, PeerJoint, RigidBody
 
 #: Equality constraints as hard as MuJoCo allows: a time constant that it raises to two steps, and the largest impedance.

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 
-from cutjoint.export.laws import Numbers
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.run.additions import Export
 from cutjoint_bench.export.chains import chain_problems, gear_problems
 from cutjoint_bench.export.columns import make_columns
 from cutjoint_bench.export.forces_cpp import write_forces
+from cutjoint_bench.export.laws import Numbers
 from cutjoint_bench.export.mechanism import build_mechanism
 from cutjoint_bench.export.pinocchio_tree import Contact, Mass, Tree, TreeJoint, build_tree
 from cutjoint_bench.export.printing import environment, vector

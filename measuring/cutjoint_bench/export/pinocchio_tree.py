@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cutjoint.export.laws import Array, Triple
 from cutjoint.model.records import GROUND, JointKind, Model, Scene
 from cutjoint_bench.export.chains import Part, chain, frame, speeds, triple
 from cutjoint_bench.export.independence import Row, independent_rows
+from cutjoint_bench.export.laws import Array, Triple
 from cutjoint_bench.export.records import Mechanism, PeerJoint, RigidBody
 
 #: The ground in place of a joint.

@@ -12,8 +12,8 @@ from typing import TypeAlias
 
 from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import JOINTS
-from cutjoint.export.laws import Triple
 from cutjoint.model.records import Force, Scalar, Span
+from cutjoint_bench.export.laws import Triple
 
 #: Three rows.
 Matrix: TypeAlias = tuple[Triple, Triple, Triple]

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutjoint.compile.interpreted import compile_interpreted
-from cutjoint.export.laws import Array
 from cutjoint.methods import PLAIN_CLOSURE, Loops
 from cutjoint.model.records import COORDINATES, Marker, Model, Output, Scene
 from cutjoint.package.errors import RunError
@@ -16,6 +15,7 @@ from cutjoint.run.scenes import with_closure, with_loops
 from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator_run import start
 from cutjoint.topology.records import Topology
+from cutjoint_bench.export.laws import Array
 
 #: A rotation (rad) or a shift (m) below this is rounding of differences of coordinates, and counts as zero.
 ROUNDING = 1e-14
