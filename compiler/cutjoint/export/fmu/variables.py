@@ -122,16 +122,19 @@ def _with_states(interface: Interface, equations: RecursiveEquations, dofs: int)
     count = 2 * dofs + len(equations.state.states)
     places = tuple(range(first_state, first_state + dofs))
     speeds = tuple(range(first_state + dofs, first_state + count))
-    accelerations, columns = find_column_dependencies(equations)
+    solving, columns = _leaves_of_columns(equations)
 
     def with_rates(inputs: Iterable[int]) -> tuple[int, ...]:
         """Inputs by their value references, with those of their rates."""
         numbers = [rated.index(g - first_input) for g in inputs if g - first_input in rated]
         return tuple(sorted({*inputs, *(first_rate + 2 * k + order for k in numbers for order in (0, 1))}))
 
-    def known(following: Dependencies) -> tuple[int, ...]:
-        time, inputs = ((0,) if following.time else ()), with_rates([first_input + i for i in following.inputs])
-        return (*time, *inputs, *(places if following.positions else ()), *(speeds if following.rates else ()))
+    def known(direct: LeafSymbols, *, is_solved: bool = False) -> tuple[int, ...]:
+        """A value follows from all that accelerations do where it needs these; all speeds of loops follow from places too."""
+        is_solved = is_solved or direct.has("vdot:", "lambda:")
+        leaves, rates = direct | solving if is_solved else direct, is_solved or direct.has("v:")
+        time, inputs = ((0,) if "t" in leaves.symbols else ()), with_rates([first_input + i for i in leaves.inputs])
+        return (*time, *inputs, *(places if rates or direct.has("q:") else ()), *(speeds if rates else ()))
 
     start = with_rates(range(1, first_input + len(interface.inputs)))  # a state is chosen in the pose that all of it leads to
     kinds = [_STATES[0]] * dofs + [_STATES[1]] * dofs + [_STATES[2]] * (count - 2 * dofs)
@@ -139,7 +142,7 @@ def _with_states(interface: Interface, equations: RecursiveEquations, dofs: int)
     derivatives = tuple(
         replace(
             _local(f"der(state[{i + 1}])", f"Derivative of state[{i + 1}]", start), derives=first_state + i,
-            following=(speeds[i],) if i < dofs else known(accelerations),
+            following=(speeds[i],) if i < dofs else known(solving, is_solved=True),
         )
         for i in range(count)
     )  # fmt: skip
@@ -206,18 +209,20 @@ def _outputs(equations: RecursiveEquations, starts: Sequence[Start], counts: tup
     first_start = first_setting + counts[1]
     first_input = first_start + counts[2]
 
-    def initial(found: StartDependencies) -> tuple[int, ...]:
-        places = {
-            *(1 + i for i in found.leaves.parameters), *(first_input + i for i in found.leaves.inputs),
-            *(first_start + i for i, start in enumerate(starts) if start.name in found.leaves.symbols),
-            *(range(first_setting, first_start) if found.by_settings else ()),
-        }  # fmt: skip
-        return tuple(sorted(places))
+    solving, columns = _leaves_of_columns(equations)
+    closes = bool(equations.closures) or equations.scene.pose == "equilibrium"
 
-    found_by_column = find_dependencies(equations, [s.name for s in starts])
+    def initial(leaves: LeafSymbols) -> tuple[int, ...]:
+        """All of the start's equations determine a column that needs a result of them, else the given values of its own joints do."""
+        is_solved = leaves.has("vdot:", "lambda:", *(("q:", "v:") if closes else ()))
+        used = leaves | solving if is_solved else leaves
+        given = (i for i, start in enumerate(starts, first_start) if is_solved or leaves.has_joint(start.name.rpartition(".")[0]))
+        settings = range(first_setting, first_start) if is_solved else ()
+        return tuple(sorted({*(1 + i for i in used.parameters), *(first_input + i for i in used.inputs), *given, *settings}))
+
     return tuple(
-        Variable(c.name, "output", "continuous", f"{o.quantity} of {o.element}", c.unit, None, initial(found))
-        for c, o, found in zip(equations.columns, equations.outputs, found_by_column, strict=True)
+        Variable(c.name, "output", "continuous", f"{o.quantity} of {o.element}", c.unit, None, initial(leaves))
+        for c, o, leaves in zip(equations.columns, equations.outputs, columns, strict=True)
     )
 
 
@@ -237,6 +242,10 @@ class LeafSymbols:
     def has(self, *prefixes: str) -> bool:
         """Return whether a symbol begins with one of these."""
         return any(symbol.startswith(prefixes) for symbol in self.symbols)
+
+    def has_joint(self, joint: str) -> bool:
+        """Return whether a symbol is a coordinate or speed of a joint."""
+        return self.has(f"q:{joint}", f"v:{joint}")
 
 
 def find_leaves(blocks: Iterable[Block]) -> LeafSymbols:
@@ -261,57 +270,8 @@ def find_leaves(blocks: Iterable[Block]) -> LeafSymbols:
     return LeafSymbols(inputs=frozenset(inputs), parameters=frozenset(parameters), symbols=frozenset(symbols))
 
 
-@dataclass(frozen=True, kw_only=True)
-class StartDependencies:
-    """The dependencies of an output at the start: numbers of inputs and parameters, and names of given coordinates and speeds.
-
-    ``by_settings`` tells that settings of the steps count too.
-    """
-
-    leaves: LeafSymbols
-    by_settings: bool
-
-
-def find_dependencies(equations: RecursiveEquations, seeds: Iterable[str]) -> tuple[StartDependencies, ...]:
-    """The dependencies of each column; ``seeds`` are the names of the coordinates and speeds that the start gives."""
-    names = ("evaluate", "constraint_residual")
-    solving = find_leaves(block for name in names for block in equations.function(name).results.values())
-    solved, report = replace(solving, symbols=frozenset(seeds)), equations.function("report").results
-    return tuple(_of_column(equations, find_leaves([report[f"column:{c.name}"]]), solved) for c in equations.columns)
-
-
-def _of_column(equations: RecursiveEquations, leaves: LeafSymbols, solved: LeafSymbols) -> StartDependencies:
-    """The dependencies of a column: all of the start's equations if it needs a result of them, else the given values of its own joints."""
-    closes = bool(equations.closures) or equations.scene.pose == "equilibrium"
-    is_solved = leaves.has("vdot:", "lambda:", *(("q:", "v:") if closes else ()))
-    free = frozenset(name for name in solved.symbols if leaves.has(*(f"{a}:{name.rpartition('.')[0]}" for a in "qv")))
-    direct = replace(leaves, symbols=free)
-    return StartDependencies(leaves=direct | solved if is_solved else direct, by_settings=is_solved)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Dependencies:
-    """The dependencies of a value while a host integrates: numbers of inputs, independent coordinates, their rates, time."""
-
-    inputs: frozenset[int]
-    positions: bool
-    rates: bool
-    time: bool
-
-
-def find_column_dependencies(equations: RecursiveEquations) -> tuple[Dependencies, tuple[Dependencies, ...]]:
-    """The dependencies of accelerations, and of each column."""
-    names = ("evaluate", "constraint_residual")
-    solving = find_leaves(block for name in names for block in equations.function(name).results.values())
+def _leaves_of_columns(equations: RecursiveEquations) -> tuple[LeafSymbols, list[LeafSymbols]]:
+    """The symbols of all that is solved for accelerations and multipliers, and those of each column."""
+    solving = (block for name in ("evaluate", "constraint_residual") for block in equations.function(name).results.values())
     report = equations.function("report").results
-    columns = (find_leaves([report[f"column:{c.name}"]]) for c in equations.columns)
-    accelerations = Dependencies(inputs=solving.inputs, positions=True, rates=True, time="t" in solving.symbols)
-    return accelerations, tuple(_column_dependencies(direct, solving) for direct in columns)
-
-
-def _column_dependencies(direct: LeafSymbols, solving: LeafSymbols) -> Dependencies:
-    """A column follows from all that accelerations do where it needs these; all speeds of loops follow from places too."""
-    is_solved = direct.has("vdot:", "lambda:")
-    rates = is_solved or direct.has("v:")
-    leaves = direct | solving if is_solved else direct
-    return Dependencies(inputs=leaves.inputs, positions=rates or direct.has("q:"), rates=rates, time="t" in leaves.symbols)
+    return find_leaves(solving), [find_leaves([report[f"column:{c.name}"]]) for c in equations.columns]
