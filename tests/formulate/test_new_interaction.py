@@ -76,7 +76,7 @@ print(json.dumps({
     "runs": runs,
     "nodes": {n.name: [n.translation[0].tolist(), n.about["element"]] for n in draw(placed, shown.t).nodes if "beam" in n.name},
     "arrow": [arrow.translation[0].tolist(), arrow.about["newton"]],
-    "sliders": [other["name"] for other in shown.sliders.others],
+    "sliders": [other["name"] for other in shown.sliders.facts["others"]],
     "texts": {method: explain(model, scene, method) for method in ("recursive", "augmented")},
 }))
 """

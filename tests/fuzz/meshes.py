@@ -18,7 +18,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.view.ghost import GhostRun, read_page
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.meshes import box
-from cutjoint.view.page import Camera, PlotColumn, make_page
+from cutjoint.view.page import PlotColumn, make_page
 from cutjoint.view.records import Drawing, Node, Part
 from tests.edges.calling import call
 from tests.view.browser import Page, opened
@@ -132,7 +132,7 @@ def _make(ghost: GhostRun | None) -> str:
         title="boxes", scene="turn", note="", bodies=["one", "other"], t=t, ghost=ghost,
         glb=write_gltf(Drawing(name="boxes", t=t, nodes=tuple(nodes), up=np.array([0.0, 0.0, 1.0]))),
         columns=[PlotColumn(name="one.x", unit="m", bodies=["one"], values=t)],
-        camera=Camera(direction=[1, 1, 1], extent=2.0, floor=-1.0, road=False, follow=""),
+        camera={"direction": [1, 1, 1], "extent": 2.0, "floor": -1.0, "road": False, "follow": ""},
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from cutjoint.view.page import Camera, Drive, make_page
+from cutjoint.view.page import Drive, make_page
 from tests.conftest import ROOT
 from tests.fmu.slaves import fmu_of
 from tests.standalone.c_exports import standalone_of
@@ -46,6 +46,6 @@ def test_exported_code_has_the_licence_of_the_runtime() -> None:
 
 @pytest.mark.parametrize("drive", [None, Drive(module=b"", facts={})])
 def test_pages_with_a_module_have_the_notice_of_musl(drive: Drive | None) -> None:
-    camera = Camera(direction=[1, 1, 1], extent=2.0, floor=-1.0, road=False, follow="")
+    camera = {"direction": [1, 1, 1], "extent": 2.0, "floor": -1.0, "road": False, "follow": ""}
     page = make_page(title="a", scene="b", note="", bodies=[], glb=b"", t=np.zeros(1), columns=[], camera=camera, drive=drive)
     assert (MUSL in page) == (drive is not None)

@@ -79,7 +79,7 @@ print(json.dumps({
     "spring": [spring.translation[0].tolist(), spring.scale[0].tolist()],
     "arrow": [arrow.translation[0].tolist(), arrow.about["newton"]],
     "bodies": bodies_of(model)["prop"],
-    "sliders": [other["name"] for other in shown.sliders.others],
+    "sliders": [other["name"] for other in shown.sliders.facts["others"]],
 }))
 """
 

@@ -15,7 +15,7 @@ from cutjoint.view.ghost import GhostRun, read_page
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import Motion
-from cutjoint.view.page import DRIVING, SCRIPTS, Camera, Failure, PlotColumn, make_page
+from cutjoint.view.page import DRIVING, SCRIPTS, PlotColumn, make_page
 from cutjoint.view.records import Drawing, Node, Part
 from tests.conftest import needs_cpp
 from tests.view.browser import Page
@@ -168,9 +168,9 @@ def hostile_page(file: Path, motions: Sequence[Motion] = (), ghost: GhostRun | N
         for kind in ("body", "mark") for i, name in enumerate(HOSTILE)
     ]  # fmt: skip
     columns = [PlotColumn(name=name, unit=name, bodies=[name], values=np.array([0.0, 1.0, np.nan])) for name in HOSTILE]
-    camera = Camera(direction=[1, 1, 1], extent=2.0, floor=-1.0, road=False, follow=HOSTILE[0])
+    camera = {"direction": [1, 1, 1], "extent": 2.0, "floor": -1.0, "road": False, "follow": HOSTILE[0]}
     glb = write_gltf(Drawing(name=HOSTILE[0], t=t, nodes=tuple(nodes), up=np.array([0.0, 0.0, 1.0])))
-    failure = Failure(text=HOSTILE[0], advice=HOSTILE[1], row=HOSTILE[2], element=HOSTILE[3], place=HOSTILE[0], bodies=[HOSTILE[1]])
+    failure = dict(zip(("text", "advice", "row", "element", "place"), (*HOSTILE[:4], HOSTILE[0]), strict=True)) | {"bodies": [HOSTILE[1]]}
     text = make_page(
         title=HOSTILE[0], scene=HOSTILE[1], note=HOSTILE[2], bodies=HOSTILE, glb=glb, t=t, columns=columns, camera=camera,
         failure=failure, motions=motions, ghost=ghost, graph=graph,

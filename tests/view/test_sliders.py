@@ -65,7 +65,7 @@ def test_a_vehicle_is_as_the_interpreter_says(browser: Page, tmp_path: Path) -> 
     scene = model.scenes["simul1"]
     shown, mover = show_start(model, scene, {}), Mover(model=model, scene=scene, parameters={})
     assert shown.sliders is not None
-    start = mover.poses(np.array([shown.sliders.q]))
+    start = mover.poses(np.array([shown.sliders.facts["q"]]))
     for body, pose in shown.poses.items():
         assert start[body].rotation[0] == pytest.approx(pose.rotation[0], abs=1e-9)
         assert start[body].shift[0] == pytest.approx(pose.shift[0], abs=1e-9)

@@ -162,15 +162,15 @@ def connect(
     own: list[dict[str, str]] = [{} for _ in fmus]
     passed: list[list[tuple[int, Port, Port]]] = [[] for _ in fmus]
     for word, name in named.items():
-        here = find_port(fmus, word, word)
-        if name in names[here.port.causality == "input"] or (there := _other_port(fmus, here, word, name)) is None:
-            own[here.fmu][here.port.name] = name
+        here = number, port = find_port(fmus, word, word)
+        if name in names[port.causality == "input"] or (there := _other_port(fmus, number, word, name)) is None:
+            own[number][port.name] = name
             continue
-        source, sink = (here, there) if here.port.causality == "output" else (there, here)
-        if source.port.causality == sink.port.causality:
-            raise RunError(f"--connect {word}={name}: both are {sink.port.causality}s; connect an output with an input")
-        _require_alike(fmus[source.fmu].path, source.port, sink.port)
-        passed[sink.fmu].append((source.fmu, source.port, sink.port))
+        (giver, source), (taker, sink) = (here, there) if port.causality == "output" else (there, here)
+        if source.causality == sink.causality:
+            raise RunError(f"--connect {word}={name}: both are {sink.causality}s; connect an output with an input")
+        _require_alike(fmus[giver].path, source, sink)
+        passed[taker].append((giver, source, sink))
     found = tuple(_connect(i, fmus, model, scene, own[i], passed, is_whole) for i in range(len(fmus)))
     drivers: dict[str, Path] = {}
     for fmu, connections in zip(fmus, found, strict=True):
@@ -181,40 +181,30 @@ def connect(
     return found
 
 
-@dataclass(frozen=True)
-class PortOf:
-    """A port of an FMU, which is given by its index."""
-
-    fmu: int
-    port: Port
-
-
-def find_port(fmus: Sequence[ControllerFmu], word: str, connection: str) -> PortOf:
-    """The port that a word names: by its name, or as FMU:PORT, where FMU is the file's name without its ending.
+def find_port(fmus: Sequence[ControllerFmu], word: str, connection: str) -> tuple[int, Port]:
+    """The number of an FMU and its port that a word names: by its name, or as FMU:PORT, FMU being the file's stem.
     Raises RunError: there is none, or several FMUs have one.
     """
-    found = [PortOf(i, fmu.ports[word]) for i, fmu in enumerate(fmus) if word in fmu.ports]
-    found = found or [
-        PortOf(i, port) for i, fmu in enumerate(fmus) for port in fmu.ports.values() if word == f"{fmu.path.stem}:{port.name}"
-    ]  # fmt: skip
+    found = [(i, fmu.ports[word]) for i, fmu in enumerate(fmus) if word in fmu.ports]
+    found = found or [(i, port) for i, fmu in enumerate(fmus) for port in fmu.ports.values() if word == f"{fmu.path.stem}:{port.name}"]
     if len(found) == 1:
         return found[0]
     if found:
-        both = " or ".join(f"{fmus[x.fmu].path.stem}:{x.port.name}" for x in found)
+        both = " or ".join(f"{fmus[i].path.stem}:{port.name}" for i, port in found)
         raise RunError(f"--connect {connection}: several FMUs have '{word}'; write {both}, and rename files of the same name")
     known = [name if len(fmus) == 1 else f"{fmu.path.stem}:{name}" for fmu in fmus for name in fmu.ports]
     whose, hint = (f"{fmus[0].path} has", "it has") if len(fmus) == 1 else ("the FMUs have", "they have")
     raise RunError(f"--connect {connection}: {whose} no such input or output; {nearest(word, known, hint)}")
 
 
-def _other_port(fmus: Sequence[ControllerFmu], here: PortOf, word: str, name: str) -> PortOf | None:
+def _other_port(fmus: Sequence[ControllerFmu], here: int, word: str, name: str) -> tuple[int, Port] | None:
     """The named port of another FMU; None if no FMU has it."""
     names = {x for fmu in fmus for port in fmu.ports for x in (port, f"{fmu.path.stem}:{port}")}
     if len(fmus) == 1 or name not in names:
         return None
     there = find_port(fmus, name, f"{word}={name}")
-    if there.fmu == here.fmu:
-        raise RunError(f"--connect {word}={name}: both are ports of {fmus[here.fmu].path}; connections within an FMU are not supported")
+    if there[0] == here:
+        raise RunError(f"--connect {word}={name}: both are ports of {fmus[here].path}; connections within an FMU are not supported")
     return there
 
 

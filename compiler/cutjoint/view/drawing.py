@@ -5,6 +5,7 @@ Bodies are drawn by their meshes or shapes, else as bars between their attachmen
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from cutjoint.view import meshes
 from cutjoint.view.forces import Arrows, ForceNodes
 from cutjoint.view.mesh_files import load_meshes
 from cutjoint.view.motions import quaternions_of, rotated, rotation_to
-from cutjoint.view.page import Camera, mark
+from cutjoint.view.page import mark
 from cutjoint.view.records import JOINT, Array, Colour, Drawing, Mesh, Node, Part, colours_of, read_colour
 from cutjoint.view.sizes import Placed, Sizes, attached_points, point_of
 
@@ -147,14 +148,17 @@ def up_of(numbers: Evaluator, model: Model) -> Array:
     return -gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
 
 
-def find_camera(placed: Placed, drawing: Drawing) -> Camera:
-    """The camera looks from the side if all rotation axes are parallel, else from ahead, the left and above."""
-    model, numbers, sizes = placed.model, placed.numbers, placed.sizes
-    has_road = any(force.has_road for force in model.forces)
-    return Camera(
-        direction=_direction(model, numbers, drawing.up).tolist(), extent=sizes.extent, floor=_floor(sizes, drawing), road=has_road,
-        follow=_followed(placed),
-    )  # fmt: skip
+def find_camera(placed: Placed, drawing: Drawing) -> dict[str, Any]:
+    """The camera of a page at its start looks from the side if all rotation axes are parallel, else from ahead, the left and above.
+
+    Its "direction" (3,) goes to the eye in the model's axes, "extent" is the mechanism's, "floor" the height of the ground along up, m;
+    "road" is whether there is a road, "follow" the body that stays in the middle, "" for none.
+    """
+    model, sizes = placed.model, placed.sizes
+    return {
+        "direction": _direction(model, placed.numbers, drawing.up).tolist(), "extent": sizes.extent, "floor": _floor(sizes, drawing),
+        "road": any(force.has_road for force in model.forces), "follow": _followed(placed),
+    }  # fmt: skip
 
 
 def _direction(model: Model, numbers: Evaluator, up: Array) -> Array:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from hashlib import sha256
 from html import escape
 from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -48,21 +49,6 @@ class PlotColumn:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Camera:
-    """The camera of a page at its start.
-
-    ``direction`` (3,) goes from it to the eye in the model's axes, ``extent`` is its size in m, ``floor`` the height of the ground along
-    up, ``road`` whether there is a road, ``follow`` the body that stays in the middle, "" for none.
-    """
-
-    direction: Sequence[float]
-    extent: float
-    floor: float
-    road: bool
-    follow: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class Drive:
     """A simulation for a page: its ``module`` of WebAssembly, and ``facts`` about its steps and what moves its inputs."""
 
@@ -71,16 +57,17 @@ class Drive:
 
 
 def make_page(
-    *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], camera: Camera,
-    failure: "Failure | None" = None, motions: Sequence[Motion] = (), ghost: GhostRun | None = None, graph: Graph | None = None,
-    sliders: Sliders | None = None, is_live: bool = False, plots: Sequence[Plot] = (), drive: Drive | None = None,
+    *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn],
+    camera: Mapping[str, Any], failure: Mapping[str, Any] | None = None, motions: Sequence[Motion] = (), ghost: GhostRun | None = None,
+    graph: Graph | None = None, sliders: Sliders | None = None, is_live: bool = False, plots: Sequence[Plot] = (),
+    drive: Drive | None = None,
 ) -> str:  # fmt: skip
     """The page of a .glb file and the columns of its run; names are data there, whatever they are.  One that is live asks where it comes
     from for poses, one to ``drive`` has its simulation inside.  Named ``plots`` are chosen as columns are."""
     folder = templates_folder() / "view"
     about = {
-        "title": title, "scene": scene, "note": note, "bodies": list(bodies), "outlook": asdict(camera), "rows": int(t.size),
-        "failure": None if failure is None else {**asdict(failure), "since": float(t[-min(t.size, LAST_ROWS)])},
+        "title": title, "scene": scene, "note": note, "bodies": list(bodies), "outlook": camera, "rows": int(t.size),
+        "failure": None if failure is None else {**failure, "since": float(t[-min(t.size, LAST_ROWS)])},
         "motions": [{"name": m.name, "facts": list(m.facts)} for m in motions], "period": PERIOD,
         **({"live": True} if is_live else {}), **({"drive": drive.facts} if drive else {}),
         "sliders": None if sliders is None else sliders.facts, "graph": None if graph is None else asdict(graph),
@@ -132,33 +119,22 @@ def script_hash(script: str) -> str:
     return f"'sha256-{base64.b64encode(sha256(script.encode()).digest()).decode()}'"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Failure:
-    """The reason and the place of a run's stop.
+def find_failure(model: Model, run: Trajectory) -> dict[str, Any] | None:
+    """The reason and the place of a run's stop; None if it reached its end.
 
-    ``row`` is the equation or coordinate with the worst residual, of an ``element`` at ``place``, a line of the model file; both are "" if
-    the row is of no element.  ``bodies`` are the element's.
+    "row" is the equation or coordinate with the worst residual, of an "element" at "place", a line of the model file; both are "" if the
+    row is of no element.  "bodies" are the element's.
     """
-
-    text: str
-    advice: str
-    row: str
-    element: str
-    place: str
-    bodies: Sequence[str]
-
-
-def find_failure(model: Model, run: Trajectory) -> Failure | None:
-    """The reason that a run stopped; None if it reached its end."""
     if run.failure is None:
         return None
     bodies, spans = bodies_of(model), {**{f.name: f.span for f in model.force_elements}, **model.constraint_spans}
     row = run.failure.element
     element = max((name for name in spans if row == name or row.startswith(f"{name}.")), key=len, default="")
     place = f"{Path(spans[element].file).name}:{spans[element].line}" if element else ""
-    return Failure(
-        text=run.failure.summary, advice=run.failure.advice, row=row, element=element, place=place, bodies=list(bodies.get(element, ()))
-    )  # fmt: skip
+    return {
+        "text": run.failure.summary, "advice": run.failure.advice, "row": row, "element": element, "place": place,
+        "bodies": list(bodies.get(element, ())),
+    }  # fmt: skip
 
 
 def mark(placed: Placed, element: str) -> Iterator[Node]:

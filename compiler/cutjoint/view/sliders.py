@@ -32,23 +32,14 @@ _TURN, _SLIDE = pi, 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Sliders:
-    """The data with which a page moves a mechanism: its ``script``, and facts for it.
+    """The data with which a page moves a mechanism: its ``script``, and ``facts`` for it.
 
-    ``q`` are the coordinates of the pose, ``charts`` say which of them are quaternions, ``sliders`` have their ends.  ``bodies`` have their
-    centres of mass, ``others`` are drawn between bodies or on one.
+    Of these "q" are the coordinates of the pose, "charts" say which of them are quaternions, "sliders" have their ends.  "bodies" have
+    their centres of mass, "others" are drawn between bodies or on one.
     """
 
     script: str
-    q: Sequence[float]
-    charts: Sequence[Mapping[str, Any]]
-    sliders: Sequence[Mapping[str, Any]]
-    bodies: Sequence[Mapping[str, Any]]
-    others: Sequence[Mapping[str, Any]]
-
-    @property
-    def facts(self) -> Mapping[str, Any]:
-        """All but the script."""
-        return {name: list(value) for name, value in vars(self).items() if name != "script"}
+    facts: Mapping[str, Any]
 
 
 def make_sliders(mover: Mover, q: Array) -> Sliders | None:
@@ -58,11 +49,11 @@ def make_sliders(mover: Mover, q: Array) -> Sliders | None:
     sliders = list(_sliders(model, equations, q, find_sizes(model, scene, numbers).extent))
     if not sliders:
         return None
-    return Sliders(
-        script=_script(mover, q), q=q.tolist(), sliders=sliders, others=list(_others(model, scene, numbers)),
-        charts=[{"q": c.q, "v": c.v, "scalars": c.scalars, "ball": c.ball} for c in equations.charts],
-        bodies=[{"name": body.name, "centre": point_of(numbers, body.centre_of_mass).tolist()} for body in model.bodies],
-    )  # fmt: skip
+    return Sliders(script=_script(mover, q), facts={
+        "q": q.tolist(), "sliders": sliders, "others": list(_others(model, scene, numbers)),
+        "charts": [{"q": c.q, "v": c.v, "scalars": c.scalars, "ball": c.ball} for c in equations.charts],
+        "bodies": [{"name": body.name, "centre": point_of(numbers, body.centre_of_mass).tolist()} for body in model.bodies],
+    })  # fmt: skip
 
 
 def _script(mover: Mover, q: Array) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from cutjoint.view.ghost import GhostRun, read_page
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import Motion, Mover, motion_times
-from cutjoint.view.page import LAST_ROWS, Drive, Failure, PlotColumn, find_failure, make_page
+from cutjoint.view.page import LAST_ROWS, Drive, PlotColumn, find_failure, make_page
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import Placed, find_sizes
 from cutjoint.view.sliders import Sliders, make_sliders
@@ -62,7 +63,7 @@ class ViewSpec:
     t: Array
     poses: Mapping[str, BodyPose]
     columns: tuple[PlotColumn, ...] = ()
-    failure: Failure | None = None
+    failure: Mapping[str, Any] | None = None
     motions: tuple[Motion, ...] = ()
     note: str = ""
     graph: Graph | None = None
@@ -175,11 +176,11 @@ def _content(kind: str, shown: ViewSpec, ghost: GhostRun | None, *, is_live: boo
     outputs = {o.column: (o.element, o.quantity) for o in shown.scene.outputs}
     values = {outputs[c.name]: c.values for c in shown.columns if c.name in outputs and c.values.size == shown.t.size}
     has_arrows = kind == PAGE and not shown.motions  # forces are known for runs only
-    drawing = draw(placed, shown.t, failed=shown.failure.element if shown.failure else "", columns=values if has_arrows else {})
+    drawing = draw(placed, shown.t, failed=shown.failure["element"] if shown.failure else "", columns=values if has_arrows else {})
     camera = find_camera(placed, drawing)
     if drive:  # the page draws the road that it lays
         drawing = replace(drawing, nodes=tuple(node for node in drawing.nodes if "road" not in node.about))
-        camera = replace(camera, road=False, floor=0.0 if camera.road else camera.floor)
+        camera |= {"road": False, "floor": 0.0 if camera["road"] else camera["floor"]}
     times = motion_times()
     moving = {motion.name: draw(_placed(shown, motion.poses, times), times) for motion in shown.motions}
     glb = write_gltf(drawing, moving or None)
