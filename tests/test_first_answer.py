@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 from secrets import randbelow
+from subprocess import Popen
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from cutjoint.cli import main
 from cutjoint.commands import options, preparing
 from cutjoint.methods import AUTO
 from cutjoint.toolchain import background
-from cutjoint.toolchain.background import BackgroundBuild
+from cutjoint.toolchain.background import BuildPending
 from cutjoint.toolchain.build import FLAGS, build_interpreter
 from tests.conftest import MODELS, needs_cpp
 
@@ -23,23 +24,23 @@ IS_WATCHED = options.is_watched
 
 
 @pytest.fixture
-def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[BackgroundBuild]]:
+def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Popen[bytes]]]:
     """No patience with any compile; the begun ones end with the test."""
     build_interpreter("recursive", flags=FLAGS)
     monkeypatch.setattr(preparing, "PATIENCE", 0.0)
     monkeypatch.setattr(options, "is_watched", lambda: True)
-    all_begun: list[BackgroundBuild] = []
+    all_begun: list[Popen[bytes]] = []
     begin = background.build_in_background
 
-    def build_in_background(*args: object, **how: object) -> BackgroundBuild | None:
+    def build_in_background(*args: object, **how: object) -> tuple[Popen[bytes], float] | None:
         if (one := begin(*args, **how)) is not None:  # type: ignore[arg-type]
-            all_begun.append(one)
+            all_begun.append(one[0])
         return one
 
     monkeypatch.setattr("cutjoint.compile.pipeline.build_in_background", build_in_background)
     yield all_begun
     for one in all_begun:
-        one.process.wait()
+        one.wait()
 
 
 @pytest.fixture
@@ -65,12 +66,12 @@ def table(out: Path) -> np.ndarray:
     return np.loadtxt(out, delimiter=",", skiprows=1)
 
 
-def test_the_first_answer_is_interpreted_and_the_next_compiled(begun: list[BackgroundBuild], model: Path, tmp_path: Path) -> None:
+def test_the_first_answer_is_interpreted_and_the_next_compiled(begun: list[Popen[bytes]], model: Path, tmp_path: Path) -> None:
     first = simulate(model, tmp_path / "first.csv")
     assert first.exit_code == 0, first.output
     assert "interpreted, since compiling takes about" in first.output
     assert implementation_of(tmp_path / "first.csv") == "interpreted"
-    assert [one.process.wait() for one in begun] == [0]
+    assert [one.wait() for one in begun] == [0]
     second = simulate(model, tmp_path / "second.csv")
     assert "found in the cache" in second.output
     assert implementation_of(tmp_path / "second.csv") == "generated"
@@ -79,9 +80,9 @@ def test_the_first_answer_is_interpreted_and_the_next_compiled(begun: list[Backg
 
 
 def test_compiled_code_that_is_there_first_takes_over(
-    begun: list[BackgroundBuild], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    begun: list[Popen[bytes]], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(BackgroundBuild, "done", property(lambda self: self.process.wait() == 0))
+    monkeypatch.setattr(BuildPending, "done", property(lambda self: self.process.wait() == 0))
     done = simulate(model, tmp_path / "run.csv")
     assert done.exit_code == 0, done.output
     assert len(begun) == 1
@@ -93,14 +94,14 @@ def test_compiled_code_that_is_there_first_takes_over(
     assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "run.csv").read_bytes()
 
 
-def test_who_asks_for_generated_code_waits_for_it(begun: list[BackgroundBuild], model: Path, tmp_path: Path) -> None:
+def test_who_asks_for_generated_code_waits_for_it(begun: list[Popen[bytes]], model: Path, tmp_path: Path) -> None:
     assert simulate(model, tmp_path / "run.csv", "generated").exit_code == 0
     assert not begun
     assert implementation_of(tmp_path / "run.csv") == "generated"
 
 
 def test_scripts_wait_for_generated_code(
-    begun: list[BackgroundBuild], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    begun: list[Popen[bytes]], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(options, "is_watched", IS_WATCHED)
     assert simulate(model, tmp_path / "run.csv").exit_code == 0
@@ -109,7 +110,7 @@ def test_scripts_wait_for_generated_code(
 
 
 def test_a_compile_that_fails_leaves_the_answer(
-    begun: list[BackgroundBuild], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    begun: list[Popen[bytes]], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(background, "_START", "raise SystemExit(1)")
     assert simulate(model, tmp_path / "run.csv").exit_code == 0

@@ -122,7 +122,7 @@ def _run_meanwhile(
     """Interpret the program while it is compiled, which ends it; nothing is cached, since the next run finds compiled code."""
 
     def watch() -> None:
-        if compiling.background.done:
+        if compiling.done:
             raise _CompiledFirst
 
     artifact = _compile_interpreted(request, model, scene, method, compiling.generated[:2])

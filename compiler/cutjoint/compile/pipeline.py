@@ -85,7 +85,7 @@ def compile_scene(
         )  # fmt: skip
 
     if patience < inf and (background := build_in_background(made.source, flags=options.flags, patience=patience)) is not None:
-        raise BuildPending(background, made, seconds, finish)
+        raise BuildPending(*background, made, seconds, finish)
     return finish()
 
 

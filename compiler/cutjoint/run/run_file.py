@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import reduce
-from math import fmod, isfinite
+from fractions import Fraction
+from math import gcd, isfinite, lcm
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -412,17 +412,11 @@ def require_fitting_steps(model: Model, scene: Scene, dt: float) -> None:
 
 def _advice(times: Sequence[float], dt: float) -> str:
     """Advice that names the nearest step that divides all times, if there is one."""
-    whole = reduce(_common, times)
+    parts = [Fraction(time).limit_denominator(10**9) for time in times]
+    unit = lcm(*(part.denominator for part in parts))
+    whole = gcd(*(int(part * unit) for part in parts)) / unit
     if whole < 1e-6 * min(times):
         return "no steps divide all intervals: write others, or leave dt out for steps that end at samples by themselves"
     nearest = min((whole / n for n in {max(1, int(whole / dt)), int(whole / dt) + 1}), key=lambda step: abs(step - dt))
     return f"the nearest steps that do are dt: {nearest:.9g}"
 
-
-def _common(a: float, b: float) -> float:
-    """The largest common divisor of two times, up to rounding."""
-    smallest = 1e-7 * min(a, b)
-    while b > smallest:
-        rest = fmod(a, b)
-        a, b = b, 0.0 if b - rest < smallest else rest
-    return a

@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from tempfile import TemporaryFile
 from typing import Any
 
@@ -24,12 +24,14 @@ from cutjoint.toolchain.progress import forecast
 _START = "from cutjoint.toolchain.background import main; main()"
 
 
-@dataclass(frozen=True, kw_only=True)
-class BackgroundBuild:
-    """A simulator that is being compiled by a ``process``, for about so many ``seconds``."""
+class BuildPending(Exception):  # noqa: N818 -- no error
+    """Code ``generated`` in so many ``seconds`` is still being compiled by another ``process``; ``wait`` gives its result."""
 
-    seconds: float
-    process: subprocess.Popen[bytes]
+    def __init__(
+        self, process: subprocess.Popen[bytes], forecast: float, generated: Generated, seconds: float, wait: Callable[[], Any]
+    ) -> None:  # fmt: skip
+        super().__init__(f"compiling takes about {forecast:.0f} s")
+        self.process, self.generated, self.seconds, self.wait = process, generated, seconds, wait
 
     @property
     def done(self) -> bool:
@@ -37,23 +39,15 @@ class BackgroundBuild:
         return self.process.poll() == 0
 
 
-class BuildPending(Exception):  # noqa: N818 -- no error
-    """Code ``generated`` in so many ``seconds`` is still being compiled by another process, ``background``; ``wait`` gives its result."""
-
-    def __init__(self, background: BackgroundBuild, generated: Generated, seconds: float, wait: Callable[[], Any]) -> None:
-        super().__init__(f"compiling takes about {background.seconds:.0f} s")
-        self.background, self.generated, self.seconds, self.wait = background, generated, seconds, wait
-
-
-def build_in_background(source: Source, *, flags: Sequence[str], patience: float) -> BackgroundBuild | None:
+def build_in_background(source: Source, *, flags: Sequence[str], patience: float) -> tuple[subprocess.Popen[bytes], float] | None:
     """Begin to compile a source, if that takes longer than ``patience`` (s) and its program can be interpreted meanwhile; else None.
-    Raises ToolchainError: there is no compiler, or the cache cannot be written.
+    The process, and how long it will take (s). Raises ToolchainError: there is no compiler, or the process cannot be started.
     """
     compiler = find_compiler()
     if is_built(source, flags=flags) or not interpreter_is_there(source.driver, compiler, flags):
         return None
     seconds = forecast(missing_sources(source, compiler, flags), [*compiler.key, *flags])
-    return BackgroundBuild(seconds=seconds, process=_begin(source, flags)) if seconds > patience else None
+    return (_begin(source, flags), seconds) if seconds > patience else None
 
 
 def main() -> None:

@@ -95,11 +95,8 @@ class Watch:
     def _seconds(self) -> float | None:
         if not all(name in self._known for name in self._left):
             return None
-        return _spread([self._known[name][0] * self._growth(name) for name in self._left])
-
-    def _growth(self, name: str) -> float:
-        before, now = self._known[name][1], self._size(name)
-        return now / before if before and now else 1.0
+        took = ((*self._known[name], self._size(name)) for name in self._left)
+        return _spread([seconds * (now / before if before and now else 1.0) for seconds, before, now in took])
 
     def _size(self, name: str) -> int:
         file = self._source / _source_of(name)
