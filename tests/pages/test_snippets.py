@@ -25,7 +25,7 @@ PAGES = (
     "how-to/export", "how-to/fmu", "how-to/roads-and-tyres", "how-to/prove-loops",
 )
 #: Pages that take longer.
-LONG = ("start/vehicle", "start/robot", "how-to/choose-a-method", "how-to/embed-in-c")
+LONG = ("start/vehicle", "start/robot", "how-to/choose-a-method", "how-to/embed-in-c", "how-to/model-to-controller")
 
 
 @dataclass(frozen=True)
