@@ -7,8 +7,8 @@
 #include "cutjoint/core/stepping/substeps.hpp"
 #include "cutjoint/core/stepping/newton_rule.hpp"
 #include "cutjoint/core/newton/classical.hpp"
+#include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/lagrangian/dependence.hpp"
-#include "cutjoint/lagrangian/examine.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/run.hpp"
 #include "cutjoint/simulated.hpp"
@@ -18,7 +18,7 @@ namespace {
 using namespace cutjoint;
 using S = AnySystem<Precision>;
 
-const Abilities abilities{.tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate, Task::factor},
+const Abilities abilities{.tasks = {Task::simulate, Task::realtime, Task::equilibrium},
                           .integrators = &IntegratorRow::lagrangian, .solvers = true, .added = is_added<S>};
 
 }  // namespace

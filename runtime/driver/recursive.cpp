@@ -16,7 +16,7 @@ namespace {
 using namespace cutjoint;
 using M = AnyMechanism<Precision>;
 
-const Abilities abilities{.tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate}, .integrators = &IntegratorRow::recursive,
+const Abilities abilities{.tasks = {Task::simulate, Task::realtime, Task::equilibrium}, .integrators = &IntegratorRow::recursive,
                           .added = is_added<M>};
 
 }  // namespace

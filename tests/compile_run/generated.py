@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from cutjoint.analysis.closing import design_coordinates, make_inputs
+from cutjoint.emit.source import Source, environment
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.locations import runtime_folder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.records import Program
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator import call_simulator
+from cutjoint.toolchain.build import FLAGS, build
+from cutjoint_bench.examine import HEADER, examining, with_files
 from tests.oracles.scalars import interpret_scalars
 
 Inputs: TypeAlias = Mapping[str, np.ndarray]
@@ -57,10 +62,27 @@ def random_states(equations: RecursiveEquations, count: int, seed: int) -> list[
     return states
 
 
+def examined(source: Source, flags: Sequence[str] = FLAGS) -> Path:
+    """The program that evaluates the functions of generated code."""
+    return build(examining(source), flags=flags).path
+
+
+@cache
+def examined_interpreter(driver: str) -> Path:
+    """The program that evaluates the functions of descriptions, as the interpreter of a driver does."""
+    parts = ("operations.cpp", "factorisation.cpp")
+    files = {name: (runtime_folder() / "interpreter" / name).read_text(encoding="utf-8") for name in (*parts, f"{driver}.cpp")}
+    main = files.pop(f"{driver}.cpp").replace("return cutjoint::perform(", "return cutjoint::examine::perform(")
+    view = {"banner_hash": "# interpreter", "stem": "interpreter", "start_sources": parts, "sources": [], "driver": driver}
+    project = environment().get_template("CMakeLists.txt.jinja").render(view)
+    source = Source(stem="interpreter", files={**files, "CMakeLists.txt": project}, digest="", driver=driver)
+    return build(with_files(source, {"main.cpp": f'#include "{HEADER}"\n{main}'})).path
+
+
 def run_evaluate(
     binary: Path, model: Model, scene: Scene, states: list[At], description: Mapping[str, Any] | None = None
 ) -> list[dict[str, np.ndarray]]:  # fmt: skip
-    """Results of the simulator's functions at the states; ``description`` is the description of the model, if the simulator reads one."""
+    """Results of the functions at the states by a program that examines; ``description`` is that of the model, if it reads one."""
     run_file: dict[str, Any] = make_run_file(model, scene, {}, task="evaluate", options=PLAIN_STEPS).entries()
     further = [0.0] * len(model.states)  # first-order states, which stand behind coordinates and speeds
     run_file["states"] = [{"t": s.t, "q": [*s.q, *further], "v": [*s.v, *further], "lambda": list(s.multipliers)} for s in states]

@@ -13,8 +13,7 @@ from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.elements.joints import JOINTS
 from cutjoint.emit import view
 from cutjoint.model.records import JointKind, Numerics
-from cutjoint.toolchain.build import build
-from tests.compile_run.generated import interpret, random_states, run_evaluate
+from tests.compile_run.generated import examined, interpret, random_states, run_evaluate
 from tests.conftest import MODELS, with_heavy
 from tests.mechanisms import random_models
 from tests.mechanisms.chains import pendulums_in_a_row
@@ -38,7 +37,7 @@ def test_generated_code_equals_the_interpreter(monkeypatch: pytest.MonkeyPatch, 
     flat = replace(artifact.scene, road=replace(artifact.scene.road, left=(), right=()))
     for penalty, tolerance in TOLERANCE.items():
         at = replace(flat, numerics=replace(flat.numerics, penalty=penalty, frequency=10.0))
-        found = run_evaluate(artifact.binary.path, artifact.topology.model, at, states)
+        found = run_evaluate(examined(artifact.source, artifact.binary.flags), artifact.topology.model, at, states)
         for state, results in zip(states, found, strict=True):
             expected = interpret(replace(artifact.equations, scene=at), state)
             for name, values in expected.items():
@@ -58,7 +57,8 @@ def test_long_functions_are_compiled_in_parts(monkeypatch: pytest.MonkeyPatch, c
     assert sorted(set(map(int, labels))) == list(map(int, labels))
     states = random_states(artifact.equations, 3, seed=5)
     flat = replace(artifact.scene, numerics=replace(artifact.scene.numerics, penalty=1e4, frequency=10.0))
-    for state, results in zip(states, run_evaluate(artifact.binary.path, artifact.topology.model, flat, states), strict=True):
+    found = run_evaluate(examined(artifact.source, artifact.binary.flags), artifact.topology.model, flat, states)
+    for state, results in zip(states, found, strict=True):
         for name, values in interpret(replace(artifact.equations, scene=flat), state).items():
             assert np.abs(results[name] - values).max(initial=0.0) <= 1e-10 * max(1.0, float(np.abs(values).max(initial=0.0))), name
 
@@ -71,7 +71,8 @@ def test_lanes_in_avx2_registers_equal_the_interpreter() -> None:
     numerics = replace(artifact.scene.numerics, penalty=1e4)
     flat = replace(artifact.scene, numerics=numerics, road=replace(artifact.scene.road, left=(), right=()))
     states = random_states(artifact.equations, 3, seed=4)
-    for state, results in zip(states, run_evaluate(artifact.binary.path, artifact.topology.model, flat, states), strict=True):
+    found = run_evaluate(examined(artifact.source, artifact.binary.flags), artifact.topology.model, flat, states)
+    for state, results in zip(states, found, strict=True):
         for name, values in interpret(replace(artifact.equations, scene=flat), state).items():
             assert np.abs(results[name] - values).max() <= 1e-10 * max(1.0, float(np.abs(values).max())), name
 
@@ -86,7 +87,7 @@ def test_every_joint_kind_compiles_and_equals_the_interpreter(kind: str) -> None
         scene = replace(random_models.scene(), numerics=Numerics(penalty=1e4, closure="penalty"))
         equations, _, source = generate(model, scene, ())
         states = random_states(equations, 2, seed=2)
-        for state, results in zip(states, run_evaluate(build(source).path, model, scene, states), strict=True):
+        for state, results in zip(states, run_evaluate(examined(source), model, scene, states), strict=True):
             for name, values in interpret(replace(equations, scene=scene), state).items():
                 scale = max(1.0, float(np.abs(values).max(initial=0.0)))
                 assert np.abs(results[name] - values).max(initial=0.0) <= 1e-9 * scale, name
@@ -113,6 +114,7 @@ def test_loops_equal_the_interpreter(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     assert single not in code
     states = random_states(artifact.equations, 3, seed=9)
     flat = replace(artifact.scene, numerics=replace(artifact.scene.numerics, penalty=1e4, frequency=10.0))
-    for state, results in zip(states, run_evaluate(artifact.binary.path, artifact.topology.model, flat, states), strict=True):
+    found = run_evaluate(examined(artifact.source, artifact.binary.flags), artifact.topology.model, flat, states)
+    for state, results in zip(states, found, strict=True):
         for name, values in interpret(replace(artifact.equations, scene=flat), state).items():
             assert np.abs(results[name] - values).max(initial=0.0) <= 1e-10 * max(1.0, float(np.abs(values).max(initial=0.0))), name

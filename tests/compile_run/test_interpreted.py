@@ -26,7 +26,7 @@ from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError, call_simulator
-from tests.compile_run.generated import interpret_program, random_states, run_evaluate
+from tests.compile_run.generated import examined_interpreter, interpret_program, random_states, run_evaluate
 from tests.conftest import MODELS, needs_cpp
 from tests.hash_seeds import outputs
 from tests.mechanisms import random_models
@@ -55,7 +55,7 @@ def agree(artifact: Artifact, scene: Scene) -> None:
     """Check what an interpreted program gives against the interpreter of scalars."""
     equations: Any = replace(artifact.equations, scene=scene)
     states = random_states(equations, 2, seed=3)
-    found = run_evaluate(artifact.binary.path, artifact.topology.model, scene, states, artifact.description)
+    found = run_evaluate(examined_interpreter("recursive"), artifact.topology.model, scene, states, artifact.description)
     for state, results in zip(states, found, strict=True):
         for name, values in interpret_program(artifact.program, equations, state).items():
             scale = max(1.0, float(np.abs(values).max(initial=0.0)))
@@ -100,7 +100,8 @@ def test_systems_as_their_programs_say(method: str, name: str) -> None:
     at = {key: value.tolist() for key, value in state.items() if key in ("q", "v", "vdot", "lambda", "w", "right")}
     at |= {"t": 0.3, "penalty": 1e4, "weights": {"damping": 2e-3, "stiffness": 1e-6, "constraint": 0.6}}
     at["relative"] = {key: state[f"relative_{key}"].tolist() for key in "qv"}
-    (found,) = call_simulator(artifact.binary.path, {**run_file.entries(), "states": [at], "model": artifact.description})["results"]
+    entries = {**run_file.entries(), "states": [at], "model": artifact.description}
+    (found,) = call_simulator(examined_interpreter("lagrangian"), entries)["results"]
     pattern: Any = artifact.description["description"]["pattern"] if artifact.description else {}
     for function, names in RESULTS.items():
         for array, values in system_results(artifact.program, equations, function, state).items():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import subprocess
 from collections.abc import Mapping, Sequence
@@ -20,6 +19,7 @@ from cutjoint.run.results import read_table
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.drivers import Kind
 from cutjoint_bench.driver import ADDED_SOLVERS
+from cutjoint_bench.examine import with_files
 from tests.physics.simulation import is_generated
 
 SOURCES = Path(__file__).with_name("lagrangian")
@@ -54,8 +54,7 @@ def points_source() -> Source:
     view = {"banner_hash": "# points", "stem": "points", "start_sources": ["point_system.cpp"], "sources": [], "large_sources": [],
             "driver": "lagrangian"}  # fmt: skip
     files["CMakeLists.txt"] = environment.get_template("CMakeLists.txt.jinja").render(view)
-    digest = hashlib.sha256("\0".join(files.values()).encode()).hexdigest()
-    return Source(stem="points", files=files, digest=digest, driver="lagrangian")
+    return with_files(Source(stem="points", files=files, digest="", driver="lagrangian"), {})
 
 
 def simulator(additions: tuple[str, ...] = ADDED) -> Path:

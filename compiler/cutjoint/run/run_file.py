@@ -85,13 +85,12 @@ def make_run_file(
 ) -> RunFile:  # fmt: skip
     """Make the run file of a task.
 
-    Tasks are "simulate", "realtime", "equilibrium", "evaluate", "batch", and "factor" for methods with a linear system.  ``changes`` are
-    values (SI units) of tunable parameters and constant inputs.  ``inputs`` are constants or tables over time; other inputs follow the
-    scene.
+    Tasks are "simulate", "realtime", "equilibrium" and "batch".  ``changes`` are values (SI units) of tunable parameters and constant
+    inputs.  ``inputs`` are constants or tables over time; other inputs follow the scene.
 
     The caller adds optional entries: "steps_out" (iterations and residuals of each step), "tangents_out" (Jacobians of the recursive
-    method), "coordinates_out", "states" (to evaluate), and for a batch "cases" and "threads".  With ``fits_samples``, a given fixed step
-    must divide the intervals of controllers.
+    method), "coordinates_out", and for a batch "cases" and "threads".  With ``fits_samples``, a given fixed step must divide the
+    intervals of controllers.
 
     Raises:
         RunError: a change names neither a tunable parameter nor an input, has no finite value, or leaves the start or a road

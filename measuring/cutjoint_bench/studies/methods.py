@@ -20,7 +20,10 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator import call_simulator
+from cutjoint.toolchain.build import build
+from cutjoint.toolchain.drivers import Kind
 from cutjoint_bench.driver import ADDED_SOLVERS, ALL_SOLVERS
+from cutjoint_bench.examine import examining
 from cutjoint_bench.machine import machine
 from cutjoint_bench.progress import progress_bar
 from cutjoint_bench.studies.checkout import MODELS
@@ -77,7 +80,8 @@ def time_solver(artifact: Artifact, solver: str) -> dict[str, float]:
     """
     options = replace(PLAIN_STEPS, solver=solver)
     run_file = make_run_file(artifact.topology.model, artifact.scene, {}, task="factor", method=artifact.method, options=options)
-    summary = call_simulator(artifact.binary.path, run_file.entries())
+    kind = Kind(precision=artifact.precision, additions=artifact.additions)
+    summary = call_simulator(build(examining(artifact.source), flags=artifact.binary.flags, kind=kind).path, run_file.entries())
     return {name: value for name, value in summary.items() if isinstance(value, float | int)}
 
 

@@ -13,7 +13,7 @@ using Meaning = std::pair<std::string_view, Value>;
 
 inline constexpr std::array tasks{
     Meaning<Task>{"simulate", Task::simulate}, Meaning<Task>{"realtime", Task::realtime}, Meaning<Task>{"equilibrium", Task::equilibrium},
-    Meaning<Task>{"evaluate", Task::evaluate}, Meaning<Task>{"factor", Task::factor},     Meaning<Task>{"batch", Task::batch},
+    Meaning<Task>{"batch", Task::batch},
 };
 inline constexpr std::array poses{Meaning<Pose>{"design", Pose::design}, Meaning<Pose>{"equilibrium", Pose::equilibrium}};
 inline constexpr std::array closures{Meaning<Closure>{"penalty", Closure::penalty}, Meaning<Closure>{"proximal", Closure::proximal},
@@ -153,8 +153,8 @@ class SettingsReader {
   /// The keys of a run file; those that are no settings are read where they are used.
   static constexpr auto keys_ = std::to_array<std::string_view>(
       {"task", "pose", "end", "output_step", "integrator", "solver", "numerics", "stabilisation", "model", "parameters", "inputs", "positions",
-       "near", "rates", "roads", "surface", "out", "out_rows", "steps_out", "steps_out_rows", "tangents_out", "coordinates_out", "coordinates_out_rows", "state", "states", "with_state", "energy",
-       "jumps_within", "initial_state", "cases", "threads", "repetitions", "batches", "ends_with_stdin"});
+       "near", "rates", "roads", "surface", "out", "out_rows", "steps_out", "steps_out_rows", "tangents_out", "coordinates_out", "coordinates_out_rows", "with_state", "energy",
+       "jumps_within", "initial_state", "cases", "threads", "ends_with_stdin"});
   static constexpr auto numerics_keys_ = std::to_array<std::string_view>(
       {"dt", "penalty", "tolerance", "iterations", "multiplier_updates", "fixed_cost", "events", "absolute_tolerance", "spectral_radius"});
   static constexpr auto stabilisation_keys_ = std::to_array<std::string_view>({"closure", "penalty", "damping_ratio", "frequency"});

@@ -24,11 +24,9 @@ namespace cutjoint {
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
 /// - `summarise`, which adds statistics of the steps to a summary,
 /// - `explain`, which adds the known cause to a failure of a step,
-/// - `evaluate`, the results of its functions at the run file's states,
 /// - if it can balance work and energy, `energy`, the balance if requested,
 /// - if available, `state`, that of its last step,
-/// - if it iterates to a fixed point, `differentiate`, the Jacobians of its accelerations at the last state,
-/// - if it has a linear solver, `time_solver`.
+/// - if it iterates to a fixed point, `differentiate`, the Jacobians of its accelerations at the last state.
 template <Mechanism M, class Method>
 class Run {
  public:
@@ -66,9 +64,6 @@ class Run {
   }
 
   Json do_task(Task task) {
-    require_task(task);
-    if constexpr (requires { method_.evaluate(); })
-      if (task == Task::evaluate) return Json{{"results", method_.evaluate()}};
     if (task == Task::equilibrium) {
       const auto& start = initial_state_.at_rest();
       method_.begin(start, initial_state_.penalties(), 0.0);
@@ -79,17 +74,7 @@ class Run {
     const auto& start = initial_state_.in_motion();
     method_.begin(start, initial_state_.penalties(), 1.0);
     begun_ = true;
-    if constexpr (requires { method_.time_solver(); })
-      if (task == Task::factor) return method_.time_solver();
     return task == Task::realtime ? keep_pace() : simulate();
-  }
-
-  /// Throws runtime_error for a task that the method does not do.
-  void require_task(Task task) const {
-    bool able = task != Task::evaluate && task != Task::factor;
-    if constexpr (requires { method_.evaluate(); }) able |= task == Task::evaluate;
-    if constexpr (requires { method_.time_solver(); }) able |= task == Task::factor;
-    if (!able) refuse("task", "needs steps of the integrator trapezoidal that do not end at events");
   }
 
   Json columns() {

@@ -315,27 +315,4 @@ std::vector<bool> read_given(const Json& by_name, const std::vector<std::string_
   return given;
 }
 
-/// The array under a key.
-template <class Real>
-std::vector<Real> read_array(const Json& object, const char* key) { return object.at(key).get<std::vector<Real>>(); }
-
-/// A state with the keys t, q, v, vdot and lambda.
-template <class Real>
-State<Real> read_state(const Json& at) {
-  State<Real> state(0, 0, 0);
-  state.t = read_number<Real>(at, "t");
-  state.q = read_array<Real>(at, "q");
-  state.v = read_array<Real>(at, "v");
-  state.vdot = read_array<Real>(at, "vdot");
-  state.lambda = read_array<Real>(at, "lambda");
-  return state;
-}
-
-/// A state under the keys that read_state reads.
-template <class Real>
-Json write_state(const State<Real>& state) {
-  const State<double> plain(state);
-  return Json{{"t", plain.t}, {"q", plain.q}, {"v", plain.v}, {"vdot", plain.vdot}, {"lambda", plain.lambda}};
-}
-
 }  // namespace cutjoint

@@ -4,7 +4,6 @@
 #include "cutjoint/core/simulation/simulation.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/energy_balance.hpp"
-#include "cutjoint/examine.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/near_jumps.hpp"
 #include "cutjoint/read_settings.hpp"
@@ -159,31 +158,32 @@ class Simulated {
   /// The state saved last, or null.
   Json kept() const { return kept_ ? write(kept_->first, kept_->second) : Json(); }
 
-  /// The functions of the mechanism or system at the run file's states.
-  Json evaluate() requires(!Integrator::finds_events) {
-    Json results = Json::array();
-    if constexpr (is_newton) {
-      data_.load_system(subject_);
-      typename Integrator::Solver solver(subject_, simulation_.settings());
-      for (const Json& at : file_.at("states")) results.push_back(evaluate_system(subject_, solver.chosen(), at));
-    } else {
-      data_.load_mechanism(subject_, settings_.stabilisation,
-                           std::vector<Real>(subject_.description().cuts.size(), Real(settings_.stabilisation.penalty.value_or(1.0))));
-      for (const Json& at : file_.at("states")) results.push_back(evaluate_mechanism(subject_, at));
-    }
-    return results;
-  }
-
-  /// The Jacobians of the accelerations at the last state.
+  /// The Jacobians of the accelerations with respect to coordinates (increments of `retract`) and velocities at the last state, by columns, by
+  /// central differences of `evaluate` with constant multipliers.
   Json differentiate() requires(!Integrator::finds_events && Mechanism<Subject>) {
-    return cutjoint::differentiate(subject_, simulation_.state());
-  }
-
-  /// Seconds of the parts of an iteration, at the start or at the run file's `state`, with the weights of a step.
-  Json time_solver() requires(!Integrator::finds_events && requires(Integrator& steps) { steps.newton(); }) {
-    const Weights<Real> weights = steps().newton().step_weights();
-    const State<Real> at = file_.contains("state") ? read_state<Real>(file_.at("state")) : simulation_.state();
-    return time_parts(subject_, *settings_.solver, at, weights, weights.constraint / weights.stiffness, file_);
+    const State<Real>& state = simulation_.state();
+    const std::size_t n = state.v.size();
+    const Real h(1e-5);
+    std::vector<Real> delta(n), forward(n), backward(n), correction(state.lambda.size());
+    State<Real> probe = state;
+    const auto jacobian = [&](auto move) {
+      std::vector<Real> columns;
+      for (std::size_t j = 0; j < n; ++j) {
+        for (const Real by : {h, -h}) {
+          move(j, by);
+          subject_.evaluate(probe.q.data(), probe.v.data(), state.lambda.data(), (by > Real(0) ? forward : backward).data(), correction.data());
+        }
+        move(j, Real(0));
+        for (std::size_t i = 0; i < n; ++i) columns.push_back((forward[i] - backward[i]) / (2 * h));
+      }
+      return columns;
+    };
+    const auto stiffness = jacobian([&](std::size_t j, Real by) {
+      delta[j] = by;
+      if (by == Real(0)) probe.q = state.q;
+      else retract<Real>(subject_.description().charts, state.q.data(), delta.data(), probe.q.data());
+    });
+    return Json{{"t", state.t}, {"stiffness", stiffness}, {"damping", jacobian([&](std::size_t j, Real by) { probe.v[j] = state.v[j] + by; })}};
   }
 
  private:
@@ -218,7 +218,8 @@ class Simulated {
   }
 
   static Json write(const State<Real>& at, const std::vector<Real>& discrete) {
-    Json state = write_state(at);
+    const State<double> plain(at);
+    Json state{{"t", plain.t}, {"q", plain.q}, {"v", plain.v}, {"vdot", plain.vdot}, {"lambda", plain.lambda}};
     state["discrete_states"] = Json::array();
     for (const Real value : discrete) state["discrete_states"].push_back(number_or_null(static_cast<double>(value)));
     return state;

@@ -1,6 +1,7 @@
 // The simulator of a model that is interpreted at run time: `generic RUN.json`, where the run file has the model's description, or names a file
 // with it.
 #include "cutjoint/core/stepping/fixed_point_steps.hpp"
+#include "cutjoint/examine.hpp"
 #include "cutjoint/generic/mechanism.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
@@ -45,7 +46,7 @@ class Start final : public cutjoint::AnyMechanism<double> {
 };
 
 const cutjoint::Abilities abilities{
-    .tasks = {cutjoint::Task::simulate, cutjoint::Task::realtime, cutjoint::Task::equilibrium, cutjoint::Task::evaluate},
+    .tasks = {cutjoint::Task::simulate, cutjoint::Task::realtime, cutjoint::Task::equilibrium},
     .integrators = &cutjoint::IntegratorRow::generic,
 };
 
@@ -60,6 +61,7 @@ int main(int argc, char** argv) {
       return run_natural(model, start, file);
     }
     Mechanism start(model), mechanism(model);
+    if (cutjoint::examine::is_asked(file)) return cutjoint::examine::perform(file, start, mechanism, abilities.integrators);
     const cutjoint::RunSettings settings = cutjoint::read_settings<double>(file, abilities);
     cutjoint::Simulated<cutjoint::FixedPointSteps<Mechanism>> method(mechanism, settings, file);
     return cutjoint::Run(start, method, settings, file).perform();

@@ -2,11 +2,11 @@
 
 #include "cutjoint/core/newton/augmented.hpp"
 #include "cutjoint/core/stepping/newton_steps.hpp"
+#include "cutjoint/examine.hpp"
 #include "cutjoint/generic/natural/system.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/core/newton/classical.hpp"
 #include "cutjoint/lagrangian/dependence.hpp"
-#include "cutjoint/lagrangian/examine.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/run.hpp"
 #include "cutjoint/simulated.hpp"
@@ -19,7 +19,7 @@ using System = cutjoint::generic::natural::GenericSystem<double>;
 using Solver = cutjoint::ChosenSolver<System>;
 
 const cutjoint::Abilities abilities{
-    .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate, Task::factor},
+    .tasks = {Task::simulate, Task::realtime, Task::equilibrium},
     .integrators = &cutjoint::IntegratorRow::generic,
     .solvers = true,
 };
@@ -34,6 +34,7 @@ cutjoint::Json run(System& system, cutjoint::AnyMechanism<double>& start, const 
 
 cutjoint::Json run_natural(const cutjoint::Json& model, cutjoint::AnyMechanism<double>& start, const cutjoint::Json& file) {
   System system(model);
+  if (cutjoint::examine::is_asked(file)) return cutjoint::examine::perform(file, start, system, abilities.integrators);
   const cutjoint::RunSettings settings = cutjoint::read_settings<double>(file, abilities);
   if (system.description().method == cutjoint::Lagrangian::classical) return run<cutjoint::ClassicalNewton<System, Solver>>(system, start, settings, file);
   return run<cutjoint::AugmentedNewton<System, Solver>>(system, start, settings, file);
