@@ -13,10 +13,7 @@ namespace cutjoint::batch {
 
 namespace {
 
-const Abilities abilities{.tasks = {Task::batch}, .integrators = &IntegratorRow::batch};
-
-/// The keys that a case may have of its own.
-constexpr auto keys_of_cases = std::to_array<std::string_view>({"parameters", "inputs", "positions", "rates", "roads"});
+const Abilities abilities{.integrators = &IntegratorRow::batch};
 
 }  // namespace
 
@@ -193,10 +190,9 @@ namespace {
 class Batch {
  public:
   Batch(const Json& file, MakeAlone make_alone, MakeInstances make_instances)
-      : file_(file), make_alone_(make_alone), make_instances_(make_instances), settings_(read_settings<double>(file, abilities)),
-        cases_(value_of(file, "cases").get<std::vector<Json>>()), number_of_threads_(read_integer(file, "threads", 1, 4096)) {
+      : file_(file), make_alone_(make_alone), make_instances_(make_instances), settings_(read_settings(file, abilities)),
+        cases_(file.at("cases").get<std::vector<Json>>()), number_of_threads_(file.at("threads")) {
     file_.erase("cases");  // each case adds to a copy of the rest
-    for (const Json& own : cases_) require_keys(own, keys_of_cases);
   }
 
   /// Run all cases and return the summary; the results of each group are printed when it is done.

@@ -18,13 +18,12 @@ namespace {
 using namespace cutjoint;
 using S = AnySystem<Precision>;
 
-const Abilities abilities{.tasks = {Task::simulate, Task::realtime, Task::equilibrium},
-                          .integrators = &IntegratorRow::lagrangian, .solvers = true, .added = is_added<S>};
+const Abilities abilities{.integrators = &IntegratorRow::lagrangian, .added = is_added<S>};
 
 }  // namespace
 
 Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnySystem<Precision>& system) {
-  const RunSettings settings = read_settings<Precision>(file, abilities);
+  const RunSettings settings = read_settings(file, abilities);
   switch (settings.integrator) {
     case Integrator::added:
       return added_integrators<S>().at(file.at("integrator"))(start, system, settings, file);

@@ -16,13 +16,12 @@ namespace {
 using namespace cutjoint;
 using M = AnyMechanism<Precision>;
 
-const Abilities abilities{.tasks = {Task::simulate, Task::realtime, Task::equilibrium}, .integrators = &IntegratorRow::recursive,
-                          .added = is_added<M>};
+const Abilities abilities{.integrators = &IntegratorRow::recursive, .added = is_added<M>};
 
 }  // namespace
 
 Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism) {
-  const RunSettings settings = read_settings<Precision>(file, abilities);
+  const RunSettings settings = read_settings(file, abilities);
   switch (settings.integrator) {
     case Integrator::added:
       return added_integrators<M>().at(file.at("integrator"))(start, mechanism, settings, file);

@@ -5,8 +5,8 @@
 
 int main(int argc, char** argv) {
   return cutjoint::run_program(argc, argv, "simulator", [](const cutjoint::Json& file) {
-    const cutjoint::Json& model = cutjoint::value_of(file, "model");
-    cutjoint::interpreter::InterpretedMechanism start(cutjoint::value_of(model, "start"));
+    const cutjoint::Json& model = file.at("model");
+    cutjoint::interpreter::InterpretedMechanism start(model.at("start"));
     cutjoint::interpreter::InterpretedSystem system(model, start.description());
     return cutjoint::perform(file, start, system);
   });

@@ -5,7 +5,7 @@
 
 int main(int argc, char** argv) {
   return cutjoint::run_program(argc, argv, "simulator", [](const cutjoint::Json& file) {
-    const cutjoint::Json& model = cutjoint::value_of(file, "model");
+    const cutjoint::Json& model = file.at("model");
     cutjoint::interpreter::InterpretedMechanism start(model), mechanism(model);
     return cutjoint::perform(file, start, mechanism);
   });

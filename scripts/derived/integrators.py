@@ -13,15 +13,12 @@ from cutjoint.methods import INTEGRATORS, METHODS, Integrator
 
 ROOT = Path(__file__).resolve().parents[2]
 
-#: The columns of the header: what drivers and the reader of run files ask.
+#: The columns of the header: the drivers that have an integrator.
 ASKED: Mapping[str, Callable[[Integrator], bool]] = {
     "recursive": lambda i: "recursive" in i.methods,
     "lagrangian": lambda i: any(METHODS[name].has_system for name in i.methods),
     "batch": lambda i: i.batch,
     "generic": lambda i: i.has_generic,
-    "projected": lambda i: "solved" in i.closures,
-    "absolute_tolerance": lambda i: "absolute_tolerance" in i.settings,
-    "spectral_radius": lambda i: "spectral_radius" in i.settings,
 }
 
 
@@ -48,7 +45,6 @@ def header() -> str:
     """The header with a row an integrator."""
     row = ", ".join
     marks = {i.name: row(str(ask(i)).lower() for ask in ASKED.values()) for i in INTEGRATORS.values()}
-    marks["added"] = row(str(name == "projected").lower() for name in ASKED)
     rows = "\n".join(f'    IntegratorRow{{"{name}", {of_row}}},' for name, of_row in marks.items())
     return f"""// Integrators, a row each: `make regenerate` writes this file from INTEGRATORS of compiler/cutjoint/methods.py.
 #pragma once
@@ -64,13 +60,13 @@ namespace cutjoint {{
 
 enum class Integrator {{ {row(map(identifier, INTEGRATORS))}, added }};
 
-/// The name in run files, which drivers have it, whether it holds loops by projection, and the settings that it needs.
+/// The name in run files, and which drivers have it.
 struct IntegratorRow {{
   std::string_view name;
   bool {row(ASKED)};
 }};
 
-/// In the order of `Integrator`.
+/// In the order of `Integrator`, without those that are added.
 inline constexpr std::array integrator_rows{{
 {rows}
 }};

@@ -22,7 +22,6 @@ from . import (
     poses,
     road_files,
     robots,
-    run_files,
     signals,
     tyres,
 )  # fmt: skip
@@ -47,7 +46,6 @@ KINDS: Mapping[str, Kind] = {
         Kind(name="mechanisms", suffix=".mechanism.json", make=mechanisms.make, check=mechanisms.check, limit=600),
         Kind(name="dense", suffix=".dense.json", make=dense.make, check=dense.check, share=3.0, limit=240, waits=False),
         Kind(name="lanes", suffix=".lanes.json", make=lanes.make, check=lanes.check, waits=False),
-        Kind(name="run_files", suffix=".run.json", make=run_files.make, check=run_files.check),
         Kind(name="meshes", suffix=".mesh.json", make=meshes.make, check=meshes.check),
         Kind(name="calls", suffix=".call.json", make=calls.make, check=calls.check),
         Kind(name="disks", suffix=".disk.json", make=disks.make, check=disks.check, limit=240),

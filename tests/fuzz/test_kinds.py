@@ -19,7 +19,7 @@ pytestmark = needs_cpp
 
 #: Seeds that the tests try: some, and those of `make full`.
 SEEDS = {
-    "mechanisms": (1, 8), "run_files": (10, 60), "calls": (1, 6), "disks": (1, 2), "signals": (1, 2), "caches": (1, 1), "parts": (4, 40),
+    "mechanisms": (1, 8), "calls": (1, 6), "disks": (1, 2), "signals": (1, 2), "caches": (1, 1), "parts": (4, 40),
     "lanes": (1, 15), "meshes": (6, 60), "impacts": (1, 6), "controllers": (1, 4), "hosts": (20, 200), "poses": (1, 12),
     "friction": (1, 12), "massless": (1, 10), "tyres": (100, 1000), "road_files": (100, 1000),
     "dense": (2, 100),

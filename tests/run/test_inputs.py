@@ -20,11 +20,9 @@ from cutjoint.methods import INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.run.artifact import Artifact, make_simulator_run
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
-from cutjoint.run.settings import Options
 from cutjoint.run.simulation import simulate
-from cutjoint.run.simulator import SimulatorError, call_simulator
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint_bench.generic.artifact import compile_generic
 from tests.conftest import needs_cpp, with_heavy
@@ -224,24 +222,3 @@ def test_what_is_wrong_with_inputs(given: dict[str, Any], message: str) -> None:
 def test_an_input_is_given_once() -> None:
     with pytest.raises(RunError, match="input 'push' is given twice; give it in one of the two ways"):
         simulate(compiled("free"), parameters={"push": 1.0}, inputs={"push": 2.0})
-
-
-@pytest.mark.parametrize(
-    ("inputs", "message"),
-    [
-        ({"lfit": 1}, "'lfit' is no input of the model"),
-        ({"lift": "a"}, "'lift' is \"a\" and not a number"),
-        ({"lift": {"t": [0, 1]}}, "'value' is missing"),
-        ({"lift": {"t": [0, 1, 1], "value": [0, 1, 2]}}, "'lift' has times that do not ascend"),
-        ({"lift": {"t": [0, 0.5], "value": [0, 1]}}, "'lift' has times that do not reach from 0 to the end of the run"),
-        ({"lift": {"t": [0], "value": [0]}}, "'lift' needs two times or more and as many values"),
-        ({"lift": {"t": [0, 1], "value": [0, 1], "rate": [1]}}, "'lift' has not as many rates as times"),
-        ({"lift": {"t": [0, 1], "value": [0, 1], "extra": 1}}, "'extra' is not one of t, value, rate, interpolation"),
-        ([], "'inputs' is [] and not an object"),
-    ],
-)
-def test_what_simulators_refuse(inputs: Any, message: str) -> None:
-    plan = make_simulator_run(compiled("free"), Options())
-    with pytest.raises(SimulatorError) as error:
-        call_simulator(plan.simulator, {**plan.run_file.entries(), "model": plan.description, "inputs": inputs})
-    assert str(error.value) == f"run file: {message}"

@@ -11,7 +11,7 @@ import pytest
 from cutjoint.compile.pipeline import compile_model
 from cutjoint.run.results import read_statistics, read_table
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.simulator import SimulatorError, call_simulator
+from cutjoint.run.simulator import call_simulator
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.drivers import Kind
 from cutjoint_bench.driver import ADDED_SOLVERS
@@ -135,10 +135,3 @@ def test_steps_of_the_recursive_method_are_measured_when_asked_for(tmp_path: Pat
     assert len(t) == summary["steps"]
     assert steps["iterations"].sum() == summary["evaluations"]
     assert steps["position"].max() == statistics.residuals.position < 1e-6
-
-
-def test_the_recursive_method_has_no_solver() -> None:
-    artifact = compile_model(MODELS / "four_bar.yaml", scene="swing")
-    file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate")
-    with pytest.raises(SimulatorError, match="the recursive method has no linear solver to choose; write null for 'solver'"):
-        call_simulator(artifact.binary.path, {**file.entries(), "solver": "eigen-lu"})

@@ -5,7 +5,9 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any, TypeAlias
 
+import numpy as np
 import sympy
+from numpy.typing import NDArray
 
 from cutjoint.formulate.inputs import input_parameters
 from cutjoint.model.expressions.units import fault_of_dimension
@@ -33,7 +35,24 @@ def input_entries(model: Model, scene: Scene, values: Mapping[str, InputLike]) -
         if name not in names:
             raise RunError(f"model '{model.name}' has no input '{name}'; it has {', '.join(names) or 'none'}")
     found = {name: (f"input '{name}'", values[name]) for name in names if name in values}
-    return {n: read_table(w, x, 0.0, scene.end) if isinstance(x, Mapping) else _number(w, x) for n, (w, x) in found.items()}
+    return {n: _as_read(read_table(w, x, 0.0, scene.end)) if isinstance(x, Mapping) else _number(w, x) for n, (w, x) in found.items()}
+
+
+def _as_read(table: dict[str, Any]) -> dict[str, Any]:
+    """The table with the rates that a simulator needs for cubics."""
+    if table["interpolation"] == "linear" or "rate" in table:
+        return table
+    return {**table, "rate": rates_at(np.array(table["t"]), np.array(table["value"])).tolist()}
+
+
+def rates_at(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rates at the times of a table, from parabolas through neighbouring values; at the ends of the adjacent parabola."""
+    length = np.diff(t)
+    slope = np.diff(values) / length
+    if len(slope) == 1:
+        return np.repeat(slope, 2)
+    inner = (length[1:] * slope[:-1] + length[:-1] * slope[1:]) / (length[:-1] + length[1:])
+    return np.concatenate([2 * slope[:1] - inner[:1], inner, 2 * slope[-1:] - inner[-1:]])
 
 
 def read_table(what: str, values: Mapping[str, Any], start: float, end: float) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutjoint.run.inputs import read_table
+from cutjoint.run.inputs import rates_at, read_table
 from cutjoint.stepping.values import Array, find_place
 
 #: Values, each for the same number of steps (zero-order hold), or a table over time as of `simulate`.
@@ -81,19 +81,9 @@ def _make(name: str, place: int, trajectory: InputTrajectoryLike, start: float, 
     def pieces(knots: Mapping[str, Array]) -> Array:
         if table["interpolation"] == "linear":
             return _cubics(t, knots[name], None)
-        return _cubics(t, knots[name], knots[rate] if rate in knots else _rates_at(t, knots[name]))
+        return _cubics(t, knots[name], knots[rate] if rate in knots else rates_at(t, knots[name]))
 
     return _linear(place, t[:-1], pieces, knots, jumps=False)
-
-
-def _rates_at(t: Array, values: Array) -> Array:
-    """Rates at the knots, from parabolas through neighbouring values, as for a run file's tables."""
-    length = np.diff(t)
-    slope = np.diff(values) / length
-    if len(slope) == 1:
-        return np.repeat(slope, 2)
-    inner = (length[1:] * slope[:-1] + length[:-1] * slope[1:]) / (length[:-1] + length[1:])
-    return np.concatenate([2 * slope[:1] - inner[:1], inner, 2 * slope[-1:] - inner[-1:]])
 
 
 def _cubics(t: Array, values: Array, rates: Array | None) -> Array:

@@ -70,7 +70,7 @@ class InitialState {
 
   /// Read values of the run file, and mark those that are given.
   std::vector<unsigned char> read(const char* key, const std::vector<std::string_view>& names, std::vector<Real>& values) const {
-    const std::vector<bool> given = read_given(read_object(file_, key), names, values);
+    const std::vector<bool> given = read_given(file_.at(key), names, values);
     return {given.begin(), given.end()};
   }
 
@@ -79,9 +79,8 @@ class InitialState {
     std::vector<unsigned char> given = read("positions", d_.coordinates, state_.q);
     if (!file_.contains("near")) return given;
     for (const Json& name : file_.at("near")) {
-      const auto place = std::find(d_.coordinates.begin(), d_.coordinates.end(), name.is_string() ? name.get<std::string_view>() : std::string_view());
-      if (place == d_.coordinates.end()) refuse("near", "is " + name.dump() + ", which is no coordinate");
-      if (unsigned char& how = given[static_cast<std::size_t>(place - d_.coordinates.begin())]; how != not_given) how = given_as_guess;
+      const auto place = std::find(d_.coordinates.begin(), d_.coordinates.end(), name.get<std::string_view>()) - d_.coordinates.begin();
+      if (unsigned char& how = given.at(static_cast<std::size_t>(place)); how != not_given) how = given_as_guess;
     }
     return given;
   }
@@ -98,7 +97,7 @@ class InitialState {
 
 template <Mechanism M>
 const State<typename M::real_type>& InitialState<M>::in_motion() {
-  if (file_.contains("initial_state")) return continued(read_object(file_, "initial_state"));
+  if (file_.contains("initial_state")) return continued(file_.at("initial_state"));
   require_none(initialisation_.place(state_, read_positions()), d_);
   initialisation_.find_reactions(state_);
   read_reactions();
@@ -113,10 +112,8 @@ const State<typename M::real_type>& InitialState<M>::in_motion() {
 
 template <Mechanism M>
 const State<typename M::real_type>& InitialState<M>::continued(const Json& begin) {
-  require_keys(begin, std::to_array<std::string_view>({"t", "q", "v", "discrete_states"}));
   state_.t = read_number<Real>(begin, "t");
-  for (const auto& given : {read_given(read_object(begin, "q"), d_.coordinates, state_.q), read_given(read_object(begin, "v"), d_.speeds, state_.v)})
-    if (std::find(given.begin(), given.end(), false) != given.end()) refuse("initial_state", "has not all coordinates and speeds");
+  read_given(begin.at("q"), d_.coordinates, state_.q), read_given(begin.at("v"), d_.speeds, state_.v);
   require_none(initialisation_.place(state_, std::vector<unsigned char>(state_.q.size())), d_);
   require_none(initialisation_.move(state_, std::vector<unsigned char>(state_.v.size())), d_);
   return state_;

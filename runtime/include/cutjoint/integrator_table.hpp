@@ -12,22 +12,21 @@ namespace cutjoint {
 
 enum class Integrator { trapezoidal, rk4, dormand_prince, dop853, radau5, radau5_fixed, generalised_alpha, added };
 
-/// The name in run files, which drivers have it, whether it holds loops by projection, and the settings that it needs.
+/// The name in run files, and which drivers have it.
 struct IntegratorRow {
   std::string_view name;
-  bool recursive, lagrangian, batch, generic, projected, absolute_tolerance, spectral_radius;
+  bool recursive, lagrangian, batch, generic;
 };
 
-/// In the order of `Integrator`.
+/// In the order of `Integrator`, without those that are added.
 inline constexpr std::array integrator_rows{
-    IntegratorRow{"trapezoidal", true, true, true, true, true, false, false},
-    IntegratorRow{"rk4", true, false, false, false, true, true, false},
-    IntegratorRow{"dormand-prince", true, false, false, false, true, true, false},
-    IntegratorRow{"dop853", true, false, false, false, true, true, false},
-    IntegratorRow{"radau5", false, true, false, false, false, true, false},
-    IntegratorRow{"radau5-fixed", false, true, false, false, false, true, false},
-    IntegratorRow{"generalised-alpha", false, true, false, false, false, false, true},
-    IntegratorRow{"added", false, false, false, false, true, false, false},
+    IntegratorRow{"trapezoidal", true, true, true, true},
+    IntegratorRow{"rk4", true, false, false, false},
+    IntegratorRow{"dormand-prince", true, false, false, false},
+    IntegratorRow{"dop853", true, false, false, false},
+    IntegratorRow{"radau5", false, true, false, false},
+    IntegratorRow{"radau5-fixed", false, true, false, false},
+    IntegratorRow{"generalised-alpha", false, true, false, false},
 };
 
 }  // namespace cutjoint

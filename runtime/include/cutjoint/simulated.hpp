@@ -230,8 +230,7 @@ class Simulated {
     if (!file_.contains("initial_state")) return std::nullopt;
     std::vector<Real> values;
     for (const Json& value : file_.at("initial_state").at("discrete_states"))
-      values.push_back(value.is_null() ? std::numeric_limits<Real>::quiet_NaN() : number_of<Real>(value, "discrete_states"));
-    if (values.size() != simulation_.discrete_values().size()) refuse("discrete_states", "has not a value for each that controllers hold");
+      values.push_back(value.is_null() ? std::numeric_limits<Real>::quiet_NaN() : Real(value.get<double>()));
     return values;
   }
 

@@ -45,16 +45,13 @@ class Start final : public cutjoint::AnyMechanism<double> {
   mutable Mechanism mechanism_;  ///< what it computes on the way stays in it
 };
 
-const cutjoint::Abilities abilities{
-    .tasks = {cutjoint::Task::simulate, cutjoint::Task::realtime, cutjoint::Task::equilibrium},
-    .integrators = &cutjoint::IntegratorRow::generic,
-};
+const cutjoint::Abilities abilities{.integrators = &cutjoint::IntegratorRow::generic};
 
 }  // namespace
 
 int main(int argc, char** argv) {
   return cutjoint::run_program(argc, argv, "generic", [](const Json& file) {
-    const Json& place = cutjoint::value_of(file, "model");
+    const Json& place = file.at("model");
     const Json model = place.is_string() ? cutjoint::read_json(place) : place;
     if (model.contains("method")) {
       Start start(model.at("start"));
@@ -62,7 +59,7 @@ int main(int argc, char** argv) {
     }
     Mechanism start(model), mechanism(model);
     if (cutjoint::examine::is_asked(file)) return cutjoint::examine::perform(file, start, mechanism, abilities.integrators);
-    const cutjoint::RunSettings settings = cutjoint::read_settings<double>(file, abilities);
+    const cutjoint::RunSettings settings = cutjoint::read_settings(file, abilities);
     cutjoint::Simulated<cutjoint::FixedPointSteps<Mechanism>> method(mechanism, settings, file);
     return cutjoint::Run(start, method, settings, file).perform();
   });

@@ -14,15 +14,10 @@
 
 namespace {
 
-using cutjoint::Integrator, cutjoint::Task;
 using System = cutjoint::generic::natural::GenericSystem<double>;
 using Solver = cutjoint::ChosenSolver<System>;
 
-const cutjoint::Abilities abilities{
-    .tasks = {Task::simulate, Task::realtime, Task::equilibrium},
-    .integrators = &cutjoint::IntegratorRow::generic,
-    .solvers = true,
-};
+const cutjoint::Abilities abilities{.integrators = &cutjoint::IntegratorRow::generic};
 
 template <class Newton>
 cutjoint::Json run(System& system, cutjoint::AnyMechanism<double>& start, const cutjoint::RunSettings& settings, const cutjoint::Json& file) {
@@ -35,7 +30,7 @@ cutjoint::Json run(System& system, cutjoint::AnyMechanism<double>& start, const 
 cutjoint::Json run_natural(const cutjoint::Json& model, cutjoint::AnyMechanism<double>& start, const cutjoint::Json& file) {
   System system(model);
   if (cutjoint::examine::is_asked(file)) return cutjoint::examine::perform(file, start, system, abilities.integrators);
-  const cutjoint::RunSettings settings = cutjoint::read_settings<double>(file, abilities);
+  const cutjoint::RunSettings settings = cutjoint::read_settings(file, abilities);
   if (system.description().method == cutjoint::Lagrangian::classical) return run<cutjoint::ClassicalNewton<System, Solver>>(system, start, settings, file);
   return run<cutjoint::AugmentedNewton<System, Solver>>(system, start, settings, file);
 }

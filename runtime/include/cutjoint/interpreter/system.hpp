@@ -100,10 +100,9 @@ inline Pattern read_pattern(const Json& p) {
 
 /// The description of a system; the texts stand in the document.
 inline SystemDescription read_system_description(const Json& d) {
-  using Name = std::pair<std::string_view, Lagrangian>;
-  constexpr std::array methods{Name{"augmented", Lagrangian::augmented}, Name{"classical", Lagrangian::classical},
-                               Name{"recursive-newton", Lagrangian::recursive_newton}};
-  SystemDescription found{read_description(d), read_word(d, "method", methods), read_pattern(d.at("pattern")),
+  const auto method = read_word<Lagrangian>(d, "method", {{"augmented", Lagrangian::augmented}, {"classical", Lagrangian::classical},
+                                                          {"recursive-newton", Lagrangian::recursive_newton}});
+  SystemDescription found{read_description(d), method, read_pattern(d.at("pattern")),
                           read_index(d.at("factors"), 0, std::size_t(1) << 26)};
   const std::size_t rows = found.unknowns().size() + (found.method == Lagrangian::classical ? found.equations.size() : 0);
   if (static_cast<std::size_t>(found.pattern.size) != rows || found.pattern.symmetric != (found.method == Lagrangian::augmented))

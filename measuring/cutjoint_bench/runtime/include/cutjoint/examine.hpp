@@ -10,19 +10,15 @@
 
 namespace cutjoint::examine {
 
-/// The array under a key.
-template <class Real>
-std::vector<Real> read_array(const Json& object, const char* key) { return object.at(key).get<std::vector<Real>>(); }
-
 /// A state with the keys t, q, v, vdot and lambda.
 template <class Real>
 State<Real> read_state(const Json& at) {
   State<Real> state(0, 0, 0);
   state.t = read_number<Real>(at, "t");
-  state.q = read_array<Real>(at, "q");
-  state.v = read_array<Real>(at, "v");
-  state.vdot = read_array<Real>(at, "vdot");
-  state.lambda = read_array<Real>(at, "lambda");
+  state.q = read_numbers<Real>(at, "q");
+  state.v = read_numbers<Real>(at, "v");
+  state.vdot = read_numbers<Real>(at, "vdot");
+  state.lambda = read_numbers<Real>(at, "lambda");
   return state;
 }
 
@@ -31,7 +27,7 @@ template <Mechanism M>
 Json evaluate_mechanism(M& mechanism, const Json& at) {
   using Real = typename M::real_type;
   const Description& d = mechanism.description();
-  const auto q = read_array<Real>(at, "q"), v = read_array<Real>(at, "v"), lambda = read_array<Real>(at, "lambda");
+  const auto q = read_numbers<Real>(at, "q"), v = read_numbers<Real>(at, "v"), lambda = read_numbers<Real>(at, "lambda");
   std::vector<Real> vdot(d.speeds.size()), dz(vdot), correction(d.equations.size()), residual(correction), rate(correction), columns(d.columns.size());
   mechanism.begin_step(read_number<Real>(at, "t"), Real(1));
   mechanism.evaluate(q.data(), v.data(), lambda.data(), vdot.data(), correction.data());
@@ -67,7 +63,7 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
   result["closed_residual"] = phi;
   result["rate"] = phid;
   result["curvature"] = phidd;
-  system.apply_jacobian_transposed(x.q.data(), read_array<Real>(at, "w").data(), f.data());
+  system.apply_jacobian_transposed(x.q.data(), read_numbers<Real>(at, "w").data(), f.data());
   result["force"] = f;
   system.apply_jacobian(x.q.data(), x.vdot.data(), phi.data());
   result["change"] = phi;
@@ -77,11 +73,11 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
   if (at.contains("relative")) {
     const Json& relative = at.at("relative");
     std::vector<Real> q(d.coordinates.size()), v(f.size());
-    system.initial_coordinates(read_array<Real>(relative, "q").data(), read_array<Real>(relative, "v").data(), q.data(), v.data());
+    system.initial_coordinates(read_numbers<Real>(relative, "q").data(), read_numbers<Real>(relative, "v").data(), q.data(), v.data());
     result["placed"] = Json{{"q", q}, {"v", v}};
   }
   if (at.contains("right")) {
-    std::vector<Real> right = read_array<Real>(at, "right");
+    std::vector<Real> right = read_numbers<Real>(at, "right");
     Breakdown broken = solver.factor(tangent.data());
     if (!broken) broken = solver.solve(right.data());
     result["solution"] = right;
@@ -128,8 +124,8 @@ template <class M, class S>
 Json time_parts(const Json& file, M& mechanism, S& system, const RunSettings& settings) {
   using Real = typename S::real_type;
   const SystemDescription& d = system.description();
-  const int batches = file.contains("batches") ? read_integer(file, "batches", 1) : 9;
-  const int repetitions = file.contains("repetitions") ? read_integer(file, "repetitions", 1) : 100;
+  const int batches = file.contains("batches") ? file.at("batches").get<int>() : 9;
+  const int repetitions = file.contains("repetitions") ? file.at("repetitions").get<int>() : 100;
   InitialState<M> start(mechanism, settings, file);
   const State<Real> relative(start.in_motion());
   ModelData<Real> data(d, file);
@@ -163,8 +159,7 @@ template <class M, class Subject>
 Json perform(const Json& file, M& start, Subject& subject, bool IntegratorRow::*integrators) {
   Json plain = file;
   plain["task"] = "simulate";
-  for (const char* own : {"states", "repetitions", "batches"}) plain.erase(own);
-  const RunSettings settings = read_settings<typename Subject::real_type>(plain, {.tasks = {Task::simulate}, .integrators = integrators, .solvers = !Mechanism<Subject>});
+  const RunSettings settings = read_settings(plain, {.integrators = integrators});
   if constexpr (!Mechanism<Subject>)
     if (file.at("task") == "factor") return time_parts(file, start, subject, settings);
   return evaluate(file, subject, settings);
