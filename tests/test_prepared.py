@@ -253,7 +253,7 @@ def _other_compiler(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 CHANGES: dict[str, Callable[[Path, pytest.MonkeyPatch], None]] = {
     "compiler's sources": _copied("cutjoint", "kernels/joints.py"),
     "templates": _copied("templates", "function.cpp.jinja"),
-    "runtime": _copied("runtime", "include/cutjoint/mechanism.hpp"),
+    "runtime": _copied("runtime", "include/cutjoint/any_mechanism.hpp"),
     "version of a library": lambda _, monkeypatch: monkeypatch.setattr(prepared, "version", lambda name: "0"),
     "C++ compiler": _other_compiler,
     "flags": lambda _, monkeypatch: monkeypatch.setattr(prepared, "FLAGS", ("-O0",)),

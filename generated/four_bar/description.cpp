@@ -56,7 +56,7 @@ static constexpr int cuts[] = {
     0, 6,
 };
 
-static constexpr constants::Mechanism mechanism{
+static constexpr Description mechanism{
     .name = "four_bar",
     .charts = charts,
     .coordinates = coordinates,
@@ -68,9 +68,6 @@ static constexpr constants::Mechanism mechanism{
     .guides_jump = false,
 };
 
-const Description& description() {
-  static const Description& described = describe(mechanism);
-  return described;
-}
+const Description& description() { return mechanism; }
 
 }  // namespace cutjoint::generated

@@ -6,7 +6,7 @@
 #include "cutjoint/core/runge_kutta/closed_loop_dynamics.hpp"
 #include "cutjoint/core/stepping/trapezoidal.hpp"
 #include "cutjoint/integrator_table.hpp"
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/any_mechanism.hpp"
 
 #ifndef CUTJOINT_INSTANTIATE
 #define CUTJOINT_INSTANTIATE extern template

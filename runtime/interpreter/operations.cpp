@@ -101,13 +101,12 @@ struct Entry {
   std::string_view name;
   int arguments;
   Perform perform[4];  ///< of 1, 2, 4 and 8 lanes
-  enum { usual, spreading, summing, looking_up } kind = usual;
 };
 
 template <class O>
-constexpr Entry entry(std::string_view name, int arguments, decltype(Entry::kind) kind = Entry::usual) {
-  if (kind == Entry::looking_up) return {name, arguments, {O::template perform<1>, nullptr, nullptr, nullptr}, kind};
-  return {name, arguments, {O::template perform<1>, O::template perform<2>, O::template perform<4>, O::template perform<8>}, kind};
+constexpr Entry entry(std::string_view name, int arguments, bool looks_up = false) {
+  if (looks_up) return {name, arguments, {O::template perform<1>, nullptr, nullptr, nullptr}};
+  return {name, arguments, {O::template perform<1>, O::template perform<2>, O::template perform<4>, O::template perform<8>}};
 }
 
 template <auto f>
@@ -146,21 +145,21 @@ constexpr Entry entries[] = {
     CUTJOINT_FUNCTIONS(CUTJOINT_ENTRY)
     function_of_two<[](double a, double b) { return std::atan2(a, b); }>("atan2"),
     function_of_two<[](double a, double b) { return std::pow(a, b); }>("pow"),
-    entry<Spread>("spread", 1, Entry::spreading),
-    entry<LaneSum>("lane_sum", 1, Entry::summing),
-    entry<Lookup<&Road<double>::height>>("road_height", 3, Entry::looking_up),
-    entry<Lookup<&Road<double>::slope>>("road_slope", 3, Entry::looking_up),
-    entry<Lookup<&Road<double>::height_dx>>("road_height_dx", 3, Entry::looking_up),
-    entry<Lookup<&Road<double>::slope_dx>>("road_slope_dx", 3, Entry::looking_up),
-    entry<SurfaceLookup<&Road<double>::surface, 0, 0>>("road_surface", 3, Entry::looking_up),
-    entry<SurfaceLookup<&Road<double>::surface, 1, 0>>("road_surface_x", 3, Entry::looking_up),
-    entry<SurfaceLookup<&Road<double>::surface, 0, 1>>("road_surface_y", 3, Entry::looking_up),
-    entry<SurfaceLookup<&Road<double>::surface, 2, 0>>("road_surface_xx", 3, Entry::looking_up),
-    entry<SurfaceLookup<&Road<double>::surface, 1, 1>>("road_surface_xy", 3, Entry::looking_up),
-    entry<SurfaceLookup<&Road<double>::surface, 0, 2>>("road_surface_yy", 3, Entry::looking_up),
-    entry<SurfaceLookup<&Road<double>::friction, 0, 0>>("road_friction", 3, Entry::looking_up),
-    entry<SurfaceLookup<&Road<double>::friction, 1, 0>>("road_friction_x", 3, Entry::looking_up),
-    entry<SurfaceLookup<&Road<double>::friction, 0, 1>>("road_friction_y", 3, Entry::looking_up),
+    entry<Spread>("spread", 1),
+    entry<LaneSum>("lane_sum", 1),
+    entry<Lookup<&Road<double>::height>>("road_height", 3, true),
+    entry<Lookup<&Road<double>::slope>>("road_slope", 3, true),
+    entry<Lookup<&Road<double>::height_dx>>("road_height_dx", 3, true),
+    entry<Lookup<&Road<double>::slope_dx>>("road_slope_dx", 3, true),
+    entry<SurfaceLookup<&Road<double>::surface, 0, 0>>("road_surface", 3, true),
+    entry<SurfaceLookup<&Road<double>::surface, 1, 0>>("road_surface_x", 3, true),
+    entry<SurfaceLookup<&Road<double>::surface, 0, 1>>("road_surface_y", 3, true),
+    entry<SurfaceLookup<&Road<double>::surface, 2, 0>>("road_surface_xx", 3, true),
+    entry<SurfaceLookup<&Road<double>::surface, 1, 1>>("road_surface_xy", 3, true),
+    entry<SurfaceLookup<&Road<double>::surface, 0, 2>>("road_surface_yy", 3, true),
+    entry<SurfaceLookup<&Road<double>::friction, 0, 0>>("road_friction", 3, true),
+    entry<SurfaceLookup<&Road<double>::friction, 1, 0>>("road_friction_x", 3, true),
+    entry<SurfaceLookup<&Road<double>::friction, 0, 1>>("road_friction_y", 3, true),
 };
 
 }  // namespace
@@ -169,12 +168,7 @@ Operation find_operation(std::string_view name, int lanes) {
   for (const Entry& e : entries)
     if (e.name == name)
       for (int i = 0; i < 4; ++i)
-        if (1 << i == lanes)
-          return {.perform = e.perform[i],
-                  .arguments = e.arguments,
-                  .width = e.kind == Entry::spreading ? 1 : lanes,
-                  .result_width = e.kind == Entry::summing ? 1 : lanes,
-                  .lookup = e.kind == Entry::looking_up};
+        if (1 << i == lanes) return {e.perform[i], e.arguments};
   return {};
 }
 

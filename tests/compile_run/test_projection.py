@@ -34,7 +34,7 @@ def program(folder: Path, model: str, scene: str, class_name: str) -> Path:
     subprocess.run(
         ["g++", "-std=c++20", "-O1", "-Wno-psabi", "-isystem", "/usr/include/eigen3", f"-I{own}", f"-I{runtime_folder() / 'include'}",
          f'-DMECHANISM_HEADER="{model}.hpp"', f"-DMECHANISM={class_name}", str(Path(__file__).with_name("projection.cpp")),
-         *sources, str(own / "report.cpp"), str(runtime_folder() / "driver" / "describe.cpp"), "-o", str(built)],
+         *sources, str(own / "report.cpp"), "-o", str(built)],
         check=True,
     )  # fmt: skip
     return built

@@ -1,6 +1,6 @@
 """The results of a formulation: the functions of the mechanism as blocks, and the layout of their inputs and outputs.
 
-Functions of systems that Newton's iteration solves, in whatever coordinates: runtime/include/cutjoint/lagrangian/system.hpp.
+Functions of systems that Newton's iteration solves, in whatever coordinates: runtime/include/cutjoint/lagrangian/any_system.hpp.
 
 The function ``energy`` of all formulations has the kinetic energy T (J), and the power P (W) of all forces. Without numerical errors dT/dt
 = P. Weight, applied forces, guides and drives have power; time-independent constraints have none, and the power of penalties and loop
@@ -252,7 +252,7 @@ class RecursiveEquations(Equations):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SystemEquations(Equations):
-    """An index-3 formulation that Newton's iteration solves; see runtime/include/cutjoint/lagrangian/system.hpp.
+    """An index-3 formulation that Newton's iteration solves; see runtime/include/cutjoint/lagrangian/any_system.hpp.
     ``start`` are the recursive equations that find the initial state. The results ``tangent:row,column`` are the tangent's candidates, of a
     symmetric tangent the lower triangle; ``plan`` is its factorisation."""
 

@@ -121,8 +121,8 @@ class Steps:
 
 def count_steps(dt: float, end: float, output_step: float, *, row_each: bool = False) -> Steps:
     """The steps of a run of ``end`` (s) in steps of ``dt`` (s) with a row each ``output_step`` (s), or ``row_each`` step.
-    The last step may go beyond ``end``. A run with ``end`` 0 has no steps and one row. read_steps.hpp has the same. Raises StepsError: a
-    time is out of its range, a step is longer than the run, or steps or rows are too many."""
+    The last step may go beyond ``end``. A run with ``end`` 0 has no steps and one row. read_settings.hpp counts the same. Raises
+    StepsError: a time is out of its range, a step is longer than the run, or steps or rows are too many."""
     for name, value in (("dt", dt), ("end", end), ("output_step", output_step)):
         if fault := fault_of_setting(name, value):
             raise StepsError(f"{name}: {fault}")

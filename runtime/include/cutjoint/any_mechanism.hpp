@@ -1,15 +1,14 @@
-// Mechanisms behind virtual functions.
+// Mechanisms behind virtual functions, and their descriptions.
 #pragma once
 
 #include <exception>
 
+#include "cutjoint/constants.hpp"
 #include "cutjoint/core/mechanism/contract.hpp"
 #include "cutjoint/core/inputs/inputs.hpp"
 #include "cutjoint/precision.hpp"
 
 namespace cutjoint {
-
-struct Description;
 
 /// Reports a call of a function that was not generated.
 class MissingFunction : public std::exception {

@@ -1,4 +1,4 @@
-// Descriptions as generated code has them, constants, and what they list.  This includes no header of the standard library, which takes longer to
+// Descriptions of mechanisms and systems: constants of generated code.  This includes no header of the standard library, which takes longer to
 // compile than they do.
 #pragma once
 
@@ -6,17 +6,14 @@
 
 namespace cutjoint {
 
-struct Description;
-struct SystemDescription;
-
 /// The Lagrangian methods of Cuadrado et al. 2000 in natural coordinates, augmented (section 2.1) and classical (section 2.2), and the former in
 /// the relative coordinates of the recursion.
 enum class Lagrangian { augmented, classical, recursive_newton };
 
 /// A name with its unit and default value; what it names depends on the list that it stands in.
 struct Named {
-  const char* name;
-  const char* unit;
+  const char* name = "";
+  const char* unit = "";
   double value = 0.0;
 };
 
@@ -55,60 +52,90 @@ struct Controller {
   SampleTimes times;
 };
 
-namespace constants {
+using Size = decltype(sizeof 0);
 
-/// The values of an array that lasts.
+/// The values of an array that lasts as long as the program.
 template <class Value>
 struct List {
+  using value_type = Value;
+
   const Value* first = nullptr;
-  int length = 0;
+  Size length = 0;
 
   constexpr List() = default;
   template <int number>
   constexpr List(const Value (&values)[number]) : first(values), length(number) {}
 
-  const Value* begin() const { return first; }
-  const Value* end() const { return first + length; }
+  /// A copy of values that are known when the program runs.
+  template <class Values>
+    requires requires(const Values& values) { values.data(), values.size(); }
+  List(const Values& values) : length(values.size()) {
+    Value* const copy = new Value[length];
+    for (Size i = 0; i < length; ++i) copy[i] = values[i];
+    first = copy;
+  }
+
+  constexpr const Value* begin() const { return first; }
+  constexpr const Value* end() const { return first + length; }
+  constexpr const Value* data() const { return first; }
+  constexpr Size size() const { return length; }
+  constexpr bool empty() const { return length == 0; }
+  constexpr const Value& operator[](Size i) const { return first[i]; }
+  constexpr const Value& front() const { return first[0]; }
 };
 
-/// A mechanism (`Description` of mechanism.hpp).
-struct Mechanism {
-  const char* name;
+/// Everything about a mechanism that does not change in a run.
+struct Description {
+  const char* name = "";
   List<Chart> charts{};
-  List<const char*> coordinates{};
-  List<const char*> speeds{};
-  List<const char*> equations{};
-  List<Named> parameters{};
-  List<const char*> roads{};
-  List<Named> columns{};
-  List<int> cuts{};
-  List<Named> inputs{};
-  List<Guard> guards{};
-  List<Domain> domains{};
-  List<EventIndicator> indicators{};
-  List<Controller> controllers{};
-  List<double> nominals{};
-  double arm = 1.0;
-  int states = 0;
-  bool driven = false;
-  bool guides_jump = false;
+  List<const char*> coordinates{};    ///< names of q
+  List<const char*> speeds{};         ///< names of v, first-order states last
+  List<const char*> equations{};      ///< names of the cut joints' equations
+  List<Named> parameters{};           ///< tunable parameters with defaults, SI units
+  List<const char*> roads{};          ///< tyres, each with a road of its own
+  List<Named> columns{};              ///< reported quantities
+  List<int> cuts{};                   ///< first equation of each cut joint
+  List<Named> inputs{};               ///< inputs with the model's values, SI units
+  List<Guard> guards{};               ///< forces that must not act
+  List<Domain> domains{};             ///< where laws may have no value
+  List<EventIndicator> indicators{};  ///< where formulas change
+  List<Controller> controllers{};     ///< what holds values between samples
+  List<double> nominals{};            ///< usual sizes of the first-order states, after those of accelerations where `arm` is not 1, none where all are 1
+  double arm = 1.0;                   ///< a length (m) near the mechanism's, 1 for ordinary ones
+  Size states = 0;           ///< number of the first-order states
+  bool driven = false;                ///< whether guides have power, which takes accelerations and multipliers
+  bool guides_jump = false;           ///< whether the rates of guides may jump
+
+  /// How many values controllers hold.
+  Size discrete() const {
+    Size number = 0;
+    for (const Controller& controller : controllers) number += static_cast<unsigned long>(controller.times.discrete);
+    return number;
+  }
 };
 
-/// A system (`SystemDescription` of lagrangian/system.hpp).
-struct System {
-  Mechanism mechanism;
-  Lagrangian method;
-  int size;
-  bool symmetric;
-  List<int> first{};
-  List<int> row{};
-  int factors;
+/// The places of the entries of a square sparse matrix: compressed columns, rows ascending.  Of a symmetric matrix the lower triangle.
+struct Pattern {
+  int size = 0;
+  bool symmetric = false;
+  List<int> first{};  ///< size + 1 offsets: column j has the entries first[j] .. first[j + 1] - 1
+  List<int> row{};    ///< the row of each entry
 };
 
-}  // namespace constants
+/// Everything about a system that does not change in a run: n coordinates, m equations.  Natural coordinates are the integrals of their own speeds and
+/// have no charts; relative ones have the names of their speeds.
+struct SystemDescription : Description {
+  Lagrangian method = Lagrangian::augmented;
+  Pattern pattern{};  ///< of the tangent: n and symmetric (augmented) or n + m and whole (classical)
+  int factors = 0;    ///< length of the array that `factor` fills
 
-/// The description, which stays until the program ends.
-const Description& describe(const constants::Mechanism& mechanism);
-const SystemDescription& describe(const constants::System& system);
+  /// Names of v, vdot and the force residual.
+  const List<const char*>& unknowns() const { return speeds.empty() ? coordinates : speeds; }
+};
+
+/// The name of a method, as its failures have it.
+constexpr const char* name_of(Lagrangian method) {
+  return method == Lagrangian::augmented ? "augmented" : method == Lagrangian::classical ? "classical" : "recursive-newton";
+}
 
 }  // namespace cutjoint

@@ -86,7 +86,7 @@ class Domains {
   }
 
   Subject& subject_;
-  const std::vector<Domain>& domains_;
+  const List<Domain>& domains_;
   const State<Real>& from_;
   State<Real> at_;
   std::vector<Real> delta_, inside_;

@@ -249,7 +249,7 @@ class EnergyBalance {
   }
 
   Subject& subject_;
-  const std::vector<Chart>& charts_;
+  const List<Chart>& charts_;
   std::size_t joints_;  ///< speeds, before first-order states
   State<Real> last_, between_;
   std::vector<Real> shift_, rate_, delta_, speeds_;

@@ -5,7 +5,7 @@
 #include <map>
 
 #include "cutjoint/json.hpp"
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/any_mechanism.hpp"
 #include "cutjoint/settings.hpp"
 
 namespace cutjoint {

@@ -8,7 +8,7 @@ namespace cutjoint {
 
 /// The failure of a state with violated `margins` of guards: it names the forces that would act.
 template <class Real>
-Failure failure_of_guards(const std::vector<Guard>& guards, const std::vector<Real>& margins, double t, long number) {
+Failure failure_of_guards(const List<Guard>& guards, const std::vector<Real>& margins, double t, long number) {
   std::vector<std::string> violated;
   std::size_t worst = 0;
   for (std::size_t i = 0; i < margins.size(); ++i) {
@@ -51,7 +51,7 @@ class Guards {
 
  private:
   Subject& subject_;
-  std::vector<Guard> guards_;
+  const List<Guard>& guards_;
   std::vector<Real> margin_;
 };
 

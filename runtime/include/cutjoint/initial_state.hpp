@@ -69,7 +69,7 @@ class InitialState {
   }
 
   /// Read values of the run file, and mark those that are given.
-  std::vector<unsigned char> read(const char* key, const std::vector<std::string_view>& names, std::vector<Real>& values) const {
+  std::vector<unsigned char> read(const char* key, const List<const char*>& names, std::vector<Real>& values) const {
     const std::vector<bool> given = read_given(file_.at(key), names, values);
     return {given.begin(), given.end()};
   }

@@ -40,7 +40,7 @@ class NearJumps {
     }
   }
 
-  void summarise(Json& summary, const std::vector<Named>& columns) const {
+  void summarise(Json& summary, const List<Named>& columns) const {
     Json found = Json::array();
     for (const Found& each : found_)
       found.push_back(Json{{"time", each.time}, {"column", columns[each.column].name}, {"after", each.after}, {"size", each.size}});

@@ -4,7 +4,7 @@
 #include <new>
 
 #include "cutjoint/json.hpp"
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/any_mechanism.hpp"
 #include "cutjoint/stop.hpp"
 
 namespace cutjoint {

@@ -170,17 +170,17 @@ class Run {
 
   void open_tables() {
     table_.emplace(file_, "out");
-    if (!goes_on()) table_->header(std::span(method_.columns()));
+    if (!goes_on()) table_->header(method_.columns());
     values_.resize(method_.columns().size());
     if constexpr (requires { method_.report_moved(Real(0), values_.data()); })
       if (settings_.jumps_within) near_jumps_.emplace(*settings_.jumps_within, values_.size());
     if (Table::is_requested(file_, "steps_out")) {
       steps_table_.emplace(file_, "steps_out");
-      if (!goes_on()) steps_table_->header(std::span<const std::string_view>(Method::step_columns));
+      if (!goes_on()) steps_table_->header(Method::step_columns);
     }
     if (Table::is_requested(file_, "coordinates_out")) {
       coordinates_.emplace(file_, "coordinates_out");
-      if (!goes_on()) coordinates_->header(std::span<const std::string_view>(method_.coordinates()));
+      if (!goes_on()) coordinates_->header(method_.coordinates());
     }
     if (file_.contains("tangents_out")) tangents_.emplace(file_.at("tangents_out"));
   }

@@ -36,12 +36,12 @@ class RunInputs {
  public:
   RunInputs() = default;
 
-  RunInputs(const std::vector<Named>& inputs, const Json& file) {
+  RunInputs(const List<Named>& inputs, const Json& file) {
     if (!file.contains("inputs")) return;
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       const auto given = file.at("inputs").find(std::string(inputs[i].name));
       if (given == file.at("inputs").end()) continue;
-      Trajectory<Real>& trajectory = trajectories_.emplace_back(static_cast<int>(i));
+      Trajectory<Real>& trajectory = trajectories_.emplace_back(Trajectory<Real>{static_cast<int>(i), {}, {}, {}});
       if (!given->is_object()) {
         trajectory.value = {Real(given->template get<double>())};
         continue;
@@ -138,7 +138,7 @@ class Roads {
  public:
   Roads() = default;
 
-  Roads(const std::vector<std::string_view>& names, const Json& file) {
+  Roads(const List<const char*>& names, const Json& file) {
     if (file.contains("surface")) surface_ = std::make_unique<SurfaceData<Real>>(file.at("surface"));
     for (const std::string_view name : names) {
       const Json& road = file.at("roads").at(std::string(name));
@@ -169,7 +169,7 @@ class Roads {
 
 /// The values of parameters.
 template <class Real>
-std::vector<Real> read_parameters(const std::vector<Named>& parameters, const Json& file) {
+std::vector<Real> read_parameters(const List<Named>& parameters, const Json& file) {
   std::vector<Real> values;
   for (const Named& p : parameters) values.push_back(Real(file.at("parameters").at(std::string(p.name)).get<double>()));
   return values;
@@ -212,7 +212,7 @@ class ModelData {
 
 /// Read values by name into an array; returns which were given.
 template <class Real>
-std::vector<bool> read_given(const Json& by_name, const std::vector<std::string_view>& names, std::vector<Real>& values) {
+std::vector<bool> read_given(const Json& by_name, const List<const char*>& names, std::vector<Real>& values) {
   std::vector<bool> given(names.size(), false);
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto found = by_name.find(std::string(names[i]));

@@ -51,8 +51,8 @@ class Simulated {
     simulation_.drive_by(data_.inputs());
   }
 
-  const std::vector<Named>& columns() const { return subject_.description().columns; }
-  const std::vector<std::string_view>& coordinates() const { return subject_.description().coordinates; }
+  const List<Named>& columns() const { return subject_.description().columns; }
+  const List<const char*>& coordinates() const { return subject_.description().coordinates; }
 
   /// Take over a start in relative coordinates with the penalties of its cut joints; `motion` is 0 for a mechanism at rest.  Throws Failure.
   void begin(const State<double>& start, const std::vector<double>& penalties, double motion) {

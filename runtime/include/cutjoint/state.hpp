@@ -3,7 +3,7 @@
 
 #include "cutjoint/core/simulation/fault.hpp"
 #include "cutjoint/core/mechanism/state.hpp"
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/any_mechanism.hpp"
 #include "cutjoint/json.hpp"
 
 namespace cutjoint {
@@ -22,7 +22,7 @@ struct Failure : std::runtime_error {
 };
 
 /// The names of the velocities of a mechanism, or of a system's unknowns.
-const std::vector<std::string_view>& speeds_of(const auto& d) {
+const List<const char*>& speeds_of(const auto& d) {
   if constexpr (requires { d.unknowns(); }) return d.unknowns();
   else return d.speeds;
 }

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #include "cutjoint/json.hpp"
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/any_mechanism.hpp"
 #include "cutjoint/shortest_text.hpp"
 
 namespace cutjoint {
@@ -65,13 +65,13 @@ class Table {
 
   static bool is_requested(const Json& file, const std::string& key) { return file.contains(key) || file.contains(key + "_rows"); }
 
-  void header(std::span<const Named> columns) {
+  void header(const List<Named>& columns) {
     line_ = "t";
     for (const Named& column : columns) line_.append(",").append(column.name);
     finish_header();
   }
 
-  void header(std::span<const std::string_view> columns) {
+  void header(const auto& columns) {
     line_ = "t";
     for (const std::string_view column : columns) line_.append(",").append(column);
     finish_header();

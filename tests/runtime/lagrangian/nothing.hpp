@@ -1,7 +1,7 @@
 // A mechanism without coordinates: the start of systems that know theirs.
 #pragma once
 
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/any_mechanism.hpp"
 
 namespace points {
 

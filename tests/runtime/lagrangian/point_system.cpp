@@ -63,12 +63,15 @@ void PointSystem::name() {
   names_.reserve(3 * n + 2 * m);
   const auto keep = [&](std::string text) { return names_.emplace_back(std::move(text)).c_str(); };
   const auto point = [](std::size_t i, const char* rate) { return "p" + std::to_string(i / 3) + "." + rate + "xyz"[i % 3]; };
-  for (std::size_t i = 0; i < n; ++i) d_.coordinates.push_back(keep(point(i, "")));
-  for (std::size_t i = 0; i < m; ++i) d_.equations.push_back(keep("e" + std::to_string(i)));
-  for (const std::string_view coordinate : d_.coordinates) d_.columns.push_back({coordinate.data(), "m"});
-  for (std::size_t i = 0; i < n; ++i) d_.columns.push_back({keep(point(i, "v")), "m/s"});
-  for (std::size_t i = 0; i < n; ++i) d_.columns.push_back({keep(point(i, "a")), "m/s^2"});
-  for (std::size_t i = 0; i < m; ++i) d_.columns.push_back({keep("lambda" + std::to_string(i)), "N/m"});
+  std::vector<const char*> coordinates, equations;
+  std::vector<cutjoint::Named> columns;
+  for (std::size_t i = 0; i < n; ++i) coordinates.push_back(keep(point(i, "")));
+  for (std::size_t i = 0; i < m; ++i) equations.push_back(keep("e" + std::to_string(i)));
+  for (const char* coordinate : coordinates) columns.push_back({coordinate, "m"});
+  for (std::size_t i = 0; i < n; ++i) columns.push_back({keep(point(i, "v")), "m/s"});
+  for (std::size_t i = 0; i < n; ++i) columns.push_back({keep(point(i, "a")), "m/s^2"});
+  for (std::size_t i = 0; i < m; ++i) columns.push_back({keep("lambda" + std::to_string(i)), "N/m"});
+  d_.coordinates = coordinates, d_.equations = equations, d_.columns = columns;
 }
 
 /// The places of the tangent's entries: those that linearise fills in one state or another.
@@ -94,12 +97,13 @@ void PointSystem::lay_out() {
     for (const int p : {equation.a.point, equation.b.point})
       for (int k = 0; !augmented && p >= 0 && k < 3; ++k) dense(n + e, 3 * p + k) = dense(3 * p + k, n + e) = 1.0;
   }
-  d_.pattern.first.push_back(0);
+  std::vector<int> first{0}, rows;
   for (int column = 0; column < size; ++column) {
     for (int row = augmented ? column : 0; row < size; ++row)
-      if (dense(row, column) != 0.0) d_.pattern.row.push_back(row);
-    d_.pattern.first.push_back(static_cast<int>(d_.pattern.row.size()));
+      if (dense(row, column) != 0.0) rows.push_back(row);
+    first.push_back(static_cast<int>(rows.size()));
   }
+  d_.pattern.first = first, d_.pattern.row = rows;
 }
 
 void PointSystem::begin_step(double t, double motion) {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cutjoint/json.hpp"
-#include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/lagrangian/any_system.hpp"
 
 namespace points {
 

@@ -55,7 +55,7 @@ from cutjoint.program.indicators import find_domains, find_indicators
 
 
 def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -> "ImplicitEquations":
-    """The functions of a system in relative coordinates, see runtime/include/cutjoint/lagrangian/system.hpp.
+    """The functions of a system in relative coordinates, see runtime/include/cutjoint/lagrangian/any_system.hpp.
     ``start`` are the recursive equations of the same model and scene."""
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()

@@ -53,7 +53,7 @@ _OPEN = 1e-5  #: the residual, of lengths of vectors near 1 and of m, beyond whi
 def formulate_lagrangian(
     start: RecursiveEquations, method: str, outputs: tuple[Output, ...], left_out: Collection[str] = (), *, watched: bool = False
 ) -> "LagrangianEquations":
-    """The functions of a system in natural coordinates, see runtime/include/cutjoint/lagrangian/system.hpp. ``start`` are the recursive
+    """The functions of a system in natural coordinates, see runtime/include/cutjoint/lagrangian/any_system.hpp. ``start`` are the recursive
     equations of the same model and scene; ``method`` is "augmented" or "classical"; equations named in ``left_out`` are not enforced; if
     they are ``watched``, guards stop a run that violates them. Raises ModelError: outputs that natural coordinates do not determine."""
     topology, scene = start.topology, start.scene

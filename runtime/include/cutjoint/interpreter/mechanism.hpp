@@ -4,76 +4,51 @@
 #include <utility>
 
 #include "cutjoint/interpreter/program.hpp"
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/any_mechanism.hpp"
 
 namespace cutjoint::interpreter {
-
-inline std::vector<std::string_view> read_names(const Json& list) {
-  std::vector<std::string_view> names;
-  for (const Json& name : list) names.push_back(name.get_ref<const std::string&>());
-  return names;
-}
 
 /// A text in a document, which must outlive its use.
 inline const char* text(const Json& list, std::size_t i) { return list.at(i).get_ref<const std::string&>().c_str(); }
 
+/// What `read` makes of each item.
+auto read_list(const Json& list, auto read) {
+  std::vector<decltype(read(list))> found;
+  for (const Json& item : list) found.push_back(read(item));
+  return found;
+}
+
+inline auto read_names(const Json& list) {
+  return read_list(list, [](const Json& name) { return name.get_ref<const std::string&>().c_str(); });
+}
+
 /// Names with units and, of parameters and inputs, values.
-inline std::vector<Named> read_named(const Json& list) {
-  std::vector<Named> named;
-  for (const Json& item : list) named.push_back({text(item, 0), text(item, 1), item.size() > 2 ? item.at(2).get<double>() : 0.0});
-  return named;
-}
-
-/// An integer from `least` to below `end`.
-inline int read_index(const Json& value, int least, std::size_t end) {
-  const auto number = value.get<std::int64_t>();
-  if (number < least || number >= static_cast<std::int64_t>(end)) refuse("its description has no place " + value.dump());
-  return static_cast<int>(number);
-}
-
-inline std::vector<Chart> read_charts(const Json& list, std::size_t coordinates, std::size_t speeds) {
-  std::vector<Chart> charts;
-  for (const Json& c : list) {
-    const bool ball = c.at(3).get<bool>();
-    const int q = read_index(c.at(0), 0, coordinates), v = read_index(c.at(1), 0, speeds), scalars = read_index(c.at(2), 0, speeds + 1);
-    if (static_cast<std::size_t>(q + scalars + 4 * ball) > coordinates || static_cast<std::size_t>(v + scalars + 3 * ball) > speeds)
-      refuse("a joint has coordinates beyond the last");
-    charts.push_back({.q = q, .v = v, .scalars = scalars, .ball = ball, .reversed = c.at(4).get<bool>()});
-  }
-  return charts;
+inline auto read_named(const Json& list) {
+  return read_list(list, [](const Json& item) { return Named{text(item, 0), text(item, 1), item.size() > 2 ? item.at(2).get<double>() : 0.0}; });
 }
 
 /// The description of a model; the texts stand in the document.
 inline Description read_description(const Json& d) {
   Description found;
-  found.name = d.at("name").get_ref<const std::string&>();
+  found.name = d.at("name").get_ref<const std::string&>().c_str();
+  found.charts = read_list(d.at("charts"), [](const Json& c) { return Chart{.q = c.at(0), .v = c.at(1), .scalars = c.at(2), .ball = c.at(3), .reversed = c.at(4)}; });
   found.coordinates = read_names(d.at("coordinates"));
   found.speeds = read_names(d.at("speeds"));
   found.equations = read_names(d.at("equations"));
-  found.charts = read_charts(d.at("charts"), found.coordinates.size(), found.speeds.size());
-  int first = 0;
-  for (const Json& cut : d.at("cuts")) found.cuts.push_back(first = read_index(cut, first, found.equations.size()));
+  found.cuts = d.at("cuts").get<std::vector<int>>();
   found.parameters = read_named(d.at("parameters"));
   found.inputs = read_named(d.at("inputs"));
   found.roads = read_names(d.at("roads"));
   found.columns = read_named(d.at("columns"));
-  for (const Json& g : d.at("guards")) found.guards.push_back({text(g, 0), text(g, 1), g.size() == 3, g.size() > 3});
-  for (const Json& x : d.at("domains")) found.domains.push_back({text(x, 0), text(x, 1), text(x, 2), x.at(3).get<bool>(), x.size() > 4 ? read_index(x.at(4), 0, d.at("domains").size()) : -1});
-  const Json& indicators = d.at("indicators");
-  for (const Json& s : indicators)
-    found.indicators.push_back({.element = text(s, 0), .place = text(s, 1), .road = read_index(s.at(2), -1, found.roads.size()),
-                              .across = read_index(s.at(3), -1, indicators.size())});
-  for (const Json& c : d.at("controllers")) {
-    const std::string& affects = c.at(5).get_ref<const std::string&>();
-    const int discrete = read_index(c.at(4), 0, 1000000);
-    if (affects.size() != static_cast<std::size_t>(discrete)) refuse("a controller has other discrete states than it says to affect motion or not");
-    found.controllers.push_back({text(c, 0), text(c, 1), {c.at(2).get<double>(), c.at(3).get<double>(), discrete, affects.c_str(), c.at(6).get<bool>()}});
-  }
-  found.states = static_cast<std::size_t>(read_index(d.at("states"), 0, found.speeds.size() + 1));
-  for (const Json& size : d.at("nominals")) found.nominals.push_back(size.get<double>());
-  found.arm = d.at("arm").get<double>();
-  if (!found.nominals.empty() && found.nominals.size() != (found.arm == 1.0 ? found.states : found.speeds.empty() ? found.coordinates.size() : found.speeds.size()))
-    refuse("its description has a nominal for some states alone");
+  found.guards = read_list(d.at("guards"), [](const Json& g) { return Guard{text(g, 0), text(g, 1), g.size() == 3, g.size() > 3}; });
+  found.domains = read_list(d.at("domains"), [](const Json& x) { return Domain{text(x, 0), text(x, 1), text(x, 2), x.at(3), x.size() > 4 ? x.at(4).get<int>() : -1}; });
+  found.indicators = read_list(d.at("indicators"), [](const Json& s) { return EventIndicator{text(s, 0), text(s, 1), s.at(2), s.at(3)}; });
+  found.controllers = read_list(d.at("controllers"), [](const Json& c) {
+    return Controller{text(c, 0), text(c, 1), {.every = c.at(2), .offset = c.at(3), .discrete = c.at(4), .affects_motion = text(c, 5), .accelerated = c.at(6)}};
+  });
+  found.states = d.at("states");
+  found.nominals = d.at("nominals").get<std::vector<double>>();
+  found.arm = d.at("arm");
   found.driven = d.at("driven").get<bool>();
   found.guides_jump = d.at("guides_jump").get<bool>();
   return found;
@@ -110,7 +85,7 @@ class Interpreted : public Any {
   /// For a description with this number of velocities.
   Interpreted(const Json& document, D description, std::size_t n)
       : description_(std::move(description)), q_{"q", description_.coordinates.size()}, v_{"v", n}, vdot_{"vdot", n}, lambda_{"lambda", description_.equations.size()},
-        program_(document, description_.roads.size()), inputs_(program_, document, description_.inputs.size(), description_.discrete()),
+        program_(document), inputs_(program_, document),
         fits_(program_, document, description_.parameters.size()) {
     report_ = program_.read("report", {q_, v_, vdot_, lambda_}, {{"column", description_.columns.size()}});
     if (program_.has("energy")) energy_ = program_.read("energy", {q_, v_, vdot_, lambda_}, {{"energy", 2}});

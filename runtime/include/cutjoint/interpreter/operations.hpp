@@ -21,13 +21,10 @@ struct Instruction {
   std::uint32_t from[4];
 };
 
-/// The registers of an operation: how many `arguments`, and how wide these and the result are.
+/// An operation, and the number of its arguments.
 struct Operation {
   Perform perform = nullptr;
   int arguments = 0;
-  int width = 1;         ///< registers of each argument
-  int result_width = 1;  ///< registers of the result
-  bool lookup = false;   ///< the last argument is the number of a road
 };
 
 /// The operation of a name, in each of 1, 2, 4 or 8 lanes; `perform` is null where there is none.

@@ -10,8 +10,6 @@
 
 namespace cutjoint::interpreter {
 
-[[noreturn]] inline void refuse(const std::string& what) { throw std::runtime_error("program: " + what); }
-
 /// An array among the arguments of a function.
 struct Argument {
   const char* name;
@@ -28,19 +26,14 @@ struct Function {
   std::vector<std::vector<std::uint32_t>> results;
 };
 
-/// A program with its memory.  Reading throws on any inconsistency; running neither throws nor allocates.
+/// A program with its memory.  Running neither throws nor allocates.
 class Program {
  public:
-  /// `roads` is their number.
-  Program(const Json& document, std::size_t roads)
-      : document_(document), number_of_roads_(roads), memory_(document.at("image").get<std::vector<double>>()) {
-    const auto size = document.at("registers").get<std::size_t>();
-    if (size < memory_.size() || size > largest) refuse("has no memory of " + std::to_string(size) + " registers");
-    memory_.resize(size);
+  explicit Program(const Json& document) : document_(document), memory_(document.at("image").get<std::vector<double>>()) {
+    memory_.resize(document.at("registers").get<std::size_t>());
     for (const Json& o : document.at("operations")) {
-      const auto& name = o.at(0).get_ref<const std::string&>();
-      operations_.push_back(find_operation(name, o.at(1).get<int>()));
-      if (!operations_.back().perform) refuse("the operation " + o.dump() + " is unknown");
+      operations_.push_back(find_operation(o.at(0).get_ref<const std::string&>(), o.at(1).get<int>()));
+      if (!operations_.back().perform) throw std::runtime_error("program: the operation " + o.dump() + " is unknown");
     }
   }
 
@@ -49,18 +42,11 @@ class Program {
   /// The function of a name.
   Function read(const char* name, std::initializer_list<Argument> arguments, std::initializer_list<Argument> results) const {
     const Json& described = document_.at("functions").at(name);
-    Function function{.arguments = {}, .code = read_code(described.at("code").get<std::vector<std::int64_t>>()), .results = {}};
-    for (const Argument& a : arguments) {
-      const std::size_t to = document_.at("arrays").at(a.name).get<std::size_t>();
-      if (to > memory_.size() || a.length > memory_.size() - to) refuse(std::string("has no room for ") + a.name);
-      function.arguments.push_back({to, a.length});
-    }
+    Function function{.arguments = {}, .code = read_code(described.at("code").get<std::vector<std::uint32_t>>()), .results = {}};
+    for (const Argument& a : arguments) function.arguments.push_back({document_.at("arrays").at(a.name).get<std::size_t>(), a.length});
     for (const Argument& r : results) {
       auto& places = function.results.emplace_back();
-      if (r.length > 0) {
-        for (const Json& place : described.at("results").at(r.name)) places.push_back(checked(place.get<std::int64_t>(), 1));
-        if (places.size() != r.length) refuse(std::string(name) + " has a wrong number of elements of " + r.name);
-      }
+      if (r.length > 0) places = described.at("results").at(r.name).get<std::vector<std::uint32_t>>();
     }
     return function;
   }
@@ -93,39 +79,17 @@ class Program {
   }
 
  private:
-  static constexpr std::size_t largest = std::size_t(1) << 28;
-
-  std::vector<Instruction> read_code(const std::vector<std::int64_t>& numbers) const {
+  std::vector<Instruction> read_code(const std::vector<std::uint32_t>& numbers) const {
     std::vector<Instruction> code;
-    for (std::size_t i = 0; i < numbers.size();) {
-      if (numbers[i] < 0 || numbers[i] >= static_cast<std::int64_t>(operations_.size())) refuse("an instruction has no operation");
-      const Operation& operation = operations_[static_cast<std::size_t>(numbers[i])];
-      const auto length = static_cast<std::size_t>(operation.arguments);
-      if (length + 2 > numbers.size() - i) refuse("the last instruction is not whole");
-      Instruction& instruction = code.emplace_back(Instruction{operation.perform, checked(numbers[i + 1], operation.result_width), {}});
-      for (std::size_t k = 0; k < length; ++k) {
-        const std::int64_t number = numbers[i + 2 + k];
-        const bool is_road = operation.lookup && k == length - 1;
-        instruction.from[k] = is_road ? checked_road(number) : checked(number, operation.width);
-      }
-      i += length + 2;
+    for (auto at = numbers.begin(); at != numbers.end();) {
+      const Operation& operation = operations_.at(*at++);
+      Instruction& instruction = code.emplace_back(Instruction{operation.perform, *at++, {}});
+      at = std::copy_n(at, operation.arguments, instruction.from) - instruction.from + at;
     }
     return code;
   }
 
-  /// A register with its `width` - 1 successors.
-  std::uint32_t checked(std::int64_t first, int width) const {
-    if (first < 0 || first > static_cast<std::int64_t>(memory_.size()) - width) refuse("there is no register " + std::to_string(first));
-    return static_cast<std::uint32_t>(first);
-  }
-
-  std::uint32_t checked_road(std::int64_t number) const {
-    if (number < 0 || number >= static_cast<std::int64_t>(number_of_roads_)) refuse("there is no road " + std::to_string(number));
-    return static_cast<std::uint32_t>(number);
-  }
-
   const Json& document_;
-  std::size_t number_of_roads_;
   std::vector<double> memory_;
   std::vector<Operation> operations_;
   const Road<double>* roads_ = nullptr;
@@ -146,11 +110,9 @@ class LoopFitsOfProgram {
         for (const Json& c : coefficients) block.start.push_back(c.get<double>());
       }
       const std::size_t n = block.functions.size(), rows = described.at("rows").get<std::size_t>();
-      if (n == 0 || n > 1000 || rows == 0 || rows > 1000 || block.start.size() > 100000) refuse("its loops have no functions");
       block.loops = {.rows = static_cast<int>(rows), .functions = static_cast<int>(n), .nodes = described.at("nodes").get<int>(),
                      .is_periodic = described.at("is_periodic").get<bool>(), .middle = described.at("middle").get<double>(),
                      .half = described.at("half").get<double>(), .allowed = described.at("allowed").get<double>()};
-      if (block.loops.nodes < 1 || block.loops.nodes > 10000) refuse("its loops have no nodes");
       block.close = program.read(("close_" + std::to_string(blocks_.size() - 1)).c_str(), {{"parameters", parameters}, {"place", n + 1}},
                                  {{"opening", rows}, {"by_place", rows * (n + 1)}});
       work = std::max(work, static_cast<std::size_t>(work_of_fit(block.loops, block.functions.data())));
@@ -189,10 +151,7 @@ class LoopFitsOfProgram {
 /// The functions that depend on time and inputs, evaluated when a step begins, and the source of inputs.
 class StepBeginning {
  public:
-  /// For these numbers of inputs and discrete states of controllers.
-  StepBeginning(const Program& program, const Json& document, std::size_t inputs, std::size_t discrete)
-      : values_(document.at("inputs").get<std::size_t>()) {
-    if (values_.size() < numbers_per_input * inputs + discrete) refuse("an input has no numbers");
+  StepBeginning(const Program& program, const Json& document) : values_(document.at("inputs").get<std::size_t>()) {
     const Argument t{"t", 1}, input{"input", values_.size()};
     scene_inputs_ = program.read_if_any("scene_inputs", {t}, input);
     begin_step_ = program.read("begin_step", {t, {"motion", 1}, input}, {});

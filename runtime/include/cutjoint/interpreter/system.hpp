@@ -4,16 +4,16 @@
 #include "cutjoint/core/newton/static_factor.hpp"
 #include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/interpreter/mechanism.hpp"
-#include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/lagrangian/any_system.hpp"
 #include "cutjoint/read_json.hpp"
 
 namespace cutjoint::interpreter {
 
-/// The data of a factorisation (core/newton/static_factor.hpp), with all indices checked.
+/// The data of a factorisation (core/newton/static_factor.hpp).
 class Factorisation {
  public:
-  /// For a matrix with `size` rows and `entries` entries, and an array of `factors` numbers.
-  Factorisation(const Json& tables, bool symmetric, int size, int entries, int factors) : symmetric_(symmetric), factors_(factors) {
+  /// Of a matrix, with an array of `factors` numbers.
+  Factorisation(const Json& tables, bool symmetric, int factors) : symmetric_(symmetric), factors_(factors) {
     for (const auto& [pivots, diagonal, reciprocals, uppers, lowers, sweeps] : read<6>(tables.at("steps")))
       steps_.push_back({pivots, diagonal, reciprocals, uppers, lowers, sweeps});
     for (const auto& [columns, source, multipliers, blocks] : read<4>(tables.at("sweeps")))
@@ -22,7 +22,6 @@ class Factorisation {
     for (const auto& [row, column, place] : read<3>(tables.at("pivots"))) pivots_.push_back({row, column, place});
     targets_ = tables.at("targets").get<std::vector<int>>();
     others_ = tables.at("others").get<std::vector<int>>();
-    check(size, entries);
     room_.resize(4 * steps_.size());
   }
 
@@ -32,48 +31,6 @@ class Factorisation {
  private:
   template <std::size_t n>
   static std::vector<std::array<int, n>> read(const Json& list) { return list.get<std::vector<std::array<int, n>>>(); }
-
-  /// Rejects an index from which an array has too few numbers.
-  static void require(int first, int count, std::size_t end) {
-    if (first < 0 || count < 0 || static_cast<std::size_t>(first) + static_cast<std::size_t>(count) > end)
-      refuse("its factorisation has no place " + std::to_string(first));
-  }
-
-  void check(int size, int entries) const {
-    const auto end = static_cast<std::size_t>(factors_), room = 4 * steps_.size();
-    std::size_t sweep = 0, target = 0, other = 0;
-    for (const static_factor::Step& step : steps_) {
-      if (step.pivots < 1 || step.pivots > 4) refuse("a tile has " + std::to_string(step.pivots) + " pivots");
-      for (const int count : {step.uppers, step.lowers, step.sweeps}) require(0, count, end);
-      if (symmetric_ && step.uppers != step.lowers) refuse("a symmetric tile has other blocks below than right of it");
-      require(step.diagonal, 4 * step.pivots, end);
-      require(step.diagonal + 4 * step.pivots, 4 * step.pivots * step.uppers, end);
-      require(step.diagonal + 4 * step.pivots * (1 + step.uppers), 4 * step.pivots * step.lowers, end);
-      require(step.reciprocals, step.pivots, end);
-      for (int i = 0; i < step.sweeps; ++i, ++sweep) {
-        if (sweep >= sweeps_.size()) refuse("a sweep is missing");
-        const static_factor::Sweep& s = sweeps_[sweep];
-        if (s.columns < 1 || s.columns > 4) refuse("a sweep has " + std::to_string(s.columns) + " columns");
-        require(0, s.blocks, end);
-        require(s.source, 4 * step.pivots * s.blocks, end);
-        require(s.multipliers, 4 * step.pivots, end);
-        for (int k = 0; k < s.blocks; ++k, ++target) {
-          if (target >= targets_.size()) refuse("a target is missing");
-          require(targets_[target], 4 * s.columns, end);
-        }
-      }
-      other += static_cast<std::size_t>(step.uppers + step.lowers);
-    }
-    if (other != others_.size()) refuse("its factorisation has a wrong number of tiles");
-    for (const int place : others_) require(place, 4, room);
-    for (const static_factor::Entry& e : entries_) require(e.value, 1, static_cast<std::size_t>(entries)), require(e.place, 1, end);
-    for (const static_factor::Pivot& p : pivots_) {
-      require(p.row, 1, static_cast<std::size_t>(size));
-      require(p.column, 1, static_cast<std::size_t>(size));
-      require(p.place, 1, room);
-    }
-    require(0, static_cast<int>(pivots_.size()), end);
-  }
 
   bool symmetric_;
   int factors_;
@@ -85,29 +42,13 @@ class Factorisation {
   mutable std::vector<double> room_;  ///< four numbers a tile
 };
 
-/// Compressed columns in which every row is there.
-inline Pattern read_pattern(const Json& p) {
-  Pattern pattern{.size = p.at("size").get<int>(), .symmetric = p.at("symmetric").get<bool>(),
-                  .first = p.at("first").get<std::vector<int>>(), .row = p.at("row").get<std::vector<int>>()};
-  const auto entries = static_cast<int>(pattern.row.size());
-  if (pattern.size < 0 || pattern.first.size() != static_cast<std::size_t>(pattern.size) + 1 || pattern.first.front() != 0 ||
-      pattern.first.back() != entries || !std::is_sorted(pattern.first.begin(), pattern.first.end()))
-    refuse("its pattern has wrong columns");
-  for (const int row : pattern.row)
-    if (row < 0 || row >= pattern.size) refuse("its pattern has no row " + std::to_string(row));
-  return pattern;
-}
-
 /// The description of a system; the texts stand in the document.
 inline SystemDescription read_system_description(const Json& d) {
   const auto method = read_word<Lagrangian>(d, "method", {{"augmented", Lagrangian::augmented}, {"classical", Lagrangian::classical},
                                                           {"recursive-newton", Lagrangian::recursive_newton}});
-  SystemDescription found{read_description(d), method, read_pattern(d.at("pattern")),
-                          read_index(d.at("factors"), 0, std::size_t(1) << 26)};
-  const std::size_t rows = found.unknowns().size() + (found.method == Lagrangian::classical ? found.equations.size() : 0);
-  if (static_cast<std::size_t>(found.pattern.size) != rows || found.pattern.symmetric != (found.method == Lagrangian::augmented))
-    refuse("its pattern is of another method");
-  return found;
+  const Json& p = d.at("pattern");
+  return {read_description(d), method,
+          {.size = p.at("size"), .symmetric = p.at("symmetric"), .first = p.at("first").get<std::vector<int>>(), .row = p.at("row").get<std::vector<int>>()}, d.at("factors")};
 }
 
 /// A system; its factorisation is a loop over index data.
@@ -154,7 +95,7 @@ class InterpretedSystem final : public Interpreted<AnySystem<double>, SystemDesc
  private:
   InterpretedSystem(const Json& document, const Description& start, const SystemDescription& description)
       : Interpreted(document, description, description.unknowns().size()),
-        factorisation_(document.at("tables"), description.pattern.symmetric, description.pattern.size, static_cast<int>(description.pattern.row.size()), description.factors) {
+        factorisation_(document.at("tables"), description.pattern.symmetric, description.factors) {
     const std::size_t n = v_.length, m = lambda_.length;
     const Argument penalty{"penalty", 1}, force_residual{"force_residual", n}, residual{"residual", m}, parameters{"parameters", description_.parameters.size()};
     load_ = program_.read("load", {parameters}, {});

@@ -5,8 +5,6 @@
 
 namespace cutjoint {
 
-struct SystemDescription;
-
 /// A system M qdd + Phi_q^T lambda = Q(q, qd, t), Phi(q, t) = 0; in natural coordinates M is constant.  v and vdot have n elements, and q in
 /// natural coordinates, lambda, residuals and multiplier-like arrays m; all arrays belong to the caller and nothing allocates.
 ///

@@ -4,7 +4,7 @@
 
 #include <Eigen/Dense>
 
-#include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/lagrangian/any_system.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {
@@ -73,7 +73,7 @@ int unresisted_coordinate(const SystemDescription& d, const Real* tangent) {
 }
 
 /// A few names, and the number of the others.
-inline std::string listed(const std::vector<int>& indices, const std::vector<std::string_view>& names) {
+inline std::string listed(const std::vector<int>& indices, const List<const char*>& names) {
   constexpr std::size_t most = 6;
   std::string text;
   for (std::size_t i = 0; i < std::min(indices.size(), most); ++i)

@@ -1,7 +1,7 @@
 // Whole sparse matrices from lower triangles.
 #pragma once
 
-#include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/lagrangian/any_system.hpp"
 
 namespace cutjoint {
 
@@ -10,18 +10,17 @@ class WholeMatrix {
  public:
   explicit WholeMatrix(const Pattern& pattern) {
     const auto size = static_cast<std::size_t>(pattern.size);
-    whole_.size = pattern.size;
-    whole_.first.assign(size + 1, 0);
-    visit(pattern, [&](int, int column, int) { ++whole_.first[static_cast<std::size_t>(column) + 1]; });
-    for (std::size_t j = 0; j < size; ++j) whole_.first[j + 1] += whole_.first[j];
-    whole_.row.resize(static_cast<std::size_t>(whole_.first[size]));
-    source_.resize(whole_.row.size());
-    std::vector<int> next(whole_.first.begin(), whole_.first.end() - 1);
+    std::vector<int> first(size + 1, 0);
+    visit(pattern, [&](int, int column, int) { ++first[static_cast<std::size_t>(column) + 1]; });
+    for (std::size_t j = 0; j < size; ++j) first[j + 1] += first[j];
+    std::vector<int> row_of(static_cast<std::size_t>(first[size])), next(first.begin(), first.end() - 1);
+    source_.resize(row_of.size());
     visit(pattern, [&](int row, int column, int entry) {
       const auto at = static_cast<std::size_t>(next[static_cast<std::size_t>(column)]++);
-      whole_.row[at] = row;
+      row_of[at] = row;
       source_[at] = entry;
     });
+    whole_ = {.size = pattern.size, .symmetric = false, .first = first, .row = row_of};
   }
 
   const Pattern& pattern() const { return whole_; }

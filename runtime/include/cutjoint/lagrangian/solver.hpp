@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "cutjoint/core/newton/newton.hpp"
-#include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/lagrangian/any_system.hpp"
 #include "cutjoint/settings.hpp"
 
 namespace cutjoint {

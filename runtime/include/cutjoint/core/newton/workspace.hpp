@@ -82,7 +82,7 @@ class Closing {
 
 /// Evaluates, factors and solves with a linear solver, counts these, and locates numbers that are not finite.  All memory is taken in the constructor.
 ///
-/// A system has `begin_step`, `report`, `guard` and `events` (mechanism.hpp) and the functions of lagrangian/system.hpp; a solver
+/// A system has `begin_step`, `report`, `guard` and `events` (mechanism/contract.hpp) and the functions of lagrangian/any_system.hpp; a solver
 /// has `factor` for the values of a tangent, and `solve` in place, which return a Breakdown.
 template <class S, class Solver>
 class Workspace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "cutjoint/generic/kinematics.hpp"
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/any_mechanism.hpp"
 
 namespace cutjoint::generic {
 

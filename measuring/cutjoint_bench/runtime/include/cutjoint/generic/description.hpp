@@ -4,11 +4,15 @@
 #include <algorithm>
 
 #include "cutjoint/generic/model.hpp"
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/any_mechanism.hpp"
 
 namespace cutjoint::generic {
 
-inline std::vector<std::string_view> views_of(const std::vector<std::string>& names) { return {names.begin(), names.end()}; }
+inline std::vector<const char*> views_of(const std::vector<std::string>& names) {
+  std::vector<const char*> views;
+  for (const std::string& name : names) views.push_back(name.c_str());
+  return views;
+}
 
 inline std::vector<Named> views_of(const std::vector<Names::Item>& items) {
   std::vector<Named> named;
@@ -27,15 +31,19 @@ template <class Real>
 Description describe(const Model<Real>& model) {
   const Names& names = model.names;
   Description d;
-  d.name = names.model;
+  d.name = names.model.c_str();
+  std::vector<Chart> charts;
+  std::vector<int> cuts;
   for (const Body& body : model.bodies)
-    if (body.speeds > 0) d.charts.push_back(chart_of(body));
+    if (body.speeds > 0) charts.push_back(chart_of(body));
+  d.charts = charts;
   d.coordinates = views_of(names.coordinates);
   d.speeds = views_of(names.speeds);
   d.equations = views_of(names.equations);
-  for (const Gear& gear : model.gears) d.cuts.push_back(gear.equation);
-  for (const Cut& cut : model.cuts) d.cuts.push_back(cut.first);
-  std::sort(d.cuts.begin(), d.cuts.end());
+  for (const Gear& gear : model.gears) cuts.push_back(gear.equation);
+  for (const Cut& cut : model.cuts) cuts.push_back(cut.first);
+  std::sort(cuts.begin(), cuts.end());
+  d.cuts = cuts;
   d.parameters = views_of(names.parameters);
   d.inputs = views_of(names.inputs);
   d.roads = views_of(names.roads);

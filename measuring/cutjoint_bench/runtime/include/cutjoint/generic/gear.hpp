@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "cutjoint/generic/body_system.hpp"
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/any_mechanism.hpp"
 
 namespace cutjoint::generic {
 

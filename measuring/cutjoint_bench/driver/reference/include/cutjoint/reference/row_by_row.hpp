@@ -25,8 +25,8 @@ class RowByRow {
   RowByRow(Subject& subject, Dynamics& dynamics, const RunSettings& settings)
       : subject_(subject), dynamics_(dynamics), settings_(settings), guards_(subject), dt_(settings.dt) {}
 
-  const std::vector<Named>& columns() const { return subject_.description().columns; }
-  const std::vector<std::string_view>& coordinates() const { return subject_.description().coordinates; }
+  const List<Named>& columns() const { return subject_.description().columns; }
+  const List<const char*>& coordinates() const { return subject_.description().coordinates; }
 
   /// Take over a start in the coordinates of the dynamics.
   void begin(const State<Real>& start) {

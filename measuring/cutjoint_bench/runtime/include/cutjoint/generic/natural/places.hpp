@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/lagrangian/any_system.hpp"
 
 namespace cutjoint::generic::natural {
 
@@ -20,12 +20,12 @@ class Places {
   }
 
   Pattern pattern() const {
-    Pattern pattern{static_cast<int>(columns_.size()), symmetric_, {0}, {}};
+    std::vector<int> first{0}, row;
     for (const std::set<int>& rows : columns_) {
-      pattern.row.insert(pattern.row.end(), rows.begin(), rows.end());
-      pattern.first.push_back(static_cast<int>(pattern.row.size()));
+      row.insert(row.end(), rows.begin(), rows.end());
+      first.push_back(static_cast<int>(row.size()));
     }
-    return pattern;
+    return {static_cast<int>(columns_.size()), symmetric_, first, row};
   }
 
  private:

@@ -10,7 +10,7 @@
 #include "cutjoint/generic/natural/mass.hpp"
 #include "cutjoint/generic/natural/report.hpp"
 #include "cutjoint/generic/natural/start.hpp"
-#include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/lagrangian/any_system.hpp"
 
 namespace cutjoint::generic::natural {
 
@@ -129,7 +129,7 @@ class GenericSystem {
   }
 
   void describe(Lagrangian method) {
-    description_.name = names_.model;
+    description_.name = names_.model.c_str();
     description_.method = method;
     description_.coordinates = views_of(names_.coordinates);
     description_.equations = views_of(names_.equations);
