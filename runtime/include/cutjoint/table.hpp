@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cerrno>
+#include <charconv>
 #include <cstdio>
 #include <memory>
 #include <optional>
@@ -11,7 +12,6 @@
 
 #include "cutjoint/json.hpp"
 #include "cutjoint/any_mechanism.hpp"
-#include "cutjoint/shortest_text.hpp"
 
 namespace cutjoint {
 
@@ -112,10 +112,11 @@ class Table {
 
  private:
   void write_text() {
-    line_.resize(numbers_.size() * (ShortestText::longest + 1));
+    constexpr std::size_t longest = 32;
+    line_.resize(numbers_.size() * longest);
     char* end = line_.data();
     for (const double number : numbers_) {
-      end = ShortestText::write(end, number);
+      end = std::to_chars(end, end + longest, number).ptr;
       *end++ = ',';
     }
     end[-1] = '\n';
