@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cerrno>
-#include <charconv>
 #include <cstdio>
 #include <memory>
 #include <optional>
@@ -12,6 +11,7 @@
 
 #include "cutjoint/json.hpp"
 #include "cutjoint/any_mechanism.hpp"
+#include "cutjoint/shortest_text.hpp"
 
 namespace cutjoint {
 
@@ -112,11 +112,10 @@ class Table {
 
  private:
   void write_text() {
-    constexpr std::size_t longest = 32;
-    line_.resize(numbers_.size() * longest);
+    line_.resize(numbers_.size() * (ShortestText::longest + 1));
     char* end = line_.data();
     for (const double number : numbers_) {
-      end = std::to_chars(end, end + longest, number).ptr;
+      end = ShortestText::write(end, number);
       *end++ = ',';
     }
     end[-1] = '\n';
