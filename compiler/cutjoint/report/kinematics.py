@@ -116,32 +116,22 @@ def plot_kinematics(found: AxleKinematics, title: str, folder: Path) -> list[Pat
 
 
 def _picture(found: AxleKinematics, name: str, title: str, path: Path) -> Path:
-    from cutjoint.run.figures import Picture, as_png
+    from cutjoint.run.figures import Line, as_png, draw
 
-    columns, leading = found.sweeps[name], LEADING[name]
-    panels: dict[str, list[str]] = {}
+    columns, leading, lines = found.sweeps[name], LEADING[name], []
+    figures: dict[str, list[str]] = {}
     for column in columns:
         if column not in (leading, "left.travel", "right.travel"):
-            panels.setdefault(column.rpartition(".")[2], []).append(column)
-    panels = {figure: names for figure, names in panels.items() if any(_varies(columns[c]) for c in names)}
-    rows = -(-len(panels) // 3)
-    drawing = Picture(figsize=(13, 1 + 2.6 * rows), layout="constrained")
-    axes = drawing.subplots(max(rows, 1), 3, sharex=True, squeeze=False).ravel()
-    for ax, (figure, names) in zip(axes, panels.items(), strict=False):
+            figures.setdefault(column.rpartition(".")[2], []).append(column)
+    x = _FOR_PEOPLE[found.units[leading]][0] * columns[leading]
+    for figure, names in figures.items():
         scale, unit, _ = _FOR_PEOPLE[found.units[names[0]]]
-        along = _FOR_PEOPLE[found.units[leading]][0] * columns[leading]
-        for n, column in enumerate(names):  # the later half is dashed: equal sides lie on each other
-            style, label = "--" if 2 * n >= len(names) > 1 else "-", column.rpartition(".")[0]
-            ax.plot(along, scale * columns[column], style, linewidth=1.2, label=label or None)
-        ax.set_title(figure.replace("_", " ") + (f" [{unit}]" if unit else ""), fontsize="medium")
-        ax.grid(visible=True, linewidth=0.3)
-        if len(names) > 1:
-            ax.legend(fontsize="small", frameon=False)
-    for ax in axes[len(panels) :]:
-        ax.set_visible(False)
-    drawing.supxlabel(_heading(leading, found.units[leading]).replace("\n", ", "))
-    drawing.suptitle(title)
-    return write_whole(path, as_png(drawing))
+        for n, column in enumerate(names if any(_varies(columns[c]) for c in names) else ()):
+            style = "--" if 2 * n >= len(names) > 1 else "-"  # equal sides lie on each other
+            side, y = column.rpartition(".")[0], scale * columns[column]
+            lines.append(Line(x=x, y=y, label=side, unit=unit, panel=figure.replace("_", " "), style=style))
+    x_label = _heading(leading, found.units[leading]).replace("\n", ", ")
+    return write_whole(path, as_png(draw(lines, x_label=x_label, title=title, columns=3)))
 
 
 def _varies(values: np.ndarray) -> bool:

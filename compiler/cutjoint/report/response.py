@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.table import Table
@@ -13,9 +12,6 @@ from cutjoint.report.tables import facts, table
 from cutjoint.run.result_files import write_table, write_whole
 from cutjoint.stepping.state_space import FrequencyResponse, LinearModel, SampledStateSpace
 from cutjoint.stepping.vibration import RandomVibration
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: The largest numbers of poles and zeros in a table.
 _POLES, _ZEROS = 40, 3
@@ -117,57 +113,34 @@ def write_densities(found: RandomVibration, path: Path) -> Path:
 
 def plot_response(response: FrequencyResponse, title: str, folder: Path) -> list[Path]:
     """Write a Bode and a Nyquist plot of each output as PNG files, a line for each input, and return their paths."""
-    from cutjoint.run.figures import labelled
+    from cutjoint.run.figures import Line, as_png, draw
 
-    written = []
+    written, f = [], response.frequencies
     for i, output in enumerate(response.outputs):
-
-        def bode(axes: Sequence[Axes], i: int = i, output: str = output) -> None:
-            for j, name in enumerate(response.inputs):
-                axes[0].loglog(response.frequencies, response.magnitude[:, i, j], linewidth=1.2, label=name)
-                axes[1].semilogx(response.frequencies, response.phase[:, i, j], linewidth=1.2, label=name)
-            axes[0].set_ylabel(labelled(output, response.units.get(output, "")) + " by input")
-            axes[1].set_ylabel("phase [deg]")
-            axes[1].set_xlabel("frequency [Hz]")
-
-        def nyquist(axes: Sequence[Axes], i: int = i) -> None:
-            for j, name in enumerate(response.inputs):
-                (line,) = axes[0].plot(response.values[:, i, j].real, response.values[:, i, j].imag, linewidth=1.2, label=name)
-                axes[0].plot(response.values[:, i, j].real, -response.values[:, i, j].imag, "--", linewidth=0.8, color=line.get_color())
-            axes[0].plot(-1.0, 0.0, "+", color="black")
-            axes[0].set_aspect("equal", adjustable="datalim")
-            axes[0].set_xlabel("real part")
-            axes[0].set_ylabel("imaginary part")
-
-        for kind, rows, draw in (("bode", 2, bode), ("nyquist", 1, nyquist)):
-            written.append(_draw(folder / f"{kind}_{output}.png", f"{title}: {output}", rows, draw))
+        unit, of, gains, phases, values = response.units.get(output, ""), f"{title}: {output}", [], [], []
+        for j, name in enumerate(response.inputs):
+            at = response.values[:, i, j]
+            gains.append(Line(x=f, y=response.magnitude[:, i, j], label=name, unit=unit, panel=f"{output} by input", scale="loglog"))
+            phases.append(Line(x=f, y=response.phase[:, i, j], label=name, unit="deg", panel="phase", scale="semilogx"))
+            values.append(Line(x=at.real, y=at.imag, label=name, unit="", panel="imaginary part"))
+        nyquist = draw(values, x_label="real part", title=of)
+        (axes,) = nyquist.axes
+        for line in axes.get_lines():
+            axes.plot(line.get_xdata(), -np.asarray(line.get_ydata()), "--", linewidth=0.8, color=line.get_color())
+        axes.plot(-1.0, 0.0, "+", color="black")
+        axes.set_aspect("equal", adjustable="datalim")
+        nyquist.set_figheight(6.2)
+        bode = draw([*gains, *phases], x_label="frequency [Hz]", title=of)
+        written += [write_whole(folder / f"{kind}_{output}.png", as_png(x)) for kind, x in (("bode", bode), ("nyquist", nyquist))]
     return written
 
 
 def plot_densities(found: RandomVibration, title: str, folder: Path) -> list[Path]:
     """Write the spectral densities as a PNG file with a panel for each unit, and return its path."""
-    units = list(dict.fromkeys(found.units.get(name, "") for name in found.outputs))
+    from cutjoint.run.figures import Line, as_png, draw
 
-    def draw(axes: Sequence[Axes]) -> None:
-        for panel, unit in zip(axes, units, strict=True):
-            for name, density in zip(found.outputs, found.densities.T, strict=True):
-                if found.units.get(name, "") == unit and density.any():
-                    panel.loglog(found.frequencies, density, linewidth=1.2, label=name)
-            panel.set_ylabel(f"density [({unit or 1})²/Hz]")
-        axes[-1].set_xlabel("frequency [Hz]")
-
-    return [_draw(folder / "densities.png", title, len(units), draw)]
-
-
-def _draw(path: Path, title: str, rows: int, draw: Callable[[Sequence[Axes]], None]) -> Path:
-    from cutjoint.run.figures import Picture, as_png
-
-    figure = Picture(figsize=(9, 1 + 2.6 * max(rows, 2)), layout="constrained")
-    axes = list(figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])
-    draw(axes)
-    for panel in axes:
-        panel.grid(visible=True, which="major", linewidth=0.3)
-        if panel.lines:
-            panel.legend(loc="best", fontsize="small", edgecolor="none", framealpha=0.8)
-    figure.suptitle(title)
-    return write_whole(path, as_png(figure))
+    lines = [
+        Line(x=found.frequencies, y=y, label=name, unit=f"({found.units.get(name) or 1})²/Hz", panel="density", scale="loglog")
+        for name, y in zip(found.outputs, found.densities.T, strict=True) if y.any()
+    ]  # fmt: skip
+    return [write_whole(folder / "densities.png", as_png(draw(lines, x_label="frequency [Hz]", title=title)))]

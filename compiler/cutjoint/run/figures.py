@@ -22,13 +22,15 @@ class Picture(Figure):
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """A curve of ``y`` over ``x``, both (n,), in the panel of its ``panel`` and ``unit``."""
+    """A curve of ``y`` over ``x``, both (n,), in the panel of its ``panel`` and ``unit``; ``scale`` is a method of Matplotlib's axes."""
 
     x: NDArray[np.float64]
     y: NDArray[np.float64]
     label: str
     unit: str
     panel: str = ""
+    scale: str = "plot"
+    style: str = "-"
 
 
 def labelled(name: str, unit: str) -> str:
@@ -36,21 +38,25 @@ def labelled(name: str, unit: str) -> str:
     return f"{name} [{unit}]".strip() if unit else name
 
 
-def draw(lines: Sequence[Line], *, x_label: str, title: str = "") -> Picture:
-    """A figure with a panel for each panel and unit that lines name, in their order."""
+def draw(lines: Sequence[Line], *, x_label: str, title: str = "", columns: int = 1) -> Picture:
+    """A figure with a panel for each panel and unit that lines name, in their order, so many side by side."""
     panels: dict[tuple[str, str], list[Line]] = {}
     for line in lines:
         panels.setdefault((line.panel, line.unit), []).append(line)
-    figure = Picture(figsize=(9, 1 + 2.1 * len(panels)), layout="constrained")
-    axes = figure.subplots(max(1, len(panels)), 1, sharex=True, squeeze=False)[:, 0]
+    rows = max(1, -(-len(panels) // columns))
+    figure = Picture(figsize=(7 + 2 * columns, 1 + 2.1 * max(rows, 2)) if columns > 1 else (9, 1 + 2.1 * len(panels)), layout="constrained")
+    axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
     for panel, ((name, unit), drawn) in zip(axes, panels.items(), strict=False):
         for line in drawn:
-            panel.plot(line.x, line.y, linewidth=1.0, label=line.label)
+            getattr(panel, line.scale)(line.x, line.y, line.style, linewidth=1.0, label=line.label or None)
         panel.set_ylabel(labelled(name, unit))
         panel.grid(visible=True, linewidth=0.3)
-        panel.legend(loc="upper right", fontsize="small", edgecolor="none", framealpha=0.8)
+        if any(line.label for line in drawn):
+            panel.legend(loc="best" if drawn[0].x.size < 1000 else "upper right", fontsize="small", edgecolor="none", framealpha=0.8)
         _hide_rounding(panel)
-    axes[-1].set_xlabel(x_label)
+    for panel in axes[max(1, len(panels)) :]:
+        panel.set_visible(False)
+    figure.supxlabel(x_label) if columns > 1 else axes[-1].set_xlabel(x_label)
     if title:
         figure.suptitle(title)
     return figure
