@@ -7,6 +7,7 @@ import json
 import re
 import struct
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -167,7 +168,7 @@ def test_a_ghost_shows_columns_in_the_units_of_the_page_alone(tmp_path: Path) ->
     of = {"bob.roll": "rad", "bob.vx": "m/s"}
     own = tuple(PlotColumn(name=name, unit=of[name], bodies=(), values=values) for name, values in columns.items())
     for display, shown in (((), ["bob.vx"]), (("deg",), ["bob.roll", "bob.vx"])):
-        spec = ViewSpec(model=None, scene=None, parameters={}, t=np.zeros(2), poses={}, columns=own, display=display)  # type: ignore[arg-type]
+        spec = ViewSpec(model=SimpleNamespace(display=()), scene=None, parameters={}, t=np.zeros(2), poses={}, columns=own, display=display)  # type: ignore[arg-type]
         _, kept = _displayed(spec, ghost)
         assert kept is not None
         assert list(kept.columns) == shown

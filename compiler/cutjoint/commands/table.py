@@ -190,7 +190,7 @@ OPTIONS: Mapping[str, Row] = {
     "import.folder": click.option("--folder", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Folder with "
         "the meshes and the files that FILE includes. Default: FILE's folder."),
     "scene": click.option("--scene", metavar="NAME", help="Scene of the model file. Default: the only one."),
-    **dict.fromkeys(("check.scene", "equilibrium.scene", "explain.scene", "view.scene"), _FIRST_SCENE),
+    **dict.fromkeys(("check.scene", "drive.scene", "equilibrium.scene", "explain.scene", "view.scene"), _FIRST_SCENE),
     **dict.fromkeys(("modes.scene", "response.scene"),
         click.option("--scene", metavar="NAME", help="Scene of the model file. Default: the first; with --at the only one.")),
     "method": click.option("--method", type=click.Choice(list(METHODS)), help="Formulation. Default: the scene's, else recursive."),
@@ -334,7 +334,6 @@ OPTIONS: Mapping[str, Row] = {
         help="Parquet file. Default: STUDY's name with .parquet, in the current folder."),
     "view.out": click.option("--out", type=_VIEW,
         help="Page (.html) or glTF file (.glb). Default: MODEL's name with .html, in the current folder."),
-    "drive.scene": _FIRST_SCENE,
     "drive.method": _one_of("--method", names=_recursive, help="Formulation. Default: the scene's, else recursive."),
     "gradient.method": _one_of("--method", names=_recursive, help="Formulation. Default: the scene's, else recursive."),
     "drive.out": click.option("--out", type=_File(".html", ".csv"),

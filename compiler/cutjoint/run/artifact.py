@@ -135,12 +135,6 @@ def _has_moving_guide(model: Model, joint: Joint) -> bool:
     return any(not moving.isdisjoint(law.free_symbols) for law in joint.guide or ())
 
 
-def _leading_joints(topology: Topology) -> tuple[str, ...]:
-    """The joints of loops whose guides move."""
-    joints = (topology.joint_of[body].joint for loop in topology.loops for body in loop.bodies)
-    return tuple(dict.fromkeys(joint.name for joint in joints if _has_moving_guide(topology.model, joint)))
-
-
 def make_simulator_run(
     artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None, *,
     inputs: Mapping[str, InputLike] | None = None, tangents: bool = False, coordinates: bool = False,
@@ -156,10 +150,12 @@ def make_simulator_run(
     )  # fmt: skip
     _require_additions(artifact, run_file.settings)
     goal = find_goal(artifact.scene, artifact.method, run_file.settings.integrator, options)
+    in_loops = (artifact.topology.joint_of[body].joint for loop in artifact.topology.loops for body in loop.bodies)
+    leading = dict.fromkeys(joint.name for joint in in_loops if _has_moving_guide(artifact.model, joint))
     return SimulatorRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
         description=artifact.description, goal=goal, method=artifact.method, closes_loops=bool(artifact.mechanism.equation_names),
-        is_asked=options.accuracy is not None or artifact.scene.accuracy is not None, leading=_leading_joints(artifact.topology),
+        is_asked=options.accuracy is not None or artifact.scene.accuracy is not None, leading=tuple(leading),
         indeterminate=artifact.indeterminate, switches=bool(artifact.equations.indicators),
         others=tuple(_other_settings(artifact, options, run_file.settings.integrator)),
         is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,

@@ -73,14 +73,11 @@ class FailureReport:
     guards: tuple[str, ...] = ()
 
     @property
-    def _unit(self) -> str:
-        is_state = self.advice.startswith("the rate of this state")
-        return " m/s^2 or rad/s^2" if self.message.startswith("no static equilibrium") and not is_state else ""
-
-    @property
     def summary(self) -> str:
         """The message with its time and the element with the worst residual."""
-        return f"{self.message} at t = {self.time:.6g} s (step {self.step}); worst at '{self.element}' with {self.residual:.3g}{self._unit}"
+        is_state = self.advice.startswith("the rate of this state")
+        unit = " m/s^2 or rad/s^2" if self.message.startswith("no static equilibrium") and not is_state else ""
+        return f"{self.message} at t = {self.time:.6g} s (step {self.step}); worst at '{self.element}' with {self.residual:.3g}{unit}"
 
     def __str__(self) -> str:
         return f"{self.summary}; {self.advice}" if self.advice else self.summary

@@ -112,9 +112,10 @@ def make_run_file(
         if fits_samples and scene.numerics.of_method(method).dt is not None and not INTEGRATORS[settings.integrator].adaptive:
             require_fitting_steps(model, scene, settings.dt)
     near = tuple(name for name in scene.near if name in scene.positions)
+    surface = surface_of(scene.road) if any(force.has_road for force in model.forces) else None
     return RunFile(
         task=task, parameters=parameters, inputs=entries if input_parameters(model) else None, settings=settings, end=scene.end,
-        output_step=scene.output_step, pose=scene.pose, near=near, out=out, surface=_surface(model, scene),
+        output_step=scene.output_step, pose=scene.pose, near=near, out=out, surface=None if surface is None else surface.described(),
         **find_dependent_parts(model, _with_start_inputs(scene, every), parameters, (*sources_of_parts(model, scene), MASSES)),
     )  # fmt: skip
 
@@ -370,11 +371,6 @@ class Evaluator:
             used = sorted((self._names[s], self._values[s]) for s in expression.free_symbols if s in self._names)
             raise RunError(f"{what} has no finite value with {', '.join(f'{n} = {v:g}' for n, v in used)}; set other values")
         return value
-
-
-def _surface(model: Model, scene: Scene) -> dict[str, Any] | None:
-    surface = surface_of(scene.road) if any(force.has_road for force in model.forces) else None
-    return None if surface is None else surface.described()
 
 
 def _road(scene: Scene, radius: float) -> dict[str, Any]:

@@ -31,7 +31,7 @@ from cutjoint.run.settings import Options, with_options
 from cutjoint.sweeps.code import Reader
 from cutjoint.sweeps.document import Document, Listed
 from cutjoint.sweeps.document import Objective as ObjectivePart
-from cutjoint.sweeps.records import Array, Objective, Series, Study, TaskRequest
+from cutjoint.sweeps.records import Objective, Series, Study, TaskRequest
 from cutjoint.sweeps.tasks import REDUCTIONS_OF, Result, make_task
 from cutjoint.sweeps.variables import TAKEN, Variables
 from cutjoint.toolchain.build import FLAGS
@@ -100,12 +100,14 @@ class _Reading:
             self.at(keys).fail("the name stands for another column of the table", "rename the objective", keys, at_key=True)
         if self.problems:
             raise self.problems.error()
+        asked = json.dumps({key: value for key, value in self.source.data.items() if key != "model"})
         return Study(
             file=self.source.file, model=model, scenes=scenes, method=document.method, integrator=document.integrator,
             tunable=document.tunable, flags=FLAGS if document.flags is None else tuple(document.flags.split()),
             variables=variables, values=values, outputs=tuple(reader.outputs.values()), series=tuple(self.series),
             objectives=tuple(objectives), trajectories=tuple(kept), every=1 if shown is None else shown.every,
-            design=_described(document), span=self.source.key_span(("design",)), digest=_digest(self.source, values),
+            design=_described(document), span=self.source.key_span(("design",)),
+            digest=sha256(asked.encode() + np.ascontiguousarray(values, "<f8").tobytes()).hexdigest(),
         )  # fmt: skip
 
     def at(self, keys: Keys) -> Element:
@@ -270,11 +272,5 @@ def _described(document: Document) -> Mapping[str, object]:
         case Listed():
             return {"list": True}
     return document.design.model_dump(warnings=False)
-
-
-def _digest(source: Source, values: Array) -> str:
-    """A digest of everything that a study asks of its model, and of the numbers that follow from its design."""
-    asked = json.dumps({key: value for key, value in source.data.items() if key != "model"})
-    return sha256(asked.encode() + np.ascontiguousarray(values, "<f8").tobytes()).hexdigest()
 
 

@@ -212,7 +212,9 @@ class _Driver:
         waiting, done, chunks = 0, self.study.runs - left, self._chunks(ranges)
         try:
             while done < self.study.runs:
-                for chunk in islice(chunks, max(0, self._queue_limit() - waiting)):
+                # each worker has the next chunk too, or a few chunks measure how long a run takes
+                most = 2 * self.workers.number if self._is_known() else min(4, 2 * self.workers.number)
+                for chunk in islice(chunks, max(0, most - waiting)):
                     self.workers.submit(chunk)
                     waiting += 1
                 if request.number is not None:
@@ -239,10 +241,6 @@ class _Driver:
 
     def _is_known(self) -> bool:
         return self.seconds >= _ENOUGH
-
-    def _queue_limit(self) -> int:
-        """The largest number of submitted chunks: each worker has the next one, or a few chunks measure how long a run takes."""
-        return 2 * self.workers.number if self._is_known() else min(4, 2 * self.workers.number)
 
     def _size(self, left: int) -> int:
         """The number of runs in the next chunk, so that no lane is empty.

@@ -21,7 +21,14 @@ def tool(command: Sequence[str], environment: Mapping[str, str], folder: Path = 
     Its standard output has its errors too.  It, and all that it has started, ends at the latest with this block. Raises ToolchainError: the
     system starts no process.
     """
-    process = _start(command, environment, folder)
+    kept = [sys.executable, "-I", "-S", str(Path(supervisor.__file__).absolute()), *command]
+    try:
+        process = subprocess.Popen(
+            kept, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment, encoding="utf-8",
+            errors="replace", cwd=folder, start_new_session=True,
+        )  # fmt: skip
+    except OSError as error:
+        raise ToolchainError(f"{command[0]} cannot be started: {error.strerror or error}") from error
     _at_work.add(process)
     try:
         yield process
@@ -36,17 +43,6 @@ def call(command: Sequence[str], environment: Mapping[str, str], folder: Path) -
         assert process.stdout is not None
         said = process.stdout.read()
         return process.wait(), said
-
-
-def _start(command: Sequence[str], environment: Mapping[str, str], folder: Path) -> subprocess.Popen[str]:
-    kept = [sys.executable, "-I", "-S", str(Path(supervisor.__file__).absolute()), *command]
-    try:
-        return subprocess.Popen(
-            kept, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment, encoding="utf-8",
-            errors="replace", cwd=folder, start_new_session=True,
-        )  # fmt: skip
-    except OSError as error:
-        raise ToolchainError(f"{command[0]} cannot be started: {error.strerror or error}") from error
 
 
 def _end(process: subprocess.Popen[str]) -> None:

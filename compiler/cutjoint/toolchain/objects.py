@@ -72,7 +72,9 @@ def missing_sources(source: "Source", compiler: Compiler, flags: Sequence[str]) 
 
 def fetch_objects(objects: Sequence[Object], folder: Path) -> set[Object]:
     """Copy the object files that the cache has into a folder; returns which these are."""
-    return {o for o in objects if fetch(o.cached, _prepared(o.copied(folder)))}
+    for o in objects:
+        o.copied(folder).parent.mkdir(parents=True, exist_ok=True)
+    return {o for o in objects if fetch(o.cached, o.copied(folder))}
 
 
 def store_objects(objects: Sequence[Object], out: Path) -> None:
@@ -93,8 +95,3 @@ def _code(files: Mapping[str, str], name: str) -> Iterator[str]:
 def _project_digest() -> str:
     """A digest of the projects, which tell how files are compiled."""
     return digest_of([(templates_folder() / project).read_text(encoding="utf-8") for project in _PROJECTS])
-
-
-def _prepared(file: Path) -> Path:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    return file

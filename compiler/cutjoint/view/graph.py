@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from cutjoint.elements.terms import Span
 from cutjoint.model.records import GROUND, Joint
-from cutjoint.topology.records import Loop, Topology
+from cutjoint.topology.records import Topology
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -182,13 +182,12 @@ class _Layout:
         )  # fmt: skip
 
     def _cut_links(self) -> Iterator[GraphLink]:
-        loops = {loop.cut: self._members(loop) for loop in self.topology.loops}
+        loops = {loop.cut: loop for loop in self.topology.loops}
         for i, joint in enumerate(self.topology.cuts):
-            yield self._link(joint, joint.name, cut=i, members=loops.get(joint.name, ()))
-
-    def _members(self, loop: Loop) -> list[str]:
-        """The bodies of a loop, and the tree's joints between them."""
-        return [loop.base, *loop.bodies, *(t.joint.name for t in self.topology.tree if t.child in loop.bodies)]
+            members = list[str]()
+            if loop := loops.get(joint.name):
+                members = [loop.base, *loop.bodies, *(t.joint.name for t in self.topology.tree if t.child in loop.bodies)]
+            yield self._link(joint, joint.name, cut=i, members=members)
 
     def _gear_links(self) -> Iterator[GraphLink]:
         joints = {joint.name: joint for joint in self.topology.model.joints}
@@ -221,11 +220,7 @@ class _Layout:
         return next((height for height in near if all(abs(height - other) >= _CLEAR for other in others)), start)
 
     def _short_body(self, body: str) -> str:
-        return _short(body, self._parents.get(body, ""))
-
-    @cached_property
-    def _parents(self) -> Mapping[str, str]:
-        return {t.child: t.parent for t in self.topology.tree}
+        return _short(body, next((t.parent for t in self.topology.tree if t.child == body), ""))
 
     def _lane(self, number: int) -> float:
         return self._right + _LANE * (number + 1)

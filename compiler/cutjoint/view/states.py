@@ -100,8 +100,8 @@ def show_directions(model: Model, scene: Scene, equations: RecursiveEquations, p
     mover = Mover(model=model, scene=scene, parameters={})
     motions = [
         Motion(
-            name=f"free: {equations.speed_names[dominant]}", facts=_facts(equations, column),
-            poses=mover.swing(pose.q, column.astype(np.complex128)),
+            name=f"free: {equations.speed_names[dominant]}", poses=mover.swing(pose.q, column.astype(np.complex128)),
+            facts=tuple((equations.speed_names[i], f"{column[i]:.4g}") for i in np.flatnonzero(column)),
         )
         for dominant, column in free_directions(pose.free)
     ]  # fmt: skip
@@ -118,10 +118,6 @@ def free_directions(free: Array) -> Iterator[tuple[int, Array]]:
         rest -= np.outer(rest @ along, along)
     basis = free @ np.linalg.inv(free[dominants]) if dominants else free
     yield from sorted(zip(dominants, np.where(np.abs(basis) > _PART, basis, 0.0).T, strict=True), key=lambda pair: pair[0])
-
-
-def _facts(equations: RecursiveEquations, direction: Array) -> tuple[tuple[str, str], ...]:
-    return tuple((equations.speed_names[i], f"{direction[i]:.4g}") for i in np.flatnonzero(direction))
 
 
 def find_notes(equations: RecursiveEquations, poses: Sequence[Pose]) -> Mapping[str, Sequence[str]]:
