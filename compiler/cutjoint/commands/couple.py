@@ -97,7 +97,7 @@ def _plan(
 
 
 def _step(fmu: ControllerFmu, communication: float | None) -> float:
-    step = communication or fmu.step
+    step = communication or fmu.default_step
     if step is None or not step > 0:
         raise RunError(f"{fmu.path}: the FMU has no default step size; set --communication-step")
     return step

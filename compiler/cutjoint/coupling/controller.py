@@ -47,15 +47,20 @@ class Port:
 
 
 class ControllerFmu:
-    """An opened FMU: its ``ports`` by name, ``step`` of its default experiment (s), None if it has none."""
+    """An opened FMU: its ``ports`` by name, ``default_step`` (s) of its default experiment, None if it has none.
+
+    It has one instance at a time: `instantiate`, `begin`, `set` and `get`, `start`, then `step` after `step`, `close`.  Values are in the
+    FMU's units. Raises ControllerError: the binary cannot be loaded, the FMU refuses a call, or does not come back from it.
+    """
 
     def __init__(self, path: Path, description: Any, process: SlaveProcess) -> None:
         self.path, self._description, self._process = path, description, process
+        self._call, self.close = process.call, process.close
         units = {unit.name: unit for unit in description.unitDefinitions}
         variables = [v for v in description.modelVariables if v.causality in ("input", "output")]
         self.ports = {v.name: _port(v, units) for v in variables}
         experiment = description.defaultExperiment
-        self.step = None if experiment is None or experiment.stepSize is None else float(experiment.stepSize)
+        self.default_step = None if experiment is None or experiment.stepSize is None else float(experiment.stepSize)
 
     @property
     def fault(self) -> str:
@@ -67,11 +72,32 @@ class ControllerFmu:
         """2 or 3."""
         return str(self._description.fmiVersion)[0]
 
-    def instantiate(self) -> "Controller":
-        """Make a new instance; the previous one must be closed.
-        Raises ControllerError: the binary cannot be loaded, or makes no instance.
-        """
-        return Controller(self.path, self._process)
+    def instantiate(self) -> "ControllerFmu":
+        """Make a new instance; the previous one must be closed."""
+        self._call("it cannot be instantiated", "instantiate")
+        return self
+
+    def begin(self, end: float) -> None:
+        """Initialise for a run from time 0 to ``end`` (s)."""
+        self._call("it cannot begin", "begin", end)
+
+    def start(self) -> None:
+        """End the initialisation."""
+        self._call("it cannot begin", "start")
+
+    def set(self, ports: Sequence[Port], values: Sequence[float]) -> None:
+        """Set inputs."""
+        self._call(f"inputs {', '.join(p.name for p in ports)} cannot be given", "set", [p.reference for p in ports], list(values))
+
+    def get(self, ports: Sequence[Port]) -> list[float]:
+        """The values of outputs."""
+        found = self._call(f"outputs {', '.join(p.name for p in ports)} cannot be read", "get", [p.reference for p in ports])
+        return [float(value) for value in found]
+
+    def step(self, time: float, size: float) -> None:
+        """A communication step (s) from a time (s)."""
+        if self._call(f"the step from {time:.6g} s failed", "step", time, size):
+            raise ControllerError(f"{self.path}: it ends the simulation at {time + size:.6g} s")
 
 
 @contextmanager
@@ -130,36 +156,3 @@ def _unit(unit: Any) -> Unit | None:
     base = unit.baseUnit
     powers = tuple(int(getattr(base, name) or 0) for name in ("kg", "m", "s", "A", "K", "mol", "cd"))
     return Unit(name=unit.name, powers=powers, factor=float(base.factor or 1.0), offset=float(base.offset or 0.0))
-
-
-class Controller:
-    """An instance of an FMU: `begin`, `set` and `get`, `start`, then `step` after `step`.  Values are those of the FMU, in its units.
-    Raises ControllerError: the binary cannot be loaded, or makes no instance. So do all methods where the FMU refuses a call, or does not
-    come back from it.
-    """
-
-    def __init__(self, path: Path, process: SlaveProcess) -> None:
-        self._path, self._call, self.close = path, process.call, process.close
-        self._call("it cannot be instantiated", "instantiate")
-
-    def begin(self, end: float) -> None:
-        """Initialise for a run from time 0 to ``end`` (s)."""
-        self._call("it cannot begin", "begin", end)
-
-    def start(self) -> None:
-        """End the initialisation."""
-        self._call("it cannot begin", "start")
-
-    def set(self, ports: Sequence[Port], values: Sequence[float]) -> None:
-        """Set inputs."""
-        self._call(f"inputs {', '.join(p.name for p in ports)} cannot be given", "set", [p.reference for p in ports], list(values))
-
-    def get(self, ports: Sequence[Port]) -> list[float]:
-        """The values of outputs."""
-        found = self._call(f"outputs {', '.join(p.name for p in ports)} cannot be read", "get", [p.reference for p in ports])
-        return [float(value) for value in found]
-
-    def step(self, time: float, size: float) -> None:
-        """A communication step (s) from a time (s)."""
-        if self._call(f"the step from {time:.6g} s failed", "step", time, size):
-            raise ControllerError(f"{self._path}: it ends the simulation at {time + size:.6g} s")

@@ -14,7 +14,7 @@ from time import perf_counter
 import numpy as np
 
 from cutjoint.coupling.connections import Connections
-from cutjoint.coupling.controller import Controller, ControllerFmu, Port
+from cutjoint.coupling.controller import ControllerFmu, Port
 from cutjoint.coupling.process import ControllerError
 from cutjoint.package.errors import RunError
 from cutjoint.run.accuracy import SHORTER, STRICTER, compare
@@ -131,9 +131,8 @@ def _rows(plan: Plan) -> Iterator[tuple[list[float], list[float]]]:
     with ExitStack() as opened:
         ends: list[_End] = []
         for participant in plan.parties:
-            controller = participant.fmu.instantiate()
-            opened.callback(controller.close)
-            ends.append(_End(simulation, controller, participant, ends))
+            opened.callback(participant.fmu.instantiate().close)
+            ends.append(_End(simulation, participant, ends))
         _begin(plan, simulation, ends)
         for time, is_row in _times(plan):
             if time > 0:
@@ -192,8 +191,8 @@ def _begin(plan: Plan, simulation: Simulation, ends: "list[_End]") -> None:
 class _End:
     """An FMU's end of the connections; ``driven_values`` are the values by which it drives the model, ``others`` all ends by number."""
 
-    def __init__(self, simulation: Simulation, controller: Controller, participant: Participant, others: "list[_End]") -> None:
-        self.controller, self.driven_values, self._simulation, self._others = controller, list[float](), simulation, others
+    def __init__(self, simulation: Simulation, participant: Participant, others: "list[_End]") -> None:
+        self.controller, self.driven_values, self._simulation, self._others = participant.fmu, list[float](), simulation, others
         self._path, self._connections, self._step = participant.fmu.path, participant.connections, participant.step
         self._steps = 0
 
