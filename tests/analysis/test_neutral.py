@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -89,6 +90,27 @@ joints: {pin: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: y}}
 states: {counted: {start: 0.3, rate: pin.angle_rate{leak}}}
 scenes: {rest: {end: 1}}
 """
+_CAR = """\
+bodies: {chassis: {mass: 1100, centre_of_mass: [0, 0, 0.55], inertia: [400, 1500, 1650]}}
+joints: {moves: {kind: free, bodies: [ground, chassis], at: [0, 0, 0.55]}}
+submodels:
+  wheel: {include: library/wheel_brush}
+  corner:
+    connectors: [chassis]
+    parameters: [x]
+    bodies: {arm: {mass: 15, centre_of_mass: [x, 0.55, 0.3], inertia: [0.5, 0.4, 0.5]}}
+    joints: {travel: {bodies: [chassis, arm], at: [x, 0.3, 0.35], JOINT}}
+    forces: {strut: {kind: point_spring, bodies: [chassis, arm], from: [x, 0.55, 0.7], to: [x, 0.55, 0.3],
+      law: {stiffness: 30000, free_length: 0.55}}}
+    instances: {w: {use: wheel, connect: {carrier: arm}, with: {x: x, y: 0.75, z: 0.3, radius: 0.31, mass: 15, spin_inertia: 1,
+      cross_inertia: 0.6, stiffness: 2e5, slip_stiffness: 60000, cornering_stiffness: 40000}}}
+instances:
+  fl: &front {use: corner, connect: {chassis: chassis}, with: {x: 1.25}}
+  fr: {<<: *front, mirror: y}
+  rl: &rear {use: corner, connect: {chassis: chassis}, with: {x: -1.25}}
+  rr: {<<: *rear, mirror: y}
+scenes: {rest: {end: 1}}
+"""
 _CASES: dict[str, tuple[str, dict[str, str], set[str]]] = {
     "a balanced wheel": (_WHEEL, {}, {"bearing.angle"}),
     "an unbalanced wheel": (_WHEEL, {"x": "0.01"}, set()),
@@ -145,3 +167,20 @@ def test_one_line_says_it(tmp_path: Path, case: str) -> None:
     lines = [line for line in done.output.splitlines() if line.startswith("neutral")]
     names = sorted(_CASES[case][2])
     assert [sorted(line.partition(": ")[2].split(", ")) for line in lines] == ([names] if names else [])
+
+
+@pytest.mark.parametrize(("joint", "scrubs"), [("kind: revolute, axis: x", True), ("kind: prismatic, axis: z", False)])
+def test_a_line_names_the_largest_side_force_of_standing_tyres(tmp_path: Path, joint: str, scrubs: bool) -> None:
+    """Swing axles scrub from the drawn position to the rest, and friction holds what is left; wheels that move straight up do not."""
+    model = tmp_path / "m.yaml"
+    model.write_text(_HEAD.replace("{g}", "-9.81") + _CAR.replace("JOINT", joint), encoding="utf-8")
+    done = CliRunner().invoke(main, ["equilibrium", str(model)])
+    assert done.exit_code == 0, done.output
+    lines = [line for line in done.output.splitlines() if line.startswith("standing tyres")]
+    assert len(lines) == scrubs
+    if scrubs:
+        side = {word[0]: float(word[2]) for line in done.output.splitlines() if len(word := line.split()) == 4 and word[1] == "Fy"}
+        (found,) = re.findall(r"the largest (\S+) N at (\S+):", lines[0])
+        assert found[1] in side
+        assert float(found[0]) == pytest.approx(side[found[1]], rel=1e-3)
+        assert abs(side[found[1]]) == max(map(abs, side.values())) > 100

@@ -6,7 +6,7 @@ from cutjoint.commands import options, table
 from cutjoint.model.files.referenced import SHIPPED
 from cutjoint.model.records import VALUE
 from cutjoint.report.tables import locking_force_facts, trim_facts
-from cutjoint.report.tasks import describe_stability, force_table, pose_table
+from cutjoint.report.tasks import describe_stability, force_table, pose_table, standing_tyre_lines
 from cutjoint.run.outputs import require_apart
 from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes
 from cutjoint.topology.reading import read_model
@@ -32,6 +32,8 @@ def command(
         options.out.print(f"not printed: {len(inner)} states and signals of library elements; --verbose prints them")
     for name, value in [*locking_force_facts(found.locking_forces), *(trim_facts(found.trim) if found.trim is not None else ())]:
         options.out.print(f"{name}: {value}")
+    for line in () if found.trim else standing_tyre_lines(checked, found):
+        options.out.print(line)
     if free := [name for name in found.neutral if name not in inner]:
         options.out.print(f"neutral, in equilibrium at other values too: {', '.join(free)}")
     if stability:

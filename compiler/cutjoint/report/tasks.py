@@ -14,7 +14,7 @@ from rich.table import Table
 from cutjoint.analysis.modes import Mode, Modes, Participant
 from cutjoint.methods import join_and
 from cutjoint.model.expressions.quantities import POSE
-from cutjoint.model.records import VALUE, Scene
+from cutjoint.model.records import VALUE, Model, Scene
 from cutjoint.package.errors import plural
 from cutjoint.reduce.choose import Candidate, Choice
 from cutjoint.reduce.measure import Cost
@@ -30,6 +30,8 @@ from cutjoint.tasks.realtime import StepTimes
 
 #: Smaller values (m, rad) are rounding errors.
 _NOTHING = 1e-12
+#: The share of a tyre's load above which its side force is named.
+_SIDE = 1e-3
 _PERCENTILES = (50.0, 90.0, 99.0, 99.9)
 #: Classes of the histogram per power of ten.
 _CLASSES = 5
@@ -63,6 +65,18 @@ def force_table(state: MechanismState, hidden: Collection[str]) -> Table:
         if element not in bodies and column not in hidden:
             rows.append((element, quantity, "undefined" if isnan(value) else f"{value + 0.0:.7g}", state.units[column]))
     return table("forces", ("element", "quantity", "value", "unit"), rows, numbers=("value",))
+
+
+def standing_tyre_lines(model: Model, state: MechanismState) -> Iterator[str]:
+    """A line if wheels with first-order states hold side forces where they stand: these are friction, which may have other values."""
+    stuck = {s.name.rpartition(".")[0] for s in model.states}
+    held = {f.name: state.values[f"{f.name}.Fy"] for f in model.forces if f.element.kind == "wheel" and f.name.rpartition(".")[0] in stuck}
+    most = max(held, key=lambda name: abs(held[name]), default="")
+    if held and abs(held[most]) > _SIDE * abs(state.values[f"{most}.Fz"]):
+        yield (
+            f"standing tyres hold side forces, the largest {held[most]:.4g} N at {most}: friction allows other values too, each with a "
+            "ride height of its own; for that of a rolling car use a trim"
+        )
 
 
 # Drives
