@@ -270,8 +270,12 @@ def find_step(
     """The longest step of a reduced model that keeps the scene's accuracy; steps fall by ``ratio``. It gives up if a run is much slower
     than the ``fastest`` so far, or if a fourth of the step has not reduced the error, which is then that of the reduced model."""
     best = Candidate(variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the accuracy")
-    wanted = (replace(best, dt=dt) for dt in _falling(variant.scene, variant.method, ratio))
-    vain = partial(_cannot_win, "dt", 4), "shorter steps do not lower its error"
+    step = variant.scene.numerics.of_method(variant.method).step
+    longest = min(LONGEST * step, variant.scene.end / 8)
+    number = ceil(log(longest / (SHORTEST * step)) / log(ratio)) + 1
+    steps = {fraction(variant.scene.output_step, longest / ratio**k) for k in range(number)}  # with samples of the reference
+    wanted = (replace(best, dt=dt) for dt in sorted(steps, reverse=True))
+    vain = "dt", 4, "shorter steps do not lower its error"
     return _first_within(best, wanted, scene, parameters, truth, trials, fastest, vain)
 
 
@@ -287,49 +291,40 @@ def find_tolerated(
     )  # fmt: skip
     number = round(log(LARGEST_TOLERANCE / SMALLEST_TOLERANCE) / log(ratio)) + 1
     wanted = (replace(best, tolerance=LARGEST_TOLERANCE / ratio**k) for k in range(number))
-    vain = partial(_cannot_win, "tolerance", 100), "smaller tolerances do not lower its error"
+    vain = "tolerance", 100, "smaller tolerances do not lower its error"
     return _first_within(best, wanted, scene, parameters, truth, trials, fastest, vain)
-
-
-def _cannot_win(name: str, share: float, tried: Candidate, best: Candidate) -> bool:
-    """Return whether a setting is less than its value in the best run, divided by ``share``."""
-    return bool(getattr(tried, name) < getattr(best, name) / share)
 
 
 def _first_within(
     best: Candidate, wanted: Iterable[Candidate], scene: Scene, parameters: Mapping[str, float], truth: Reference, trials: Trials,
-    fastest: Candidate | None, vain: tuple[Callable[[Candidate, Candidate], bool], str],
+    fastest: Candidate | None, vain: tuple[str, float, str],
 ) -> Candidate:  # fmt: skip
     """The first of the wanted candidates that meets the accuracy, else the best one.
-    ``vain`` decides from a candidate and the best whether to give up, and has the reason."""
+    ``vain``: it gives up where a setting is less than in the best run, divided by a number, for a reason."""
+    setting, share, reason = vain
     for tried in wanted:
         try:
             run = trials.run(tried.steps, parameters)
         except SimulatorError as problem:
             return replace(best, failure=str(problem))
         error = distance(run, truth.run)
-        if reason := _gives_up(trials, run, fastest):
-            return replace(best, failure=reason)
+        if slow := _gives_up(trials, run, fastest):
+            return replace(best, failure=slow)
         if error <= SHARE * accuracy_of(scene):
             return replace(tried, error=error, seconds=run.seconds, instructions=trials.instructions(run), failure="")
         if error < SETTLING * best.error:
             best = replace(tried, error=error)
-        elif best.error < inf and vain[0](tried, best):
-            return replace(best, failure=vain[1])
+        elif best.error < inf and getattr(tried, setting) < getattr(best, setting) / share:
+            return replace(best, failure=reason)
     return best
 
 
 def searches(variant: ReducedModel) -> tuple[tuple[Callable[..., Candidate], str], ...]:
     """The searches for steps of a reduced model: equal steps, and the adaptive ones unless the scene names an integrator."""
-    return (find_step, DEFAULT_INTEGRATOR), *((partial(find_tolerated, name), name) for name in _adaptive_integrators(variant))
-
-
-def _adaptive_integrators(variant: ReducedModel) -> tuple[str, ...]:
     numerics, method = variant.scene.numerics, METHODS[variant.method]
-    if numerics.integrator is not None:
-        return ()
-    closure = method.closure(numerics.closure).name
-    return names_of(INTEGRATORS, lambda i: i.adaptive and closure in i.closures and i.supports(method, Implementation.GENERATED))
+    closure, free = method.closure(numerics.closure).name, numerics.integrator is None
+    able = names_of(INTEGRATORS, lambda i: free and i.adaptive and closure in i.closures and i.supports(method, Implementation.GENERATED))
+    return (find_step, DEFAULT_INTEGRATOR), *((partial(find_tolerated, name), name) for name in able)
 
 
 def timed(found: Candidate, artifact: Artifact | None, parameters: Mapping[str, float]) -> Candidate:
@@ -351,12 +346,3 @@ def _gives_up(trials: Trials, run: Trajectory, fastest: Candidate | None) -> str
         return f"more than {DEARER:g} times the instructions of another at longer steps already"
     slower = trials.is_compiled and run.seconds > PATIENCE * fastest.seconds  # the run may be interpreted; generated code is faster
     return "slower than another at longer steps already" if slower else ""
-
-
-def _falling(scene: Scene, method: str, ratio: float) -> list[float]:
-    """Decreasing steps that have samples in common with the reference."""
-    step = scene.numerics.of_method(method).step
-    longest = min(LONGEST * step, scene.end / 8)
-    count = ceil(log(longest / (SHORTEST * step)) / log(ratio)) + 1
-    steps = {fraction(scene.output_step, longest / ratio**k) for k in range(count)}
-    return sorted(steps, reverse=True)

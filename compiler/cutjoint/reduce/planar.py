@@ -5,12 +5,12 @@ between balls, stay there if they and everything attached to them are symmetric 
 its own reflection, and nothing pushes it out of the plane.  Columns of the mechanism in its plane stand for those of the whole one.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 
 import sympy
 
-from cutjoint.elements.joint import ATTITUDE, Direction, JointElement
+from cutjoint.elements.joint import ATTITUDE, Direction
 from cutjoint.formulate.quantities import needs_place
 from cutjoint.model.elements.build import Elements
 from cutjoint.model.elements.mirror import ANGLES, coordinate_signs, mirror_elements, reflected_law
@@ -21,7 +21,6 @@ from cutjoint.model.records import (
     COORDINATES,
     GROUND,
     Binding,
-    Body,
     Force,
     Joint,
     JointForce,
@@ -35,10 +34,12 @@ from cutjoint.model.records import (
 )
 from cutjoint.reduce.plane import AsymmetryError, InPlane, Plane, is_same, is_zero, restrict, substitute
 from cutjoint.topology.build import build_topology
+from cutjoint.topology.records import reached
 
 _PARALLEL = 1e-12  #: sine of the angle within which directions given in digits count as parallel
 
 _ROTATIONS = (JointKind.REVOLUTE, JointKind.PLANAR)
+_MIRRORED = {"mass": "mass", "centre_of_mass": "centre of mass", "inertia": "inertia"}  #: fields of a body that a reflection keeps
 #: Fields of a force that say who it is and what it acts on.
 _NAMING = frozenset({"name", "span", "active", "base", "follower", "body"})
 
@@ -57,7 +58,10 @@ def drop_idle_equations(model: Model, scene: Scene) -> Outcome:
         names = {cut.name, *(j.name for j in others)}
         sensor = next((r for r in model.reactions if getattr(r, "joint", "") in names), None)
         if odd is None and sensor is None:
-            outcome = _freed(outcome, cut)
+            free = replace(cut, kind=JointKind.POINT_ON_LINE)
+            freed = replace(outcome.model, joints=tuple(free if j.name == cut.name else j for j in outcome.model.joints))
+            note = Note(element=cut.name, text="needs two of its equations: its loop moves in a plane", span=cut.span)
+            outcome = replace(outcome, model=freed, done=(*outcome.done, note))
         else:
             why = f"'{odd.name}' leaves the plane" if odd is not None else f"'{sensor.name}' is a reaction in its loop"  # type: ignore[union-attr]
             note = Note(element=cut.name, text=f"keeps its five equations: {why}", span=cut.span)
@@ -82,19 +86,12 @@ def _numbers(expressions: object, values: dict[object, float]) -> list[float]:
     return [evaluate(sympy.sympify(e), values) for e in expressions]  # type: ignore[attr-defined]
 
 
-def _freed(outcome: Outcome, cut: Joint) -> Outcome:
-    free = replace(cut, kind=JointKind.POINT_ON_LINE)
-    model = replace(outcome.model, joints=tuple(free if j.name == cut.name else j for j in outcome.model.joints))
-    note = Note(element=cut.name, text="needs two of its equations: its loop moves in a plane", span=cut.span)
-    return replace(outcome, model=model, done=(*outcome.done, note))
-
-
 def flatten(model: Model, scene: Scene) -> Outcome:
     """The pass: a mechanism that moves in planes parallel to y = 0, x = 0 or z = 0 gets planar coordinates.
     ``left`` says why one stays of which joints hold a body in a plane."""
     left: list[Note] = []
     for plane in (Plane(axis=axis) for axis in "yxz"):
-        confined = confined_bodies(model.joints, plane)
+        confined = reached((j.base, j.follower) for j in model.joints if _holds(j, plane))
         try:
             return _flatten(model, scene, plane, confined)
         except AsymmetryError as error:
@@ -218,19 +215,18 @@ class PlaneModel:
     def _output(self, output: Output) -> Output:
         match reported_element(self.model, output):
             case Reaction() as reaction if reaction.joint in self.in_plane:
-                return self._reaction_output(reaction, output)
+                is_moment, direction = reaction_component(reaction, output.quantity)
+                if not (self.plane.along_normal(direction) if is_moment else self.plane.within(direction)):
+                    text = f"has the output {output.quantity}, which a model in the plane {self.plane} does not determine"
+                    raise AsymmetryError(reaction.name, text, output.span)
             case Joint() as joint if joint.name in self.in_plane:
                 return self._joint_output(joint, output)
             case Force() as force:
-                return self._force_output(force, output)
+                if force.name in self._idle:
+                    raise AsymmetryError(force.name, "is an output, but acts on bodies that rest in the plane", output.span)
+                held = self.in_plane.get(force.joint_of) if output.quantity == "force" else None
+                return _scaled(output, held.kept[force.coordinate_of][1] if held else 1, force.name)
         return output
-
-    def _reaction_output(self, reaction: Reaction, output: Output) -> Output:
-        is_moment, direction = reaction_component(reaction, output.quantity)
-        if self.plane.along_normal(direction) if is_moment else self.plane.within(direction):
-            return output
-        text = f"has the output {output.quantity}, which a model in the plane {self.plane} does not determine"
-        raise AsymmetryError(reaction.name, text, output.span)
 
     def _joint_output(self, joint: Joint, output: Output) -> Output:
         found = self.in_plane[joint.name]
@@ -239,21 +235,11 @@ class PlaneModel:
             return _scaled(output, factor, joint.name, quantity)
         if output.quantity in found.unknown:
             raise AsymmetryError(joint.name, f"has the output {output.quantity}, which a plane model does not determine", output.span)
-        return self._zero(joint, output)
-
-    def _zero(self, joint: Joint, output: Output) -> Output:
-        """A coordinate that would leave the plane: a quantity of the same unit of a body of the joint, times zero."""
-        plane = self.plane
+        plane = self.plane  # a coordinate that would leave it: a quantity of the same unit of a body of the joint, times zero
         by_unit = {"m": plane.axis, "m/s": f"v{plane.axis}", "rad": ANGLES[plane.across], "rad/s": f"w{plane.across}"}
         quantity = by_unit[JOINT_QUANTITIES[joint.kind][output.quantity]]
         body = next(b.name for b in self.model.bodies if b.name in (joint.base, joint.follower))
         return _scaled(output, 0, body, quantity)
-
-    def _force_output(self, force: Force, output: Output) -> Output:
-        if force.name in self._idle:
-            raise AsymmetryError(force.name, "is an output, but acts on bodies that rest in the plane", output.span)
-        joint = self.in_plane.get(force.joint_of) if output.quantity == "force" else None
-        return _scaled(output, joint.kept[force.coordinate_of][1] if joint else 1, force.name)
 
 
 def _scaled(output: Output, factor: float, element: str, quantity: str = "") -> Output:
@@ -274,9 +260,16 @@ def require_own_images(model: Model, scene: Scene, plane: Plane, loose: Collecti
     touched = Elements(tuple(b for b in elements.bodies if b.name in loose), joints, forces, (), ())
     mirrored = mirror_elements(touched, plane.axis)
     for body, reflection in zip(touched.bodies, mirrored.bodies, strict=True):
-        _require_body(body, reflection, plane)
+        differ = [text for name, text in _MIRRORED.items() if not is_same(getattr(reflection, name), getattr(body, name))]
+        if differ and not body.is_massless:
+            raise AsymmetryError(body.name, f"is not symmetric about the plane {plane}: its {differ[0]} is not", body.span)
     signs = {j.name: _joint_signs(j, reflection, plane) for j, reflection in zip(joints, mirrored.joints, strict=True)}
-    _require_forces(forces, mirrored.forces, signs, plane)
+    free = list(forces)
+    for force, image in zip(forces, mirrored.forces, strict=True):
+        same = next((f for f in free if _is_image(force, image, f, signs)), None)
+        if same is None:
+            raise AsymmetryError(force.name, f"is not symmetric about the plane {plane}, nor has it an image there", force.span)
+        free.remove(same)
 
 
 def _fix_inputs(model: Model, scene: Scene) -> Elements:
@@ -289,49 +282,24 @@ def _fix_inputs(model: Model, scene: Scene) -> Elements:
     return Elements(substitute(model.bodies, inputs), substitute(model.joints, inputs), substitute(forces, inputs), (), ())
 
 
-def _require_body(body: Body, reflection: Body, plane: Plane) -> None:
-    names = {"mass": "mass", "centre_of_mass": "centre of mass", "inertia": "inertia"}
-    differ = [text for name, text in names.items() if not is_same(getattr(reflection, name), getattr(body, name))]
-    if differ and not body.is_massless:
-        raise AsymmetryError(body.name, f"is not symmetric about the plane {plane}: its {differ[0]} is not", body.span)
-
-
 def _joint_signs(joint: Joint, reflection: Joint, plane: Plane) -> Mapping[str, int]:
     """1 for each coordinate that the reflection leaves unchanged, -1 for each that it reverses."""
     alike = all(is_same(getattr(reflection, name), getattr(joint, name)) for name in ("at", "to", "pitch"))
-    of_axes = [_axis_sign(a, b) for a, b in zip(reflection.axes, joint.axes, strict=True)]
+    axes = zip(reflection.axes, joint.axes, strict=True)
+    of_axes = [1 if is_same(a, b) else -1 if is_same(a, (-b[0], -b[1], -b[2])) else 0 for a, b in axes]
     if not alike or 0 in of_axes:
         raise AsymmetryError(joint.name, f"is not symmetric about the plane {plane}", joint.span)
-    mirrored, by_axes = coordinate_signs(plane.mirror, joint), _flips(joint.element, of_axes)
+    of_directions = dict(zip((Direction.AXIS, Direction.AXIS_2), of_axes, strict=False))
+    if of_axes:  # the second transverse direction is a product with two of the axes
+        of_directions[Direction.ACROSS_1] = of_axes[0]
+    by_axes = {m.coordinate: of_directions.get(m.direction, 1) for m in joint.element.scalar_motions}
+    mirrored = coordinate_signs(plane.mirror, joint)
     signs = {name: mirrored[name] * by_axes.get(name, 1) for name in joint.element.coordinates}
     for coordinate, guide in zip(joint.element.coordinates, joint.guide or (), strict=False):
         if not is_same(signs[coordinate] * guide, guide):
             text = f"has a guide of its {coordinate} that moves it out of the plane {plane}, and is not zero in this scene"
             raise AsymmetryError(joint.name, text, joint.span)
     return signs
-
-
-def _axis_sign(a: Vector, b: Vector) -> int:
-    """1 of equal directions, -1 of opposite ones, else 0."""
-    return 1 if is_same(a, b) else -1 if is_same(a, (-b[0], -b[1], -b[2])) else 0
-
-
-def _flips(element: JointElement, of_axes: Sequence[int]) -> Mapping[str, int]:
-    """The signs of coordinates when axes are reversed; the second transverse direction is a product with two of them."""
-    signs = dict(zip((Direction.AXIS, Direction.AXIS_2), of_axes, strict=False))
-    if of_axes:
-        signs[Direction.ACROSS_1] = of_axes[0]
-    return {m.coordinate: signs.get(m.direction, 1) for m in element.scalar_motions}
-
-
-def _require_forces(forces: Sequence[Force], mirrored: Iterable[Force], signs: Mapping[str, Mapping[str, int]], plane: Plane) -> None:
-    """Check that each force equals its own reflection or that of another force."""
-    free = list(forces)
-    for force, reflection in zip(forces, mirrored, strict=True):
-        image = next((f for f in free if _is_image(force, reflection, f, signs)), None)
-        if image is None:
-            raise AsymmetryError(force.name, f"is not symmetric about the plane {plane}, nor has it an image there", force.span)
-        free.remove(image)
 
 
 def _is_image(force: Force, reflection: Force, candidate: Force, signs: Mapping[str, Mapping[str, int]]) -> bool:

@@ -11,17 +11,18 @@ from typing import Any
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.model.outcome import Note, Outcome, bodies_of
-from cutjoint.model.records import GROUND, Body, Gear, JointForce, Model, Reaction, RodForce, Scene
-from cutjoint.topology.records import grouped
+from cutjoint.model.records import Body, Gear, JointForce, Model, Reaction, RodForce, Scene
+from cutjoint.topology.records import grouped, reached
 
 
 def drop_unreached(model: Model, scene: Scene) -> Outcome:
     """The pass: keeps the bodies that are joined, directly or not, to one that an output is about."""
-    prescribed = _prescribed_motion(model)
+    prescribed = reached((j.base, j.follower) for j in model.joints if (j.guide is not None or not j.element.speeds) and not j.cut)
     group = _groups(model, scene, prescribed)
     requested = {o.element for o in scene.outputs}
     wanted = {group[b] for element in _elements(model) if element.name in requested for b in _influences(element, model) if b in group}
-    if any(_is_between_prescribed(element, model, prescribed) for element in model.reactions if element.name in requested):
+    asked = {r.joint for r in model.reactions if isinstance(r, Reaction) and r.name in requested}
+    if any(bodies_of(j) <= prescribed for j in model.joints if j.name in asked):  # such a joint may carry all others
         return Outcome(model=model, scene=scene)
     removed = {b for b in group if group[b] not in wanted} if wanted else set()
     return _without(model, scene, removed)
@@ -45,24 +46,6 @@ def _influences(element: Any, model: Model) -> set[str]:
         case Gear():
             return {body for name in element.joints for body in bodies_of(joints[name])}
     return bodies_of(element)
-
-
-def _is_between_prescribed(reaction: Reaction | RodForce, model: Model, prescribed: set[str]) -> bool:
-    """Return whether a reaction belongs to a joint between prescribed bodies, which may carry all others."""
-    return isinstance(reaction, Reaction) and next(bodies_of(j) for j in model.joints if j.name == reaction.joint) <= prescribed
-
-
-def _prescribed_motion(model: Model) -> set[str]:
-    """The ground, and the bodies whose motion guides alone prescribe."""
-    prescribed, grows = {GROUND}, True
-    while grows:
-        found = {
-            other for j in model.joints if (j.guide is not None or not j.element.speeds) and not j.cut
-            for one, other in ((j.base, j.follower), (j.follower, j.base)) if one in prescribed and other not in prescribed
-        }  # fmt: skip
-        grows = bool(found)
-        prescribed |= found
-    return prescribed
 
 
 def _groups(model: Model, scene: Scene, prescribed: set[str]) -> dict[str, str]:

@@ -138,6 +138,17 @@ def grouped(bodies: Iterable[str], pairs: Iterable[tuple[str, str]]) -> dict[str
     return group
 
 
+def reached(pairs: Iterable[tuple[str, str]]) -> set[str]:
+    """The ground, and the bodies that pairs connect with it, directly or through others."""
+    pairs, found, before = tuple(pairs), {GROUND}, 0
+    while len(found) > before:
+        before = len(found)
+        for pair in pairs:
+            if not found.isdisjoint(pair):
+                found.update(pair)
+    return found
+
+
 def joints_inwards(above: Mapping[str, TreeJoint], body: str) -> list[TreeJoint]:
     """The tree joints from a body inwards as far as ``above`` has them by the bodies that they carry."""
     path: list[TreeJoint] = []

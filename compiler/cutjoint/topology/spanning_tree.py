@@ -15,7 +15,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.records import GROUND, Joint, Model
 from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.classes import find_independent_classes
-from cutjoint.topology.records import Branch, TreeJoint, degrees, eliminate, joints_inwards
+from cutjoint.topology.records import Branch, TreeJoint, degrees, eliminate, joints_inwards, reached
 
 # Predicted operations
 
@@ -51,8 +51,8 @@ def _shares(model: Model, graph: BodyGraph) -> Counter[str]:
     """The operations by body and cut joint; those of a branch belong to its first body."""
     tree, cuts = graph.tree, graph.cuts
     coupled = eliminate(tree, cuts)
-    still = _reached(tree, [t for t in tree if degrees(t.joint) == 0])
-    upright = _reached(tree, [t for t in tree if t.joint.element.keeps_attitude])
+    still = reached((t.parent, t.child) for t in tree if degrees(t.joint) == 0)
+    upright = reached((t.parent, t.child) for t in tree if t.joint.element.keeps_attitude)
     moving = [t for t in tree if t.child not in still]
     turning = {t.child for t in moving} - upright
     massive = {b.name for b in model.bodies if not b.is_massless}
@@ -66,15 +66,6 @@ def _shares(model: Model, graph: BodyGraph) -> Counter[str]:
     shares.update(_closing(tree, [cut for cut in cuts if cut.name not in inside], still))
     shares.update({branch.bodies[0]: _branched(branch, graph, massive) for branch in graph.branches})
     return shares
-
-
-def _reached(tree: Sequence[TreeJoint], joints: Sequence[TreeJoint]) -> set[str]:
-    """The ground and the bodies that these joints connect to it."""
-    reached, names = {GROUND}, {t.joint.name for t in joints}
-    for t in tree:
-        if t.parent in reached and t.joint.name in names:
-            reached.add(t.child)
-    return reached
 
 
 def _closing(tree: Sequence[TreeJoint], cuts: Sequence[Joint], still: set[str]) -> dict[str, int]:
