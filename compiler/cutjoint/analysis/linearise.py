@@ -62,7 +62,10 @@ def reduce_system(of: Linearisation) -> ReducedSystem:
     n = len(of.M) - of.states
     joints = replace(of, **{name: getattr(of, name)[:n, :n] for name in "MCKW"}, **{name: getattr(of, name)[:, :n] for name in "JG"})
     N = _of_unit_mass(joints, free_directions(joints.J))
-    P = _kept_rates(joints, N)
+    P = np.zeros_like(N)
+    if len(joints.J) and joints.G.any():
+        P[:] = np.linalg.lstsq(joints.J, -joints.G @ N, rcond=TOLERANCE)[0]
+        P -= N @ (N.T @ joints.M @ P)
     C, K, over = of.C[n:], of.K[n:], of.sizes[:, np.newaxis]
     stiffness, damping, turning = N.T @ (joints.K @ N + joints.C @ P), N.T @ joints.C @ N, N.T @ joints.M @ joints.W @ N
     first_order = np.block([
@@ -82,13 +85,6 @@ def _of_unit_mass(of: Linearisation, free: Array) -> Array:
             f"'{name}' can move without moving a mass, so that its mode has no frequency; give a body that it moves mass and inertia"
         )
     return np.asarray(free @ vectors / np.sqrt(values))
-
-
-def _kept_rates(of: Linearisation, N: Array) -> Array:
-    if not len(of.J) or not of.G.any():
-        return np.zeros_like(N)
-    P = np.linalg.lstsq(of.J, -of.G @ N, rcond=TOLERANCE)[0]
-    return np.asarray(P - N @ (N.T @ of.M @ P))
 
 
 # Interpretation

@@ -83,15 +83,12 @@ def choose_independent(jacobians: Sequence[Array], rank: int) -> list[int]:
         pivot = int(np.flatnonzero(shares >= min(_GOOD_ENOUGH, 0.9 * shares.max()))[0])
         chosen.append(pivot)
         for matrix, norm, least in zip(rest, norms, floor[:, 0], strict=True):
-            _project_out(matrix, norm, matrix[pivot] / max(norm[pivot], least))
+            along = matrix[pivot] / max(norm[pivot], least)
+            overlap = matrix @ along
+            touched = np.flatnonzero(overlap)
+            matrix[touched] -= np.outer(overlap[touched], along)
+            norm[touched] = np.linalg.norm(matrix[touched], axis=1)
     return sorted(chosen)
-
-
-def _project_out(matrix: Array, norms: Array, along: Array) -> None:
-    overlap = matrix @ along
-    touched = np.flatnonzero(overlap)
-    matrix[touched] -= np.outer(overlap[touched], along)
-    norms[touched] = np.linalg.norm(matrix[touched], axis=1)
 
 
 def _name(
@@ -192,8 +189,10 @@ def _is_even(equations: RecursiveEquations, pose: Pose, t: float) -> bool:
 def _shares(equations: RecursiveEquations, pose: Pose) -> Array:
     """The largest change of each column by unit multipliers of the null space of either sign, as a share of that by single multipliers."""
     null = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T
-    changes = np.abs(_changes(equations, pose, np.concatenate([null, -null])))
-    sizes = np.linalg.norm(_changes(equations, pose, np.eye(len(equations.equation_names))), axis=0)
+    still, single = make_inputs(equations, pose.q, np.zeros(equations.speeds)), np.eye(len(equations.equation_names))
+    unloaded = _columns(equations, still, np.zeros((1, len(single))))
+    changes = np.abs(_columns(equations, still, np.concatenate([null, -null])) - unloaded)
+    sizes = np.linalg.norm(_columns(equations, still, single) - unloaded, axis=0)
     shares: Array = changes.max(axis=0, initial=0.0) / np.where(sizes > 0, sizes, 1.0)
     return shares
 
@@ -201,12 +200,6 @@ def _shares(equations: RecursiveEquations, pose: Pose) -> Array:
 def _regular(poses: Sequence[Pose]) -> list[Pose]:
     rank = max(pose.rank for pose in poses)
     return [pose for pose in poses if pose.rank == rank]
-
-
-def _changes(equations: RecursiveEquations, pose: Pose, each: Array) -> Array:
-    still = make_inputs(equations, pose.q, np.zeros(equations.speeds))
-    with_each, without = (_columns(equations, still, rows) for rows in (each, np.zeros_like(each)))
-    return with_each - without
 
 
 def _columns(equations: RecursiveEquations, inputs: Mapping[str, Array], multipliers: Array) -> Array:

@@ -63,8 +63,8 @@ def describe_skew(equations: RecursiveEquations, mobility: Mobility) -> str:
             found += skew
     if not found:
         return ""
-    intended = _with_axes(topology.model, found)
-    freedom = find_mobility(formulate_recursive(build_topology(intended), equations.scene, ())).degrees_of_freedom
+    exact = replace(topology.model, joints=tuple(_exact(j, found) for j in topology.model.joints))
+    freedom = find_mobility(formulate_recursive(build_topology(exact), equations.scene, ())).degrees_of_freedom
     if not freedom > mobility.degrees_of_freedom:
         return ""
     more = f", and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
@@ -87,24 +87,18 @@ def _groups(around: Iterable[tuple[str, Sequence[TreeJoint]]], cuts: Iterable[Jo
 
 def _rank(geometry: JointGeometry, loops: Loops, skew: Sequence[SkewAxis]) -> int:
     """Independent equations of loops in the design position, where the axes are as they were meant."""
-    intended = {axis.joint.name: axis for axis in skew}
-
-    def exact(joint: Joint) -> Joint:
-        return _turned(joint, intended[joint.name]) if joint.name in intended else joint
-
-    jacobian = design_jacobian(geometry, [(exact(cut), [replace(t, joint=exact(t.joint)) for t in tree]) for cut, tree in loops])
+    exact = [(_exact(cut, skew), [replace(t, joint=_exact(t.joint, skew)) for t in tree]) for cut, tree in loops]
+    jacobian = design_jacobian(geometry, exact)
     values = np.linalg.svd(jacobian, compute_uv=False) if jacobian.size else np.zeros(0)
     return int(np.sum(values > TOLERANCE * values.max(initial=0.0)))
 
 
-def _with_axes(model: Model, skew: Sequence[SkewAxis]) -> Model:
-    intended = {axis.joint.name: axis for axis in skew}
-    return replace(model, joints=tuple(_turned(j, intended[j.name]) if j.name in intended else j for j in model.joints))
-
-
-def _turned(joint: Joint, skew: SkewAxis) -> Joint:
-    x, y, z = (sympy.Float(float(c)) if c else sympy.Integer(0) for c in skew.intended)
-    return replace(joint, axes=((x, y, z),))
+def _exact(joint: Joint, skew: Sequence[SkewAxis]) -> Joint:
+    """A joint with its axis as it was meant, where it is one of the ``skew`` axes."""
+    for axis in (axis for axis in skew if axis.joint.name == joint.name):
+        x, y, z = (sympy.Float(float(c)) if c else sympy.Integer(0) for c in axis.intended)
+        joint = replace(joint, axes=((x, y, z),))
+    return joint
 
 
 def _find_skew(model: Model, loops: Loops) -> Iterator[SkewAxis]:

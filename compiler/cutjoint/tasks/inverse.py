@@ -131,7 +131,8 @@ class InverseDynamics:
         artifact = compile_interpreted(self._model, self._scene, outputs=self._outputs())
         assert isinstance(artifact.equations, RecursiveEquations)
         run = simulate(artifact, parameters=self._parameters, end=end, coordinates=True, error=False)
-        guided = np.array([self._guide_force(joint, run) for joint in self.moved]).T
+        terms = ([evaluate(k, self._numbers) * run[o.column] for o, k in guide_terms(self._model, joint)] for joint in self.moved)
+        guided = np.array([np.sum(of_joint, axis=0) for of_joint in terms]).T
         equations = self._released(artifact.equations)
         forces = np.empty((len(run.t), len(self.drives)))
         redundant = False
@@ -157,10 +158,6 @@ class InverseDynamics:
         outputs = [o for joint in self.moved for o, _ in guide_terms(self._model, joint)]
         outputs += [Output(element=j.name, quantity=j.element.coordinates[0], span=self._model.span) for j in self.moved]
         return list({o.column: o for o in outputs}.values())
-
-    def _guide_force(self, joint: Joint, run: Trajectory) -> Array:
-        terms = guide_terms(self._model, joint)
-        return np.asarray(sum(evaluate(factor, self._numbers) * run[o.column] for o, factor in terms))
 
     # how drives follow the prescribed coordinates
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from cutjoint.model.records import GROUND, Joint
-from cutjoint.topology.records import Topology, TreeJoint, degrees, grouped, joints_inwards
+from cutjoint.topology.records import Topology, TreeJoint, bodies_inwards, degrees, grouped, joints_inwards
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +69,7 @@ def _block(topology: Topology, known: Mapping[str, str], joints: Sequence[Joint]
     """A block of joints; bodies of known motion relative to the carrier do not belong to it."""
     above = {t.child: t for t in topology.tree}
     parts = {known[body] for joint in joints for body in (joint.base, joint.follower)}
-    base = min(parts, key=lambda part: min(len(_bodies_in(above, b)) for b, p in known.items() if p == part))
+    base = min(parts, key=lambda part: min(len(bodies_inwards(above, b)) for b, p in known.items() if p == part))
     touched = sorted({body for joint in joints for body in (joint.base, joint.follower) if known[body] == base})
     carrier = _common(above, touched)
     paths = [t.joint for body in touched for t in _path(above, body, carrier)]
@@ -81,15 +81,11 @@ def _block(topology: Topology, known: Mapping[str, str], joints: Sequence[Joint]
     )  # fmt: skip
 
 
-def _bodies_in(above: Mapping[str, TreeJoint], body: str) -> list[str]:
-    return [body, *(t.parent for t in joints_inwards(above, body))]
-
-
 def _common(above: Mapping[str, TreeJoint], bodies: Sequence[str]) -> str:
     """The deepest common ancestor of the bodies."""
-    shared = set.intersection(*(set(_bodies_in(above, body)) for body in bodies))
-    return next(body for body in _bodies_in(above, bodies[0]) if body in shared)
+    shared = set.intersection(*(set(bodies_inwards(above, body)) for body in bodies))
+    return next(body for body in bodies_inwards(above, bodies[0]) if body in shared)
 
 
 def _path(above: Mapping[str, TreeJoint], body: str, carrier: str) -> list[TreeJoint]:
-    return joints_inwards(above, body)[: _bodies_in(above, body).index(carrier)]
+    return joints_inwards(above, body)[: bodies_inwards(above, body).index(carrier)]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from cutjoint.model.records import GROUND, Joint, Model
+from cutjoint.model.records import Joint, Model
 from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.classes import find_classes
 from cutjoint.topology.geometry import arm_of
-from cutjoint.topology.records import Loop, Topology, TreeJoint, eliminate
+from cutjoint.topology.records import Loop, Topology, TreeJoint, bodies_inwards, eliminate
 from cutjoint.topology.search import span
 
 
@@ -33,16 +33,9 @@ def build_topology(model: Model) -> Topology:
 
 
 def _loop(cut: Joint, tree: Sequence[TreeJoint], coupled: Mapping[str, frozenset[str]]) -> Loop:
-    parent = {t.child: t.parent for t in tree}
-    left, right = _ancestors(cut.base, parent), _ancestors(cut.follower, parent)
+    above = {t.child: t for t in tree}
+    left, right = bodies_inwards(above, cut.base), bodies_inwards(above, cut.follower)
     base = next(b for b in left if b in right)
     bodies = (*left[: left.index(base)], *right[: right.index(base)])
     width = max((len(coupled[b]) for b in bodies), default=0)
     return Loop(cut=cut.name, base=base, bodies=bodies, width=width)
-
-
-def _ancestors(body: str, parent: Mapping[str, str]) -> list[str]:
-    path = [body]
-    while path[-1] != GROUND:
-        path.append(parent[path[-1]])
-    return path

@@ -14,6 +14,7 @@ from cutjoint.kernels.closures import derive_closure
 from cutjoint.kernels.joints import QUATERNION, derive_joint, inner_point
 from cutjoint.model.expressions.evaluate import evaluate as value_of
 from cutjoint.model.records import Joint, Model, Scalar
+from cutjoint.topology.measured import directed
 from cutjoint.topology.records import TreeJoint, degrees
 from cutjoint.topology.spanning_tree import loops_of
 
@@ -129,16 +130,7 @@ def design_jacobian(geometry: JointGeometry, loops: Sequence[tuple[Joint, Sequen
     for cut, around in loops:
         constraint_jacobian = geometry.constraint_jacobian(cut)
         rows.append(np.zeros((constraint_jacobian.shape[0], end)))
-        for sign, t in _along(cut, around):
+        for t, is_inwards in directed(cut, around):
+            sign = 1.0 if is_inwards else -1.0  # of its twist in the relative twist of the cut joint's bodies
             rows[-1][:, columns[t.joint.name]] = sign * constraint_jacobian @ geometry.free_twists(t)
     return np.concatenate(rows)
-
-
-def _along(cut: Joint, around: Sequence[TreeJoint]) -> list[tuple[float, TreeJoint]]:
-    """The joints from follower to base, with the sign of their twist in the relative twist of the cut joint's bodies."""
-    body, signed = cut.follower, []
-    for t in around:
-        inwards = t.child == body
-        signed.append((1.0 if inwards else -1.0, t))
-        body = t.parent if inwards else t.child
-    return signed

@@ -80,7 +80,7 @@ def reason_not_to_measure(cut: Joint, uses: Iterable[Use], around: Sequence[Tree
 def angles_around(cut: Joint, around: Sequence[TreeJoint]) -> tuple[SignedRotation, ...] | None:
     """The joint angles whose signed sum is the angle of a cut joint: those next to it in its loop about its direction.
     None if the others are not all about one other direction."""
-    turning = [(t, is_inwards) for t, is_inwards in _directed(cut, around) if not t.joint.element.keeps_attitude]
+    turning = [(t, is_inwards) for t, is_inwards in directed(cut, around) if not t.joint.element.keeps_attitude]
     before = list(takewhile(lambda turn: _sign(cut, turn[0].joint), turning))
     after = list(takewhile(lambda turn: _sign(cut, turn[0].joint), reversed(turning[len(before) :])))
     others = [t.joint for t, _ in turning[len(before) : len(turning) - len(after)]]
@@ -95,7 +95,7 @@ def angles_around(cut: Joint, around: Sequence[TreeJoint]) -> tuple[SignedRotati
     )  # fmt: skip
 
 
-def _directed(cut: Joint, around: Sequence[TreeJoint]) -> Iterator[tuple[TreeJoint, bool]]:
+def directed(cut: Joint, around: Sequence[TreeJoint]) -> Iterator[tuple[TreeJoint, bool]]:
     """The joints of a loop from the cut joint's follower on, and whether each leads inwards on the follower's side."""
     body = cut.follower
     for t in around:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cutjoint.importing.formats import is_foreign, name_of
 from cutjoint.model import read
-from cutjoint.model.errors import ModelError, Problem
+from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions.functions import supply
 from cutjoint.model.records import Model
 from cutjoint.package.locations import AnyPath
@@ -28,7 +28,13 @@ def read_model(path: AnyPath, *, tunable: Sequence[str] = (), functions: AnyPath
             the C++ file.
     """
     with _problems_of_loops():
-        model = _read_foreign(Path(path), tunable) if is_foreign(path) else read.read_model(path, tunable=tunable)
+        if is_foreign(path):  # places in messages about the model that it becomes are those of the file that `cutjoint import` writes
+            from cutjoint.importing.document import import_file
+
+            text, folder = import_file(Path(path)).text, Path(path).parent
+            model = read.read_model_text(text, str(name_of(Path(path))), folder=folder, tunable=tunable)
+        else:
+            model = read.read_model(path, tunable=tunable)
     return model if functions is None else supply(model, functions)
 
 
@@ -36,13 +42,6 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, tuna
     """Read a model from a text; messages call it ``file``, and ``folder`` contains the files that it names."""
     with _problems_of_loops():
         return read.read_model_text(text, file, folder=folder, tunable=tunable)
-
-
-def _read_foreign(path: Path, tunable: Sequence[str]) -> Model:
-    """A file of another program; places in messages about the model that it becomes are those of the file that `cutjoint import` writes."""
-    from cutjoint.importing.document import import_file
-
-    return read.read_model_text(import_file(path).text, str(name_of(path)), folder=path.parent, tunable=tunable)
 
 
 @contextmanager
@@ -53,12 +52,8 @@ def _problems_of_loops() -> Iterator[None]:
     except ModelError as error:
         if error.model is None:
             raise
-        raise ModelError((*error.problems, *_find_problems(error.model))) from None
-
-
-def _find_problems(model: Model) -> tuple[Problem, ...]:
-    try:
-        span(model)
-    except TopologyError as error:
-        return error.problems
-    return ()
+        try:
+            span(error.model)
+        except TopologyError as of_loops:
+            raise ModelError((*error.problems, *of_loops.problems)) from None
+        raise ModelError(error.problems) from None

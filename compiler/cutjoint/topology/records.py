@@ -158,6 +158,12 @@ def joints_inwards(above: Mapping[str, TreeJoint], body: str) -> list[TreeJoint]
     return path
 
 
+def bodies_inwards(above: Mapping[str, TreeJoint], body: str) -> list[str]:
+    """A body and those that carry it, inwards."""
+    return [body, *(t.parent for t in joints_inwards(above, body))]
+
+
+
 def eliminate(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Mapping[str, frozenset[str]]:
     """The bodies that each body is coupled to when its joint is eliminated, leaves first."""
     neighbours: dict[str, set[str]] = {t.child: set() for t in tree}
