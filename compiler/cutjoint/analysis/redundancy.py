@@ -154,19 +154,15 @@ def require_loads(topology: Topology, scene: Scene) -> Topology:
     poses = _regular(explore(equations))
     shares = np.max([_shares(equations, pose) for pose in poses], axis=0)
     loose = [f.name for f, share in zip(forces, shares, strict=True) if share > _DETERMINED]
-    if loose and not (_is_constant(poses) and all(_is_even(equations, *at) for at in product(poses, np.linspace(0.0, scene.end, _TIMES)))):
+    spaces = [left @ left.T for left in (np.linalg.svd(pose.jacobian)[0][:, pose.rank :] for pose in poses)]
+    is_constant = all(np.allclose(space, spaces[0], atol=1e-6) for space in spaces)  # multipliers that begin orthogonal to it stay so
+    if loose and not (is_constant and all(_is_even(equations, *at) for at in product(poses, np.linspace(0.0, scene.end, _TIMES)))):
         raise refuse_friction(
             topology.model, loose,
             "redundant equations of its loop leave the joint's load undetermined, so that its load-dependent friction has no value",
             "give joints of the loop more freedom until 'check' finds no redundant equation, or leave out arm or thrust_radius",
         )  # fmt: skip
     return topology
-
-
-def _is_constant(poses: Sequence[Pose]) -> bool:
-    """Return whether the null space is the same in all poses, so that multipliers that begin orthogonal to it stay so."""
-    spaces = [np.linalg.svd(pose.jacobian)[0][:, pose.rank :] for pose in poses]
-    return all(np.allclose(space @ space.T, spaces[0] @ spaces[0].T, atol=1e-6) for space in spaces)
 
 
 def _is_even(equations: RecursiveEquations, pose: Pose, t: float) -> bool:

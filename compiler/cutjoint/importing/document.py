@@ -56,7 +56,8 @@ class Document:
         for loop in robot.loops:
             self._add_loop(loop)
         for relation in solve_couplings(robot):
-            self._add_gear(relation)
+            joints = [self.joints[joint] for joint in (relation.dependent, *relation.ratios)]
+            self._sections["gears"][self._name(relation.name, "gear")] = {"joints": joints, **self._law(relation)}
         for drive in robot.drives:
             self._add_drive(drive)
         for spring in robot.springs:
@@ -207,7 +208,8 @@ class Document:
             pose = self._closed.poses[joint.child] @ joint.inner.inverse()
         if joint.kind == "fixed" and link.massless:
             self.carriers[link.name] = parent
-            if not self._is_used(link):
+            used = {name for loop in self._robot.loops for name in loop.links} | {j.parent for j in self._robot.joints.values()}
+            if link.name not in used:
                 marker = self._name(link.name, "point")
                 self._sections["markers"][marker] = {"body": parent, "at": _vector(self._closed.poses[link.name].place)}
             return
@@ -283,11 +285,6 @@ class Document:
                 damper = self._name(f"{name}_damping", "reaction")
                 self._sections["forces"][damper] = {"kind": "load", "body": body, "torque": torque}
 
-    def _is_used(self, link: Link) -> bool:
-        """Return whether anything hangs on a link but its parent."""
-        ends = {name for loop in self._robot.loops for name in loop.links}
-        return link.name in ends or any(joint.parent == link.name for joint in self._robot.joints.values())
-
     def _add_loop(self, loop: Loop) -> None:
         first, second = (self.carriers[link] for link in loop.links)
         if first == second:
@@ -301,10 +298,6 @@ class Document:
         if loop.stiffness and any(q.any() for q in self._closed.q.values()):
             loop.node.refuse("has a spring where a loop closes, whose zero position is unknown", "put it on another joint of the loop")
         self._resist(name, element, loop, np.zeros(1))
-
-    def _add_gear(self, relation: Relation) -> None:
-        joints = [self.joints[joint] for joint in (relation.dependent, *relation.ratios)]
-        self._sections["gears"][self._name(relation.name, "gear")] = {"joints": joints, **self._law(relation)}
 
     def _law(self, relation: Relation) -> dict[str, Any]:
         """The ratio of a gear, or the law by which it bends, over coordinates that count from the design position."""

@@ -71,7 +71,6 @@ class _Reading:
         for site in range(model.nsite):
             self._add_site(site)
         self._add_loops()
-        self._add_tendons()
         for actuator in range(model.nactuator):
             self._add_actuator(actuator)
         self._add_resisting_tendons()
@@ -189,7 +188,9 @@ class _Reading:
                     self.robot.loops.append(loop)
             elif kind == _JOINT:
                 self._add_coupling(i, name)
-            elif kind != _TENDON:
+            elif kind == _TENDON:
+                self._couple_tendons(i, name)
+            else:
                 self._equality(i).refuse(f"is the equality '{name}' of a kind that a model file has not", "leave it out")
         for pairs in points.values():
             self.robot.loops.append(_merge_connects(pairs) if len(pairs) > 1 else pairs[0])
@@ -228,24 +229,19 @@ class _Reading:
             coupling.independent, coupling.higher_terms = second, tuple(higher_terms)
         self.robot.couplings.append(coupling)
 
-    def _add_tendons(self) -> None:
+    def _couple_tendons(self, i: int, name: str) -> None:
         """Equalities of fixed tendons are linear relations of coordinates."""
-        m = self.m
-        for i in range(m.neq if not self._off & {"EQUALITY", "CONSTRAINT"} else 0):
-            if int(m.eq_type[i]) != _TENDON or not m.eq_active0[i]:
+        m, node, terms = self.m, self._equality(i), dict[str, float]()
+        for sign, tendon in ((1.0, int(m.eq_obj1id[i])), (-float(m.eq_data[i][1]), int(m.eq_obj2id[i]))):
+            if tendon < 0:
                 continue
-            name, terms = self._name("EQUALITY", i, f"equality_{i + 1}"), dict[str, float]()
-            node = self._equality(i)
-            for sign, tendon in ((1.0, int(m.eq_obj1id[i])), (-float(m.eq_data[i][1]), int(m.eq_obj2id[i]))):
-                if tendon < 0:
-                    continue
-                if not (found := self._fixed_tendon(tendon)):
-                    node.refuse("couples a tendon that runs through space", "a model file has tendons of fixed length ratios only")
-                for joint, factor in found.items():
-                    terms[joint] = terms.get(joint, 0.0) + sign * factor
-            if any(m.eq_data[i][2:5]):
-                node.refuse("is a tendon's equality with a polynomial", "write it for joints")
-            self.robot.couplings.append(Coupling(name, node, terms, float(m.eq_data[i][0])))
+            if not (found := self._fixed_tendon(tendon)):
+                node.refuse("couples a tendon that runs through space", "a model file has tendons of fixed length ratios only")
+            for joint, factor in found.items():
+                terms[joint] = terms.get(joint, 0.0) + sign * factor
+        if any(m.eq_data[i][2:5]):
+            node.refuse("is a tendon's equality with a polynomial", "write it for joints")
+        self.robot.couplings.append(Coupling(name, node, terms, float(m.eq_data[i][0])))
 
     def _add_actuator(self, i: int) -> None:
         m, enums = self.m, self._mujoco
@@ -258,7 +254,13 @@ class _Reading:
         bias = int(m.actuator_biastype[i])
         gear, control = float(m.actuator_gear[m.actuator_outadr[i]][0]), int(m.actuator_ctrladr[i])
         if of_joint:
-            self._add_actuator_loads(self.robot.joints[self._of_joint[target]], i)
+            loaded = self.robot.joints[self._of_joint[target]]  # by the rotor and its damping, seen through the gear
+            if np.any(m.actuator_dampingpoly[i]):
+                loaded.node.refuse("has an actuator with a damper that is not linear", "leave out the higher coefficients")
+            loaded.armature += gear**2 * float(m.actuator_armature[i])
+            loaded.damping += gear**2 * float(m.actuator_damping[i]) if "DAMPER" not in self._off else 0.0
+            if loaded.kind not in ("revolute", "prismatic") and (m.actuator_armature[i] or m.actuator_damping[i]):
+                loaded.node.refuse(f"has an actuator with armature or damping on a joint of kind {loaded.kind}", "leave it out")
         elif tendon and (m.actuator_armature[i] or np.any(m.actuator_damping[i])):
             self._node("general", name).refuse("is an actuator with armature or damping on a tendon", "leave them out")
         off = "ACTUATION" in self._off or bool(m.opt.disableactuator >> int(m.actuator_group[i]) & 1)
@@ -293,16 +295,6 @@ class _Reading:
             joint = self._of_joint[int(m.wrap_objid[wrap])]
             terms[joint] = terms.get(joint, 0.0) + float(m.wrap_prm[wrap])
         return terms
-
-    def _add_actuator_loads(self, joint: Joint, i: int) -> None:
-        """The rotor of an actuator and its damping, seen through the gear, are the joint's."""
-        m, gear = self.m, float(self.m.actuator_gear[self.m.actuator_outadr[i]][0])
-        if np.any(m.actuator_dampingpoly[i]):
-            joint.node.refuse("has an actuator with a damper that is not linear", "leave out the higher coefficients")
-        joint.armature += gear**2 * float(m.actuator_armature[i])
-        joint.damping += gear**2 * float(m.actuator_damping[i]) if "DAMPER" not in self._off else 0.0
-        if joint.kind not in ("revolute", "prismatic") and (m.actuator_armature[i] or m.actuator_damping[i]):
-            joint.node.refuse(f"has an actuator with armature or damping on a joint of kind {joint.kind}", "leave it out")
 
     def _add_starts(self) -> None:
         m = self.m

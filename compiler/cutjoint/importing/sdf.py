@@ -156,9 +156,8 @@ class _Assembly:
     def _end(self, name: str, tag: str) -> str:
         node, scope = self._nodes[name]
         end = node.need(tag)
-        found = self._find(end.text.strip(), scope)
-        if found is None:
-            end.refuse(f"names the link '{end.text.strip()[:60]}', which is not there", "correct the name")
+        said = end.text.strip()
+        found = self._find(said, scope) or end.refuse(f"names the link '{said[:60]}', which is not there", "correct the name")
         return self._link_of(found, end)
 
     def _find(self, name: str, scope: _Scope) -> str | None:
@@ -182,9 +181,7 @@ class _Assembly:
                 found = next(first, None) if not said else self._find(said, scope)
             else:
                 found = self._find(said, scope)
-            if found is None:
-                where.refuse(f"is fixed to '{said[:60]}', which is not there", "correct the name")
-            name = found
+            name = found or where.refuse(f"is fixed to '{said[:60]}', which is not there", "correct the name")
         return name
 
     def _is_attached_to(self, link: str, ancestor: str) -> bool:
@@ -238,9 +235,8 @@ class _Assembly:
         in_model = of_model.text.strip() in ("1", "true") if of_model else self._old
         expressed = direction.get("expressed_in") or ("__model__" if in_model else "")
         if expressed:
-            found = self._find(expressed, scope)
-            if found is None:
-                direction.refuse(f"is expressed in '{expressed[:60]}', which is not there", "correct the name")
+            message = f"is expressed in '{expressed[:60]}', which is not there"
+            found = self._find(expressed, scope) or direction.refuse(message, "correct the name")
             axis = self._pose(name).rotation.T @ self._pose(found).rotation @ axis
         return np.asarray(axis / np.linalg.norm(axis))
 
@@ -248,9 +244,8 @@ class _Assembly:
         """A gearbox: from a reference body the child's angle is -ratio times the parent's, each about its axis."""
         reference, ratio = node.need("gearbox_reference_body"), node.need("gearbox_ratio")
         frame, terms = self._pose(name), dict[str, float]()
-        start = self._find(reference.text.strip(), self._nodes[name][1])
-        if start is None:
-            node.refuse(f"has the reference body '{reference.text.strip()[:60]}', which is not there", "correct the name")
+        message = f"has the reference body '{reference.text.strip()[:60]}', which is not there"
+        start = self._find(reference.text.strip(), self._nodes[name][1]) or node.refuse(message, "correct the name")
         for end, tag, factor in (("parent", "axis", ratio.numbers(ratio.text, 1)[0]), ("child", "axis2", 1.0)):
             axis_node = node.find(tag) or node.need("axis")
             axis = frame.rotation @ self._axis(axis_node, name)

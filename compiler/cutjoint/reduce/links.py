@@ -3,7 +3,7 @@ A link with a ball at each end, or a ball and a universal joint, keeps two point
 and three. A link with a hinge and a ball keeps a point on a circle about the hinge: two distances from points of the axis, so far from the
 centre that the two lines are perpendicular."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
@@ -79,7 +79,7 @@ def _shorten(outcome: Outcome, link: _Link) -> Outcome:
         _require_idle(outcome, link)
         forces = tuple(_moved(force, link) for force in outcome.model.forces)
         reactions = tuple(_converted(reaction, link, rods, outcome.model.forces) for reaction in outcome.model.reactions)
-        markers = tuple(_moved_marker(marker, link) for marker in outcome.model.markers)
+        markers = tuple(replace(marker, body=_carrier(link, marker.body, marker.point, marker)) for marker in outcome.model.markers)
     except _StaysError as reason:
         return replace(outcome, left=(*outcome.left, Note(element=link.body.name, text=str(reason), span=link.body.span)))
     gone = (link.cut.name, link.tree.name)
@@ -134,10 +134,6 @@ def _carrier(link: _Link, body: str, point: Vector, element: Force | Marker) -> 
     raise _StaysError(f"stays: '{element.name}' is at a point between its joints")
 
 
-def _moved_marker(marker: Marker, link: _Link) -> Marker:
-    return replace(marker, body=_carrier(link, marker.body, marker.point, marker))
-
-
 def _converted(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint], forces: Sequence[Force]) -> Reaction | RodForce:
     """The force in the link's cut joint: the forces in the rods less the force that acts on the link. The link has no weight."""
     if isinstance(reaction, RodForce) or reaction.joint not in (link.cut.name, link.tree.name):
@@ -150,19 +146,13 @@ def _converted(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint]
         raise _StaysError(f"stays: the direction of '{reaction.name}' is fixed in '{reaction.body}'")
     if reaction.direction is None:
         raise _StaysError(f"stays: '{reaction.name}' is the reaction of its joint '{link.cut.name}' without a direction")
-    for force in _at_end(forces, link):
-        raise _StaysError(f"stays: '{force.name}' and '{reaction.name}' are at the same end")
+    for force in forces:
+        points = (point for carrier in Carrier if (point := force.sole_point(carrier)) is not None)
+        if any(point.body(force) == link.body.name and point.of(force) == link.cut.at for point in points):
+            raise _StaysError(f"stays: '{force.name}' and '{reaction.name}' are at the same end")
     sign = 1 if link.cut.follower == link.body.name else -1
     weights = tuple((rod.name, sign * _along(rod, reaction.direction)) for rod in rods)
     return RodForce(name=reaction.name, weights=weights, span=reaction.span)
-
-
-def _at_end(forces: Sequence[Force], link: _Link) -> Iterator[Force]:
-    """The forces on the link at its cut joint."""
-    for force in forces:
-        for point in (found for carrier in Carrier if (found := force.sole_point(carrier)) is not None):
-            if point.body(force) == link.body.name and point.of(force) == link.cut.at:
-                yield force
 
 
 def _along(rod: Joint, direction: Vector) -> Scalar:

@@ -123,17 +123,13 @@ def measure_reduced(
     for variant in variants:
         artifact = compile_scene(variant.model, variant.scene, CompileOptions(method=variant.method))
         run = simulate(artifact, dt=dt, parameters=parameters, check=False)
-        reference = reference or _finished(run, variant)
+        if reference is None and run.failure is not None:
+            joint = run.failure.element.rpartition(".")[0]
+            place = next((j.span for j in variant.model.joints if j.name == joint), variant.scene.span)
+            raise RunError(f"{place}: scene '{variant.scene.name}': the full model has no run to measure by: {run.failure}")
+        reference = reference or run
         costs.append(replace(time_run(artifact, None if dt is None else Steps(dt=dt), parameters), error=distance(run, reference)))
     return costs
-
-
-def _finished(run: Trajectory, variant: ReducedModel) -> Trajectory:
-    if run.failure is None:
-        return run
-    joint = run.failure.element.rpartition(".")[0]
-    place = next((j.span for j in variant.model.joints if j.name == joint), variant.scene.span)
-    raise RunError(f"{place}: scene '{variant.scene.name}': the full model has no run to measure by: {run.failure}")
 
 
 def time_run(artifact: Artifact, steps: Steps | None, parameters: Mapping[str, float] | None = None) -> Cost:

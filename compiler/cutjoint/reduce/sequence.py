@@ -20,7 +20,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions.evaluate import evaluate
 from cutjoint.model.expressions.quantities import reading_elements
 from cutjoint.model.outcome import Note, Outcome, Pass
-from cutjoint.model.records import Binding, Body, Guard, Model, Output, Scene, Tyre
+from cutjoint.model.records import Binding, Guard, Model, Output, Scene, Tyre
 from cutjoint.package.errors import EquationsError, RunError
 from cutjoint.program.records import Program
 from cutjoint.reduce.freeze import freeze_idle
@@ -51,22 +51,16 @@ def lighten_links(model: Model, scene: Scene) -> Outcome:
     masses = {body.name: evaluate(sympy.sympify(body.mass), values) for body in model.bodies}
     whole = sum(masses.values())
     outcome = Outcome(model=model, scene=scene)
-    for body in model.bodies:
-        if 0 < masses[body.name] <= LIGHT * whole:
-            outcome = _lighten(outcome, body, masses[body.name] / whole)
-    return outcome
-
-
-def _lighten(outcome: Outcome, body: Body, share: float) -> Outcome:
     zero = sympy.Integer(0)
-    massless = replace(body, mass=zero, inertia=(zero,) * 6)
-    bodies = tuple(massless if b.name == body.name else b for b in outcome.model.bodies)
-    reduced = shorten_links(replace(outcome.model, bodies=bodies), outcome.scene)
-    if not any(note.element == body.name for note in reduced.done):
-        return outcome
-    text = f"loses its mass, {100 * share:.2g} % of the whole, and becomes a distance"
-    note = Note(element=body.name, text=text, span=body.span)
-    return replace(outcome, model=reduced.model, scene=reduced.scene, done=(*outcome.done, note))
+    for body in (body for body in model.bodies if 0 < masses[body.name] <= LIGHT * whole):
+        massless = replace(body, mass=zero, inertia=(zero,) * 6)
+        bodies = tuple(massless if b.name == body.name else b for b in outcome.model.bodies)
+        reduced = shorten_links(replace(outcome.model, bodies=bodies), outcome.scene)
+        if any(note.element == body.name for note in reduced.done):
+            text = f"loses its mass, {100 * masses[body.name] / whole:.2g} % of the whole, and becomes a distance"
+            note = Note(element=body.name, text=text, span=body.span)
+            outcome = replace(outcome, model=reduced.model, scene=reduced.scene, done=(*outcome.done, note))
+    return outcome
 
 
 # Rolling tyres
@@ -90,18 +84,15 @@ def roll_straight(model: Model, scene: Scene) -> Outcome:
         Note(element=t.name, text=f"keeps its lateral force, which reaches {peaks[t.name][0]:.3g} N", span=t.span)
         for t in tyres if peaks[t.name][0] > SMALL * peaks[t.name][1]
     )  # fmt: skip
-    return replace(outcome, left=left) if left else _without_lateral(outcome, tyres, peaks)
-
-
-def _without_lateral(outcome: Outcome, tyres: list[Tyre], peaks: dict[str, tuple[float, float]]) -> Outcome:
+    if left:
+        return replace(outcome, left=left)
     limits = {t.name: float(f"{SMALL * peaks[t.name][1]:.2g}") for t in tyres}
     side = variable("side")
     guards = tuple(Guard(force=t, margins=tuple(sympy.Float(limits[t.name]) - s * side for s in (1, -1)), index=None) for t in tyres)
-    rolling = tuple(replace(f, lateral=False) if isinstance(f, Tyre) and f.name in limits else f for f in outcome.model.forces)
+    rolling = tuple(replace(f, lateral=False) if isinstance(f, Tyre) and f.name in limits else f for f in model.forces)
     text = "loses its lateral force of up to {:.3g} N, guarded by |Fy| <= {:g} N"
     notes = tuple(Note(element=t.name, text=text.format(peaks[t.name][0], limits[t.name]), span=t.span) for t in tyres)
-    model = replace(outcome.model, forces=rolling, guards=(*outcome.model.guards, *guards))
-    return replace(outcome, model=model, done=notes)
+    return replace(outcome, model=replace(model, forces=rolling, guards=(*model.guards, *guards)), done=notes)
 
 
 @dataclass(frozen=True, kw_only=True)
