@@ -336,7 +336,7 @@ class _Rolling:
         lanes = self._lanes(i, run, wanted)
         for j, row in enumerate(zip(*run.iterations, strict=True)):
             args = tuple(
-                _negative(graph, n) if self._nodes[signed].op == "neg" else n
+                _append(graph, replace(graph.nodes[n], op="neg", args=(n,), data=None)) if self._nodes[signed].op == "neg" else n
                 for signed, column in zip(self._signed(row[0]), self._columns(row), strict=True)
                 for n in [self._argument(column, run, body, arguments, graph, lanes)]
             )  # fmt: skip
@@ -394,10 +394,6 @@ def _is_worth(run: _Run) -> bool:
 def _append(graph: Graph, node: Scalar) -> int:
     graph.nodes.append(node)
     return len(graph.nodes) - 1
-
-
-def _negative(graph: Graph, n: int) -> int:
-    return _append(graph, replace(graph.nodes[n], op="neg", args=(n,), data=None))
 
 
 def _step(places: Sequence[int]) -> Step | None:

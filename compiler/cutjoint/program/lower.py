@@ -71,9 +71,14 @@ def _lane_const(low: Lowering, block: Block) -> Elements:
     return [[low.graph.lane_const([rows[i][j] for rows in lanes]) for j in range(m)] for i in range(n)]
 
 
-def _gather(low: Lowering, block: Block) -> Elements:
-    parts = [low.elements[a] for a in block.args]
-    return low._elementwise(block, lambda i, j: low.graph.gather(tuple(part[i][j] for part in parts)))
+def _each(element: Callable[..., int]) -> Callable[[Lowering, Block], Elements]:
+    """The rule of an operation by the function that makes an element, (lowering, row, column, elements of the arguments)."""
+
+    def rule(low: Lowering, block: Block) -> Elements:
+        args = [low.elements[a] for a in block.args]
+        return low._elementwise(block, lambda i, j: element(low, i, j, *args))
+
+    return rule
 
 
 def _lane(low: Lowering, block: Block) -> Elements:
@@ -96,38 +101,8 @@ def _symbol(low: Lowering, block: Block) -> Elements:
     return [[low.graph.symbol(str(block.data), i, block.binding)] for i in range(block.shape[0])]
 
 
-def _add(low: Lowering, block: Block) -> Elements:
-    a, b = low._of(block, 0), low._of(block, 1)
-    return low._elementwise(block, lambda i, j: low.graph.add(a[i][j], b[i][j]))
-
-
-def _sub(low: Lowering, block: Block) -> Elements:
-    a, b = low._of(block, 0), low._of(block, 1)
-    return low._elementwise(block, lambda i, j: low.graph.sub(a[i][j], b[i][j]))
-
-
-def _neg(low: Lowering, block: Block) -> Elements:
-    a = low._of(block)
-    return low._elementwise(block, lambda i, j: low.graph.neg(a[i][j]))
-
-
-def _scale(low: Lowering, block: Block) -> Elements:
-    s, a = low._of(block, 0)[0][0], low._of(block, 1)
-    return low._elementwise(block, lambda i, j: low.graph.mul(s, a[i][j]))
-
-
-def _mul(low: Lowering, block: Block) -> Elements:
-    a, b = low._of(block, 0), low._of(block, 1)
-    return low._elementwise(block, lambda i, j: low._dot((a[i][k], b[k][j]) for k in range(len(b))))
-
-
 def _transpose(low: Lowering, block: Block) -> Elements:
     return [list(row) for row in zip(*low._of(block), strict=True)]
-
-
-def _symmetrise(low: Lowering, block: Block) -> Elements:
-    a = low._of(block)
-    return low._elementwise(block, lambda i, j: low.graph.add(a[i][j], a[j][i]))
 
 
 def _sandwich(low: Lowering, block: Block) -> Elements:
@@ -142,16 +117,6 @@ def _gram(low: Lowering, block: Block) -> Elements:
     return low._symmetric(
         block.shape[0], lambda i, j: low._dot((y[k][i], scaled[k][j]) for k in range(len(y)))
     )  # fmt: skip
-
-
-def _weigh(low: Lowering, block: Block) -> Elements:
-    d, y = low._of(block, 0), low._of(block, 1)
-    return [[low.graph.mul(d[k][0], x) for x in row] for k, row in enumerate(y)]
-
-
-def _mirror(low: Lowering, block: Block) -> Elements:
-    a = low._of(block)
-    return low._symmetric(block.shape[0], lambda i, j: a[i][j])
 
 
 def _skew(low: Lowering, block: Block) -> Elements:
@@ -233,10 +198,17 @@ def _backward(low: Lowering, block: Block) -> Elements:
 
 
 _RULES: dict[str, Callable[[Lowering, Block], Elements]] = {
-    "lane_const": _lane_const, "gather": _gather, "lane": _lane, "lane_sum": _lane_sum,
-    "const": _const, "symbol": _symbol, "add": _add, "sub": _sub, "neg": _neg, "scale": _scale, "mul": _mul,
-    "transpose": _transpose, "symmetrise": _symmetrise, "sandwich": _sandwich, "gram": _gram,
-    "weigh": _weigh, "mirror": _mirror, "skew": _skew,
-    "stack": _stack, "take": _take, "call": _call, "ldl_factor": lambda low, block: _ldl(low, block)[0],
-    "ldl_pivots": lambda low, block: _ldl(low, block)[1], "forward": _forward, "backward": _backward,
+    "gather": _each(lambda low, i, j, *parts: low.graph.gather(tuple(part[i][j] for part in parts))),
+    "add": _each(lambda low, i, j, a, b: low.graph.add(a[i][j], b[i][j])),
+    "sub": _each(lambda low, i, j, a, b: low.graph.sub(a[i][j], b[i][j])),
+    "neg": _each(lambda low, i, j, a: low.graph.neg(a[i][j])),
+    "scale": _each(lambda low, i, j, s, a: low.graph.mul(s[0][0], a[i][j])),
+    "mul": _each(lambda low, i, j, a, b: low._dot((a[i][k], b[k][j]) for k in range(len(b)))),
+    "symmetrise": _each(lambda low, i, j, a: low.graph.add(a[i][j], a[j][i])),
+    "weigh": _each(lambda low, i, j, d, y: low.graph.mul(d[i][0], y[i][j])),
+    "mirror": lambda low, block: low._symmetric(block.shape[0], lambda i, j: low._of(block)[i][j]),
+    "const": _const, "lane_const": _lane_const, "lane": _lane, "lane_sum": _lane_sum, "symbol": _symbol,
+    "transpose": _transpose, "sandwich": _sandwich, "gram": _gram, "skew": _skew, "stack": _stack, "take": _take, "call": _call,
+    "ldl_factor": lambda low, block: _ldl(low, block)[0], "ldl_pivots": lambda low, block: _ldl(low, block)[1],
+    "forward": _forward, "backward": _backward,
 }  # fmt: skip

@@ -251,13 +251,11 @@ class Graph:
             return args[2] if values[0] == 0.0 else args[1]
         if (rational := self._of_arc_tangent(function, args[0])) is not None:
             return rational
-        if row and row.parity < 0:
-            return self._odd(function, args[0])
-        if row and row.parity > 0:
-            minus = self._negated(args[0])
-            args = args if minus is None else (minus,)
+        minus = self._negated(args[0]) if row and row.parity else None
+        args = args if minus is None else (minus,)
         when = max((BindingTime.PARAM, *(self.nodes[a].binding for a in args)))  # unfolded calls are computed once
-        return self._make(function, args, table, binding=when if table is None else max(when, BindingTime.STEP))
+        made = self._make(function, args, table, binding=when if table is None else max(when, BindingTime.STEP))
+        return self.neg(made) if minus is not None and row and row.parity < 0 else made
 
     def _of_arc_tangent(self, function: str, a: int) -> int | None:
         """cos(atan(x)) = 1/sqrt(1 + x^2) and sin(2 atan(x)) = 2 x/(1 + x^2), as tyres have them; None of anything else."""
@@ -274,10 +272,6 @@ class Graph:
             (x,) = node.args
             return self.div(self.const(1.0), self.call("sqrt", (self.add(self.const(1.0), self.mul(x, x)),)))
         return None
-
-    def _odd(self, function: str, a: int) -> int:
-        minus = self._negated(a)
-        return self._make(function, (a,)) if minus is None else self.neg(self._make(function, (minus,)))
 
     def power(self, a: int, exponent: int) -> int:
         """a to a whole power, by squaring."""
