@@ -1,6 +1,7 @@
 """The names that a model may give its elements.  They become parts of names in generated code, so words of C++ are names like others."""
 
 import re
+from collections.abc import Collection
 from keyword import kwlist
 
 from cutjoint.model.expressions.operations import FUNCTIONS
@@ -17,8 +18,10 @@ RESERVED_EVERYWHERE = frozenset({"pi", "t", *FUNCTIONS, *kwlist})
 RESERVED_IN_EXPRESSIONS = frozenset({*RESERVED_EVERYWHERE, *VARIABLES})
 
 
-def name_problem(name: str) -> tuple[str, str] | None:
-    """The fault in an element's name and its remedy, or None."""
+def name_problem(name: str, reserved: Collection[str] = ()) -> tuple[str, str] | None:
+    """The fault in the name of an element, or of what must not hide a ``reserved`` name, and its remedy, or None."""
+    if name in reserved:
+        return f"the name '{name}' has a meaning of its own in expressions", f"write for example '{name}_0'"
     if not _NAME.fullmatch(name):
         return f"'{name[:70]}' is not a name", "use letters, digits and underscores, starting with a letter"
     if len(name) > MAX_NAME_LENGTH:
@@ -27,20 +30,4 @@ def name_problem(name: str) -> tuple[str, str] | None:
         return f"the name '{name}' has a double underscore", f"write '{re.sub('__+', '_', name)}'"
     if name == "ground":
         return "the name 'ground' belongs to the fixed world", "choose another name"
-    return None
-
-
-def parameter_name_problem(name: str) -> tuple[str, str] | None:
-    """The fault in a parameter's name and its remedy, or None; it must not hide a function or the time either."""
-    return _reserved(name, RESERVED_EVERYWHERE) or name_problem(name)
-
-
-def term_name_problem(name: str) -> tuple[str, str] | None:
-    """The fault in the name of a law's part, state or signal, and its remedy, or None; it must not hide a law's variable."""
-    return _reserved(name, RESERVED_IN_EXPRESSIONS) or name_problem(name)
-
-
-def _reserved(name: str, reserved: frozenset[str]) -> tuple[str, str] | None:
-    if name in reserved:
-        return f"the name '{name}' has a meaning of its own in expressions", f"write for example '{name}_0'"
     return None

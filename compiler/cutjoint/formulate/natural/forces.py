@@ -18,7 +18,7 @@ from cutjoint.formulate.natural.nodes import Form, difference
 from cutjoint.formulate.natural.quantities import let_laws_read
 from cutjoint.formulate.quantities import measured_forces
 from cutjoint.kernels.joints import slide_axis
-from cutjoint.model.elements.friction import refuse_method
+from cutjoint.model.elements.friction import refuse_friction
 from cutjoint.model.elements.geometry import GLOBAL_AXES
 from cutjoint.model.expressions.dependencies import forces_in_order, seeing_forces
 from cutjoint.model.records import GROUND, Body, Force, Joint, LawForce, Model, Output, Scene, Vector
@@ -329,4 +329,7 @@ class NodalMechanics(Laws):
 
     def apply_joint_friction(self, law: Block) -> None:
         """Natural coordinates do not have the loads of joints. Raises ModelError: always."""
-        raise refuse_method(self.model, (self.force.name,))
+        raise refuse_friction(
+            self.model, (self.force.name,), "equations of this kind do not support load-dependent friction",
+            "use --method recursive or recursive-newton, or switch the force off in the scene: switches: {name: off}",
+        )  # fmt: skip

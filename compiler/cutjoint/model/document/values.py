@@ -6,7 +6,7 @@ fault is reported once and in the user's words.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -14,7 +14,7 @@ import pydantic
 from pydantic import Discriminator, Field, PlainValidator, StrictStr, Tag, WithJsonSchema
 from pydantic_core import PydanticCustomError, core_schema
 
-from cutjoint.model.names import MAX_NAME_LENGTH, name_problem, parameter_name_problem, term_name_problem
+from cutjoint.model.names import MAX_NAME_LENGTH, RESERVED_EVERYWHERE, RESERVED_IN_EXPRESSIONS, name_problem
 
 LOST = "\0"  #: stands for what could not be read, whose problem is reported, in names and expressions; no file can have it
 MAX_COEFFICIENTS = 20
@@ -102,20 +102,20 @@ def _word_of(words: Sequence[str], message: str) -> Callable[[str], str]:
     return checked
 
 
-def _without(problem: Callable[[str], tuple[str, str] | None]) -> pydantic.AfterValidator:
-    """The check of a name that must have no problem."""
+def _names(reserved: Collection[str] = ()) -> pydantic.AfterValidator:
+    """The check of a name that is not ``reserved``."""
 
     def checked(name: str) -> str:
-        if found := problem(name):
+        if found := name_problem(name, reserved):
             raise shape_error(*found)
         return name
 
     return pydantic.AfterValidator(checked)
 
 
-Name = Annotated[StrictStr, _without(name_problem), WithJsonSchema(_NAME_SCHEMA)]
-TermName = Annotated[StrictStr, _without(term_name_problem), WithJsonSchema(_NAME_SCHEMA)]
-ParameterName = Annotated[StrictStr, _without(parameter_name_problem), WithJsonSchema(_NAME_SCHEMA)]
+Name = Annotated[StrictStr, _names(), WithJsonSchema(_NAME_SCHEMA)]
+TermName = Annotated[StrictStr, _names(RESERVED_IN_EXPRESSIONS), WithJsonSchema(_NAME_SCHEMA)]
+ParameterName = Annotated[StrictStr, _names(RESERVED_EVERYWHERE), WithJsonSchema(_NAME_SCHEMA)]
 Number = Annotated[int | float | str, PlainValidator(_number), WithJsonSchema({"type": ["number", "string"]})]
 Unit = Annotated[str, PlainValidator(_unit), WithJsonSchema({"type": ["string", "integer"]})]
 Triple = Annotated[tuple[Number, ...], Field(min_length=3, max_length=3), _list_of(3, words="needs three numbers", hint="write [x, y, z]")]

@@ -1,7 +1,7 @@
 """Bodies, joints, sensors, states, signals and controllers: from the document's parts to records, not yet mirrored."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import sympy
@@ -70,7 +70,10 @@ class Elements:
 def read_elements(scope: Scope, part: model_file.Elements) -> Elements:
     """Read all elements of the model, or of a submodel in one instance's scope."""
     scope = with_points(scope, read_points(scope, part))
-    forces = tuple(_read_forces(scope, part))
+    forces = (
+        *(read_force(element(scope, "force", "forces", name), force) for name, force in part.forces.items()),
+        *(f for name, joint in part.joints.items() for f in joint_forces(element(scope, "joint", "joints", name), joint)),
+    )
     bristles = (bristle_of(force) for force in forces if isinstance(force, JointFriction))
     return Elements(
         tuple(_read_body(element(scope, "body", "bodies", name), body) for name, body in part.bodies.items()),
@@ -83,14 +86,6 @@ def read_elements(scope: Scope, part: model_file.Elements) -> Elements:
         tuple(_read_signal(element(scope, "signal", "signals", name), value) for name, value in part.signals.items()),
         tuple(read_controller(element(scope, "controller", "controllers", name), c) for name, c in part.controllers.items()),
     )
-
-
-def _read_forces(scope: Scope, part: model_file.Elements) -> Iterator[Force]:
-    """The forces, then those that are written in joints."""
-    for name, force in part.forces.items():
-        yield read_force(element(scope, "force", "forces", name), force)
-    for name, joint in part.joints.items():
-        yield from joint_forces(element(scope, "joint", "joints", name), joint)
 
 
 def read_points(scope: Scope, part: model_file.Elements) -> Mapping[str, Vector]:
@@ -175,13 +170,9 @@ def _axes(kind: JointElement, axes: tuple[Vector, ...], is_sound: bool) -> tuple
     return (unit((x, y, z)) if is_sound else (FAILED, FAILED, FAILED),)
 
 
-def _are_opposite(element: Element, a: Vector, b: Vector) -> bool:
-    return math.hypot(*(element.value(p + q) for p, q in zip(a, b, strict=True))) < OPPOSITE
-
-
 _FAULTS: Mapping[Fault, Callable[[Element, Vector, Vector], bool]] = {
     Fault.SAME_POINT: coincide,
-    Fault.OPPOSITE: _are_opposite,
+    Fault.OPPOSITE: lambda element, a, b: math.hypot(*(element.value(p + q) for p, q in zip(a, b, strict=True))) < OPPOSITE,
     Fault.NOT_PERPENDICULAR: lambda element, a, b: not perpendicular(element, a, b),
 }
 

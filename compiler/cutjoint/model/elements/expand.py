@@ -16,7 +16,7 @@ from cutjoint.model.document.checks import Shaped
 from cutjoint.model.document.source import Source
 from cutjoint.model.elements.build import Elements, read_elements, read_points
 from cutjoint.model.elements.geometry import read_point
-from cutjoint.model.elements.instances import MAX_ELEMENTS, Use, count_elements, find_uses, known_submodels
+from cutjoint.model.elements.instances import MAX_ELEMENTS, Use, count_elements, find_uses
 from cutjoint.model.elements.mirror import mirror_elements
 from cutjoint.model.errors import IgnoredProblems, Problems, nearest
 from cutjoint.model.expressions.dependencies import check_loops
@@ -140,7 +140,8 @@ def _fail_use(where: Element, use: Use) -> None:
     if use.fault:
         where.fail(f"the submodel '{name}' {use.fault}", "remove this instance, or use another submodel", ("use",))
     elif not where.scope.directory.misses(name) and not where.scope.directory.misses(where.scope.prefix + name):
-        where.fail(f"unknown submodel '{name}'", nearest(name, known_submodels(use.around), "submodels"), ("use",))
+        known = sorted({submodel for level in use.around for submodel in level.part.submodels})
+        where.fail(f"unknown submodel '{name}'", nearest(name, known, "submodels"), ("use",))
 
 
 def _around(use: Use, scopes: Mapping[str, Scope]) -> Scope:
@@ -161,12 +162,14 @@ def _inner(where: Element, use: Use, around: Scope) -> Scope:
     arguments = _arguments(where, use, use.submodel)
     symbols = frozenset().union(*(term.value.free_symbols for term in arguments.values()))
     own = {*use.submodel.states, *use.submodel.signals}
+    _match_keys(where, "connect", instance.connect, use.submodel.connectors, "connector", instance.use)
+    bodies = {name: where.body(body, ("connect", name)) for name, body in instance.connect.items()}
     inner = replace(
         around,
         names={**{name: term for name, term in around.names.items() if name not in own}, **arguments},
         path=use.at,
         prefix=f"{where.name}.",
-        connectors=_connectors(where, instance, use.submodel),
+        connectors={name: bodies.get(name, UNKNOWN) for name in use.submodel.connectors},
         instance_points=_points(where, use),
         sensed=around.sensed | {symbol for symbol in symbols if quantities_read(symbol)},
         mirrors=where.scope.mirrors if mirror is None else (mirror, *where.scope.mirrors),
@@ -221,12 +224,6 @@ def _check_accepted(where: Element, instance: model_file.Instance, submodel: mod
             where.fail(message, "use another submodel, or another file", ("properties", key), at_key=True)
             sound = False
     return sound
-
-
-def _connectors(where: Element, instance: model_file.Instance, submodel: model_file.Submodel) -> dict[str, str]:
-    _match_keys(where, "connect", instance.connect, submodel.connectors, "connector", instance.use)
-    bodies = {name: where.body(body, ("connect", name)) for name, body in instance.connect.items()}
-    return {name: bodies.get(name, UNKNOWN) for name in submodel.connectors}
 
 
 def _points(where: Element, use: Use) -> dict[str, Vector]:

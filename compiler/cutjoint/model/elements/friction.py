@@ -143,11 +143,3 @@ def refuse_friction(model: Model, names: Collection[str], message: str, hint: st
     return ModelError(
         [Problem(span=f.span, element=f"force '{f.name}'", message=message, hint=hint) for f in model.forces if f.name in names]
     )
-
-
-def refuse_method(model: Model, names: Collection[str]) -> ModelError:
-    """The error that natural coordinates do not have friction by load."""
-    return refuse_friction(
-        model, names, "equations of this kind do not support load-dependent friction",
-        "use --method recursive or recursive-newton, or switch the force off in the scene: switches: {name: off}",
-    )  # fmt: skip

@@ -82,11 +82,6 @@ def _look_up(levels: Levels, name: str) -> Levels:
     return ()
 
 
-def known_submodels(levels: Levels) -> list[str]:
-    """The names that an instance may use in a part of the document."""
-    return sorted({name for level in levels for name in level.part.submodels})
-
-
 def find_submodels(model: model_file.Document) -> Iterator[Level]:
     """All submodels of the document."""
     waiting = [Level(model, ())]

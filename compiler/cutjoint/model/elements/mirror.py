@@ -104,7 +104,7 @@ def mirror_elements(elements: Elements, axis: str) -> Elements:
         tuple(_joint(mirror, joint, signs[joint.name]) for joint in elements.joints),
         tuple(force.mirrored(mirror, signs) for force in elements.forces),
         tuple(_reaction(mirror, reaction) for reaction in elements.reactions),
-        tuple(_marker(mirror, marker) for marker in elements.markers),
+        tuple(replace(marker, point=mirror.vector(marker.point)) for marker in elements.markers),
         tuple(_gear(gear, signs) for gear in elements.gears),
         elements.states, elements.signals, elements.controllers,
     )  # fmt: skip
@@ -193,7 +193,3 @@ def reflected_law(law: Scalar, sign: int) -> Scalar:
 
 def _reaction(mirror: Mirror, reaction: Reaction) -> Reaction:
     return reaction if reaction.direction is None else replace(reaction, direction=mirror.vector(reaction.direction))
-
-
-def _marker(mirror: Mirror, marker: Marker) -> Marker:
-    return replace(marker, point=mirror.vector(marker.point))

@@ -179,8 +179,9 @@ def _apply(
         if value is not sympy.nan:  # it may follow from a failed term
             for part in (value, *(value.args if value.is_Mul else ())):
                 require_real(part)
-            if value.is_number:  # the variables have cancelled, as in x/x
-                return _constant_of(name, value, dimension, size)
+            if value.is_number:  # the variables have cancelled, as in x/x: it is tried in floats as other constants are
+                number = _numeric(name, lambda: float(value), [])
+                return Term(_short_constant(value, number, size), dimension, number, size)
         return Term(value, dimension, None, size, degree, roots)
     number = _numeric(name, numeric, numbers)
     if number == 0:
@@ -189,12 +190,6 @@ def _apply(
     if value == 0:  # exactly, where floats leave a last digit, as of sin(pi)
         return Term(sympy.Integer(0), dimension, 0.0)
     return Term(value, dimension, number, size)
-
-
-def _constant_of(name: str, value: Scalar, dimension: Dimension | None, size: int) -> Term:
-    """A term whose variables have cancelled: from here on it is tried in floats as other constants are."""
-    number = _numeric(name, lambda: float(value), [])
-    return Term(_short_constant(value, number, size), dimension, number, size)
 
 
 def require_real(value: Scalar) -> None:
@@ -279,20 +274,13 @@ def compare(sign: ast.cmpop, a: Term, b: Term) -> Scalar:
     return relation(a.value, b.value, evaluate=False)
 
 
-def all_of(conditions: list[Scalar]) -> Scalar:
-    """The conjunction of conditions."""
-    if sympy.false in conditions:
-        return sympy.false
-    open_ones = [condition for condition in conditions if condition is not sympy.true]
-    return sympy.And(*open_ones, evaluate=False) if len(open_ones) > 1 else (open_ones or [sympy.true])[0]
-
-
-def any_of(conditions: list[Scalar]) -> Scalar:
-    """The disjunction of conditions."""
-    if sympy.true in conditions:
-        return sympy.true
-    open_ones = [condition for condition in conditions if condition is not sympy.false]
-    return sympy.Or(*open_ones, evaluate=False) if len(open_ones) > 1 else (open_ones or [sympy.false])[0]
+def join_conditions(conditions: list[Scalar], *, all_of: bool = True) -> Scalar:
+    """The conjunction of conditions, or their disjunction."""
+    join, decisive, neutral = (sympy.And, sympy.false, sympy.true) if all_of else (sympy.Or, sympy.true, sympy.false)
+    if decisive in conditions:
+        return decisive
+    open_ones = [condition for condition in conditions if condition is not neutral]
+    return join(*open_ones, evaluate=False) if len(open_ones) > 1 else (open_ones or [neutral])[0]
 
 
 def where(condition: Scalar, yes: Term, no: Term, size: int) -> Term:

@@ -123,7 +123,8 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
         for part in bottom_up(term.value):
             operations.require_real(part)
     if term.value.has(sympy.Abs):
-        return replace(term, value=term.value.replace(sympy.Abs, _absolute_value))
+        value = term.value.replace(sympy.Abs, lambda x: operations.choice((x, sympy.GreaterThan(x, 0, evaluate=False)), (-x, sympy.true)))
+        return replace(term, value=value)
     return term
 
 
@@ -160,10 +161,6 @@ def _is_finite(number: Scalar) -> bool:
         return number is sympy.nan or math.isfinite(float(number))
     except OverflowError:
         return False
-
-
-def _absolute_value(argument: Scalar) -> Scalar:
-    return operations.choice((argument, sympy.GreaterThan(argument, 0, evaluate=False)), (-argument, sympy.true))
 
 
 def _one_line(text: str) -> str:
@@ -306,11 +303,11 @@ class _Parser:
             case ast.Compare(left=left, ops=signs, comparators=others):
                 terms = [self.term(side, depth + 1) for side in (left, *others)]
                 pairs = zip(signs, terms[:-1], terms[1:], strict=True)
-                return operations.all_of([operations.compare(sign, a, b) for sign, a, b in pairs]), sum(term.size for term in terms)
+                return operations.join_conditions([operations.compare(*pair) for pair in pairs]), sum(term.size for term in terms)
             case ast.BoolOp(op=ast.And() | ast.Or() as word, values=values):
                 parts = [self.condition(value, depth + 1) for value in values]
-                join = operations.all_of if isinstance(word, ast.And) else operations.any_of
-                return join([part for part, _ in parts]), 1 + sum(size for _, size in parts)
+                joined = operations.join_conditions([part for part, _ in parts], all_of=isinstance(word, ast.And))
+                return joined, 1 + sum(size for _, size in parts)
         raise ExpressionError("the first argument of where must be a condition", "write for example where(x < 0, a, b)")
 
 

@@ -190,7 +190,8 @@ class Element:
             remedy = "correct a unit, or multiply by a number, which fits everywhere"
             span = self.scope.source.value_span((*self.path, *keys))
             self.scope.problems.note(span, f"{self.label}: {worded(field_name(keys), fault)}; {remedy}")
-        if self._is_closed(term.value) and not math.isfinite(self.value(term.value)):
+        has_value = not term.value.has(FAILED, SuppliedCall) and term.value.free_symbols <= self.scope.values.keys()
+        if has_value and not math.isfinite(self.value(term.value)):
             self.fail(worded(field_name(keys), "has no finite value"), "", keys)
             return FAILED
         if expected in _BOUNDED and abs(self.value(term.value)) > LARGEST:
@@ -208,10 +209,6 @@ class Element:
         name = number_name(self.name, keys[1:] if is_argument else keys, in_triple=in_triple)
         span, is_default = self.scope.source.value_span(path), is_argument and keys[0] == "defaults"
         return self.scope.tunables.tunable(name, term, expected, span, self.scope.values, is_default=is_default)
-
-    def _is_closed(self, expression: Scalar) -> bool:
-        """Return whether an expression has a value once the parameters have theirs."""
-        return not expression.has(FAILED, SuppliedCall) and expression.free_symbols <= self.scope.values.keys()
 
     def settle(self, vector: Vector) -> Vector:
         """A vector with the numbers of all parameters that never change."""
