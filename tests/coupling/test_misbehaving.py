@@ -42,7 +42,7 @@ def test_what_it_does_is_reported_and_rows_are_kept(call: str, number: int, deed
     ("call", "deed", "words"),
     [
         ("Terminate", "exit", ("it ended its process with status 0",)), ("FreeInstance", "trap", ("it crashed with SIGSEGV",)),
-        ("Terminate", "loop", ("no answer in 2 s",)), ("Terminate", "abort", ("it crashed with SIGABRT",)), ("DoStep", "flood", ()),
+        ("Terminate", "loop", ("no answer in 4 s",)), ("Terminate", "abort", ("it crashed with SIGABRT",)), ("DoStep", "flood", ()),
     ],
 )  # fmt: skip
 def test_what_changes_no_value_leaves_the_table_whole(call: str, deed: str, words: tuple[str, ...]) -> None:

@@ -56,6 +56,18 @@ scenes:
   swing: {end: 1.5, output_step: 0.05, rates: {pin.angle_rate: 4}}
 """
 
+#: A flywheel whose weight rests on the thrust bearing of its upright shaft.
+FLYWHEEL = """
+cutjoint: 1
+name: flywheel
+gravity: [0, 0, -9.81]
+bodies: {wheel: {mass: 4, centre_of_mass: [0, 0, 0.2], inertia: [0.2, 0.2, 0.3]}}
+joints: {shaft: {kind: revolute, bodies: [ground, wheel], at: [0, 0, 0], axis: [0, 0, 1]}}
+forces: {rub: {kind: joint_friction, joint: shaft, coefficient: 0.2, radius: 0.05, thrust_radius: 0.03}}
+outputs: [shaft.angle_rate, rub.force, rub.load]
+scenes: {spin: {end: 2, output_step: 0.5, rates: {shaft.angle_rate: 10}}}
+"""
+
 #: A uniform rod whose end slides on a line, at an angle of tangent 2: no motion is sure above a coefficient of 4/3.
 ROD = """
 cutjoint: 1
@@ -344,3 +356,13 @@ def test_modes_of_a_block_that_sticks(tmp_path: Path) -> None:
     (mode,) = found.modes
     assert mode.eigenvalue == pytest.approx(max(np.roots([2, damping * (1 - s0**2), stiffness]), key=lambda root: root.imag), rel=1e-6)
     assert list(found.rigid_body_modes) == ["slide.displacement"]
+
+
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
+def test_a_thrust_bearing_brakes_by_its_own_radius(method: str, tmp_path: Path) -> None:
+    """Its torque is coefficient times weight times thrust radius, whatever the bearing's radius is."""
+    found = completed(run(tmp_path, FLYWHEEL, method)).columns
+    torque = 0.2 * 4 * 9.81 * 0.03
+    np.testing.assert_allclose(found["rub.load"], 4 * 9.81 * 0.03 / 0.05, rtol=1e-9)
+    np.testing.assert_allclose(found["rub.force"][1:], -torque, rtol=1e-6)
+    np.testing.assert_allclose(found["shaft.angle_rate"][-1], 10 - torque / 0.3 * 2, rtol=2e-3)

@@ -18,7 +18,7 @@ from cutjoint.toolchain.supervisor import end_session
 _START = "from cutjoint.coupling.slave import main; main()"
 
 #: Time limits, s: for a process to exit, and for Python to start on a busy machine.
-_LEAVE, _BEGIN = 2.0, 120.0
+_LEAVE, _BEGIN = 15.0, 120.0
 #: Bytes of an FMU's output that are stored.
 _KEPT = 300
 #: The largest length of an answer, in characters.
