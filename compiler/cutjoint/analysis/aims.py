@@ -73,7 +73,11 @@ class AimedStart:
             where = f"{self._scene.span}: scene '{self._scene.name}'"
             raise RunError(f"{where}: the loops cannot close from its positions; give others, or fewer")
         if found.distance > 0:
-            raise RunError(self._failure(found, wanted, search.degrees_of_freedom(found.q)))
+            missed, free = self._missed(found, wanted), search.degrees_of_freedom(found.q)
+            count = f"; values wanted: {len(wanted)}, {free} can be chosen there" if len(wanted) > free else ""
+            nearest = join_and([words for _, words in missed])
+            words = f"no pose that closes the loops was found with these values; the nearest has {nearest}{count}; write others, or fewer"
+            raise RunError(f"{missed[0][0].span}: scene '{self._scene.name}': assemble: {words}")
         return dict(zip(self._equations.coordinate_names, self._with_reversed_attitudes(found.q).tolist(), strict=True))
 
     def describe_nearest(self, parameters: Mapping[str, float], prescribed: Mapping[str, float], wanted: Sequence[float]) -> str:
@@ -144,13 +148,6 @@ class AimedStart:
             if chart.ball and chart.reversed and (of is None or self._equations.coordinate_names[first] in of):
                 turned[first + 1 : first + 4] *= -1
         return turned
-
-    def _failure(self, found: _Reached, wanted: Sequence[float], free: int) -> str:
-        missed = self._missed(found, wanted)
-        count = f"; values wanted: {len(wanted)}, {free} can be chosen there" if len(wanted) > free else ""
-        where = f"{missed[0][0].span}: scene '{self._scene.name}': assemble"
-        nearest = f"no pose that closes the loops was found with these values; the nearest has {join_and([words for _, words in missed])}"
-        return f"{where}: {nearest}{count}; write others, or fewer"
 
     def _missed(self, found: _Reached, wanted: Sequence[float]) -> list[tuple[Aim, str]]:
         """The places that a pose misses, in words."""

@@ -61,8 +61,11 @@ def find_misfit(equations: RecursiveEquations, held: float, free: float) -> Misf
     names = [joint.name for joint in model.joints if joint.name in within]
     trial = formulate_recursive(build_topology(_movable(model, names, cuts)), equations.scene, ())
     scale, total, weights = np.array([topology.arm] * 3 + [1.0] * 3), np.zeros((len(names), 6)), 1 + 0.1 * np.arange(len(names))
+    first = len(trial.parameters) - total.size
     for _ in range(_NEWTON):
-        found = _linearised(_with_last(trial, total.ravel()), held, free, total.size, np.abs(total / scale).max())
+        last = (replace(p, value=float(value)) for p, value in zip(trial.parameters[first:], total.ravel(), strict=True))
+        moved = replace(trial, parameters=(*trial.parameters[:first], *last))
+        found = _linearised(moved, held, free, total.size, np.abs(total / scale).max())
         if found is None:
             return None
         matrix, right, done = found
@@ -81,13 +84,6 @@ def find_misfit(equations: RecursiveEquations, held: float, free: float) -> Misf
             weights = size / size.max() + 1e-4
         total += change
     return None
-
-
-def _with_last(equations: RecursiveEquations, values: Array) -> RecursiveEquations:
-    """The equations with other values of the last parameters."""
-    first = len(equations.parameters) - len(values)
-    last = (replace(p, value=float(value)) for p, value in zip(equations.parameters[first:], values, strict=True))
-    return replace(equations, parameters=(*equations.parameters[:first], *last))
 
 
 def _linearised(equations: RecursiveEquations, held: float, free: float, count: int, moved: float) -> tuple[Array, Array, bool] | None:

@@ -147,15 +147,13 @@ def solve_couplings(robot: Robot) -> list[Relation]:
         for name in coupling.terms:
             if robot.joints[name].freedom != 1:
                 coupling.node.refuse(f"couples '{name}', a joint without a coordinate of its own", "couple revolute and prismatic joints")
-    higher = [Relation(c.name, *_split_terms(c), c.higher_terms) for c in robot.couplings if c.higher_terms]
+    higher = [
+        Relation(c.name, next(j for j in c.terms if j != c.independent), {c.independent: -c.terms[c.independent]}, c.higher_terms)
+        for c in robot.couplings if c.higher_terms
+    ]  # fmt: skip
     driven = {joint for drive in robot.drives for joint in drive.joints}
     order = {name: (name in driven, not joint.follows) for name, joint in robot.joints.items()}
     return [*_eliminate([c for c in robot.couplings if not c.higher_terms], order), *higher]
-
-
-def _split_terms(coupling: Coupling) -> tuple[str, dict[str, float]]:
-    dependent = next(joint for joint in coupling.terms if joint != coupling.independent)
-    return dependent, {coupling.independent: -coupling.terms[coupling.independent]}
 
 
 def _eliminate(couplings: list[Coupling], order: Mapping[str, tuple[bool, bool]]) -> list[Relation]:

@@ -63,8 +63,15 @@ def _freeze(outcome: Outcome, frozen: "Frozen", moves: Mapping[str, float]) -> O
     forces = tuple(f for f in model.forces if f.name in requested or not _is_inner(f, carrier, inner))
     reactions = tuple(r for r in model.reactions if getattr(r, "joint", "") not in inner)
     model = replace(model, forces=forces, reactions=reactions, joints=tuple(j for j in model.joints if j.name not in inner))
-    for body in gone:
-        model = _merge_into_carrier(model, body, frozen)
+    for body in gone:  # its mass and all that stands on it go to its carrier
+        to, rotation, shift = frozen.carriers[body.name], *frozen.shift(body.name)
+        if frozen.is_moved(body.name):
+            forces = tuple(_moved_force(f, body.name, rotation, shift) for f in model.forces)
+            markers = tuple(_moved_marker(m, body.name, rotation, shift) for m in model.markers)
+            model, body = replace(model, forces=forces, markers=markers), _moved_body(body, rotation, shift)
+        if to != GROUND:
+            model = replace(model, bodies=tuple(merged(b, body) if b.name == to else b for b in model.bodies))
+        model = transfer_elements(model, body.name, to)
         outputs = tuple(replace(o, element=carrier[body.name], stands_for=o.column) if o.element == body.name else o for o in scene.outputs)
         scene = replace(scene, outputs=outputs)
     if scene.pose == "equilibrium":
@@ -92,18 +99,6 @@ def _places(model: Model, poses: Mapping[str, Poses]) -> dict[str, Scalar]:
 def _is_inner(force: Force, carrier: Mapping[str, str], inner: Collection[str]) -> bool:
     """Return whether a force acts between parts of one body."""
     return force.joint_of in inner or (len(force.bodies) == 2 and len({carrier[body] for body in force.bodies}) == 1)
-
-
-def _merge_into_carrier(model: Model, body: Body, frozen: "Frozen") -> Model:
-    """The model with a body's mass and all that stands on it on its carrier."""
-    to, rotation, shift = frozen.carriers[body.name], *frozen.shift(body.name)
-    if frozen.is_moved(body.name):
-        forces = tuple(_moved_force(f, body.name, rotation, shift) for f in model.forces)
-        markers = tuple(_moved_marker(m, body.name, rotation, shift) for m in model.markers)
-        model, body = replace(model, forces=forces, markers=markers), _moved_body(body, rotation, shift)
-    if to != GROUND:
-        model = replace(model, bodies=tuple(merged(b, body) if b.name == to else b for b in model.bodies))
-    return transfer_elements(model, body.name, to)
 
 
 def _moved_point(point: Vector, rotation: NDArray[np.float64], shift: NDArray[np.float64]) -> Vector:
