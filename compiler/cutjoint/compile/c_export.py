@@ -25,7 +25,7 @@ from cutjoint.formulate.inputs import tunable_parameters
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import POSES, Equations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.formulate.transposed import Derived, Linearised, linearise_residual, transpose
+from cutjoint.formulate.transposed import Derived, linearise_residual, transpose
 from cutjoint.methods import (
     DEFAULT_INTEGRATOR,
     DEFAULT_METHOD,
@@ -262,7 +262,9 @@ def make_standalone(
     linearise = linearise or adjoint
     if linearise:
         _require_relative(equations, "linearise", "which have no derivatives")
-        _require_partials(equations)
+        for function in equations.topology.model.functions:
+            if not function.partials:
+                raise RunError(f"{function.span}: {MissingPartialsError(function.name)}")
     if any(f.name == POSES for f in equations.mechanism.functions):
         _require_relative(equations, POSES, "which do not determine the poses of all bodies")
     dofs = find_mobility(equations.mechanism).degrees_of_freedom if linearise else None
@@ -272,7 +274,9 @@ def make_standalone(
     if adjoint:
         parts = replace(parts, transposed=_transposed(parts))
     if linearise and derives_steps and equations.mechanism.speeds:
-        parts = replace(parts, force_residual=_force_residual(parts, equations.scene))
+        residual = formulate_residual(parts.mechanism, find_closure(equations.scene.numerics, METHODS[parts.method]).name)
+        scheduled = schedule_recursive(residual, lanes=parts.program.lanes)
+        parts = replace(parts, force_residual=linearise_residual(residual, scheduled))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
     standalone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
     if not (side_by_side and standalone.fits_lanes):
@@ -287,7 +291,9 @@ def choose_steps(scene: Scene, method: str, integrator: str | None, *, equal_ste
     known = STEPS[method]
     if integrator is not None and integrator not in known:
         raise RunError(f"integrator: '{integrator}' is not one of C exports, {', '.join(known)}")
-    wanted = integrator or (scene.numerics.integrator if equal_steps else _simulated(scene, method))
+    wanted = integrator or scene.numerics.integrator
+    if integrator is None and not equal_steps:
+        wanted = find_integrator(scene.numerics, METHODS[method], Implementation.GENERATED, Options()).name
     chosen = DEFAULT_INTEGRATOR if wanted is None or wanted not in known else wanted
     tolerance = None if integrator or equal_steps else find_tolerance(scene, method, chosen)
     return Options(integrator=chosen, tolerance=tolerance, events=None if known[chosen].finds_events else Events.CROSSED)
@@ -297,10 +303,6 @@ def needs_load_events(scene: Scene, method: str, integrator: str | None, *, equa
     """Return whether derivatives of adaptive steps are exact only if steps end where the load of a friction force passes zero."""
     chosen = str(choose_steps(scene, method, integrator, equal_steps=equal_steps).integrator)
     return INTEGRATORS[chosen].adaptive
-
-
-def _simulated(scene: Scene, method: str) -> str:
-    return find_integrator(scene.numerics, METHODS[method], Implementation.GENERATED, Options()).name
 
 
 def _require_unknowns(equations: Equations) -> None:
@@ -315,12 +317,6 @@ def _require_relative(equations: Equations, requested: str, why: str) -> None:
     if isinstance(equations, SystemEquations) and METHODS[equations.method].formulation is Formulation.NATURAL:
         able = join_or(linearised_methods())
         raise RunError(f"{requested}: the state of method '{equations.method}' has natural coordinates, {why}; use {able}")
-
-
-def _require_partials(equations: Equations) -> None:
-    for function in equations.topology.model.functions:
-        if not function.partials:
-            raise RunError(f"{function.span}: {MissingPartialsError(function.name)}")
 
 
 def linearised_methods() -> tuple[str, ...]:
@@ -343,11 +339,6 @@ def _transposed(parts: SimulationCode) -> Derived:
     start, outputs = parts.mechanism, parts.system.equations.outputs  # whose columns are the system's
     mechanism = formulate_recursive(start.topology, start.scene, outputs)
     return transpose(mechanism, schedule_recursive(mechanism, lanes=parts.program.lanes))
-
-
-def _force_residual(parts: SimulationCode, scene: Scene) -> Linearised:
-    force_residual = formulate_residual(parts.mechanism, find_closure(scene.numerics, METHODS[parts.method]).name)
-    return linearise_residual(force_residual, schedule_recursive(force_residual, lanes=parts.program.lanes))
 
 
 # Files of compile --out

@@ -61,7 +61,10 @@ def table_items(plan: Plan) -> dict[str, list[list[Item]]]:
     """The items of each table, together by tile, entries together by column."""
     tiling = plan.tiling
     tiles = range(len(tiling))
-    sweeps = [_sweeps(plan, tile) for tile in tiles]
+    if plan.pattern.symmetric:  # of blocks of U alone, which are the blocks of L before scaling
+        sweeps = [_sweep_below(plan, tile, plan.storage.upper, plan.storage.lower) for tile in tiles]
+    else:
+        sweeps = [_sweep_below(plan, tile, plan.storage.lower, plan.storage.upper) + _sweep_right(plan, tile) for tile in tiles]
     return {
         "steps": [[_step(plan, tile, len(sweep))] for tile, sweep in zip(tiles, sweeps, strict=True)],
         "sweeps": [[(s.columns, s.source, s.multipliers, len(s.targets)) for s in sweep] for sweep in sweeps],
@@ -87,14 +90,6 @@ def pivot_rows(plan: Plan, names: Sequence[str]) -> tuple[str, ...]:
 def _step(plan: Plan, tile: int, sweeps: int) -> tuple[int, ...]:
     tiling = plan.tiling
     return tiling.size(tile), plan.storage.diagonal[tile], tiling.first[tile], len(tiling.upper[tile]), len(tiling.lower[tile]), sweeps
-
-
-def _sweeps(plan: Plan, tile: int) -> list[_Sweep]:
-    """All updates by a tile; of a symmetric matrix of blocks of U alone, which are the blocks of L before scaling."""
-    storage = plan.storage
-    if plan.pattern.symmetric:
-        return _sweep_below(plan, tile, storage.upper, storage.lower)
-    return _sweep_below(plan, tile, storage.lower, storage.upper) + _sweep_right(plan, tile)
 
 
 def _sweep_below(plan: Plan, tile: int, sources: Mapping[Pair, int], multipliers: Mapping[Pair, int]) -> list[_Sweep]:

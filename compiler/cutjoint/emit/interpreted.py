@@ -93,7 +93,7 @@ def _assemble(program: Program, equations: Equations, arrays: Mapping[str, int])
     if fits := equations.fits:
         arrays |= {"place": max(1 + len(fit.description()["start"]) for fit in fits), "series": sum(fit.length for fit in fits)}
     for name, length in arrays.items():
-        assembler.add_array(name, length)
+        assembler.arrays[name] = assembler._keep([0.0] * length)
     for name, nodes in (("load", program.loaded), ("begin_step", program.stepped)):
         assembler.assemble(name, nodes, (), early=True)
     for f in program.functions:
@@ -120,10 +120,6 @@ class _Assembler:
     @property
     def _graph(self) -> Graph:
         return self.program.graph
-
-    def add_array(self, name: str, length: int) -> None:
-        """Room for an array of arguments."""
-        self.arrays[name] = self._keep([0.0] * length)
 
     def assemble(self, name: str, nodes: Sequence[int], results: Sequence[Result], *, early: bool = False) -> None:
         """The instructions of a function and the registers of its results; the values of an ``early`` one stay."""

@@ -89,10 +89,14 @@ def _project(
 def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, object]:
     """The view of a description, for templates and for the interpreter.  Natural coordinates have no names of speeds."""
     model, scene = equations.topology.model, equations.scene
+    if equations.charts or isinstance(equations, RecursiveEquations):
+        speeds = equations.speed_names
+    else:
+        speeds = equations.unknown_names if equations.state.states else ()
     return {
         "model": model.name, "charts": equations.charts, "roads": equations.roads,
         "name_lists": {
-            "coordinates": equations.coordinate_names, "speeds": _named_speeds(equations), "equations": equations.equation_names,
+            "coordinates": equations.coordinate_names, "speeds": speeds, "equations": equations.equation_names,
         },
         "parameters": _named(equations.parameters), "inputs": _named(equations.inputs), "columns": equations.columns,
         "cuts": [c.first for c in equations.closures] if isinstance(equations, RecursiveEquations) else [],
@@ -117,13 +121,6 @@ def _kind(guard: Guard | EmbeddedLoop | LeftOut) -> dict[str, int]:
     if isinstance(guard, LeftOut):
         return {"ends": 0, "left_out": 1}
     return {"ends": 1} if isinstance(guard, EmbeddedLoop) else {}
-
-
-def _named_speeds(equations: RecursiveEquations | SystemEquations) -> tuple[str, ...]:
-    """The names of speeds, or of unknowns that are no natural coordinates."""
-    if equations.charts or isinstance(equations, RecursiveEquations):
-        return equations.speed_names
-    return equations.unknown_names if equations.state.states else ()
 
 
 def emit_description(page: Page, view: Mapping[str, object], function: str, *, system: Mapping[str, object] | None = None) -> Piece:

@@ -15,7 +15,7 @@ from cutjoint.emit import source
 from cutjoint.emit.classes import LANES, Defaults, SimulationCode, derived_classes, sized_mechanism_class, sized_system_class, sizes_of
 from cutjoint.emit.sizes import record_length, seed_rows, simulation_size
 from cutjoint.emit.source import Page
-from cutjoint.emit.statuses import FAULTS, LIMITED, Status, statuses_in
+from cutjoint.emit.statuses import FAULTS, LIMITED, STATUSES, Status
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
@@ -181,6 +181,7 @@ def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, o
         tables.append({"name": "function_names", "entries": list(hosted)})
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     class_name = Page.of(equations, parts.method).class_name
+    guiding = [i for i, each in enumerate(equations.inputs) if guided_by(model, each) is not None]
     return {
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "dofs": parts.dofs, "poses": parts.poses,
         "poses_digest": digest_of_poses(model.name, parts.poses),
@@ -204,8 +205,8 @@ def _view(parts: SimulationCode, defaults: Defaults, digest: str) -> dict[str, o
         "frozen": model.frozen, "trimmed": equations.scene.is_trimmed,
         "parameters": [repr(float(defaults.parameters[p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(defaults.parameters[p.name]))) for p in equations.parameters],
-        "columns": equations.columns, "steered": _free_input(equations),
-        "guiding": "".join(f", {i}" for i in _guide_inputs(equations)),
+        "columns": equations.columns, "steered": next((i for i in range(len(equations.inputs)) if i not in guiding), None),
+        "guiding": "".join(f", {i}" for i in guiding),
         "has_lanes": any(node.lanes for program in programs for node in program.graph.nodes),
         "positions": _indexed_values(defaults.positions, start.coordinate_names),
         "rates": _indexed_values(defaults.rates, start.speed_names),
@@ -232,17 +233,8 @@ def digest_of(digest: str, integrator: str) -> str:
 
 def _statuses(parts: SimulationCode, steps: Steps) -> list[Status]:
     """The positive statuses that calls can return: those whose causes the headers of the runtime name."""
-    return statuses_in(text for header, text in source.texts_of(headers_of(parts, steps, has_lanes=False)).items() if header != FAULTS)
-
-
-def _guide_inputs(equations: RecursiveEquations | SystemEquations) -> list[int]:
-    return [i for i, each in enumerate(equations.inputs) if guided_by(equations.topology.model, each) is not None]
-
-
-def _free_input(equations: RecursiveEquations | SystemEquations) -> int | None:
-    """The first input that moves no guide."""
-    guiding = _guide_inputs(equations)
-    return next((i for i in range(len(equations.inputs)) if i not in guiding), None)
+    texts = [text for header, text in source.texts_of(headers_of(parts, steps, has_lanes=False)).items() if header != FAULTS]
+    return [status for status in STATUSES.values() if any(f"Cause::{status.cause}" in text for text in texts)]
 
 
 def _violation_limits(equations: RecursiveEquations | SystemEquations, parameters: Mapping[str, float]) -> list[str]:

@@ -1,6 +1,5 @@
 """The statuses of the C interface and the statistics with limits, as the headers of the core number them."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 FAULTS = "cutjoint/core/simulation/fault.hpp"  #: the header of the core that numbers the causes of failures
@@ -65,9 +64,3 @@ STATUSES = {
         ("event_at_step_end", "an event lies exactly where a step ends or a sample is taken: the run has no derivative"),
     ), start=1)
 }  # fmt: skip
-
-
-def statuses_in(code: Iterable[str]) -> list[Status]:
-    """The statuses whose causes some C++ ``code`` names, by number."""
-    texts = list(code)
-    return [status for status in STATUSES.values() if any(f"Cause::{status.cause}" in text for text in texts)]
