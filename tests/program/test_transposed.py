@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -84,6 +85,17 @@ def test_models(model: str, scene: str | None, tunable: list[str], share: float)
     roads = dict.fromkeys(generated.equations.roads, Ground())
     for name in ("report", *(("constraint_residual", "project") if generated.equations.equation_names else ("evaluate",))):
         _compare(name, generated.program, transposed, inputs, roads, share)
+
+
+def test_a_quantity_that_two_outputs_report_has_both_weights() -> None:
+    read, scene = load_model(MODELS / "pendulum.yaml", None, ["*.mass"])
+    outputs = [*scene.outputs, replace(scene.outputs[0], name="again")]
+    generated = generate(read, scene, outputs)
+    results = generated.program.function("report").results
+    assert len({r.scalar for r in results}) < len(results)
+    transposed = transpose(generated.equations, generated.program)  # type: ignore[arg-type]
+    inputs = _drawn(transposed.program, [p.value for p in generated.equations.parameters])
+    _compare("report", generated.program, transposed, inputs, {}, 1e-9)
 
 
 def _drawn(program: Program, parameters: list[float]) -> dict[str, np.ndarray]:
