@@ -90,7 +90,7 @@ def test_several_solutions_and_none() -> None:
 
 def test_drives_may_be_joints_that_stand_still_or_would_be_cut() -> None:
     """All sets of drives have one power; a constant law is a motion as any other if its joint is named."""
-    bent = '  bent: {end: 1, output_step: 0.25, drive: {ja: "0.3*sin(3*t)", jb: "0"}}'
+    bent = '  bent: {end: 1, output_step: 0.25, drive: {ja: "0.3*sin(3*t)", jb: "0"}}\n  held: {end: 0.1, output_step: 0.1, lock: [ja, jb]}'
     text = FIVE_BAR.replace("POSITIONS", "rates: {}") + bent + "\n"
     model = read_model_text(text, "five_bar.yaml")
     columns = [f"{name}.angle_rate" for name in ("ja", "jb", "jc", "jd", "je")]
@@ -103,6 +103,8 @@ def test_drives_may_be_joints_that_stand_still_or_would_be_cut() -> None:
         powers.append(sum(found[name] * run[f"{name}.angle_rate"] for name in drives))
     for power in powers[1:]:
         assert power == pytest.approx(powers[0], rel=1e-8, abs=1e-8)
+    held = inverse_dynamics(model, scene="held")
+    assert inverse_dynamics(model, scene="held", drives=["ja"])["ja"] == pytest.approx(held["ja"], rel=1e-9)  # the other stays locked
     named = inverse_dynamics(model, scene="bent", drives=["ja", "jb"])
     moving = inverse_dynamics(read_model_text(text.replace('jb: "0"', 'jb: "1e-30*t"'), "five_bar.yaml"), scene="bent")
     assert named["jb"] == pytest.approx(moving["jb"], rel=1e-9)

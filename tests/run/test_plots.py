@@ -188,6 +188,13 @@ def test_wrong_display_units_of_a_model_are_errors_of_their_line() -> None:
         read_model_text(TEXT.replace("outputs:", "display: [mm, cm]\noutputs:"), "swing.yaml")
 
 
+def test_display_units_that_are_no_list_hide_no_other_fault() -> None:
+    with pytest.raises(ModelError) as raised:
+        read_model_text(TEXT.replace("outputs:", "display: deg\noutputs:").replace("mass: 1,", "mass: -1,"), "swing.yaml")
+    assert "display" in str(raised.value)
+    assert "mass" in str(raised.value)
+
+
 @needs_cpp
 def test_a_display_unit_without_an_output_is_said(tmp_path: Path) -> None:
     (tmp_path / "swing.yaml").write_text(TEXT, encoding="utf-8")

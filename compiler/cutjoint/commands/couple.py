@@ -66,7 +66,7 @@ def command(
     if plots is not None:
         from cutjoint.report.plots import plot_run
 
-        pictures = plot_run(run, f"{read.name}, {chosen.name}", plots, chosen.plots)
+        pictures = plot_run(run, f"{read.name}, {chosen.name}", plots, chosen.plots, display=read.display)
         options.message_console(out).print(f"plots: {', '.join(map(str, pictures))}")
     if faults:
         options.err.print("\n".join(f"{fault}; the table is whole" for fault in faults))

@@ -175,6 +175,7 @@ class _Reading:
 
     def _add_loops(self) -> None:
         points: dict[tuple[str, str], list[Loop]] = {}
+        tendons: list[tuple[int, str]] = []
         for i in range(self.m.neq if not self._off & {"EQUALITY", "CONSTRAINT"} else 0):
             kind, name = int(self.m.eq_type[i]), self._name("EQUALITY", i, f"equality_{i + 1}")
             if not self.m.eq_active0[i]:
@@ -189,9 +190,11 @@ class _Reading:
             elif kind == _JOINT:
                 self._add_coupling(i, name)
             elif kind == _TENDON:
-                self._couple_tendons(i, name)
+                tendons.append((i, name))
             else:
                 self._equality(i).refuse(f"is the equality '{name}' of a kind that a model file has not", "leave it out")
+        for i, name in tendons:
+            self._couple_tendons(i, name)
         for pairs in points.values():
             self.robot.loops.append(_merge_connects(pairs) if len(pairs) > 1 else pairs[0])
 

@@ -99,17 +99,6 @@ def flatten(model: Model, scene: Scene) -> Outcome:
     return Outcome(model=model, scene=scene, left=tuple(left[:1]))
 
 
-def confined_bodies(joints: Collection[Joint], plane: Plane) -> set[str]:
-    """The ground, and the bodies that joints alone confine to the plane."""
-    confined, grows = {GROUND}, True
-    while grows:
-        ends_of = [{j.base, j.follower} for j in joints if _holds(j, plane)]
-        found = {body for pair in ends_of if pair & confined for body in pair - confined}
-        grows = bool(found)
-        confined |= found
-    return confined
-
-
 def _holds(joint: Joint, plane: Plane) -> bool:
     """Return whether a joint keeps the planes of its bodies parallel and at constant distance."""
     match joint.kind:

@@ -69,7 +69,7 @@ def force_table(state: MechanismState, hidden: Collection[str]) -> Table:
 
 def standing_tyre_lines(model: Model, state: MechanismState) -> Iterator[str]:
     """A line if wheels with first-order states hold side forces where they stand: these are friction, which may have other values."""
-    stuck = {s.name.rpartition(".")[0] for s in model.states}
+    stuck = {inner for s in model.states if (inner := s.name.rpartition(".")[0])}
     held = {f.name: state.values[f"{f.name}.Fy"] for f in model.forces if f.element.kind == "wheel" and f.name.rpartition(".")[0] in stuck}
     most = max(held, key=lambda name: abs(held[name]), default="")
     if held and abs(held[most]) > _SIDE * abs(state.values[f"{most}.Fz"]):

@@ -414,4 +414,3 @@ def _advice(times: Sequence[float], dt: float) -> str:
         return "no steps divide all intervals: write others, or leave dt out for steps that end at samples by themselves"
     nearest = min((whole / n for n in {max(1, int(whole / dt)), int(whole / dt) + 1}), key=lambda step: abs(step - dt))
     return f"the nearest steps that do are dt: {nearest:.9g}"
-

@@ -63,7 +63,7 @@ def inverse_dynamics(
     They act in addition to the friction, springs and loads of the model.
 
     Args:
-        drives: joints with one coordinate; default: those that the scene moves, or if none moves those that it drives or locks.
+        drives: joints with one coordinate; default: those that the scene moves, or if none moves those that are driven or locked.
 
     Raises:
         RunError: the scene leaves some motion free, the drives cannot bring it about, or a joint has not just one coordinate.
@@ -104,7 +104,7 @@ def guide_terms(model: Model, joint: Joint) -> list[tuple[Output, Scalar]]:
 class InverseDynamics:
     """One search for the forces of drives.
 
-    ``moved`` are the joints whose guides follow the time or inputs, or are drives; if none moves, those that the scene drives or locks.
+    ``moved`` are the joints whose guides follow the time or inputs, or are drives; if none moves, all that have one coordinate.
     Other guides that stand still are locks, and stay.
     """
 
@@ -113,7 +113,9 @@ class InverseDynamics:
         joints = {joint.name: joint for joint in model.joints}
         self._numbers = {p.symbol: self._parameters.get(p.name, p.value) for p in model.parameters}
         moving = {TIME, *(p.symbol for p in input_parameters(model))}
-        moves = {j.name for j in model.joints if any(sympy.sympify(guide).free_symbols & moving for guide in j.guide or ())} or scene.guides
+        guided = {j.name for j in model.joints if j.guide is not None and len(j.element.coordinates) == 1}
+        moves = {j.name for j in model.joints if any(sympy.sympify(guide).free_symbols & moving for guide in j.guide or ())}
+        moves = moves or (guided if set(drives) - guided else set(drives)) or guided
         self.moved = [j for j in model.joints if j.guide is not None and (j.name in moves or j.name in drives)]
         if not self.moved:
             raise RunError(f"scene '{scene.name}' prescribes no motion; give it drive: {{joint: law of t}}")

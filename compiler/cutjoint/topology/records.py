@@ -163,7 +163,6 @@ def bodies_inwards(above: Mapping[str, TreeJoint], body: str) -> list[str]:
     return [body, *(t.parent for t in joints_inwards(above, body))]
 
 
-
 def eliminate(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Mapping[str, frozenset[str]]:
     """The bodies that each body is coupled to when its joint is eliminated, leaves first."""
     neighbours: dict[str, set[str]] = {t.child: set() for t in tree}

@@ -303,7 +303,7 @@ def _left_out(flaw: _Flaw) -> Iterator[Path]:
         yield path[:start]
     else:
         other_version = path[:1] == ("cutjoint",) and flaw.kind != "missing"
-        yield path[:1] if path[:1] and path[0] in ("outputs", "scenes", *_STAND_INS) and not other_version else ()
+        yield path[:1] if path[:1] and path[0] in ("display", "outputs", "scenes", *_STAND_INS) and not other_version else ()
 
 
 def _depth(path: Path) -> int:
