@@ -163,3 +163,10 @@ def test_a_box_has_six_sides_and_a_flat_body_no_hull() -> None:
     assert len(sides) == 6
     assert {len(side.points) for side in sides} == {4}
     assert meshes.hull(corners * [1, 1, 1e-5], 1e-3) == []
+
+
+def test_normals_are_numbers_where_triangles_have_no_area() -> None:
+    """Three corners of a face may lie on an edge: a pickup midway between a left and a right one; and rounding flattens slivers."""
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (0, 1, 0), (-1, 1, 0), (0, 0, 1.0)])
+    for mesh in (*meshes.hull(corners, 1e-3), meshes.Mesh(points=np.zeros((3, 3)), faces=np.array([[0, 1, 2]]))):
+        assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1.0)

@@ -80,7 +80,7 @@ class SlaveProcess:
         status = process.wait()
         assert process.stdin is not None
         process.stdin.close()
-        self._listener.join(_LEAVE)
+        self._listener.join(2.0)
         return status
 
     def _begin(self) -> None:

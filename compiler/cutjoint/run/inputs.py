@@ -35,14 +35,18 @@ def input_entries(model: Model, scene: Scene, values: Mapping[str, InputLike]) -
         if name not in names:
             raise RunError(f"model '{model.name}' has no input '{name}'; it has {', '.join(names) or 'none'}")
     found = {name: (f"input '{name}'", values[name]) for name in names if name in values}
-    return {n: _as_read(read_table(w, x, 0.0, scene.end)) if isinstance(x, Mapping) else _number(w, x) for n, (w, x) in found.items()}
+    return {n: _as_read(w, read_table(w, x, 0.0, scene.end)) if isinstance(x, Mapping) else _number(w, x) for n, (w, x) in found.items()}
 
 
-def _as_read(table: dict[str, Any]) -> dict[str, Any]:
+def _as_read(what: str, table: dict[str, Any]) -> dict[str, Any]:
     """The table with the rates that a simulator needs for cubics."""
     if table["interpolation"] == "linear" or "rate" in table:
         return table
-    return {**table, "rate": rates_at(np.array(table["t"]), np.array(table["value"])).tolist()}
+    with np.errstate(over="ignore", invalid="ignore"):
+        rate = rates_at(np.array(table["t"]), np.array(table["value"]))
+    if not np.isfinite(rate).all():
+        raise RunError(f"{what}: values change too fast for a number; leave out times that are nearly equal")
+    return {**table, "rate": rate.tolist()}
 
 
 def rates_at(t: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:

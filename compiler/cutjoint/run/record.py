@@ -86,7 +86,8 @@ class RunFile:
         """The file as plain data for JSON, without what it does not have."""
         found: dict[str, Any] = {}
         for name, x in vars(self).items():
-            found |= x.entries() if name == "settings" else {} if x is None or x is False or x == () else {name: x}
+            left_out = x is None or x is False or (isinstance(x, tuple) and not x)
+            found |= x.entries() if name == "settings" else {} if left_out else {name: x}
         return found
 
     def with_settings(self, **changes: Any) -> "RunFile":

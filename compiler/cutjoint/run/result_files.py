@@ -114,11 +114,11 @@ def whole_table(path: Path, units: Units) -> Iterator[TableFile | Stream]:
     table = open_table(path, units)
     try:
         yield table
+        table.finish()
     except BaseException as error:
         if left := table.leave(str(error) or "interrupted"):
             error.add_note(f"the rows up to then are in {left}")
         raise
-    table.finish()
 
 
 class RunTables:

@@ -66,4 +66,4 @@ def _begin(source: Source, flags: Sequence[str]) -> subprocess.Popen[bytes]:
             file.seek(0)
             return subprocess.Popen([sys.executable, "-P", "-c", _START], stdin=file, **quiet)
     except OSError as error:
-        raise ToolchainError(f"{sys.executable} cannot be started: {error.strerror}; use --implementation generated") from error
+        raise ToolchainError(f"a build in the background cannot be started: {error.strerror}; use --implementation generated") from error

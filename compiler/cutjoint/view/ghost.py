@@ -67,11 +67,18 @@ def _element(text: str, name: str) -> str:
 def _copied(content: bytes) -> bytes:
     """A .glb file with what is known of a sound one: no material, image or extension of a page gets into another."""
     glb = read_glb(content)
+    for i, accessor in enumerate(glb.document.accessors):  # normals and those of other scenes too
+        glb.numbers(i, accessor.type)
     for _ in glb.triangles():  # reads all of them
         pass
     for animation in glb.document.animations:
         for channel in animation["channels"]:
-            sampler = animation["samplers"][channel["sampler"]]
-            glb.numbers(sampler["input"], "SCALAR")
-            glb.numbers(sampler["output"], "VEC4" if channel["target"]["path"] == "rotation" else "VEC3")
+            sampler, target = animation["samplers"][channel["sampler"]], channel["target"]
+            times = glb.numbers(sampler["input"], "SCALAR")
+            moves = glb.numbers(sampler["output"], "VEC4" if target["path"] == "rotation" else "VEC3")
+            indices = channel["sampler"], sampler["input"], sampler["output"], target["node"]
+            if min(indices) < 0 or target["node"] >= len(glb.document.nodes) or len(moves) != len(times):
+                raise ValueError
+            if target["path"] not in ("translation", "rotation", "scale"):
+                raise ValueError
     return packed(glb.document.model_dump(by_alias=True, exclude_unset=True, exclude={"extensions_required"}), glb.binary)

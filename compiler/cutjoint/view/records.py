@@ -28,7 +28,8 @@ class Mesh:
         a, b, c = self.points[self.faces].swapaxes(0, 1)
         normals = np.zeros_like(self.points)
         np.add.at(normals, self.faces, np.cross(b - a, c - a)[:, np.newaxis])
-        return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+        sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+        return np.where(sizes > 0, normals / np.where(sizes > 0, sizes, 1.0), (0.0, 0.0, 1.0))  # triangles without area have any
 
     def moved(self, rotation: Array, shift: Array) -> "Mesh":
         """The mesh turned by (3, 3) and shifted by (3,)."""

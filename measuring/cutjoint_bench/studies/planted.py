@@ -167,7 +167,7 @@ FAULTS = (
           "runtime_digest(part=source.driver), *compiler.key, *kind.key])\n    return cache_folder()",
           "a simulator with other flags is found in the cache",
           ("tests/toolchain/test_flags.py", "tests/toolchain/test_compiler.py", "tests/toolchain/test_warm.py")),
-    Fault("fmu_dependencies", f"{_C}export/fmu/variables.py", 'positions=rates or direct.has("q:")', 'positions=direct.has("q:")',
+    Fault("fmu_dependencies", f"{_C}export/fmu/variables.py", 'places if rates or direct.has("q:")', 'places if direct.has("q:")',
           "an FMU does not say that outputs by speeds depend on places", ("tests/fmu/test_exchange.py", "tests/fmu/test_archive.py")),
     # Runtime and templates
     Fault("error_weight", f"{_R}core/runge_kutta/tables.hpp", "{71, 1920}", "{17, 1920}",

@@ -54,6 +54,13 @@ struct Controller {
 
 using Size = decltype(sizeof 0);
 
+/// The arrays that programs have copied: they can be reached until the end, so that no check of memory takes them for lost.
+struct Copied {
+  const void* values;
+  const Copied* before;
+};
+inline const Copied* copied = nullptr;
+
 /// The values of an array that lasts as long as the program.
 template <class Value>
 struct List {
@@ -73,6 +80,7 @@ struct List {
     Value* const copy = new Value[length];
     for (Size i = 0; i < length; ++i) copy[i] = values[i];
     first = copy;
+    copied = new Copied{copy, copied};
   }
 
   constexpr const Value* begin() const { return first; }

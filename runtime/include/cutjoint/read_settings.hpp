@@ -45,7 +45,7 @@ inline RunSettings read_settings(const Json& file, const Abilities& abilities) {
                             .frequency = read_number<double>(closure, "frequency")}};
 }
 
-/// The numbers of steps of a run and per row of its table; cutjoint/model/ranges.py has the same.
+/// The numbers of steps of a run and per row of its table; cutjoint/model/ranges.py has the same, but not for runs that accuracy.py refines.
 struct Steps {
   long number;
   long stride;
@@ -58,6 +58,8 @@ Steps count_steps(const RunSettings& settings, bool row_each = false) {
   if (settings.end == 0.0) return {0, 1};
   if (std::is_same_v<Real, float> && !(exact <= 0x1p24)) throw std::runtime_error("run file: the end is more than 16777216 steps away, too far for single precision");
   const double number = std::max(1.0, std::ceil(exact - 1e-9)), stride = std::clamp(std::floor(every / dt + 0.5), 1.0, number);
+  if (!(dt <= settings.end * (1 + 1e-9) && number <= 0x1p53 && number / stride <= 1e8))
+    throw std::runtime_error("run file: a step is longer than the run, or the run has too many steps or rows");
   return {static_cast<long>(number), static_cast<long>(stride)};
 }
 

@@ -48,6 +48,8 @@ class RunInputs {
       }
       trajectory.t = read_numbers<Real>(*given, "t"), trajectory.value = read_numbers<Real>(*given, "value");
       if (given->contains("rate")) trajectory.rate = read_numbers<Real>(*given, "rate");
+      if (std::adjacent_find(trajectory.t.begin(), trajectory.t.end(), std::greater_equal<>()) != trajectory.t.end())
+        throw std::runtime_error(std::string("run file: times of ") + inputs[i].name + " are one number in this precision");
     }
   }
 
