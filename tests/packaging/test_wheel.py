@@ -24,7 +24,7 @@ def test_the_installed_wheel_compiles_and_runs_a_model(tmp_path: Path) -> None:
     site = install(ROOT, tmp_path)
     assert (site / "cutjoint" / "templates" / "function.cpp.jinja").exists()
     assert (site / "cutjoint" / "templates" / "view" / "vendor" / "libraries.min.js").exists()
-    assert (site / "cutjoint" / "runtime" / "include" / "cutjoint" / "mechanism.hpp").exists()
+    assert (site / "cutjoint" / "runtime" / "include" / "cutjoint" / "generated.hpp").exists()
     script = (
         f"import sys; sys.path.insert(0, {str(site)!r})\n"
         "import cutjoint; from pathlib import Path\n"
