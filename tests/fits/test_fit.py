@@ -259,6 +259,31 @@ def test_what_is_wrong_with_data_has_its_line(tmp_path: Path, text: str, words: 
         read_data(tmp_path / "d.csv", "time")
 
 
+def test_channels_of_mdf_that_are_not_one_column_of_numbers_are_named(tmp_path: Path) -> None:
+    """Channels of the same name in two groups, texts and, without the samples that are marked as invalid, numbers."""
+    asammdf = pytest.importorskip("asammdf")
+    t, file = np.arange(4.0), tmp_path / "d.mf4"
+    texts = {"val_0": 0, "text_0": "N", "val_1": 1, "text_1": "D"}
+    gear = asammdf.Signal(np.array([0, 1, 1, 0], dtype="u1"), t, name="gear", conversion=texts)
+    speeds = [asammdf.Signal(t + shift, t + shift, name="speed") for shift in (0, 10)]
+    angle = asammdf.Signal(np.array([0.5, 1, 999, 2]), t, name="angle", invalidation_bits=np.array([False, False, True, False]))
+    with asammdf.MDF(version="4.10") as written:
+        for signals in ([speeds[0], gear], [speeds[1]], [angle]):
+            written.append(signals)
+        written.save(file)
+    column = read_data(file, "")
+    assert [of.tolist() for of in column("angle")] == [[0, 1, 3], [0.5, 1, 2]]
+    for name, words in {
+        "speed": "2 groups have a channel 'speed'; save one of them alone", "gear": "the samples of channel 'gear' are no numbers",
+        "angel": "there is no channel 'angel'; did you mean 'angle'",
+    }.items():  # fmt: skip
+        with pytest.raises(cutjoint.CutjointError, match=rf"d\.mf4: {words}"):
+            column(name)
+    file.write_bytes(b"speed " * 100)
+    with pytest.raises(cutjoint.CutjointError, match=r"d\.mf4: it cannot be read: .*magic header"):
+        read_data(file, "")
+
+
 def test_a_constant_column_has_the_size_of_its_value() -> None:
     """The standard deviation of 0.9 thirty times is that of its sum's rounding, not 0."""
     values = np.full(30, 0.9)

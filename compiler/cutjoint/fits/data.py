@@ -73,12 +73,19 @@ def _is_number(cell: str) -> bool:
 
 def _mdf(path: Path) -> Columns:
     words = f"{path}: MDF files need the package asammdf: pip install 'cutjoint[mdf]'"
-    file = find_package("asammdf", otherwise=RunError(words)).MDF(path)
+    asammdf = find_package("asammdf", otherwise=RunError(words))
+    try:
+        file = asammdf.MDF(path)
+    except asammdf.blocks.utils.MdfException as error:
+        raise ValueError(error) from None
 
     def column(name: str) -> tuple[Array, Array]:
-        if name not in file:
+        if (count := len(file.channels_db.get(name, ()))) > 1:
+            raise RunError(f"{path}: {count} groups have a channel '{name}'; save one of them alone, for example by MDF.filter of asammdf")
+        if not count:
             raise RunError(f"{path}: there is no channel '{name}'; {nearest(name, file.channels_db, 'it has')}")
-        found = file.get(name)
+        if (found := file.get(name)).samples.dtype.kind not in "biuf" or found.samples.ndim != 1:
+            raise RunError(f"{path}: the samples of channel '{name}' are no numbers")
         return np.asarray(found.timestamps, dtype=float), np.asarray(found.samples, dtype=float)
 
     return column
