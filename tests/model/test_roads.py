@@ -251,6 +251,36 @@ def test_what_is_not_heeded_of_opencrg_is_reported(given: dict[str, Any], messag
     assert "road.crg" in str(caught.value)
 
 
+def test_a_straight_line_of_opencrg_keeps_its_heading_beyond_both_ends(tmp_path: Path) -> None:
+    """With a heading at its start alone and slopes across: heights follow the distance to the left, as they do on the line."""
+    text = """$ROAD_CRG
+reference_line_increment = 10
+reference_line_start_phi = 0.3
+long_section_v_right = -40
+long_section_v_increment = 40
+$
+$ROAD_CRG_MODS
+$
+$KD_DEFINITION
+#:LRFI
+D:long section 1,m
+D:long section 2,m
+D:long section 3,m
+$
+$$$$
+  -4.00000   0.00000   4.00000
+  -4.00000   0.00000   4.00000
+  -4.00000   0.00000   4.00000
+"""
+    (tmp_path / "road.crg").write_text(text)
+    surface = surface_of(read(tmp_path, "{surface: {table: {file: road.crg}, interpolation: linear}}"))
+    assert surface is not None
+    assert isinstance(surface.field, CurvedField)
+    u, v = np.array([-50, 10, 30, 90]), np.array([-20, 12, 5, 20])
+    x, y = u * np.cos(0.3) - v * np.sin(0.3), u * np.sin(0.3) + v * np.cos(0.3)
+    assert surface.field.at(x, y) == pytest.approx(0.1 * v, abs=1e-9)
+
+
 @pytest.mark.parametrize("form", ["LRFI", "LDFI", "KRBI", "KDBI"])
 def test_opencrg_beside_another_reader(form: str, tmp_path: Path) -> None:
     """Heights at 1e5 places, also beyond the edges, and normals: 1e-12 m and 1e-10."""
