@@ -107,6 +107,21 @@ def test_systems_of_scipy_and_control_are_the_same_model() -> None:
     assert np.abs(by_rate(2j * np.pi * f)[0, 0] * 2j * np.pi * f / values[:, 0, 0] - 1).max() < 1e-9
 
 
+def test_a_regulator_of_a_sampled_system_is_fed_with_the_states_of_the_model() -> None:
+    """By a zero-order hold: the poles as designed are those of the exact motion between samples, by a Taylor series of the exponential."""
+    near, every = quarter().choose(outputs=["front_strut.travel"]), 0.02
+    A, B, _, _ = near.realise("acceleration")
+    sampled = control.sample_system(near.to_control("acceleration"), every, "zoh")
+    gain, _, poles = control.dlqr(sampled, np.eye(len(A)), [[1.0]])
+    free, term = np.eye(len(A) + 1), np.eye(len(A) + 1)
+    for k in range(1, 80):
+        term = term @ np.block([[A, B], [np.zeros((1, len(A) + 1))]]) * every / k
+        free += term
+    held = np.linalg.eigvals(free[:-1, :-1] - free[:-1, -1:] @ gain)
+    assert np.poly(held) == pytest.approx(np.poly(poles), abs=1e-8)
+    assert np.abs(held).max() < 1
+
+
 def half_by_hand() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """M, C, K of heave, pitch (nose down), front and rear hub, and the forces by the posts."""
     reach = np.array([[1, -FRONT, -1, 0], [1, -REAR, 0, -1]])
