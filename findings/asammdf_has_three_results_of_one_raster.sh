@@ -3,7 +3,7 @@
 #
 # Seen: three ways to the same raster give three results.  `resample` holds the last value between samples, so that the signal comes late,
 # while it interpolates a channel of the same values in floating point.  `to_dataframe` interpolates both.  `get` with the raster holds too,
-# and its times have another: as many points as the raster goes into the duration, with both ends, are 1/3 s apart here.
+# and its times have another if the raster divides the duration: four points, not five, are spread over the second, 1/3 s apart.
 # With `configure(integer_interpolation=2)` `resample` interpolates; the times of `get` stay, and its values are cut to whole integers.
 #
 # Output:
