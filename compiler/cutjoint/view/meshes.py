@@ -105,8 +105,8 @@ def _polygon(corners: Array, normal: Array) -> Mesh:
     middle = corners.mean(axis=0)
     right = (corners[0] - middle) / np.linalg.norm(corners[0] - middle)
     around = np.argsort(np.arctan2((corners - middle) @ np.cross(normal, right), (corners - middle) @ right))
-    first = np.arange(1, len(corners) + 1)
-    return Mesh(points=np.concatenate([[middle], corners[around]]), faces=np.stack([0 * first, first, np.roll(first, -1)], axis=1))
+    faces = np.array([[0, i, i + 1] for i in range(1, len(corners) - 1)])
+    return Mesh(points=corners[around], faces=faces)
 
 
 @cache
