@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint_bench.studies.planted import FAULTS, Checkout, Fault, cpu_seconds, examine, table_of
+from cutjoint_bench.studies.planted import Checkout, cpu_seconds, examine, table_of
+from cutjoint_bench.studies.planted_faults import FAULTS, Fault
 from tests.conftest import ROOT
 
 PRODUCT = ("compiler/cutjoint/", "runtime/", "templates/")

@@ -1,0 +1,162 @@
+"""Faults that a programmer could make, each a text of the product, what stands in its place, and the tests that should see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A slip: ``old`` stands once in a ``file`` and becomes ``new``; ``about`` is what goes wrong, ``tests`` should see it."""
+
+    name: str
+    file: str
+    old: str
+    new: str
+    about: str
+    tests: tuple[str, ...]
+
+
+_C = "compiler/cutjoint/"
+_R = "runtime/include/cutjoint/"
+
+FAULTS = (
+    # Kernels and equations
+    Fault("joint_drift", f"{_C}kernels/joints.py", "w.cross(added[:3, :]) + v.cross(added[3:, :])", "w.cross(added[:3, :])",
+          "the drift of a joint lacks what its slides add to its turns",
+          ("tests/formulate/test_against_dense.py", "tests/formulate/test_against_pinocchio.py", "tests/formulate/test_energy.py")),
+    Fault("joined_inertia", f"{_C}formulate/recursive/forces.py", "steiner = one.mass * other.mass / mass * (", "steiner = other.mass * (",
+          "a rotor and its carrier in one: the other's mass in place of the reduced mass",
+          ("tests/formulate/test_rotors.py", "tests/formulate/test_against_dense.py", "tests/physics/test_drivetrain.py")),
+    Fault("thrust_radius", f"{_C}formulate/recursive/friction.py", "force.thrust_radius / force.bearing_radius",
+          "force.bearing_radius / force.thrust_radius", "the thrust of a bearing adds to its load by the inverse ratio of radii",
+          ("tests/physics/test_friction.py", "tests/physics/test_friction_by_hand.py", "tests/compile_run/test_friction.py")),
+    Fault("loop_damping", f"{_C}formulate/recursive/loops.py",
+          "b.mul(b.number(2.0), b.mul(numbers.damping_ratio, numbers.frequency))", "b.mul(numbers.damping_ratio, numbers.frequency)",
+          "the stabilisation of loops damps half as much as it says",
+          ("tests/formulate/test_against_dense.py", "tests/formulate/test_natural.py", "tests/formulate/test_proximal.py")),
+    Fault("natural_tangent", f"{_C}formulate/natural/forces.py", "for leaf in (motion.x, motion.v))", "for leaf in (motion.v, motion.x))",
+          "stiffness and damping of a force are swapped in the tangent of natural coordinates",
+          ("tests/formulate/test_natural.py", "tests/physics/test_lagrangian.py", "tests/runtime/test_lagrangian.py")),
+    Fault("implicit_turning", f"{_C}formulate/implicit/contributions.py",
+          "b.scale(b.add(mass, mass), k.velocity(body.name, c))", "b.scale(mass, k.velocity(body.name, c))",
+          "half of the velocity products is missing in the tangent of relative coordinates",
+          ("tests/formulate/test_implicit.py", "tests/physics/test_implicit.py", "tests/physics/test_recursive_newton.py")),
+    Fault("transposed_weights", f"{_C}formulate/transposed.py",
+          "graph.add(weights[r.scalar], weight) if r.scalar in weights else weight", "weight",
+          "of two results with the same scalar only the last counts in adjoints",
+          ("tests/program/test_transposed.py", "tests/standalone/test_run_adjoints.py")),
+    # Forces
+    Fault("bushing_image", f"{_C}elements/forces/bushing.py", "(*mirror.signs, *(-sign for sign in mirror.signs))",
+          "(*mirror.signs, *mirror.signs)", "rotations of a mirrored bushing have the signs of displacements",
+          ("tests/formulate/test_mirror.py", "tests/model/test_bushings.py", "tests/model/test_instances.py", "tests/images")),
+    Fault("contact_frame", f"{_C}elements/interactions/touch.py",
+          'b.letter(b.sub(displacement.v, b.cross(turning, displacement.x)), "u")', 'b.letter(displacement.v, "u")',
+          "the rate of a contact is not seen from its turning base",
+          ("tests/formulate/test_against_dense.py", "tests/formulate/test_energy.py", "tests/physics/test_contacts.py")),
+    Fault("tyre_camber", f"{_C}elements/interactions/road_contact.py",
+          "b.neg(b.add(b.mul(cornering, slip), b.mul(thrust, camber)))", "b.neg(b.sub(b.mul(cornering, slip), b.mul(thrust, camber)))",
+          "camber thrust to the wrong side",
+          ("tests/formulate/test_against_dense.py", "tests/physics/test_tyre_ranges.py", "tests/physics/test_fitted_tyre.py")),
+    # Models and files of robots
+    Fault("compound_inertia", f"{_C}model/elements/mass.py",
+          "inertia += lump.inertia + _steiner(lump.mass, _displacement((x, y, z), lump.centre))", "inertia += lump.inertia",
+          "shapes of a body lack their parallel-axis terms", ("tests/model/test_mass.py", "tests/model/test_shapes.py")),
+    Fault("curve_slopes", f"{_C}model/expressions/curves.py",
+          "(steps[k + 1] * secants[k] + steps[k] * secants[k + 1])", "(steps[k] * secants[k] + steps[k + 1] * secants[k + 1])",
+          "slopes of curves over uneven points weigh the wrong secant more",
+          ("tests/model/test_functions.py", "tests/model/test_laws.py", "tests/model/test_files.py")),
+    Fault("attitude_product", f"{_C}model/scenes/starts.py", "a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]",
+          "a[0] * b[1] + a[1] * b[0] - a[2] * b[3] + a[3] * b[2]", "Euler angles of a start about the wrong axes",
+          ("tests/model/test_attitudes.py", "tests/physics/test_starts.py")),
+    Fault("urdf_inertia", f"{_C}importing/urdf.py", "at.rotation @ own @ at.rotation.T", "at.rotation.T @ own @ at.rotation",
+          "inertias of a URDF are turned the wrong way round", ("tests/importing/test_urdf.py", "tests/export/test_urdf.py")),
+    Fault("sdf_axis", f"{_C}importing/sdf.py", "self._pose(name).rotation.T @ self._pose(found).rotation @ axis",
+          "self._pose(name).rotation @ self._pose(found).rotation @ axis", "axes of an SDF that are expressed in another frame",
+          ("tests/importing/test_sdf.py",)),
+    # Analyses
+    Fault("trim_bounds", f"{_C}analysis/trims.py", "return np.clip(y, self._lower, self._upper), share", "return y, share",
+          "the unknowns of a trim leave their bounds", ("tests/physics/test_trims.py",)),
+    Fault("redundant_rank", f"{_C}analysis/redundancy.py", "rank = max(p.rank for p in poses)", "rank = min(p.rank for p in poses)",
+          "what depends in one pose counts as dependent in all",
+          ("tests/analysis/test_redundancy.py", "tests/analysis/test_check.py", "tests/analysis/test_shaky.py")),
+    Fault("proof_bound", f"{_C}analysis/embedding/certificate.py", "2 * twice[i]", "twice[i]",
+          "a certificate with too small bounds of second derivatives holds", ("tests/analysis/test_proof.py",)),
+    # Programs and code
+    Fault("scale_rule", f"{_C}program/differentiate.py", "(lambda d: b.scale(s, d), (yield a)), (lambda d: b.mul(a, d), (yield s))",
+          "(lambda d: b.scale(s, d), (yield a))", "the derivative of a scaled column lacks that of the factor",
+          ("tests/program/test_differentiate.py", "tests/formulate/test_natural.py")),
+    Fault("loop_places", f"{_C}program/loops.py", "return step if all(step.at(k) == p for k, p in enumerate(places)) else None",
+          "return step", "a loop of code reads places as regular that are not",
+          ("tests/program/test_loops.py", "tests/compile_run/test_loops.py")),
+    Fault("divisor", f"{_C}emit/printer.py", "/{self.text(a[1], _UNARY)}", "/{self.text(a[1], _PRODUCT)}",
+          "a divisor that is a product loses its parentheses: a/b*c",
+          ("tests/compile_run/test_generated.py", "tests/standalone/test_c99.py")),
+    # Tools
+    Fault("eigenvalue_scale", f"{_C}stepping/values.py", "[w @ change @ v / (w @ v) for change in changes]",
+          "[w @ change @ v for change in changes]", "derivatives of eigenvalues depend on the lengths of their vectors",
+          ("tests/standalone/test_start_derivatives.py",)),
+    Fault("sobol_sets", f"{_C}sweeps/designs.py", "np.where(np.arange(first.shape[1]) == i, second, first)",
+          "np.where(np.arange(first.shape[1]) == i, first, second)", "Sobol' indices by the complementary sets of points",
+          ("tests/sweeps/test_indices.py",)),
+    Fault("damaged_part", f"{_C}sweeps/parts.py", "return content if is_sealed(BytesIO(content), label) else None", "return content",
+          "rows of a damaged part of a sweep are taken", ("tests/sweeps/test_parts.py",)),
+    Fault("lag_sign", f"{_C}fits/residuals.py", "derivatives = derivatives - rate[:, np.newaxis] * by_lag",
+          "derivatives = derivatives + rate[:, np.newaxis] * by_lag", "derivatives by a delay have the wrong sign",
+          ("tests/fits/test_fit.py",)),
+    Fault("guide_armature", f"{_C}tasks/inverse.py", "law=-j.armature * guide_rates(j.guide[0], model)[2]",
+          "law=-j.armature * guide_rates(j.guide[0], model)[1]", "the armature of a prescribed joint resists its rate",
+          ("tests/physics/test_inverse.py", "tests/fits/test_motion.py")),
+    Fault("port_unit", f"{_C}coupling/run.py", "(port, values[name] * sizes[name])", "(port, values[name])",
+          "controllers read outputs in the model's units", ("tests/coupling/test_with.py", "tests/coupling/test_systems.py")),
+    Fault("guard_border", f"{_C}reduce/guards.py", "return None if is_strict and not _vanishes(value, margin) else (margin,)",
+          "return (margin,)", "a force that acts at the border of its guard is taken out", ("tests/reduce/test_guards.py",)),
+    Fault("quaternion_sides", f"{_C}view/motions.py", "return np.asarray(q * signs[:, np.newaxis])", "return np.asarray(q)",
+          "bodies of a page turn the long way round between rows", ("tests/view/test_gltf.py", "tests/view/test_motions.py")),
+    Fault("phase_unit", f"{_C}report/response.py", "np.radians(response.phase[:, i, j])", "response.phase[:, i, j]",
+          "the table of a frequency response has degrees under rad",
+          ("tests/report/test_response_table.py", "tests/standalone/test_frequency_response.py")),
+    Fault("stale_binary", f"{_C}toolchain/build.py",
+          "runtime_digest(part=source.driver), *compiler.key, *resolve(flags), *kind.key])\n    return cache_folder()",
+          "runtime_digest(part=source.driver), *compiler.key, *kind.key])\n    return cache_folder()",
+          "a simulator with other flags is found in the cache",
+          ("tests/toolchain/test_flags.py", "tests/toolchain/test_compiler.py", "tests/toolchain/test_warm.py")),
+    Fault("fmu_dependencies", f"{_C}export/fmu/variables.py", 'places if rates or direct.has("q:")', 'places if direct.has("q:")',
+          "an FMU does not say that outputs by speeds depend on places", ("tests/fmu/test_exchange.py", "tests/fmu/test_archive.py")),
+    # Runtime and templates
+    Fault("error_weight", f"{_R}core/runge_kutta/tables.hpp", "{71, 1920}", "{17, 1920}",
+          "adaptive steps follow a wrong estimate of their error", ("tests/runtime/test_tables.py", "tests/physics/test_explicit.py")),
+    Fault("radau_memory", f"{_R}core/radau/stages.hpp", "    parted_w_ = memory.parted_w;\n", "",
+          "coupled stages go on from a snapshot with the scale of another tangent",
+          ("tests/standalone/test_held.py", "tests/standalone/test_integrators.py", "tests/standalone/test_simulation.py")),
+    Fault("adjoint_mean", f"{_R}core/derivatives/adjoint.hpp",
+          "by_.vdot[i] += share.begin * by_mean[i], by_.mean[i] += share.mean * by_mean[i];", "by_.vdot[i] += share.begin * by_mean[i];",
+          "adjoints of rules that average forget the average before", ("tests/standalone/test_run_adjoints.py",)),
+    Fault("event_time", f"{_R}core/derivatives/substep_derivatives.hpp", "move(dt_end_, q_, v_);", "move(dt_begin_, q_, v_);",
+          "derivatives over an event move with the time of the event before", ("tests/standalone/test_event_derivatives.py",)),
+    Fault("impact_rank", f"{_R}core/constraints/impacts.hpp", "squares.decompose(std::max(Real(1e-10), 1024 * epsilon()));",
+          "squares.decompose(std::max(Real(1e-2), 1024 * epsilon()));", "impacts leave directions out that loops hardly constrain",
+          ("tests/physics/test_impacts.py", "tests/standalone/test_impacts.py")),
+    Fault("sample_again", f"{_R}core/inputs/sampling.hpp", "static_cast<long>(std::floor(passed)) + 1;",
+          "static_cast<long>(std::floor(passed));", "a controller takes the sample of a time that a host has set once more",
+          ("tests/physics/test_controllers.py", "tests/standalone/test_inputs.py", "tests/standalone/test_held.py")),
+    Fault("road_spread", f"{_R}core/roads/surface.hpp", "t_v = -(at.lean + at.spread * t) * d;", "t_v = -at.lean * d;",
+          "slopes of a curved road ignore how its cross sections spread",
+          ("tests/physics/test_road_surfaces.py", "tests/model/test_roads.py")),
+    Fault("lane_sum", f"{_R}core/numbers/lanes.hpp", "for (int k = 1; k < N; ++k) total += a[k];",
+          "for (int k = 1; k + 1 < N; ++k) total += a[k];", "sums over two or eight lanes lack the last one",
+          ("tests/compile_run/test_generated.py", "tests/sweeps/test_lanes.py")),
+    Fault("energy_exchanged", f"{_R}energy_balance.hpp", "exchanged += weights[i] * h * abs(power);",
+          "exchanged += weights[i] * h * power;",
+          "energy that forces take is no energy known: motions seem to run away, or not to", ("tests/physics/test_energy.py",)),
+    Fault("kept_factors", f"{_R}core/newton/newton.hpp", "std::min(tolerated, std::max(apart / Real(100), rounding))",
+          "std::max(tolerated, std::max(apart / Real(100), rounding))", "iterations with kept factors end early, and their rest adds up",
+          ("tests/physics/test_recursive_newton.py", "tests/standalone/test_simulation.py", "tests/physics/test_implicit.py")),
+    Fault("c99_input", "templates/c99/model.c.jinja", "(rate + since / 2.0 * acceleration)", "(rate + since * acceleration)",
+          "inputs with an acceleration run ahead in C99", ("tests/standalone/test_c99.py",)),
+    Fault("fmu_finite", "templates/fmu/instance.cpp.jinja",
+          '  if (!(value - value == 0.0)) return "the value is not finite: value reference";\n', "",
+          "an FMU takes values that are no numbers", ("tests/fmu/test_wrong_calls.py",)),
+    Fault("page_click", "templates/view/page/bodies.js", "1 - (y / picture.clientHeight) * 2", "(y / picture.clientHeight) * 2 - 1",
+          "a click on a page meets what is mirrored at the middle of the picture", ("tests/view/test_page.py",)),
+)  # fmt: skip
