@@ -111,10 +111,11 @@ def in_chunks(document: dict[str, Any], binary: bytes) -> bytes:
     lambda page: gltf(page, accessors_0={"byteOffset": -4}), lambda page: gltf(page,
         buffers=[{"byteLength": 4, "uri": "https://example.org/x"}]),
     lambda page: gltf(page, animations_0={"channels": [{"sampler": 99, "target": {"node": 1, "path": "translation"}}]}),
+    lambda page: gltf(page, accessors_0={"max": None}), lambda page: gltf(page, animations_0={"samplers": [{"input": 0, "output": 0, "interpolation": None}]}),
     lambda page: gltf(page, extensionsRequired=["KHR_draco_mesh_compression"]),
 ], ids=[
     "empty", "another", "columns", "no columns", "too many", "letters", "cut off", "brackets", "deep", "backwards", "sum", "nan matrix",
-    "cycle", "twice", "no mesh", "no nodes", "nan", "turn", "count", "offset", "elsewhere", "no sampler", "extension",
+    "cycle", "twice", "no mesh", "no nodes", "nan", "turn", "count", "offset", "elsewhere", "no sampler", "no extent", "interpolation", "extension",
 ])  # fmt: skip
 def test_what_is_no_page_is_refused(spoil: Any, press: Shown, tmp_path: Path) -> None:
     earlier = tmp_path / "earlier.html"
@@ -130,7 +131,7 @@ def test_what_is_no_page_is_refused(spoil: Any, press: Shown, tmp_path: Path) ->
 def test_only_what_is_drawn_of_an_earlier_page_gets_into_another(press: Shown, browser: Page, tmp_path: Path) -> None:
     text = press.page.read_text(encoding="utf-8")
     other = {"extensions": {"KHR_lights_punctual": {"lights": 3}}, "images": [{"uri": "https://example.org/x"}], "skins": [{"joints": [9]}]}
-    text = gltf(text, **other, nodes_1={"skin": 0, "camera": 5}, materials=[{"emissiveTexture": {"index": 0}}])
+    text = gltf(text, **other, nodes_1={"skin": 0, "camera": 5, "matrix": None}, materials=[{"emissiveTexture": {"index": 0}}])
     (tmp_path / "earlier.html").write_text(text, encoding="utf-8")
     call("simulate", PRESS, "--no-error", "--out", tmp_path / "x.csv", "--view", tmp_path / "x.html", "--ghost", tmp_path / "earlier.html")
     browser.open(tmp_path / "x.html")
