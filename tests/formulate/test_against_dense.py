@@ -71,15 +71,16 @@ def compare_at(blocks: BlockMechanism, dense: DenseMechanism, seed: int, motion:
 
 
 def assert_same_step(blocks: BlockMechanism, dense: DenseMechanism, at: Instant, gap: Array, numerics: Numerics) -> None:
-    """Check the step that closes a gap, to rounding times the system's condition.
+    """Check the step that closes a gap, (M + penalty J'J)^-1 penalty J' gap, to the rounding of J.
 
-    A cut joint of bodies that cannot move against each other has a Jacobian of nothing but the oracle's rounding, and a step of that.
+    J is of order one whatever its entries are, since they are differences; its rounding, eps, moves the step by
+    eps penalty |gap| times the norm of the inverse matrix. 370 steps were at most 7.2 times that apart.
     """
-    expected, condition = dense.project(at, gap, numerics)
-    diagonal = np.diag(dense.inertia(dense.motion(at))[0]) + numerics.penalty * np.sum(dense.closures(at).jacobian ** 2, axis=0)
-    of_rounding = 8 * EPS * numerics.penalty * np.abs(gap).sum() / np.min(diagonal, initial=np.inf)
-    error = np.abs(blocks.project(at, gap, numerics) - expected)
-    assert np.max(error, initial=0.0) < (1e-11 + 50 * EPS * condition) * max(np.max(np.abs(expected), initial=0.0), 0.01) + of_rounding
+    expected, _ = dense.project(at, gap, numerics)
+    jacobian = dense.closures(at).jacobian
+    matrix = dense.inertia(dense.motion(at))[0] + numerics.penalty * jacobian.T @ jacobian
+    of_rounding = EPS * numerics.penalty * np.abs(gap).sum() * np.linalg.norm(np.linalg.inv(matrix), np.inf) if len(gap) else 0.0
+    assert np.max(np.abs(blocks.project(at, gap, numerics) - expected), initial=0.0) <= 30 * of_rounding
 
 
 def test_a_cut_joint_between_bodies_that_cannot_move_apart() -> None:
@@ -87,6 +88,14 @@ def test_a_cut_joint_between_bodies_that_cannot_move_apart() -> None:
     blocks, dense = both(build_topology(random_models.floating_loops(230158)), SCENE, parameters=PARAMETERS, roads={})
     for i in range(4):
         compare_at(blocks, dense, 230158 + i, motion=float(i % 4 > 0))
+
+
+def test_a_step_whose_error_is_that_of_its_jacobian() -> None:
+    """An entry of J of 1e-3 has the rounding of its terms, 7e-16, which moves a step of 0.01 by 2e-12; the elimination loses nothing."""
+    model = random_models.loop_with(CUT_KINDS[15423 % len(CUT_KINDS)], CLOSINGS[15423 // 20 % len(CLOSINGS)], 15423)
+    blocks, dense = both(build_topology(model), SCENE, parameters=PARAMETERS, roads={})
+    for i in range(4):
+        compare_at(blocks, dense, 15423 + i, motion=float(i % 4 > 0))
 
 
 ROTOR = """

@@ -91,6 +91,17 @@ def true_errors(run: Trajectory) -> dict[str, float]:
     return {name: float(np.max(np.abs(run[name] - values))) for name, values in exact.items()}
 
 
+def test_the_finer_run_of_steps_that_do_not_divide_a_run_ends_with_it() -> None:
+    """Two steps of 10 ms for 15 ms end at 20 ms, where a finer run of 15 ms has no row: the errors were 0."""
+    model = read_model_text(OSCILLATOR.replace("SCENE", ""), "oscillator.yaml")
+    run = completed(simulate(compile_interpreted(model, model.scenes["swing"]), end=0.015, dt=0.01))
+    assert run.t[-1] == 0.02
+    error = abs(run["block.x"][-1] - 0.1 * np.cos(0.4))
+    assert error > 1e-5
+    assert run.error is not None
+    assert 0.8 * error < run.error.max_error["block.x"] < 1.3 * error
+
+
 @pytest.mark.parametrize(
     ("method", "settings"),
     [

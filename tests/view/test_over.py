@@ -111,11 +111,13 @@ def in_chunks(document: dict[str, Any], binary: bytes) -> bytes:
     lambda page: gltf(page, accessors_0={"byteOffset": -4}), lambda page: gltf(page,
         buffers=[{"byteLength": 4, "uri": "https://example.org/x"}]),
     lambda page: gltf(page, animations_0={"channels": [{"sampler": 99, "target": {"node": 1, "path": "translation"}}]}),
-    lambda page: gltf(page, accessors_0={"max": None}), lambda page: gltf(page, animations_0={"samplers": [{"input": 0, "output": 0, "interpolation": None}]}),
+    lambda page: gltf(page, accessors_0={"max": None}),
+    lambda page: gltf(page, animations_0={"samplers": [{"input": 0, "output": 0, "interpolation": None}]}),
     lambda page: gltf(page, extensionsRequired=["KHR_draco_mesh_compression"]),
 ], ids=[
     "empty", "another", "columns", "no columns", "too many", "letters", "cut off", "brackets", "deep", "backwards", "sum", "nan matrix",
-    "cycle", "twice", "no mesh", "no nodes", "nan", "turn", "count", "offset", "elsewhere", "no sampler", "no extent", "interpolation", "extension",
+    "cycle", "twice", "no mesh", "no nodes", "nan", "turn", "count", "offset", "elsewhere", "no sampler", "no extent",
+    "interpolation", "extension",
 ])  # fmt: skip
 def test_what_is_no_page_is_refused(spoil: Any, press: Shown, tmp_path: Path) -> None:
     earlier = tmp_path / "earlier.html"

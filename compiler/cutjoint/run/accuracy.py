@@ -379,10 +379,10 @@ def _finer(plan: SimulatorRun, change: Change, times: int, further: float = _IN_
     run_file, settings, factor = plan.run_file, plan.run_file.settings, change.factor**times
     if change is STRICTER:
         return replace(plan, run_file=run_file.with_tolerance(factor))
-    stride = count_steps(settings.dt, run_file.end, run_file.output_step).stride
+    steps = count_steps(settings.dt, run_file.end, run_file.output_step)  # to the same end, which can lie beyond that of the settings
     finer = replace(settings, dt=settings.dt * factor)
     finer = _iterated_further(finer, times, further) if times > 0 else finer
-    return replace(plan, run_file=replace(run_file, settings=finer, output_step=settings.dt * stride))
+    return replace(plan, run_file=replace(run_file, settings=finer, end=settings.dt * steps.number, output_step=settings.dt * steps.stride))
 
 
 def _iterated_further(settings: Settings, times: int, further: float) -> Settings:

@@ -79,7 +79,8 @@ def _copied(content: bytes) -> bytes:
             indices = channel["sampler"], sampler["input"], sampler["output"], target["node"]
             if min(indices) < 0 or target["node"] >= len(glb.document.nodes) or len(moves) != len(times):
                 raise ValueError
-            if target["path"] not in ("translation", "rotation", "scale") or sampler.get("interpolation", "LINEAR") not in ("LINEAR", "STEP"):
+            kind = sampler.get("interpolation", "LINEAR")
+            if target["path"] not in ("translation", "rotation", "scale") or kind not in ("LINEAR", "STEP"):
                 raise ValueError
     known = glb.document.model_dump(by_alias=True, exclude_unset=True, exclude_none=True, exclude={"extensions_required"})
     return packed(known, glb.binary)
