@@ -6,7 +6,7 @@
 
 #include "observer.h"
 
-enum { samples = 1000, gust = 80, settled = 250 };
+enum { samples = 1000, settled = 250 };
 static const double goal = 4.0, degree = 57.29577951308232;
 
 static sway_sim crane;
@@ -18,15 +18,14 @@ static double noise(uint32_t* seed) {
   return 4e-3 * ((double)*seed / 4294967296.0 - 0.5);
 }
 
-/* The crane after a gust of wind, of which the controller knows nothing. */
+/* The crane with a load that swings, of which the controller knows nothing. */
 static int start_crane(void) {
+  static const double q[] = {0.0, 0.08}, v[] = {-0.1, 0.1};
   sway_sim* sim = sway_create(&crane, sizeof crane);
-  int status = sway_set_parameter(sim, SWAY_PARAMETER_drag, 330.0), i;
+  int status = sway_set_parameter(sim, SWAY_PARAMETER_drag, 330.0);
   if (status == SWAY_OK) { status = sway_set_parameter(sim, SWAY_PARAMETER_load_mass, 1050.0); }
-  if (status == SWAY_OK) { status = sway_set_input(sim, SWAY_INPUT_rope_correction, 2000.0, 0.0, 0.0); }
   if (status == SWAY_OK) { status = sway_start(sim); }
-  for (i = 0; (status == SWAY_OK) && (i < gust); ++i) { status = sway_step(sim); }
-  return (status == SWAY_OK) ? sway_set_input(sim, SWAY_INPUT_rope_correction, 0.0, 0.0, 0.0) : status;
+  return (status == SWAY_OK) ? sway_set_state(sim, 0.0, q, v) : status;
 }
 
 /* One drive: the largest error of the estimated angle after five seconds (rad), and where the trolley ends (m). */

