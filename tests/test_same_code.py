@@ -20,9 +20,9 @@ COMMIT = ("git", "-c", "user.name=nobody", "-c", "user.email=nobody", "commit", 
 def repository(tmp_path: Path) -> Path:
     """A repository of its own of what generates code."""
     place = tmp_path / "cutjoint"
-    for name in ("compiler", "templates", "models", "tests/mechanisms", "scripts"):
+    for name in ("compiler", "templates", "models", "tests/fewer_cases", "tests/mechanisms", "scripts"):
         shutil.copytree(ROOT / name, place / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("__init__.py", "conftest.py", "fewer_cases.py"):
+    for name in ("__init__.py", "conftest.py"):
         shutil.copy(ROOT / "tests" / name, place / "tests")
     for command in (("git", "init", "-q"), ("git", "add", "."), COMMIT):
         subprocess.run(command, cwd=place, check=True)

@@ -129,10 +129,10 @@ def test_gears_are_changed() -> None:
 
 
 def test_power_balances() -> None:
-    """Work of all forces is the gain of kinetic energy, within 1e-6 of all that was exchanged, over gears and slipping clutches."""
-    run = drive("drive", end=8, error=True, tolerance=1e-7)
+    """Work of all forces is the gain of kinetic energy, within 1e-6 of all that was exchanged, over a gear and a slipping clutch."""
+    run = drive("drive", end=4, error=True, tolerance=1e-7)
     assert run.energy is not None
-    assert run["driver.motion.speed.value"][-1] > 10
+    assert len(np.unique(run["selected.value"])) > 1
     assert run.energy.share < 1e-6
 
 

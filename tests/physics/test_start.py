@@ -177,7 +177,7 @@ scenes: {still: {end: 0.1}}
 def test_given_coordinates_keep_the_assembly_of_the_design_position() -> None:
     """A parallelogram's crank turns as the shank does; from far away the shortest way led to the crossed one."""
     model = read_model_text(LEG, "leg.yaml")
-    sim = load_scene(model, find_scene(model, None), linearise=True)
+    sim = load_scene(model, find_scene(model, None))
     for hip, knee in np.random.default_rng(3).uniform([-1.5, -1.4], [1.5, 1.4], (40, 2)):
         sim.reset(coordinates={"hip.angle": hip, "knee.angle": knee})
         assert sim.coordinates["shaft.angle"] == pytest.approx(hip + knee, abs=1e-8)

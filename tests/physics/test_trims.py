@@ -391,11 +391,16 @@ def test_derivatives_are_exact(text: str, scene: str) -> None:
 
 
 def test_gradients_of_what_is_found() -> None:
-    """By closed forms: a current by the arm's length, drag by the speed; a car's steering angle beside differences of trims."""
+    """By closed forms: a current by the arm's length, drag by the speed."""
     motor = find_trim(read_model_text(MOTOR, "m.yaml"), by=["length"])
     assert motor.gradients["length"] == pytest.approx({name: value / 0.5 for name, value in motor.unknowns.items()}, rel=1e-8)
     sled = find_trim(read_model_text(SLED, "m.yaml"), parameters={"target": 15.0}, by=["target"])
     assert sled.gradients["target"] == pytest.approx({"throttle": 2 * 0.7 * 15 / 900}, rel=1e-8)
+
+
+@pytest.mark.heavy
+def test_gradients_of_a_motorcycle_that_leans() -> None:
+    """Beside differences of trims."""
     bike = read_model_text(MOTORCYCLE, "m.yaml")
     less, more = (find_trim(bike, scene="leans", parameters={"speed": 15 + x}).unknowns for x in (-0.01, 0.01))
     differences = {name: (more[name] - less[name]) / 0.02 for name in less}

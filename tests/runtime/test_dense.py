@@ -9,17 +9,19 @@ import pytest
 
 from cutjoint.package.locations import runtime_folder
 from tests.conftest import needs_cpp
+from tests.physics.simulation import is_generated
 
 pytestmark = needs_cpp
 
 
 @pytest.fixture(scope="module")
 def lines(tmp_path_factory: pytest.TempPathFactory) -> list[list[str]]:
+    """What the program prints, in `make full` with least squares and eigenvalues."""
     built = tmp_path_factory.mktemp("dense") / "compare"
     source = Path(__file__).with_name("dense.cpp")
     subprocess.run(
         ["g++", "-std=c++20", "-O1", "-Wall", "-Wextra", "-Werror", "-isystem", "/usr/include/eigen3", f"-I{runtime_folder() / 'include'}",
-         str(source), "-o", str(built)],
+         *(("-DWHOLE",) if is_generated() else ()), str(source), "-o", str(built)],
         check=True,
     )  # fmt: skip
     done = subprocess.run([built], capture_output=True, text=True, check=True)
