@@ -85,9 +85,7 @@ class AimedStart:
         _, found = self._search(parameters, prescribed, wanted)
         return "" if found is None else join_and([words for _, words in self._missed(found, wanted)])
 
-    def describe_nearest_rates(
-        self, parameters: Mapping[str, float], prescribed: Mapping[str, float], wanted: Mapping[str, float]
-    ) -> str:  # fmt: skip
+    def describe_nearest_rates(self, parameters: Mapping[str, float], prescribed: Mapping[str, float], wanted: Mapping[str, float]) -> str:
         """The rates that the nearest motion with closed loops has in place of the ``wanted`` ones, in words; "" where a guide moves."""
         q, free = self._coordinates_of(prescribed)
         equations, names = self._with(parameters), self._equations.speed_names

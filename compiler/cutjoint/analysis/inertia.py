@@ -162,7 +162,5 @@ def _separate(equations: RecursiveEquations, space: Array) -> tuple[IdleMotion, 
         seen |= group
         speeds = np.flatnonzero(group)
         joints = dict.fromkeys(owners[n] for n in speeds)
-        motions.append(
-            IdleMotion(joints=tuple(tree[j] for j in joints), speeds=tuple(equations.speed_names[n] for n in speeds))
-        )  # fmt: skip
+        motions.append(IdleMotion(joints=tuple(tree[j] for j in joints), speeds=tuple(equations.speed_names[n] for n in speeds)))
     return tuple(motions)

@@ -38,9 +38,7 @@ _ONCE = frozenset({"initial_coordinates", *CHECKS})
 E = TypeVar("E", bound=SystemEquations)
 
 
-def schedule_system(
-    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool
-) -> tuple[SystemEquations, Program]:  # fmt: skip
+def schedule_system(start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool) -> tuple[SystemEquations, Program]:
     """Derive the equations and the program of a method with Newton's iteration; ``start`` finds the beginning of a run.
     Raises RunError, MissingLibraryError: as of `plan_system`."""
     # Topology -> Equations

@@ -385,7 +385,5 @@ def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
 
 def pattern_view(pattern: Pattern, names: Sequence[str]) -> dict[str, object]:
     """The view of a pattern for the templates; ``names`` has one for each column."""
-    columns = [
-        {"name": name, "entries": pattern.row[pattern.first[j] : pattern.first[j + 1]]} for j, name in enumerate(names)
-    ]  # fmt: skip
+    columns = [{"name": name, "entries": pattern.row[pattern.first[j] : pattern.first[j + 1]]} for j, name in enumerate(names)]
     return {"size": pattern.size, "symmetric": pattern.symmetric, "first": pattern.first, "columns": columns}

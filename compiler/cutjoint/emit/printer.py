@@ -198,9 +198,7 @@ class Printer:
             return _supplied(SuppliedCall.read(node.op), kind, ", ".join(arguments))
         if sign := OPERATIONS[node.op].infix_of_lanes:
             return f"({f' {sign} '.join(arguments)})"
-        if node.op == "not":
-            return f"(~{arguments[0]})"
-        return f"{node.op}({', '.join(arguments)})"
+        return f"(~{arguments[0]})" if node.op == "not" else f"{node.op}({', '.join(arguments)})"
 
     def _type(self, node: Scalar) -> str:
         if node.op in CONDITIONS:

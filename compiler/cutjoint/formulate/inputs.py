@@ -164,9 +164,7 @@ def column_slots(outputs: tuple[Output, ...]) -> dict[str, Slot]:
     return {f"column:{o.column}": Slot(array="column", offset=i, names=(o.column,)) for i, o in enumerate(outputs)}
 
 
-def report_columns(
-    builder: Builder, quantity: Callable[[Output], Block], outputs: tuple[Output, ...]
-) -> dict[str, Block]:  # fmt: skip
+def report_columns(builder: Builder, quantity: Callable[[Output], Block], outputs: tuple[Output, ...]) -> dict[str, Block]:
     """The result of each column."""
     columns = {o: quantity(o) for o in outputs}
     return {f"column:{o.column}": x if o.factor == 1 else builder.scale(builder.number(o.factor), x) for o, x in columns.items()}

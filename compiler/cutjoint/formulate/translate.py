@@ -66,9 +66,7 @@ class Translator:
             return self._product(e)
         if isinstance(e, sympy.Pow):
             return self._power(e)
-        if isinstance(e, sympy.Piecewise):
-            return self._piecewise(e)
-        return self._call(e)
+        return self._piecewise(e) if isinstance(e, sympy.Piecewise) else self._call(e)
 
     def _polynomial(self, e: Any) -> Block | None:
         """Horner's scheme for a polynomial with constant coefficients in one symbol."""

@@ -204,9 +204,7 @@ def linearise_residual(equations: RecursiveEquations, program: Program) -> Linea
         "vdot": forces, "lambda": loops,
     }  # fmt: skip
     firsts = dict(zip(widths, accumulate(widths.values(), initial=0), strict=False))
-    columns = {
-        n: [firsts[slot.array] + slot.offset + index] for n, (name, index) in symbols.items() if (slot := equations.slots.get(name))
-    }  # fmt: skip
+    columns = {n: [firsts[slot.array] + slot.offset + index] for n, (name, index) in symbols.items() if (slot := equations.slots.get(name))}
     columns |= {n: [firsts["loaded"] + place for place in places] for n, places in loaded.items()}
     rows: list[dict[int, int]] = [{} for _ in range(forces + loops)]
     found = derivatives(graph, [r.scalar for r in function.results], columns)

@@ -51,9 +51,7 @@ def derive_closure(joint: Joint) -> ClosureKernel:
         tuple(direction_of(joint, d) for d in used) for used in (joint.element.base_directions, joint.element.follower_directions)
     )
     jacobian, drift = _jacobian_and_drift(sympy.ImmutableMatrix(residual))
-    return ClosureKernel(
-        names=names, base_directions=base, follower_directions=follower, residual=residual, jacobian=jacobian, drift=drift
-    )  # fmt: skip
+    return ClosureKernel(names=names, base_directions=base, follower_directions=follower, residual=residual, jacobian=jacobian, drift=drift)
 
 
 @cache

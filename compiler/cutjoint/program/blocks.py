@@ -85,9 +85,7 @@ class SuppliedCall:
         kind, spelled, *by = function.split(".")
         name, *numbers = spelled.split(":")
         result, results, memory = map(int, numbers) if numbers else (0, 1, 0)
-        return cls(
-            name=name, has_partials=kind == "supplied", by=int(by[0]) if by else None, result=result, results=results, memory=memory
-        )  # fmt: skip
+        return cls(name=name, has_partials=kind == "supplied", by=int(by[0]) if by else None, result=result, results=results, memory=memory)
 
     @property
     def is_plain(self) -> bool:
@@ -486,9 +484,7 @@ def is_zero(a: Block) -> bool:
 
 def is_identity(a: Block) -> bool:
     """Return whether a is a constant unit matrix."""
-    return a.op == "const" and a.shape[0] == a.shape[1] and all(
-        x == (i == j) for i, row in enumerate(_rows(a)) for j, x in enumerate(row)
-    )  # fmt: skip
+    return a.op == "const" and a.shape[0] == a.shape[1] and all(x == (i == j) for i, row in enumerate(_rows(a)) for j, x in enumerate(row))
 
 
 def _rows(a: Block) -> tuple[tuple[float, ...], ...]:

@@ -114,9 +114,7 @@ def _sandwich(low: Lowering, block: Block) -> Elements:
 def _gram(low: Lowering, block: Block) -> Elements:
     y, d = low._of(block, 0), low._of(block, 1)
     scaled = [[low.graph.mul(d[k][0], x) for x in row] for k, row in enumerate(y)]
-    return low._symmetric(
-        block.shape[0], lambda i, j: low._dot((y[k][i], scaled[k][j]) for k in range(len(y)))
-    )  # fmt: skip
+    return low._symmetric(block.shape[0], lambda i, j: low._dot((y[k][i], scaled[k][j]) for k in range(len(y))))
 
 
 def _skew(low: Lowering, block: Block) -> Elements:

@@ -98,9 +98,7 @@ def zero_region(law: Scalar) -> Region:
         return _all_of(zero_region(term) for term in law.args)
     if law.is_Mul:
         return _any_of(zero_region(factor) for factor in law.args)
-    if law.is_Pow and law.exp.is_positive:
-        return zero_region(law.base)
-    return None
+    return zero_region(law.base) if law.is_Pow and law.exp.is_positive else None
 
 
 def _cases(law: Scalar) -> Region:

@@ -61,9 +61,7 @@ def _without(model: Model, scene: Scene, removed: set[str]) -> Outcome:
         return Outcome(model=model, scene=scene)
     joints = tuple(j for j in model.joints if not bodies_of(j) & removed)
     names = {j.name for j in joints}
-    forces = tuple(
-        f for f in model.forces if not removed.intersection(f.bodies) and (not f.joint_of or f.joint_of in names)
-    )  # fmt: skip
+    forces = tuple(f for f in model.forces if not removed.intersection(f.bodies) and (not f.joint_of or f.joint_of in names))
     reactions = tuple(r for r in model.reactions if isinstance(r, RodForce) or (r.joint in names and r.body not in removed))
     smaller = replace(
         model, bodies=tuple(b for b in model.bodies if b.name not in removed), joints=joints, forces=forces, reactions=reactions,

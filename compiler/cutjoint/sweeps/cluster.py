@@ -142,9 +142,7 @@ def find_fault(key: str, version: str) -> str:
     """The reason that this worker cannot perform the work of a client of that version; "" if it can."""
     if version != __version__:
         return f"it has cutjoint {__version__}, not {version}; install the same version"
-    if key not in _works:
-        return "it lacks the libraries"
-    return require_loadable(_works[key].kernels)
+    return "it lacks the libraries" if key not in _works else require_loadable(_works[key].kernels)
 
 
 def perform(key: str, version: str, chunk: Chunk) -> Rows | str:

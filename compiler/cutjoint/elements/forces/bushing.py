@@ -63,10 +63,7 @@ class Bushing(Force):
     @classmethod
     def read(cls, reader: Reader) -> Self:
         axes = reader.frame()
-        return cls(
-            **reader.common(), point=reader.point("at"), axes=axes,
-            laws=tuple(_read_law(reader, index) for index in range(6)),
-        )  # fmt: skip
+        return cls(**reader.common(), point=reader.point("at"), axes=axes, laws=tuple(_read_law(reader, index) for index in range(6)))
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
         """The image of the bushing."""

@@ -34,9 +34,7 @@ class RollingContact(WheelContact):
         """The road acts on the wheel at the contact."""
         b, (road, values) = m.b, self._contact(force, m)
         touches = b.call("lt", b.zero(1), values["deflection"])
-        components = [
-            b.call("where", touches, m.scalar(component, values), b.zero(1)) for component in (*force.force, *force.moment)
-        ]  # fmt: skip
+        components = [b.call("where", touches, m.scalar(component, values), b.zero(1)) for component in (*force.force, *force.moment)]
         directions = (road.e_x, road.e_y, road.n)
         parts = components[:3], components[3:]
         applied, moment = (b.total([b.scale(x, e) for x, e in zip(part, directions, strict=True)]) for part in parts)

@@ -105,9 +105,7 @@ def make_interface(equations: RecursiveEquations, run_file: RunFile, dofs: int |
     settings, starts, inputs = tuple(_settings(run_file)), tuple(_starts(equations, run_file)), _inputs(equations)
     counts = (len(parameters), len(settings), len(starts), len(inputs))
     outputs = _outputs(equations, starts, counts)
-    poses = tuple(
-        replace(_local(f"pose.{body}.{name}", f"{about}, of {body}"), unit=unit) for body in posed for name, about, unit in _POSE
-    )  # fmt: skip
+    poses = tuple(replace(_local(f"pose.{body}.{name}", f"{about}, of {body}"), unit=unit) for body in posed for name, about, unit in _POSE)
     interface = Interface(parameters=parameters, settings=settings, starts=starts, inputs=inputs, outputs=outputs, poses=poses)
     return interface if dofs is None else _with_states(interface, equations, dofs)
 

@@ -87,9 +87,7 @@ class Motions:
 
     def carries(self, k: Motion, j: Motion) -> bool:
         """Return whether motion k displaces the column of motion j."""
-        if k.body == j.body:
-            return k.group < j.group
-        return k.body in self.chains[j.body]
+        return k.group < j.group if k.body == j.body else k.body in self.chains[j.body]
 
     def columns(self) -> dict[tuple[int, int], list[Motion]]:
         """The motions that change together, by their key."""

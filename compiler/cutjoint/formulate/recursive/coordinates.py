@@ -43,9 +43,7 @@ def measure(k: Kinematics, joint: str, coordinate: str) -> Measured:
     return _angle(k, cut) if coordinate in cut.element.angles else _displacement(k, cut, slide_axis(cut, coordinate))
 
 
-def travel(
-    k: Kinematics, ends: tuple[str, str], points: tuple[Vector, Vector], axis: Vector
-) -> tuple[Block, Block, Measured]:  # fmt: skip
+def travel(k: Kinematics, ends: tuple[str, str], points: tuple[Vector, Vector], axis: Vector) -> tuple[Block, Block, Measured]:
     """Axis, follower's point, and the displacement of the follower's point along the base's axis.
     ``ends`` and ``points`` are base's, follower's."""
     b, (base, follower), (origin, outer) = k.builder, ends, points

@@ -90,16 +90,12 @@ def formulate_recursive(
     violations = {x.element.name: b.symbol(f"violation:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
     step = respond(topology, masses, k, closing, numbers, violations, mark="p", origin="of gaps alone").vdot
     Zdd = prescribed_accelerations(k)
-    reactions = Reactions(
-        kinematics=k, loops=closing.loops, M=own_masses, Q=own_forces, Zdd=Zdd, acting=system.cut_joint_wrenches
-    )  # fmt: skip
+    reactions = Reactions(kinematics=k, loops=closing.loops, M=own_masses, Q=own_forces, Zdd=Zdd, acting=system.cut_joint_wrenches)
     reactions = add_friction(frictions, acting, k, forces, reactions) if frictions else reactions
     if topology.embedded:
         held = embedded_reactions(k, derive_loops(k, topology.embedded, numbers), reactions.carried, system.joint_forces)
         reactions = replace(reactions, loops=(*closing.loops, *held))
-    reporter = Reporter(
-        model=model, kinematics=k, forces=forces, loops=reactions.loops, gears=closing.gears, Zdd=Zdd, reactions=reactions
-    )  # fmt: skip
+    reporter = Reporter(model=model, kinematics=k, forces=forces, loops=reactions.loops, gears=closing.gears, Zdd=Zdd, reactions=reactions)
     layout = relative_layout(charts, _closures(loops), model.states)
     accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}
     accelerations |= {f"vdot:{name}": rate for name, rate in state_rates(b, k.translator, model).items()}

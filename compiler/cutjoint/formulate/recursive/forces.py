@@ -112,10 +112,7 @@ def of_body(k: Kinematics, body: Body, gravity: Block, *, turns: bool) -> tuple[
     J = b.name(b.sandwich(k.frames[body.name].R, tensor) if rotor is None else rotor, "J", body.name)
     moment = b.scale(mass, c)
     corner = b.neg(b.skew(moment))
-    M = b.stack([
-        [b.scale(mass, b.identity(3)), corner],
-        [b.transpose(corner), b.mirror(b.sub(J, b.mul(b.skew(moment), b.skew(c))))],
-    ])  # fmt: skip
+    M = b.stack([[b.scale(mass, b.identity(3)), corner], [b.transpose(corner), b.mirror(b.sub(J, b.mul(b.skew(moment), b.skew(c))))]])
     _, w = halves(b, k.frames[body.name].Z)
     force = b.scale(mass, b.sub(gravity, b.cross(w, k.velocity(body.name, c))))
     torque = b.sub(b.cross(c, force), b.cross(w, b.mul(J, w)))

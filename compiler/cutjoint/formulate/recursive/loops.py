@@ -167,9 +167,7 @@ def constraint_wrenches(k: Kinematics, loop: LoopClosure, augmented: Block) -> d
     return {joint.follower: b.neg(wrench), joint.base: b.mul(back, wrench)}
 
 
-def by_joint(
-    b: Builder, loop: LoopClosure, step: Block, ends: tuple[Sequence[str], Sequence[str]], body: str, S: Block
-) -> Block:  # fmt: skip
+def by_joint(b: Builder, loop: LoopClosure, step: Block, ends: tuple[Sequence[str], Sequence[str]], body: str, S: Block) -> Block:
     """The rates of a cut joint's equations by the speeds of the joint that carries a body, (m, k). ``ends`` are the bodies that carry the
     base and the follower, these included, ``step`` the transport from the base's pole to the follower's."""
     base, follower = ends

@@ -142,9 +142,7 @@ def accelerations_of(k: Kinematics, vdot: Callable[[str], Block]) -> dict[str, B
     return Zdd
 
 
-def derive_energy(
-    k: Kinematics, reactions: Reactions, joint_forces: Mapping[str, Block], gears: Sequence[GearClosure]
-) -> dict[str, Block]:  # fmt: skip
+def derive_energy(k: Kinematics, reactions: Reactions, joint_forces: Mapping[str, Block], gears: Sequence[GearClosure]) -> dict[str, Block]:
     """The results of the function ``energy``; ``joint_forces`` act on the coordinates of tree joints, by the bodies that these carry."""
     b = k.builder
     with b.section("energy", "", "T = 1/2 sum of Z^T M Z,  P = sum of Z . Q + tau . rate + W . (Z - Z_p) of guided joints", ""):

@@ -100,9 +100,7 @@ def read_points(scope: Scope, part: model_file.Elements) -> Mapping[str, Vector]
 def _read_body(element: Element, body: body_parts.Body) -> Body:
     mass, centre, inertia, shapes = read_mass(element, body)
     visuals = () if body.visual is None else (_read_visual(element, body.visual),)
-    return Body(
-        name=element.name, mass=mass, centre_of_mass=centre, inertia=inertia, span=element.span, shapes=shapes, visuals=visuals
-    )  # fmt: skip
+    return Body(name=element.name, mass=mass, centre_of_mass=centre, inertia=inertia, span=element.span, shapes=shapes, visuals=visuals)
 
 
 def _read_visual(element: Element, visual: body_parts.Visual) -> Visual:

@@ -164,9 +164,7 @@ def _note_circle(element: Element, circle: Sequence[str]) -> None:
     )  # fmt: skip
 
 
-def _sampled_signal(
-    element: Element, part: model_file.Controller, name: str, samples: int, term: Term
-) -> Iterator[DiscreteState]:  # fmt: skip
+def _sampled_signal(element: Element, part: model_file.Controller, name: str, samples: int, term: Term) -> Iterator[DiscreteState]:
     """The discrete state of a signal, then the values of its delay, the latest first."""
     entry, dimension = part.signals[name], term.dimension
     start = (
@@ -196,9 +194,7 @@ def _memory(element: Element, part: model_file.Controller, terms: Mapping[str, T
         )  # fmt: skip
 
 
-def _function_memory(
-    element: Element, name: str, memory: model_file.FunctionMemory, terms: Mapping[str, Term]
-) -> Iterator[DiscreteState]:  # fmt: skip
+def _function_memory(element: Element, name: str, memory: model_file.FunctionMemory, terms: Mapping[str, Term]) -> Iterator[DiscreteState]:
     """The discrete states of the memory of a function, zero before the first sample."""
     keys, functions = ("memory", name), element.scope.functions
     if memory.function not in functions:

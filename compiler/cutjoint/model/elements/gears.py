@@ -72,9 +72,7 @@ def read_gear(element: Element, gear: model_file.Gear) -> Gear:
             element.fail("its law has no position", "write a function of position, the second joint's coordinate", ("law",))
         return Gear(name=element.name, first=first, second=second, ratio=None, law=law, span=element.span)
     ratio, *more = _ratios(element, gear.ratio, first, [second, *others])
-    return Gear(
-        name=element.name, first=first, second=second, ratio=ratio, span=element.span, others=tuple(zip(others, more, strict=True))
-    )  # fmt: skip
+    return Gear(name=element.name, first=first, second=second, ratio=ratio, span=element.span, others=tuple(zip(others, more, strict=True)))
 
 
 def _ratios(element: Element, ratio: Any, first: JointCoordinate, others: list[JointCoordinate]) -> list[Scalar]:

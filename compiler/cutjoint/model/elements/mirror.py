@@ -114,9 +114,7 @@ def _body(mirror: Mirror, body: Body) -> Body:
     x, y, z = mirror.signs
     xx, yy, zz, xy, xz, yz = body.inertia
     inertia = (xx, yy, zz, x * y * xy, x * z * xz, y * z * yz)
-    shapes = tuple(
-        replace(s, points=tuple(map(mirror.vector, s.points)), axes=tuple(map(mirror.vector, s.axes))) for s in body.shapes
-    )  # fmt: skip
+    shapes = tuple(replace(s, points=tuple(map(mirror.vector, s.points)), axes=tuple(map(mirror.vector, s.axes))) for s in body.shapes)
     return replace(
         body, centre_of_mass=mirror.vector(body.centre_of_mass), inertia=inertia, shapes=shapes,
         visuals=tuple(_visual(mirror, visual) for visual in body.visuals),

@@ -34,9 +34,7 @@ class Choice(sympy.Piecewise):  # type: ignore[misc]
                 break
         if not kept:
             return sympy.nan
-        if kept[0].cond is sympy.true:
-            return kept[0].expr
-        return sympy.Basic.__new__(cls, *kept)
+        return kept[0].expr if kept[0].cond is sympy.true else sympy.Basic.__new__(cls, *kept)
 
     def _eval_derivative(self, x: Any) -> Any:
         derivatives = [(sympy.diff(value, x), condition) for value, condition in self.args]

@@ -197,9 +197,7 @@ def elements_of(model: Model) -> dict[str, Element]:
 def bodies_of(model: Model) -> dict[str, tuple[str, ...]]:
     """The bodies of every element by its name, the ground left out."""
     joints = {joint.name: joint for joint in model.joints}
-    elements: list[Element] = [
-        *model.joints, *model.gears, *model.force_elements, *model.reactions, *model.markers,
-    ]  # fmt: skip
+    elements: list[Element] = [*model.joints, *model.gears, *model.force_elements, *model.reactions, *model.markers]
     found = {e.name: tuple(dict.fromkeys(b for b in _bodies(e, joints) if b != GROUND)) for e in elements}
     return {**{body.name: (body.name,) for body in model.bodies}, **found}
 

@@ -199,9 +199,7 @@ class Element:
             return FAILED
         return term.value if names is not None else self.tunable(term, expected, keys, in_triple=in_triple).value
 
-    def tunable(
-        self, term: Term, expected: Dimension | None, keys: Path, *, in_triple: bool = False, is_argument: bool = False
-    ) -> Term:  # fmt: skip
+    def tunable(self, term: Term, expected: Dimension | None, keys: Path, *, in_triple: bool = False, is_argument: bool = False) -> Term:
         """The parameter that a number of the file is tunable as, else the term itself; an argument of an instance has its name alone."""
         path = (*self.path, *keys)
         if path not in self.scope.source.values:  # nothing stands there

@@ -16,8 +16,7 @@ import numpy as np
 
 from cutjoint.model.text import UNSIGNED
 
-_BASE = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[temperature]": "K",
-         "[substance]": "mol", "[luminosity]": "cd"}  # fmt: skip
+_BASE = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[temperature]": "K", "[substance]": "mol", "[luminosity]": "cd"}
 _ANGLES = re.compile(r"rad|deg|turn|rev|rpm")
 #: Units of one dimension that measure different quantities.
 _KINDS = (re.compile(r"rad|deg|turn|rev|rpm|arc|grad"), re.compile(r"J|Wh|cal"), re.compile(r"Hz"))

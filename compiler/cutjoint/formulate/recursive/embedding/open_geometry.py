@@ -47,9 +47,7 @@ def derive_block(b: Builder, topology: Topology, joints: Sequence[Joint], cuts: 
     part = replace(topology, tree=tuple(t for t in topology.tree if t.child in needed))
     k = derive_kinematics(b, make_translator(b, model), part, {c.joint: c for c in charts})
     loops = derive_loops(k, cuts, make_numbers(b, cuts, PLAIN_CLOSURE))
-    return BlockEquations(
-        charts=charts, residuals=tuple(loop.residual for loop in loops), rates=tuple(loop.rate for loop in loops)
-    )  # fmt: skip
+    return BlockEquations(charts=charts, residuals=tuple(loop.residual for loop in loops), rates=tuple(loop.rate for loop in loops))
 
 
 def driven_by_time(topology: Topology, drive: str | None) -> Topology:
