@@ -241,7 +241,7 @@ class Builder:
         if found is None:
             when = max((a.binding for a in args), default=BindingTime.CONST) if binding is None else binding
             width = _lanes_of(op, args) if lanes is None else lanes
-            found = Block(op, args, data, shape, symmetric, when, self._section, len(self._nodes), width)
+            found = Block(op, args, data, shape, symmetric or shape == (1, 1), when, self._section, len(self._nodes), width)
             self._nodes[key] = found
         return found
 
