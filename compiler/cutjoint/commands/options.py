@@ -72,8 +72,7 @@ def message_console(*outputs: Path | None) -> Console:
 
 def choose_case(model: "Model", name: str | None) -> "tuple[Model, Scene]":
     """The scene of that name and the model with its guides; without a name the first scene, with a message if there are others.
-    Raises RunError: there is no such scene.
-    """
+    Raises RunError: there is no such scene."""
     from cutjoint.run.scenes import find_case
 
     case, chosen = find_case(model, next(iter(model.scenes), None) if name is None else name)
@@ -146,8 +145,7 @@ class _Remaining(TimeRemainingColumn):
 
 def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str, float]:
     """The values of NAME=VALUE by name: numbers in SI units, or other notations of model files, `Quantity` with a unit.
-    Raises RunError: an argument is not NAME=VALUE, a value is not finite, or a name has two.
-    """
+    Raises RunError: an argument is not NAME=VALUE, a value is not finite, or a name has two."""
     parameters: dict[str, float] = {}
     for change in changes:
         name, _, text = change.partition("=")

@@ -59,8 +59,7 @@ class System:
 def open_system(files: Sequence[Path], named: Mapping[str, str], model: str) -> Iterator[System]:
     """Open FMUs, or the FMUs of a system archive; the component with the model's name stands for the model.
     The FMUs are extracted to a temporary folder, by the names of their components. Raises RunError: the archive stands beside other files
-    or connections, is damaged, or has what a run beside a model does not know.
-    """
+    or connections, is damaged, or has what a run beside a model does not know."""
     if not any(file.suffix == SYSTEM for file in files):
         yield System(fmus=files, named=named)
         return
@@ -156,8 +155,7 @@ def connect(
 ) -> tuple[Connections, ...]:
     """The connections of each FMU, of ports with inputs and outputs of the model of the same names, or of their names in ``named``.
     A name in ``named`` may be a port of another FMU. If ``whole``, only ports in ``named`` are connected. Raises RunError: there is no such
-    port, input or output, a unit is of another dimension, an input has two sources, or an FMU is not connected.
-    """
+    port, input or output, a unit is of another dimension, an input has two sources, or an FMU is not connected."""
     names = [set(model_names) for model_names in (_inputs(model), _outputs(model, scene))]
     own: list[dict[str, str]] = [{} for _ in fmus]
     passed: list[list[tuple[int, Port, Port]]] = [[] for _ in fmus]
@@ -183,8 +181,7 @@ def connect(
 
 def find_port(fmus: Sequence[ControllerFmu], word: str, connection: str) -> tuple[int, Port]:
     """The number of an FMU and its port that a word names: by its name, or as FMU:PORT, FMU being the file's stem.
-    Raises RunError: there is none, or several FMUs have one.
-    """
+    Raises RunError: there is none, or several FMUs have one."""
     found = [(i, fmu.ports[word]) for i, fmu in enumerate(fmus) if word in fmu.ports]
     found = found or [(i, port) for i, fmu in enumerate(fmus) for port in fmu.ports.values() if word == f"{fmu.path.stem}:{port.name}"]
     if len(found) == 1:

@@ -103,8 +103,7 @@ class ControllerFmu:
 @contextmanager
 def open_controller(path: Path, seconds: float = CALL_LIMIT) -> Iterator[ControllerFmu]:
     """Open a co-simulation FMU of FMI 2 or 3, whose calls may take so many ``seconds``; its files lie in a temporary folder meanwhile.
-    Raises RunError: FMPy is not installed, the file is no FMU, or the FMU has no co-simulation or no binary for this machine.
-    """
+    Raises RunError: FMPy is not installed, the file is no FMU, or the FMU has no co-simulation or no binary for this machine."""
     fmpy = find_package("fmpy", otherwise=RunError("FMUs need FMPy: install cutjoint[fmu]"))
     if not path.is_file():
         raise RunError(f"{path}: this is no file; an FMU is a ZIP archive")

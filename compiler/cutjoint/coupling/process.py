@@ -39,8 +39,7 @@ class SlaveProcess:
 
     def call(self, what: str, name: str, *arguments: Any) -> Any:
         """The result of a method of `Slave`; errors say that ``what`` did not work.
-        Raises ControllerError: the FMU refused it, ended or crashed its process, or took too long.
-        """
+        Raises ControllerError: the FMU refused it, ended or crashed its process, or took too long."""
         try:
             if self._process is None:
                 self._begin()

@@ -34,8 +34,7 @@ Array = NDArray[np.float64]
 def write_mjcf(model: Model, parameters: Mapping[str, float] | None = None) -> tuple[str, tuple[str, ...]]:
     """The file's text, and sentences of what it leaves out; ``parameters`` are values in SI units, by default the model's.
     Raises ModelError: bodies that nothing connects to the ground, bodies without mass that move, joints of kinds that MuJoCo does not have,
-    gears that are no polynomial of the fourth degree.
-    """
+    gears that are no polynomial of the fourth degree."""
     writer = _Mjcf(model, parameters or {})
     return writer.text(), tuple(writer.left_out())
 

@@ -29,8 +29,7 @@ _LIMITS = {"lower": "-1000", "upper": "1000", "effort": "1000000", "velocity": "
 def write_urdf(model: Model, parameters: Mapping[str, float] | None = None) -> tuple[str, tuple[str, ...]]:
     """The file's text, and sentences of what it leaves out; ``parameters`` are values in SI units, by default the model's.
     Raises ModelError: bodies that nothing connects to the ground, joints of kinds that URDF does not have, armatures, gears that are
-    neither mimic joints nor couplings.
-    """
+    neither mimic joints nor couplings."""
     writer = _Urdf(model, parameters or {})
     return writer.text(), tuple(writer.left_out())
 

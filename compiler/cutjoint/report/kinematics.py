@@ -87,8 +87,7 @@ def _number(value: float, unit: str) -> str:
 
 def write_kinematics(found: AxleKinematics, path: Path) -> Path:
     """Write all sweeps into one CSV file, each row with its sweep's name; a second file has the units.
-    Raises OutputError: it cannot be written.
-    """
+    Raises OutputError: it cannot be written."""
     rows = ((name, *row) for name, sweep in found.sweeps.items() for row in zip(*(sweep[c] for c in found.units), strict=True))
     return write_table(path, found.units, rows, "sweep")
 

@@ -91,8 +91,7 @@ def vibration_table(found: RandomVibration, title: str, weight: str) -> Table:
 
 def write_response(response: FrequencyResponse, path: Path) -> Path:
     """Write gains and phases (rad) over the frequency as a CSV file; a second file has the units.
-    Raises OutputError: it cannot be written.
-    """
+    Raises OutputError: it cannot be written."""
     pairs = [(i, j) for i in range(len(response.outputs)) for j in range(len(response.inputs))]
     columns, units = [response.frequencies], {"f": "Hz"}
     for i, j in pairs:
@@ -105,8 +104,7 @@ def write_response(response: FrequencyResponse, path: Path) -> Path:
 
 def write_densities(found: RandomVibration, path: Path) -> Path:
     """Write power spectral densities over the frequency as a CSV file; a second file has the units.
-    Raises OutputError: it cannot be written.
-    """
+    Raises OutputError: it cannot be written."""
     units = {"f": "Hz", **{f"{name}.psd": f"({found.units.get(name) or 1})^2/Hz" for name in found.outputs}}
     return write_table(path, units, zip(found.frequencies, *found.densities.T, strict=True))
 

@@ -275,8 +275,7 @@ def _find_rough(run: Trajectory, errors: Mapping[str, float]) -> tuple[str, ...]
 
 def _largest_by_unit(run: Trajectory) -> dict[str, float]:
     """The largest value among the outputs of each unit, of angles at least a radian: the scale for what is small. Rates and accelerations
-    have at least that which takes the run's time to reach the largest length, or a radian: at rest all of them are rounding.
-    """
+    have at least that which takes the run's time to reach the largest length, or a radian: at rest all of them are rounding."""
     largest = {unit: 1.0 / PLACES[unit] for unit in _ANGLES}
     for name, values in run.columns.items():
         largest[run.units[name]] = max(largest.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
@@ -291,8 +290,7 @@ def _largest_by_unit(run: Trajectory) -> dict[str, float]:
 
 def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
     """The error of each output of a run, as `compare` finds it, with the effect of loop violations.
-    Raises Interrupted, Terminated: a signal has ended a run.
-    """
+    Raises Interrupted, Terminated: a signal has ended a run."""
     change = _change_of(plan)
 
     def rerun(times: int) -> Trajectory | None:

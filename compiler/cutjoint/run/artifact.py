@@ -140,8 +140,7 @@ def make_simulator_run(
     inputs: Mapping[str, InputLike] | None = None, tangents: bool = False, coordinates: bool = False,
 ) -> SimulatorRun:  # fmt: skip
     """The run of a compiled model; ``tangents`` adds Jacobians, ``coordinates`` the tree's coordinates at each sample.
-    Raises RunError: a parameter or an input that cannot be set, or options that exclude each other or that no run has.
-    """
+    Raises RunError: a parameter or an input that cannot be set, or options that exclude each other or that no run has."""
     if tangents:
         _require_tangents(artifact, options)
     run_file = make_run_file(
@@ -233,8 +232,7 @@ def _require_additions(artifact: Artifact, settings: Settings) -> None:
 
 def require_choice(method: str, precision: str = DEFAULT_PRECISION, additions: Sequence[str] = ()) -> None:
     """Check the choices by which a model is compiled; ``additions`` are solvers and integrators of other packages.
-    Raises RunError: there is no such method, precision or addition, or a solver does not have the precision.
-    """
+    Raises RunError: there is no such method, precision or addition, or a solver does not have the precision."""
     if method not in METHODS:
         raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")
     if precision not in PRECISIONS.names():

@@ -24,8 +24,7 @@ Fail = Callable[[str, str], None]
 
 def read_cases(path: Path, model: Model) -> list[dict[str, float]]:
     """The cases of a table with parameters as columns and a row (SI units) for each run; blank lines are skipped.
-    Raises RunError: a name or a number is wrong; the message has its line.
-    """
+    Raises RunError: a name or a number is wrong; the message has its line."""
 
     def fail(message: str, hint: str) -> None:
         raise RunError(f"{message}; {hint}")

@@ -14,8 +14,7 @@ _WRAPPED = (".yaw", ".roll")
 
 def read_units(wanted: Sequence[str]) -> Mapping[str, Measure]:
     """The size and dimension of units for display.
-    Raises RunError: a unit is unknown, has an offset, or measures what an earlier one does.
-    """
+    Raises RunError: a unit is unknown, has an offset, or measures what an earlier one does."""
     try:
         return display_units(wanted)
     except UnitError as error:
@@ -24,8 +23,7 @@ def read_units(wanted: Sequence[str]) -> Mapping[str, Measure]:
 
 def in_units(columns: Mapping[str, Array], units: Mapping[str, str], wanted: Sequence[str]) -> tuple[dict[str, Array], dict[str, str]]:
     """Columns (samples,) and their units, converted to the ``wanted`` units of their quantities; attitudes of bodies are continuous.
-    Raises RunError: as for `read_units`.
-    """
+    Raises RunError: as for `read_units`."""
     found, converted, names = read_units(wanted), dict(columns), dict(units)
     for name, unit in units.items():
         if unit == "rad" and name.endswith(_WRAPPED):

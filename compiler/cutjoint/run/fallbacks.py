@@ -48,8 +48,7 @@ class Trials:
 
 def try_fallbacks(plan: SimulatorRun, run: Trajectory) -> Trials | None:
     """Try each fallback from the start to a little after the failure; None if other settings cannot help, as at a start.
-    Raises Interrupted, Terminated: a signal has ended a run.
-    """
+    Raises Interrupted, Terminated: a signal has ended a run."""
     failure = run.failure
     if failure is None or failure.step == 0 or failure.guards or not failure.time < inf:
         return None
@@ -69,8 +68,7 @@ def retry_failed(
     plan: SimulatorRun, run: Trajectory, execute: Callable[[SimulatorRun], Trajectory], *, allow_switch: bool, advise: bool
 ) -> Trajectory:  # fmt: skip
     """Repeat a failed run by another integrator or across events (``allow_switch``), or try other settings (``advise``).
-    Raises SimulatorError, OutputError, Interrupted, Terminated: as of a run.
-    """
+    Raises SimulatorError, OutputError, Interrupted, Terminated: as of a run."""
     if run.failure is None or not (allow_switch or advise) or (trials := try_fallbacks(plan, run)) is None:
         return run
     others = [fallback for fallback in trials.helped if fallback.free] if allow_switch else []

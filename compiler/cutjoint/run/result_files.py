@@ -100,8 +100,7 @@ def open_table(path: Path, units: Units | None = None) -> TableFile | Stream:
 
 def write_table(path: Path, units: Units, rows: Iterable[Iterable[str | float]], *names: str) -> Path:
     """Write a complete table, whose first columns may be words with ``names``, and a file with its units.
-    Raises OutputError: it cannot be written.
-    """
+    Raises OutputError: it cannot be written."""
     lines = ((x if isinstance(x, str) else repr(float(x) + 0.0) for x in row) for row in rows)
     with whole_table(path, units) as table:
         write_all(table.file, "".join(f"{','.join(line)}\n" for line in ((*names, *units), *lines)).encode())
@@ -157,8 +156,7 @@ class RunTables:
 
     def finish(self, size: int | None = None) -> Path | None:
         """Complete all tables; return the file of ``out``, whose text has ``size`` bytes.
-        Raises OutputError: it has another size, or cannot be written.
-        """
+        Raises OutputError: it has another size, or cannot be written."""
         while self._tables and (name := next(reversed(self._tables))) != "out":  # the last one
             self._tables.pop(name).finish()
         if not self._tables:
@@ -209,8 +207,7 @@ def read_rows(file: BinaryIO, columns: int) -> Array:
 
 def write_error(table: Path, error: ErrorEstimate | None, implementation: str) -> None:
     """Write the error estimate of a table and the implementation of its run to a file next to it; not for streams.
-    Raises OutputError: it cannot be written.
-    """
+    Raises OutputError: it cannot be written."""
     if is_stream(table):
         return
     path = error_of(resolved(table))
@@ -225,8 +222,7 @@ def write_error(table: Path, error: ErrorEstimate | None, implementation: str) -
 
 def write_whole(path: Path, content: str | bytes) -> Path:
     """Write a file atomically: an earlier one survives a failure; a stream is written directly.
-    Raises OutputError: it cannot be written.
-    """
+    Raises OutputError: it cannot be written."""
     data = content.encode() if isinstance(content, str) else content
     if is_stream(path):
         with _open_stream(path) as stream, naming_output(path):
@@ -239,8 +235,7 @@ def write_whole(path: Path, content: str | bytes) -> Path:
 
 def write_files(folder: Path, files: Mapping[str, str | bytes], modes: Mapping[str, int] | None = None) -> None:
     """Write files by name into a folder, all or none; ``modes`` are permissions of some.
-    Raises OutputError: one cannot be written, and all stay unchanged.
-    """
+    Raises OutputError: one cannot be written, and all stay unchanged."""
     with _written_beside() as write:
         for name, content in files.items():
             write(folder / name, content.encode() if isinstance(content, str) else content, (modes or {}).get(name))

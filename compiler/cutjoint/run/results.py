@@ -397,8 +397,7 @@ def read_table(path: Path) -> tuple[Array, dict[str, Array]]:
 
 def columns_of(table: Array, names: Sequence[str], rows: int) -> tuple[Array, dict[str, Array]]:
     """Time and named columns of a run's ``table`` (rows, 1 + names), which must have ``rows`` rows.
-    Raises OutputError: the table has lost rows since they were written.
-    """
+    Raises OutputError: the table has lost rows since they were written."""
     if len(table) != rows:
         raise OutputError(f"{rows} rows were written and {len(table)} are there; has another program changed the table?")
     t, *columns = np.ascontiguousarray(table.T)

@@ -48,8 +48,7 @@ _WHOLE = 1e-6
 
 def parameter_values(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
     """The tunable parameters with their values after ``changes`` (SI units); changes of inputs are ignored.
-    Raises RunError: a change names neither a tunable parameter nor an input, has no finite value, or a unit that is not the parameter's.
-    """
+    Raises RunError: a change names neither a tunable parameter nor an input, has no finite value, or a unit that is not the parameter's."""
     known, inputs = {p.name: p for p in tunable_parameters(model)}, {p.name for p in input_parameters(model)}
     values = {name: p.value for name, p in known.items()}
     for name, value in changes.items():
@@ -210,8 +209,7 @@ def changing_parts(model: Model, scene: Scene) -> tuple[str, ...]:
 def find_dependent_parts(model: Model, scene: Scene, parameters: Mapping[str, float], parts: Sequence[str]) -> dict[str, Any]:
     """Evaluate "positions", "rates" and "roads" of a run file, which may depend on parameters; `MASSES` is only checked.
     Raises RunError: with these parameters one of them has no finite value, no body can have a mass or an inertia, or no pose has the places
-    that the scene wants.
-    """
+    that the scene wants."""
     if "positions" in parts:
         scene = with_solved_coordinates(model, scene, parameters)
     value, sources = Evaluator(model, parameters), sources_of_parts(model, scene)
@@ -230,8 +228,7 @@ def find_dependent_parts(model: Model, scene: Scene, parameters: Mapping[str, fl
 
 def with_solved_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Scene:
     """Solve for the initial coordinates at which the scene's positions are met, and insert them in the scene.
-    Raises RunError: no pose has them.
-    """
+    Raises RunError: no pose has them."""
     if not scene.assemble or scene.pose == "equilibrium":
         return scene
     value = Evaluator(model, parameters)
@@ -276,8 +273,7 @@ def describe_nearest(model: Model, scene: Scene, parameters: Mapping[str, float]
 
 def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> None:
     """Check that a start solved once is valid for all runs: it must not depend on the ``changed`` tunable parameters.
-    Raises RunError: one has.
-    """
+    Raises RunError: one has."""
     values, parts = parameter_values(model, {}), sources_of_parts(model, scene)
     read = [*parts["positions"].values(), *(aim.value for aim in scene.assemble)]
     if scene.trim is not None:
@@ -383,8 +379,7 @@ def _road(scene: Scene, radius: float) -> dict[str, Any]:
 
 def require_sampling(model: Model, scene: Scene, integrator: str) -> None:
     """Check that an integrator can stop at the controllers' samples, and that there are not too many.
-    Raises RunError: it does not, or there are.
-    """
+    Raises RunError: it does not, or there are."""
     for controller in model.controllers:
         if scene.end > MOST_SAMPLES * controller.every:
             words = f"controller '{controller.name}': a run of {scene.end:.9g} s has more than {MOST_SAMPLES:.0e} samples, one each"

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 def find_scene(model: Model, name: str | None) -> Scene:
     """The scene of a name; by default the only one, or an empty one if the model has none.
-    Raises RunError: there is no such scene, or several and none was named.
-    """
+    Raises RunError: there is no such scene, or several and none was named."""
     if name is None and len(model.scenes) <= 1:
         return next(iter(model.scenes.values()), _empty_scene(model))
     if name is None or name not in model.scenes:

@@ -63,8 +63,7 @@ class StepSettings:
 
 def require_settings(**requested: float | None) -> None:
     """Check settings that a caller gives; None stands for those that are not given.
-    Raises RunError: one of them is not finite, or no run has it.
-    """
+    Raises RunError: one of them is not finite, or no run has it."""
     for name, value in requested.items():
         if value is not None and (fault := fault_of_setting(name, value)):
             raise RunError(f"{SOLVER_TOLERANCE if name == 'tolerance' else name}: {fault}")
@@ -93,8 +92,7 @@ def _fitting(scene: Scene, dt: float | None) -> float | None:
 
 def find_settings(scene: Scene, method: Method, implementation: Implementation, options: Options) -> Settings:
     """The settings of a run of a scene (`with_options`) by a method; settings of the caller come before settings of the scene.
-    Raises RunError: what is asked for does not go together, or a setting is out of its range.
-    """
+    Raises RunError: what is asked for does not go together, or a setting is out of its range."""
     numerics, closure = scene.numerics, find_closure(scene.numerics, method, implementation)
     integrator = find_integrator(numerics, method, implementation, options)
     events = find_events(numerics, method, implementation, integrator, options.events)
@@ -122,8 +120,7 @@ def find_settings(scene: Scene, method: Method, implementation: Implementation, 
 
 def find_integrator(numerics: Numerics, method: Method, implementation: Implementation, options: Options) -> Integrator:
     """The integrator of a run; a scene's is meant for the methods that it takes, others have the method's own.
-    Raises RunError: there is none of the name, it does not take the method, or it does not hold the scene's cut joints.
-    """
+    Raises RunError: there is none of the name, it does not take the method, or it does not hold the scene's cut joints."""
     requested = options.integrator
     wanted = numerics.integrator if requested is None else requested
     if wanted is None:
@@ -212,8 +209,7 @@ def find_events(
     numerics: Numerics, method: Method, implementation: Implementation, integrator: Integrator, requested: str | None
 ) -> bool | None:
     """Return whether the steps of a run end at events; None if they cannot, whatever the scene's ``events`` are.
-    Raises RunError: what is asked for is none of Events, or cannot be.
-    """
+    Raises RunError: what is asked for is none of Events, or cannot be."""
     if requested is not None and requested not in list(Events):
         raise RunError(f"no events '{requested}'; there is {', '.join(Events)}")
     can = method.events and not implementation.is_generic

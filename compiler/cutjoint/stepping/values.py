@@ -314,8 +314,7 @@ _NON_SMOOTH = 0.1
 
 def is_non_smooth(found: Sequence[Array], h: float) -> bool:
     """Return whether a function jumps or is not smooth there, row by row, from its values at the steps `DIFFERENCE_STEPS` of size h.
-    If it is smooth, one-sided and central derivatives over one and two steps agree.
-    """
+    If it is smooth, one-sided and central derivatives over one and two steps agree."""
     left, near_left, near_right, right = found
     narrow, wide = (near_right - near_left) / (2 * h), (right - left) / (4 * h)
     sides = (right - near_right) / h + (left - near_left) / h  # 3 h f''; at a non-smooth point the change of the derivative
@@ -364,8 +363,7 @@ OBJECTIVES = ("end", "integral", "mean", "rms", "maximum", "minimum")
 
 def weigh(objective: str, times: Array, values: Array, outputs: Sequence[str]) -> tuple[Array, Array]:
     """The values (outputs,) of an objective of `OBJECTIVES` and its derivatives (rows, outputs) by the ``values`` of each output.
-    If several rows share an extreme value, the first counts. Raises ValueError: there is no such objective, or it has no derivative.
-    """
+    If several rows share an extreme value, the first counts. Raises ValueError: there is no such objective, or it has no derivative."""
     if objective not in OBJECTIVES:
         raise ValueError(f"no objective '{objective}'; there is {', '.join(OBJECTIVES)}")
     weights = np.zeros(values.shape)
@@ -394,8 +392,7 @@ def weigh(objective: str, times: Array, values: Array, outputs: Sequence[str]) -
 
 def weigh_each(objective: str, times: Array, values: Array, outputs: Sequence[str]) -> Array:
     """Weights of an objective of each output in turn, (outputs, rows, outputs).
-    Raises ValueError: it has no derivative, or rows share an extreme.
-    """
+    Raises ValueError: it has no derivative, or rows share an extreme."""
     found, weights = weigh(objective, times, values, outputs)
     for i, rows in ties(objective, values).items():
         raise ValueError(tie_message(times[rows], outputs[i], found[i]))

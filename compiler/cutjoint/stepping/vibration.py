@@ -21,8 +21,7 @@ _PANELS, _POINTS = 240, 8
 
 def weighting(name: str, frequencies: Array) -> Array:
     """Gains of a frequency weighting of ISO 2631-1: "Wk" for vertical, "Wd" for horizontal vibration of the seat, "Wc" for its back.
-    Raises ValueError: there is no such weighting.
-    """
+    Raises ValueError: there is no such weighting."""
     if name not in WEIGHTINGS:
         raise ValueError(f"no weighting '{name}'; there is {', '.join(WEIGHTINGS)}")
     s, (corner, quality, *step) = 2j * np.pi * np.asarray(frequencies), WEIGHTINGS[name]

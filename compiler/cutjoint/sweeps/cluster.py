@@ -152,8 +152,7 @@ def perform(key: str, version: str, chunk: Chunk) -> Rows | str:
 
 class Cluster:
     """The workers of a Dask cluster; ``note`` is called with each refused worker.
-    Raises RunError: Dask is not installed, there is no scheduler at the address, or none of its workers can run the libraries.
-    """
+    Raises RunError: Dask is not installed, there is no scheduler at the address, or none of its workers can run the libraries."""
 
     def __init__(self, work: Work, address: str, note: Callable[[str], None]) -> None:
         self._dask, self._address, self._note = dask(), address, note
@@ -201,8 +200,7 @@ class Cluster:
 
     def take(self, seconds: float) -> Rows | None:
         """The rows of a chunk that is done, None if there is none in this time.
-        Raises RunError: the scheduler has gone, or workers died of a chunk.
-        """
+        Raises RunError: the scheduler has gone, or workers died of a chunk."""
         if monotonic() >= self._next_poll:
             self._poll()
         try:

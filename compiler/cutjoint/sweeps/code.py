@@ -45,8 +45,7 @@ def with_runs(
     standalone: Standalone, study: Study, scene: Scene, columns: Sequence[Column], names: Mapping[str, Sequence[str]]
 ) -> Standalone:  # fmt: skip
     """A C export whose library also runs a study, in lanes if possible; ``names``: its parameters, inputs, coordinates and speeds.
-    Raises RunError: the library has no place for something that the study changes.
-    """
+    Raises RunError: the library has no place for something that the study changes."""
     show = _printer(study.model, columns, names)
     p, calls = standalone.name, _calls(standalone.name, study.variables, names)
     text = environment().get_template("sweep/runs.cpp.jinja").render(
@@ -206,8 +205,7 @@ class Reader:
 
     def read(self, value: int | float | str, span: Span) -> tuple[Scalar, str, Dimension | None]:
         """An expression, its unit, "" where that is not known, and its dimension, None where that is not known.
-        Raises ExpressionError: it is none, or names something that the model does not have.
-        """
+        Raises ExpressionError: it is none, or names something that the model does not have."""
         if not isinstance(value, str):
             return read_term(value, {}).value, "", None
         outputs: dict[str, Output] = {}

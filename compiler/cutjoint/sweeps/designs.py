@@ -123,8 +123,7 @@ def count_runs(design: Design, extents: Sequence[Extent]) -> int:
 
 def draw(design: Design, extents: Sequence[Extent], names: Sequence[str] = ()) -> Array:
     """The values (runs, variables) of a grid, whose last variable changes from run to run, or of a sequence.
-    Raises RunError: SciPy is not installed.
-    """
+    Raises RunError: SciPy is not installed."""
     if isinstance(design, Tolerances):
         return _beside_means(design, extents, names)
     if isinstance(design, (LatinHypercube, Sobol, SobolIndices)):
@@ -196,8 +195,7 @@ class Indices:
 
 def find_indices(done: "Sweep", objective: str) -> Indices:
     """The indices of an objective by the runs of a sweep.  Points of which a run failed do not count, nor others beyond a power of two.
-    Raises RunError: the design is another one, or fewer than two points have all their runs.
-    """
+    Raises RunError: the design is another one, or fewer than two points have all their runs."""
     if "sobol_indices" not in done.manifest["design"]:
         raise RunError("Sobol' indices follow from the design {sobol_indices: points} alone")
     names = done.table.column_names
@@ -286,8 +284,7 @@ class Tolerance:
 
 def find_tolerance(done: "Sweep", objective: str, limits: tuple[float, float] | None = None) -> Tolerance:
     """The distribution of an objective over the runs of a sweep; failed runs count as outside the limits.
-    Raises RunError: the design is another one, or runs at the means or beside them have no value.
-    """
+    Raises RunError: the design is another one, or runs at the means or beside them have no value."""
     from scipy.stats import norm
 
     if "tolerances" not in done.manifest["design"]:

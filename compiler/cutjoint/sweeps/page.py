@@ -160,8 +160,7 @@ def _note(study: Study, shown: int, failed: int) -> str:
 
 def replay_runs(study: Study, runs: Mapping[int, int | None], folder: Path, done: Callable[[int], None]) -> dict[int, Replay]:
     """Write the pages of runs into a folder, each over that of the run that it names; returns them by their runs.  Runs that cannot be
-    shown have none.  ``done`` receives how many runs there were. Raises ModelError, ToolchainError, OutputError: as of `replay`.
-    """
+    shown have none.  ``done`` receives how many runs there were. Raises ModelError, ToolchainError, OutputError: as of `replay`."""
     with naming_output(folder):
         folder.mkdir(parents=True, exist_ok=True)
     replays: dict[int, Replay] = {}

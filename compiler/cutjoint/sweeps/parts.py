@@ -32,8 +32,7 @@ _UNFIT = "is damaged, renamed or of another sweep"
 
 class Parts:
     """The folder of a table's parts, which one command at a time writes.  ``note`` is called when a part is set aside.
-    Raises OutputError: it cannot be written, another command writes it, or it is of another study.
-    """
+    Raises OutputError: it cannot be written, another command writes it, or it is of another study."""
 
     def __init__(self, out: Path, layout: Layout, note: Callable[[str], None]) -> None:
         self.out, self.layout, self._note = resolved(out), layout, note
@@ -121,8 +120,7 @@ class Parts:
 
     def finish(self) -> list[tuple[int, int]]:
         """One file of all rows, in order, and no parts; where rows are missing the ranges of their runs, and no file.
-        Raises OutputError: it cannot be written, or rows vanish meanwhile.
-        """
+        Raises OutputError: it cannot be written, or rows vanish meanwhile."""
         ranges = self.ranges()
         if gaps := missing(ranges, self.layout.study.runs):
             return gaps

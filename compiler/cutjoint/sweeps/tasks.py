@@ -210,8 +210,7 @@ class Tasks:
 
     def find(self, scene: int, values: Array) -> dict[int, float]:
         """The objectives of tasks, by their places, of a run with values (variables,) in a scene.
-        Raises CutjointError: a task has no result.
-        """
+        Raises CutjointError: a task has no result."""
         settings = {v.name: float(values[i]) for i, v in enumerate(self._study.variables) if v.kind in (Kind.PARAMETER, Kind.INPUT)}
         results = {one: task(settings) for one, task in self._made[scene].items()}
         return {i: results[o.asked].reduce(o) for i, o in enumerate(self._objectives) if o.asked is not None}

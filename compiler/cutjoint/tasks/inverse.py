@@ -89,8 +89,7 @@ def _sensor(joint: Joint) -> str:
 
 def guide_terms(model: Model, joint: Joint) -> list[tuple[Output, Scalar]]:
     """The force of a joint's guide as outputs and their factors: the reaction along the axis less other forces on the coordinate.
-    Raises RunError: it has no such force.
-    """
+    Raises RunError: it has no such force."""
     if any(gear.law is not None and joint.name in gear.joints for gear in model.gears):
         raise RunError(f"joint '{joint.name}' has a gear with a law; prescribe the motion of another joint")
     span, turns = joint.span, joint.element.units[joint.element.coordinates[0]] == "rad"

@@ -127,8 +127,7 @@ def _neutral(artifact: Artifact, run_file: RunFile, state: Mapping[str, Any]) ->
 
 def find_start_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
     """The tree's coordinates where a scene starts.
-    Raises RunError: it has no start; SimulatorError, ToolchainError: as for a run.
-    """
+    Raises RunError: it has no start; SimulatorError, ToolchainError: as for a run."""
     chosen = with_loops(with_closure(replace(scene, end=0.0), PLAIN_CLOSURE), Loops.EXACT)
     artifact = compile_interpreted(model, chosen, outputs=[])
     run = start(replace(make_simulator_run(artifact, PLAIN_STEPS, parameters), with_coordinates=True))

@@ -41,8 +41,7 @@ class BuildPending(Exception):  # noqa: N818 -- no error
 
 def build_in_background(source: Source, *, flags: Sequence[str], patience: float) -> tuple[subprocess.Popen[bytes], float] | None:
     """Begin to compile a source, if that takes longer than ``patience`` (s) and its program can be interpreted meanwhile; else None.
-    The process, and how long it will take (s). Raises ToolchainError: there is no compiler, or the process cannot be started.
-    """
+    The process, and how long it will take (s). Raises ToolchainError: there is no compiler, or the process cannot be started."""
     compiler = find_compiler()
     if is_built(source, flags=flags) or not interpreter_is_there(source.driver, compiler, flags):
         return None

@@ -71,16 +71,14 @@ def _place_of(source: Source, compiler: Compiler, flags: Sequence[str], kind: Ki
 
 def warm(driver: str, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> bool:
     """Build a driver, one of DRIVERS, for all models, unless it is there; returns whether it was built now.
-    Raises ToolchainError: a tool is missing, the compiler refused the code, or neither installation nor cache can be written.
-    """
+    Raises ToolchainError: a tool is missing, the compiler refused the code, or neither installation nor cache can be written."""
     return make_drivers(driver, find_compiler(), (*flags, *PRECISIONS[kind.precision].flags), kind)
 
 
 def build_interpreter(driver: str, *, flags: Sequence[str] = FLAGS) -> Binary:
     """Build the interpreter for the programs of a driver's methods, or find it in the installation or the cache.
     Without a compiler it is that of the package. Raises ToolchainError: a tool is missing and the package has no simulator, or the compiler
-    refused the code.
-    """
+    refused the code."""
     if must_interpret():
         return Binary(path=shipped_interpreter(driver), fresh=False, compiler=SHIPPED, flags=())
     compiler = find_compiler()
@@ -100,8 +98,7 @@ def build_files(
     name: str, files: Mapping[str, str], made: str, digest: str, flags: Sequence[str], *settings: str, platform: Platform | None = None
 ) -> Path:  # fmt: skip
     """Build the CMake project of ``files`` around a C export for a ``platform`` (default: this machine); returns the file ``made``, cached.
-    Raises ToolchainError: a tool is missing, or the compiler refused the code.
-    """
+    Raises ToolchainError: a tool is missing, or the compiler refused the code."""
     compiler, there = (platform.find_compiler(), platform.settings) if platform else (find_compiler(), ())
     key = digest_of([digest, *map(without_mark, files.values()), *compiler.key, *resolve(flags), *settings, *there])
     cached = cache_folder() / f"alone-{key}" / made

@@ -81,8 +81,7 @@ def exclusive(file: Path) -> Iterator[None]:
 
 def store(file: Path, target: Path) -> None:
     """Copy a file that was built into the cache with its digest, in place of whatever is there.
-    Raises ToolchainError: the file was not built, or the cache cannot be written.
-    """
+    Raises ToolchainError: the file was not built, or the cache cannot be written."""
     if not file.is_file():
         raise ToolchainError(f"the compiler reported no error but made no {file.name}; set $CXX to a C++20 compiler, or unset it")
     place = _store_of(target)
@@ -119,8 +118,7 @@ def read_record(place: Path) -> Any:
 
 def write_record(place: Path, record: Any) -> None:
     """Put a record, plain data, into the cache: a line with the digest of the JSON that follows, so that both come at once.
-    Raises ToolchainError: the cache cannot be written.
-    """
+    Raises ToolchainError: the cache cannot be written."""
     text = json.dumps(record).encode()
     with _writing(cache_folder()), temporary_folder(_made(cache_folder())) as folder:
         (folder / "record").write_bytes(sha256(text).hexdigest().encode() + b"\n" + text)

@@ -19,8 +19,7 @@ _at_work: set[subprocess.Popen[str]] = set()
 def tool(command: Sequence[str], environment: Mapping[str, str], folder: Path = Path(os.sep)) -> Iterator[subprocess.Popen[str]]:
     """A tool that runs in a folder of ours, since tools take files of the present one for their own.
     Its standard output has its errors too.  It, and all that it has started, ends at the latest with this block. Raises ToolchainError: the
-    system starts no process.
-    """
+    system starts no process."""
     kept = [sys.executable, "-I", "-S", str(Path(supervisor.__file__).absolute()), *command]
     try:
         process = subprocess.Popen(

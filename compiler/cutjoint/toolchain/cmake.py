@@ -120,8 +120,7 @@ def build_project(
 ) -> None:  # fmt: skip
     """Configure and build a CMake project in folders with plain paths.
     The result ``runs`` on this machine or is for others; it is a program or a ``shared`` library. Raises ToolchainError: CMake or the
-    compiler refused it, or no program comes of the flags.
-    """
+    compiler refused it, or no program comes of the flags."""
     scratch = out / "tmp"  # compilers that are killed leave files where $TMPDIR says
     scratch.mkdir(parents=True)
     environment = {**os.environ, "CXX": _one_word(compiler, scratch), "TMPDIR": str(scratch), "PATH": tools_path()}

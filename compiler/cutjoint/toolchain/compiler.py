@@ -91,8 +91,7 @@ def find_compiler() -> Compiler:
 
 def must_interpret() -> bool:
     """Return whether tools are missing and the package has simulators that need none.
-    Raises ToolchainError: $CXX names a compiler for such a package, and that is none.
-    """
+    Raises ToolchainError: $CXX names a compiler for such a package, and that is none."""
     if not binaries_folder().is_dir():
         return False
     try:

@@ -137,8 +137,7 @@ def shipped_simulator(driver: str) -> Path:
 
 def shipped_interpreter(driver: str) -> Path:
     """That simulator in the cache, where runs find it by the digest of the file.
-    Raises ToolchainError: it cannot be read, or the cache cannot be written.
-    """
+    Raises ToolchainError: it cannot be read, or the cache cannot be written."""
     shipped = shipped_simulator(driver)
     try:
         digest = sha256(shipped.read_bytes()).hexdigest()[:32]
@@ -182,8 +181,7 @@ def store_parts(missing: Sequence[Part], out: Path, library: Path) -> None:
 def make_drivers(driver: str, compiler: Compiler, flags: Sequence[str], kind: Kind, library: Path | None = None) -> bool:
     """Build the parts of a driver for a ``library``: by default in the installation, else, if that is not writable, in the cache.
     Parts for other versions of the runtime are removed from the installation.  Returns whether anything had to be built. Raises
-    ToolchainError: a tool is missing, the compiler refused the code, or neither place can be written.
-    """
+    ToolchainError: a tool is missing, the compiler refused the code, or neither place can be written."""
     library = _library() if library is None else library
     parts = driver_parts(driver, compiler, flags, kind)
     if driver in INTERPRETING and kind == Kind():

@@ -33,8 +33,7 @@ class Platform:
 
     def find_compiler(self) -> Compiler:
         """The compiler: this machine's own as `toolchain.compiler.find_compiler` has it, else the cross-compiler.
-        Raises ToolchainError: a tool is missing, or the program does not say a version.
-        """
+        Raises ToolchainError: a tool is missing, or the program does not say a version."""
         if self.is_here():
             return find_compiler()
         require_tools()

@@ -49,8 +49,7 @@ def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
 @contextmanager
 def plain_folder(preferred: Path) -> Iterator[Path]:
     """A new temporary folder with a plain path: in the preferred place, else in one of the system's.
-    Raises ToolchainError: no place with a plain path can be written.
-    """
+    Raises ToolchainError: no place with a plain path can be written."""
     places = [preferred, *map(Path, (tempfile.gettempdir(), "/tmp", "/var/tmp"))]
     parent = next((p.resolve() for p in places if is_plain(p) and os.access(p, os.W_OK | os.X_OK)), None)
     if parent is None:

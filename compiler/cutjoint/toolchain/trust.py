@@ -33,8 +33,7 @@ _MOST_LINKS = 40
 @dataclass(frozen=True, kw_only=True)
 class Trust:
     """The owners and writers of the files of a ``store``; ``installed`` if it is the installation's.  Files of one of ``groups`` may be
-    written by its members, and files of the group that ``shares`` the store may have any owner.
-    """
+    written by its members, and files of the group that ``shares`` the store may have any owner."""
 
     store: Path
     installed: bool
@@ -44,8 +43,7 @@ class Trust:
 
     def require(self, path: Path) -> None:
         """Check all that a path in the store leads through; what is not there is no fault.
-        Raises ToolchainError: somebody else owns a part of it, or can write there.
-        """
+        Raises ToolchainError: somebody else owns a part of it, or can write there."""
         if IS_WINDOWS:  # access lists keep others out of a user's folders
             return
         top, host = self.store.resolve(), Path("/").lstat().st_uid
@@ -87,8 +85,7 @@ class Trust:
 
 def trust_of(store: Path, *, installed: bool) -> Trust:
     """The users trusted with a store: this user and root; for the installation's store also users who can write the installation.
-    Raises ToolchainError: there is no group of the name in $CUTJOINT_CACHE_GROUP.
-    """
+    Raises ToolchainError: there is no group of the name in $CUTJOINT_CACHE_GROUP."""
     shares = None if IS_WINDOWS else _shared_by()
     owners, groups = {0, user()}, {g for g in (_private_group(user()), shares) if g is not None}
     if installed:

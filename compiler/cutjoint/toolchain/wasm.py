@@ -62,8 +62,7 @@ def build_module(name: str, files: Mapping[str, str], digest: str) -> bytes:
 
 def build_matching_library(name: str, files: Mapping[str, str], digest: str) -> Path:
     """The shared library of a C export whose results are those of its module to the last bit; or that of the cache.
-    Raises ToolchainError: there is no compiler, or it refused the code.
-    """
+    Raises ToolchainError: there is no compiler, or it refused the code."""
     command = find_compiler().command
     return _build(f"lib{name}.so", files, digest, command, command, ("-fPIC",), ("-shared",))
 

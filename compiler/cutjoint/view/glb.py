@@ -177,8 +177,7 @@ class Glb:
 
     def nodes(self) -> Iterator[tuple[GltfNode, Array]]:
         """The nodes of the scene with their matrices (4, 4), parents first.
-        Raises GlbError: a node stands at several places, or below itself.
-        """
+        Raises GlbError: a node stands at several places, or below itself."""
         document = self.document
         waiting = [(index, np.eye(4)) for index in _at(document.scenes, document.scene, "scene").nodes]
         met: set[int] = set()

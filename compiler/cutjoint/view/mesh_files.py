@@ -33,8 +33,7 @@ def require_meshes(model: Model, numbers: Evaluator) -> None:
 
 def load_meshes(body: Body, numbers: Evaluator) -> list[Mesh]:
     """The meshes of a body in the design position, with an edge between all triangles.
-    Raises ModelError: a file is not there, is not below the model file's folder, or is no mesh.
-    """
+    Raises ModelError: a file is not there, is not below the model file's folder, or is no mesh."""
     return [_placed(body, visual, numbers) for visual in body.visuals if visual.mesh]
 
 

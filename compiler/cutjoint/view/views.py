@@ -73,8 +73,7 @@ class ViewSpec:
 
 def read_ghost(ghost: Path | None, view: Path | None) -> GhostRun | None:
     """The run of the page ``ghost`` that a view shows too, if one is named.
-    Raises RunError: the view is no page, or the other file is none of a run.
-    """
+    Raises RunError: the view is no page, or the other file is none of a run."""
     if ghost is None:
         return None
     if view is None or view.suffix != PAGE:
@@ -147,8 +146,7 @@ def write_view(
 
 def write_shown(path: Path, shown: ViewSpec, *, ghost: GhostRun | None = None) -> Path:
     """Write what is shown as a page, with an earlier run (``ghost``) if there is one, or as a .glb file.
-    Raises OutputError: the file cannot be written, its ending names no kind, or a body starts too far away for any picture.
-    """
+    Raises OutputError: the file cannot be written, its ending names no kind, or a body starts too far away for any picture."""
     if path.suffix not in (PAGE, GLTF):
         raise OutputError(f"{path}: no such kind of file; write a name that ends in {PAGE} or {GLTF}")
     shown = _in_reach(path, shown)
@@ -157,8 +155,7 @@ def write_shown(path: Path, shown: ViewSpec, *, ghost: GhostRun | None = None) -
 
 def live_page(model: Model, scene: Scene, parameters: Mapping[str, float]) -> str:
     """The page of a scene's start that then follows a host; see `view.live`.
-    Raises RunError, SimulatorError, ToolchainError: as of `show_start`.
-    """
+    Raises RunError, SimulatorError, ToolchainError: as of `show_start`."""
     content = _content(PAGE, _in_reach(Path(model.name), show_start(model, scene, parameters)), None, is_live=True)
     assert isinstance(content, str)
     return content

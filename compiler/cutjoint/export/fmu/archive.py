@@ -193,8 +193,7 @@ def make_fmu(
 
 def choose_target(flags: Sequence[str], target: str | None = None) -> str:
     """The one of `TARGETS` that a binary for x86-64 has with flags, unless one is named.
-    Raises RunError: a target is named, and a processor by the flags.
-    """
+    Raises RunError: a target is named, and a processor by the flags."""
     named = [flag for flag in flags if flag.startswith("-m")]
     if named and target is not None:
         raise RunError(f"target: the flags name a processor, {' '.join(named)}; leave out --target, or remove them from $CUTJOINT_FLAGS")

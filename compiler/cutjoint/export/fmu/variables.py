@@ -98,8 +98,7 @@ def _beside(taken: set[str], variable: Variable) -> Variable:
 
 def make_interface(equations: RecursiveEquations, run_file: RunFile, dofs: int | None = None, posed: Sequence[str] = ()) -> Interface:
     """The variables of a C export: those for model exchange too if it has degrees of freedom, and the poses of ``posed`` elements.
-    Raises RunError: an input has no finite value at the start.
-    """
+    Raises RunError: an input has no finite value at the start."""
     values = ((p, float(run_file.parameters[p.name])) for p in equations.parameters)
     parameters = tuple(Variable(p.name, "parameter", "tunable", "Parameter of the model", p.unit, value) for p, value in values)
     settings, starts, inputs = tuple(_settings(run_file)), tuple(_starts(equations, run_file)), _inputs(equations)

@@ -112,8 +112,7 @@ def _support(axle: Axle, wheel: Wheel, state: WheelState, i: int, share: float) 
 
 def _steering_axis(axle: Axle, wheel: Wheel, state: WheelState, pose: Pose, i: int) -> dict[str, float]:
     """The axis about which the carrier rotates under steering at constant length of its first spring.
-    Without a spring, the wheel centre keeps its height.
-    """
+    Without a spring, the wheel centre keeps its height."""
     change = next((c for spring in axle.springs if abs((c := pose.changes[spring.name])[i]) > 1e-3), None)
     back = 0.0 if change is None else change[2] / change[i]
     rotation_rate = state.rotation_rate[:, 2] - back * state.rotation_rate[:, i]

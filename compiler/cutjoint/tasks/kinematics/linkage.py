@@ -140,8 +140,7 @@ class Linkage:
 
     def design(self) -> Pose:
         """The pose of the design position, its loops closed.
-        Raises RunError: the axle is not moved by its wheels and its steering alone.
-        """
+        Raises RunError: the axle is not moved by its wheels and its steering alone."""
         pose = self.close(design_coordinates(self), np.zeros(self.prescribed))
         if pose is None:
             raise RunError(f"{self.axle.part.span}: axle '{self.axle.name}': its loops do not close near the design position")
