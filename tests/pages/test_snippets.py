@@ -21,8 +21,8 @@ PAGES = (
     "how-to/motors-and-control", "how-to/digital-controllers", "how-to/mechanism-recipes", "how-to/custom-laws", "how-to/troubleshooting",
     "how-to/simple-car", "how-to/suspension-kinematics", "how-to/view", "how-to/equilibrium-and-modes", "how-to/linear-models",
     "how-to/frequency-response", "how-to/rotating-machines", "how-to/gradients", "how-to/inverse-dynamics", "how-to/fit-torques",
-    "how-to/fit", "how-to/sweep", "how-to/tolerances", "how-to/batch", "how-to/loop-embedding", "how-to/many-simulations", "how-to/import",
-    "how-to/export", "how-to/fmu", "how-to/roads-and-tyres", "how-to/prove-loops",
+    "how-to/fit", "how-to/design-an-experiment", "how-to/sweep", "how-to/tolerances", "how-to/batch", "how-to/loop-embedding",
+    "how-to/many-simulations", "how-to/import", "how-to/export", "how-to/fmu", "how-to/roads-and-tyres", "how-to/prove-loops",
 )
 #: Pages that take longer.
 LONG = ("start/vehicle", "start/robot", "how-to/choose-a-method", "how-to/embed-in-c", "how-to/model-to-controller")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.physics.simulation import completed, compile_text, simulate
+from tests.physics.simulation import compile_text, completed, simulate
 
 _TURNED = """
 cutjoint: 1

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import click
+
 from cutjoint.commands import options, table
 from cutjoint.report import tables
 from cutjoint.run.outputs import require_apart
@@ -9,7 +11,7 @@ from cutjoint.run.result_files import write_whole
 
 
 @table.command("fit")
-def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Path | None) -> None:
+def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Path | None, design: Path | None) -> None:
     """Fit numbers of models to measurements as STUDY asks, and report what the data do not determine.
 
     Exit status: 0 identified, 3 not converged, 4 not identified, 5 residual not white.
@@ -18,8 +20,15 @@ def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Pat
     from cutjoint.fits.page import make_page
     from cutjoint.fits.writing import as_json, rewrite_model
 
+    files = [("--out", out), ("--model", model_out), ("--view", view)]
+    if design is not None:
+        if given := [option for option, path in files if path is not None]:
+            raise click.UsageError(f"{given[0]} is of a fit; --design makes none")
+        require_apart({"the study": fit_study}, documents=[("--design", design)])
+        _design(fit_study, design)
+        return
     out = Path(f"{fit_study.stem}.json") if out is None else out
-    require_apart({"the study": fit_study}, documents=[("--out", out), ("--model", model_out), ("--view", view)])
+    require_apart({"the study": fit_study}, documents=[("--out", out), *files[1:]])
     found = fit(fit_study, note=lambda text: options.err.print(text))
     write_whole(out, as_json(found))
     parameters = (
@@ -46,3 +55,17 @@ def command(fit_study: Path, out: Path | None, model_out: Path | None, view: Pat
         options.out.print(f"  {fault}: {words}")
     if found.status:
         raise SystemExit(found.status)
+
+
+def _design(study: Path, file: Path) -> None:
+    from cutjoint.fits.design import design_experiment
+    from cutjoint.fits.fit import describe
+
+    found = design_experiment(study, lambda text: options.err.print(text))
+    for names, before, after in found.weak:
+        options.out.print(f"information (1/variance, shares of sizes) {before:.4g} before, {after:.4g} after: {describe(names)}")
+    for names in found.open:
+        options.out.print(f"no such inputs determine: {describe(names)}")
+    lines = zip(*(map(repr, column.tolist()) for column in found.table.values()), strict=True)
+    write_whole(file, "\n".join(map(",".join, [tuple(found.table), *lines])) + "\n")
+    options.out.print(f"smallest eigenvalue: {found.before:.4g} before, {found.after:.4g} after; inputs: {file}")

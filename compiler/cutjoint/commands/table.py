@@ -330,6 +330,8 @@ OPTIONS: Mapping[str, Row] = {
     "fit.out": click.option("--out", type=_JSON, help="JSON file. Default: STUDY's name with .json, in the current folder."),
     "model_out": click.option("--model", "model_out", type=_MODEL, help="Model file with the fitted numbers, comments kept."),
     "fit.view": click.option("--view", type=_PAGE, help="Page (.html): data beside the model, residuals, table."),
+    "fit.design": click.option("--design", type=_CSV, help="CSV file of inputs, within the limits under design, from which the parameters "
+        "would follow better; fits nothing."),
     "sweep.out": click.option("--out", type=_File("", ".parquet"),
         help="Parquet file. Default: STUDY's name with .parquet, in the current folder."),
     "view.out": click.option("--out", type=_VIEW,

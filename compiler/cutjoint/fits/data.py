@@ -20,8 +20,7 @@ Columns: TypeAlias = Callable[[str], tuple[Array, Array]]
 
 def read_data(path: Path, time: str) -> Columns:
     """The columns of a file; ``time`` is that of a table's times, "" of a table without.
-    Raises RunError: it cannot be read, or has no such column; the message names the file.
-    """
+    Raises RunError: it cannot be read, or has no such column; the message names the file."""
     require_input(path)
     try:
         return _mdf(path) if path.suffix.lower() in (".mf4", ".mdf", ".dat") else _table(path, time)

@@ -87,6 +87,17 @@ class Experiment(Part):
         return self
 
 
+class Design(Part):
+    """An experiment with other inputs, within limits, from which the parameters follow better."""
+
+    experiment: StrictStr
+    inputs: Annotated[dict[StrictStr, tuple[Number, Number]], Field(min_length=1, max_length=MAX_PIECES)]
+    limits: dict[StrictStr, tuple[Number, Number]] = Field(default={})
+    frequency: Number | None = None
+    harmonics: Annotated[StrictInt, Field(ge=2, le=100)] = 5
+    runs: Annotated[StrictInt, Field(ge=1, le=1_000_000)] = 300
+
+
 class Starts(Part):
     """Further starts of the fit, spread over the bounds."""
 
@@ -106,6 +117,7 @@ class Document(Part):
     ties: dict[StrictStr, Number] = Field(default={})
     inertias: tuple[StrictStr, ...] = ()
     experiments: Annotated[dict[StrictStr, Experiment], Field(min_length=1, max_length=MAX_PIECES)]
+    design: Design | None = None
     loss: Literal["linear", "soft_l1", "huber", "cauchy", "arctan"] = "linear"
     starts: Starts | None = None
     bootstrap: Starts | None = None

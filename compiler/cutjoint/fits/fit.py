@@ -55,8 +55,8 @@ def identify(jacobian: Array, names: Sequence[str], sizes: Array, samples: int) 
             if 1 - 1 / COLLINEAR**2 < product < 1 - NULL:  # beyond, a combination of both is open
                 pairs.append((names[j], names[i], float(1 / np.sqrt(1 - product))))
     return Identifiability(
-        singular_values=singular, open=_named(directions[singular <= NULL * largest], names),
-        nearly_open=_named(directions[(singular > NULL * largest) & (singular <= NEAR * largest)], names), collinear=tuple(pairs),
+        singular_values=singular, open=combine(directions[singular <= NULL * largest], names),
+        nearly_open=combine(directions[(singular > NULL * largest) & (singular <= NEAR * largest)], names), collinear=tuple(pairs),
     )  # fmt: skip
 
 
@@ -66,7 +66,7 @@ def decompose(matrix: Array) -> tuple[Array, Array]:
     return np.pad(found, (0, matrix.shape[1] - len(found))), directions
 
 
-def _named(directions: Array, names: Sequence[str]) -> tuple[dict[str, float], ...]:
+def combine(directions: Array, names: Sequence[str]) -> tuple[dict[str, float], ...]:
     """Combinations by names.  The largest share is 1; several are combined so that each has a parameter of its own."""
     if not len(directions):
         return ()

@@ -17,8 +17,7 @@ from cutjoint.package.errors import RunError
 
 def tie_inertia(body: str, known: Mapping[str, float], span: Span) -> tuple[tuple[Parameter, ...], Mapping[str, Scalar]]:
     """Ten parameters ``BODY.a`` to ``BODY.t3``, and mass, centre of mass and inertia of a body as functions of these.
-    They are dimensionless changes of the model's. Raises RunError: its numbers do not stand in the file, or no density has them.
-    """
+    They are dimensionless changes of the model's. Raises RunError: its numbers do not stand in the file, or no density has them."""
     centre, inertia = (tuple(f"{body}.centre_of_mass.{axis}" for axis in "xyz"), tuple(f"{body}.inertia.{i}" for i in range(6)))
     if missing := [name for name in (f"{body}.mass", *centre, *inertia) if name not in known]:
         raise RunError(f"'{missing[0]}' is no number of the model file; write mass, centre_of_mass: [x, y, z] and numbers of inertia")

@@ -14,7 +14,7 @@ from cutjoint.fits import document as parts
 from cutjoint.fits.data import Columns, read_data
 from cutjoint.fits.inertias import tie_inertia
 from cutjoint.fits.motion import Followed, follow, smooth
-from cutjoint.fits.records import Array, Experiment, Parameter, Signal, Study
+from cutjoint.fits.records import Array, Design, Experiment, Parameter, Signal, Study
 from cutjoint.formulate.inputs import input_parameters, tunable_parameters
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.document.checks import check_part
@@ -68,6 +68,7 @@ class _Reading:
         self.models: dict[str, Model] = {}
         self.data: dict[tuple[str, str], Columns] = {}
         self.terms: dict[str, Term] = {}
+        self.design: Design | None = None
 
     def study(self) -> Study:
         """The study; raises ModelError with all problems."""
@@ -99,6 +100,9 @@ class _Reading:
                     nearest(p.name, known, "they have"), at_key=True)  # fmt: skip
         if all(e.validation for e in experiments):
             self._fail(("experiments",), "all experiments are for validation", "remove validation: true from one")
+        if document.design is not None and self.design is None and not self.problems:
+            words = f"'{document.design.experiment}' is no experiment of the fit with a motion"
+            self._fail(("design", "experiment"), words, nearest(document.design.experiment, document.experiments, "there are"))
         if self.problems:
             raise self.problems.error()
         starts, resamples = document.starts, document.bootstrap
@@ -109,7 +113,7 @@ class _Reading:
             file=self.source.file, method=document.method, integrator=document.integrator, parameters=tuple(fitted), ties=ties,
             experiments=tuple(experiments), loss=document.loss, starts=1 if starts is None else starts.count,
             seed=(starts or resamples or parts.Starts(count=1)).seed, resamples=0 if resamples is None else resamples.count,
-            windows=document.windows,
+            windows=document.windows, design=self.design,
         )  # fmt: skip
 
     def _fail(self, keys: Keys, message: str, hint: str = "", *, at_key: bool = False) -> None:
@@ -231,11 +235,38 @@ class _Reading:
         starts = {c: self._expression(v, (*keys, "start", c), None, named) for c, v in part.start.items()}
         inputs = {n: self._input((*keys, "inputs", n), n, d, part, model, begin) for n, d in part.inputs.items()}
         notes = self._motions(keys, part, followed, inputs, begin) if followed is not None else ()
-        return Experiment(
+        asked = self.document.design
+        asked = None if asked is None or asked.experiment != name or part.poses or part.validation else asked
+        limits = [] if asked is None else [
+            self._signal(("design", "limits", text), text, parts.Measured(), reader, (np.zeros(1), np.zeros(1), 0)) for text in asked.limits
+        ]
+        experiment = Experiment(
             name=name, model=model, scene=replace(scene, outputs=tuple(reader.outputs.values())), outputs=tuple(reader.outputs.values()),
             signals=tuple(signals), starts=starts, columns=columns, is_pose=part.poses, at_rest=part.rest, validation=part.validation,
             inputs=inputs, dt=self._step(scene, signals), span=self.source.key_span(keys), notes=notes,
         )  # fmt: skip
+        if asked is not None:
+            self.design = self._design(asked, experiment, limits, {} if followed is None else followed.inputs)
+        return experiment
+
+    def _design(self, asked: parts.Design, of: Experiment, limits: list[Signal], motion: Mapping[str, Any]) -> Design:
+        known, found = {p.name: p for p in input_parameters(of.model)} | dict(motion), {}
+        for name, bounds in asked.inputs.items():
+            keys: Keys = ("design", "inputs", name)
+            if name not in known:
+                self._stop(keys, f"'{name}' is no input of the model, and no joint under motion", nearest(name, known, "it has"))
+            own = known[name]
+            table: Any = of.inputs.get(own.name, {"t": [0.0], "value": [own.value]})
+            found[name] = own.name, float(np.interp(0.0, table["t"], table["value"])), *self._within(bounds, keys, own.unit)
+        frequency = 0.0 if asked.frequency is None else self.where.number(asked.frequency, _RATE, ("design", "frequency"))
+        bounded = [(s, *self._within(asked.limits[s.text], ("design", "limits", s.text), s.unit)) for s in limits]
+        return Design(experiment=of, inputs=found, limits=bounded, frequency=frequency, harmonics=asked.harmonics, runs=asked.runs)
+
+    def _within(self, bounds: Sequence[Any], keys: Keys, unit: str) -> tuple[float, float]:
+        low, high = (self.where.number(value, dimension_of(unit), (*keys, i)) for i, value in enumerate(bounds))
+        if not low < high:
+            self._fail(keys, f"its bounds {low:g} and {high:g} enclose nothing", "write the smaller one first")
+        return low, high
 
     def _step(self, scene: Scene, signals: Sequence[Signal]) -> float:
         """The step of the runs: of adaptive integrators the interval between samples, of others the scene's, if they are not given."""

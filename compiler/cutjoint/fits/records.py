@@ -1,6 +1,6 @@
 """A fit once its file is read: plain records, numbers in SI units."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -67,6 +67,19 @@ class Experiment:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Design:
+    """An experiment that gets other ``inputs``: their names in the model, start and bounds; ``limits`` are signals with bounds.
+    ``frequency`` (Hz) is that of the first harmonic, 0: of one period in the run."""
+
+    experiment: Experiment
+    inputs: Mapping[str, tuple[str, float, float, float]]
+    limits: Sequence[tuple[Signal, float, float]]
+    frequency: float
+    harmonics: int
+    runs: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class Study:
     """A fit: parameters, ``ties`` of numbers of models to them, experiments, and ``windows``, each twice as long as the last."""
 
@@ -81,3 +94,4 @@ class Study:
     seed: int
     resamples: int
     windows: int
+    design: Design | None = None

@@ -47,8 +47,7 @@ class Runs:
 
     def predict(self, theta: Array, *, validation: bool = False) -> list[Prediction]:
         """What the model says of all signals with these parameters: of the experiments for the fit, or of those for validation.
-        Each lasts a ``share`` of its time. Raises SimulationError, RunError: a run failed.
-        """
+        Each lasts a ``share`` of its time. Raises SimulationError, RunError: a run failed."""
         self.count += 1
         return [p for case in self._cases if case.experiment.validation == validation for p in case.predict(theta, self.share)]
 
@@ -195,7 +194,7 @@ def _covering(table: Any, end: float) -> dict[str, object]:
         if (place == 0 and t[0] > 0.0) or (place and t[-1] < end):
             t, value = np.insert(t, place, time), np.insert(value, place, value[min(place, len(value) - 1)])
             rate = None if rate is None else np.insert(rate, place, 0.0)
-    return {**table, "t": t.tolist(), "value": value.tolist()} | ({} if rate is None else {"rate": rate.tolist()})
+    return {**table, "t": t, "value": value} | ({} if rate is None else {"rate": rate})
 
 
 def _at(t: Array, values: Array, derivatives: Array, times: Array, dt: float, *, moves: bool) -> tuple[Array, Array, Array]:

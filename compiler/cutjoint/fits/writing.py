@@ -49,8 +49,7 @@ def _plain(value: Any) -> Any:
 
 def rewrite_model(model: Model, numbers: Mapping[str, float]) -> str:
     """The text of a model's file with other numbers; all else stays as it is, comments too.
-    Raises RunError: a number does not stand in the file by itself.
-    """
+    Raises RunError: a number does not stand in the file by itself."""
     path, text = Path(model.span.file), model.text
     source, lines = parse_yaml(text, str(path)), text.splitlines(keepends=True)
     edits: list[tuple[Span, str, float]] = []
