@@ -64,7 +64,6 @@ FULL: Mapping[str, tuple[str, ...]] = {
     ),
     "tests/formulate/test_reactions.py": ("test_tree_joints_in_natural_coordinates",),
     "tests/formulate/test_reports.py": ("test_reactions_of_guided_and_geared_joints",),
-    "tests/formulate/test_rotors.py": ("test_rotors_move_as_other_bodies_do[mirrored]",),
     "tests/formulate/test_signals.py": (
         "test_natural_coordinates_have_the_tangent_of_all_that_laws_read", "test_the_classical_tangent_has_states",
         "test_recursive_newton_has_the_exact_tangent",
@@ -252,7 +251,7 @@ KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "test_loops": ("1",),
     },
     "tests/formulate/test_rotors.py": {
-        "test_rotors_move_as_other_bodies_do": ("mirrored", "loops"),
+        "test_rotors_move_as_other_bodies_do": ("loops", "free"),
     },
     "tests/formulate/test_samples.py": {
         "test_samples_are_what_outputs_report": ("recursive-newton-0",),

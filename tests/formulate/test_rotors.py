@@ -42,6 +42,20 @@ outputs: [left.wheel.rolling.contact.vy, left.wheel.rolling.wheel.ax, left.links
 scenes: {run: {end: 1, numerics: {dt: 0.001}}}
 """
 
+#: A wheel far from the centre of mass of what carries it, which turns about all axes.
+TRAILER = """
+cutjoint: 1
+name: trailer
+gravity: [0, 0, -9.81]
+bodies: {chassis: {mass: 90, centre_of_mass: [0.3, 0, 0.5], inertia: [10, 40, 40]}}
+joints: {moves: {kind: free, bodies: [ground, chassis], at: [0, 0, 0.5]}}
+submodels: {wheel: {include: library/wheel_mf62}}
+instances:
+  w: {use: wheel, connect: {carrier: chassis}, with: {x: 0, y: 0.74, z: 0.35, toe: 0.02, camber: -0.01, brake: 300}, properties: mf62.tir}
+outputs: [w.rolling.contact.vy, w.rolling.wheel.ax]
+scenes: {run: {end: 1, numerics: {dt: 0.001}}}
+"""
+
 
 def found(e: RecursiveEquations, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Results of functions at a state that follows from the names of the inputs."""
@@ -58,7 +72,7 @@ def found(e: RecursiveEquations, names: tuple[str, ...]) -> dict[str, np.ndarray
     return {name: np.ravel(blocks[block]) for name, block in results.items()}
 
 
-@pytest.mark.parametrize("text", [PAIR % ("", ""), PAIR % ("", ", mirror: y"), AXLE], ids=["tree", "mirrored", "loops"])
+@pytest.mark.parametrize("text", [PAIR % ("", ""), PAIR % ("", ", mirror: y"), AXLE, TRAILER], ids=["tree", "mirrored", "loops", "free"])
 def test_rotors_move_as_other_bodies_do(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     model = read_model_text(text, "m.yaml", folder=DATA)
     topology, scene = build_topology(model), model.scenes["run"]
