@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 FULL: Mapping[str, tuple[str, ...]] = {
-    "tests/physics/test_accuracy.py": (
-        "test_runs_that_agree_by_chance_do_not_promise_much",
-        "test_a_run_keeps_the_tolerance_of_its_scene[augmented-, accuracy: 1.0e-7-*]",
-    ),
+    "tests/physics/test_accuracy.py": ("test_a_run_keeps_the_tolerance_of_its_scene[augmented-, accuracy: 1.0e-7-*]",),
     "tests/physics/test_assemblies.py": ("test_a_five_bar_whose_end_is_given", "test_a_watt_six_bar", "test_the_command_lists_them"),
     "tests/physics/test_balls.py": ("test_all_methods_move_the_loop_alike",),
     "tests/physics/test_contacts.py": ("test_touching_and_flight_go_on_by_all_methods[recursive-newton*-0]",),
@@ -20,6 +17,7 @@ FULL: Mapping[str, tuple[str, ...]] = {
         "test_the_defect_falls_with_the_order[augmented*]", "test_the_defect_falls_with_the_order[classical*]",
         "test_friction_does_the_work_of_the_loads_in_each_step[*-false]", "test_the_warning_is_in_the_terminal_and_beside_the_table",
     ),
+    "tests/physics/test_error_estimates.py": ("test_runs_that_agree_by_chance_do_not_promise_much",),
     "tests/physics/test_everyday.py": (
         "test_the_axle_stands_on_its_weight[chirp]", "test_the_platforms_legs_are_as_long_as_its_height_says",
     ),
@@ -101,10 +99,8 @@ FULL: Mapping[str, tuple[str, ...]] = {
         "test_a_host_gives_it_before_each_step", "test_a_host_has_inputs_that_no_file_names",
         "test_a_car_comes_to_rest_wherever_the_ground_lifts_it", "test_a_wheel_whose_forces_read_its_contact_has_it_too",
     ),
-    "tests/physics/test_trims.py": (
-        "test_exports_say_that_the_start_is_trimmed_once", "test_wrong_requests[text1-*]", "test_wrong_requests[text6-*]",
-        "test_wrong_requests[text8-*]", "test_derivatives_are_exact[text5*]", "test_wrong_starts_of_a_loop[trim: *]",
-    ),
+    "tests/physics/test_trim_gradients.py": ("test_derivatives_are_exact[text5*]",),
+    "tests/physics/test_trims.py": ("test_exports_say_that_the_start_is_trimmed_once",),
     "tests/physics/test_turn_slip.py": ("test_a_little_camber_acts_as_without_turn_slip",),
     "tests/physics/test_two_track.py": (
         "test_a_car_on_stiff_tyres_is_the_rigid_one[braking*", "test_a_car_on_stiff_tyres_is_the_rigid_one[sine*",
@@ -123,10 +119,14 @@ FULL: Mapping[str, tuple[str, ...]] = {
         "test_the_friction_of_a_road_is_that_of_the_scaling_factors", "test_a_tyre_at_rest_does_no_work_while_its_load_changes",
         "test_limits_hold_slip_and_load_of_the_formula",
     ),
+    "tests/physics/test_wrong_trims.py": (
+        "test_wrong_requests[text1-*]", "test_wrong_requests[text6-*]", "test_wrong_requests[text8-*]",
+        "test_wrong_starts_of_a_loop[trim: *]",
+    ),
 }  # fmt: skip
 
 KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
-    "tests/physics/test_accuracy.py": {
+    "tests/physics/test_error_estimates.py": {
         "test_what_has_converged_is_not_told_too_small": ("crank-Coulomb", "rocker-steep, stop", "yoke-viscous"),
     },
     "tests/physics/test_balls.py": {
@@ -198,7 +198,7 @@ KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "tests/physics/test_steady_motions.py": {
         "test_a_motorcycle_of_two_bodies_on_wheels": ("4.0",),
     },
-    "tests/physics/test_trims.py": {
+    "tests/physics/test_rolling_trims.py": {
         "test_a_wheel_without_torque_rolls": ("mf52-*",),
     },
     "tests/physics/test_two_track.py": {

@@ -27,7 +27,7 @@ from . import (
 )  # fmt: skip
 from .chain import run_chain
 from .expressions import any_text
-from .models import any_model
+from .mutations import any_model
 from .pipeline import compile_text
 from .tally import Kind
 

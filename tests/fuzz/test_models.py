@@ -26,7 +26,8 @@ from cutjoint.toolchain.build import build, write_source
 from cutjoint.toolchain.compiler import find_compiler
 from tests.conftest import needs_cpp
 
-from .models import any_model, make_document, write
+from .models import make_document, write
+from .mutations import any_model
 from .odd import NASTY, ODD_NAMES
 from .pipeline import Outcome, compile_text
 

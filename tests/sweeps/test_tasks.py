@@ -13,7 +13,7 @@ from cutjoint import find_kinematics, sweep
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import RunError
 from tests.conftest import MODELS, ROOT
-from tests.physics.test_trims import SLED
+from tests.mechanisms.trims import SLED
 
 _POST = """
 cutjoint: 1

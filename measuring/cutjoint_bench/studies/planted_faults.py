@@ -76,7 +76,7 @@ FAULTS = (
           ("tests/importing/test_sdf.py",)),
     # Analyses
     Fault("trim_bounds", f"{_C}analysis/trims.py", "return np.clip(y, self._lower, self._upper), share", "return y, share",
-          "the unknowns of a trim leave their bounds", ("tests/physics/test_trims.py",)),
+          "the unknowns of a trim leave their bounds", ("tests/physics/test_trims.py", "tests/physics/test_wrong_trims.py")),
     Fault("redundant_rank", f"{_C}analysis/redundancy.py", "rank = max(p.rank for p in poses)", "rank = min(p.rank for p in poses)",
           "what depends in one pose counts as dependent in all",
           ("tests/analysis/test_redundancy.py", "tests/analysis/test_check.py", "tests/analysis/test_shaky.py")),
