@@ -7,7 +7,8 @@ from collections.abc import Mapping
 FULL: Mapping[str, tuple[str, ...]] = {
     "tests/standalone/test_c99.py": (
         "test_steps_have_the_bits_of_the_cpp_export[pushed rk4]", "test_steps_have_the_bits_of_the_cpp_export[press*]",
-        "test_a_parameter_that_is_set_before_the_start_counts_there",
+        "test_what_is_set_before_the_start_counts_there",
+        "test_libraries_of_one_name_in_one_program_keep_their_own_tables",
     ),
     "tests/standalone/test_c_export.py": (
         "test_a_folder_goes_without_vector_mathematics", "test_random_calls_under_sanitizers", "test_a_project_takes_it_in_both_ways",
