@@ -1,11 +1,15 @@
-"""What rounding leaves is shown as 0 in tables of responses."""
+"""Tables of responses: what rounding leaves is shown as 0, and phases of files are in their unit."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import pytest
 from rich.console import Console
 
-from cutjoint.report.response import response_tables
+from cutjoint.report.response import response_tables, write_response
+from cutjoint.run.results import read_table
 from cutjoint.stepping.state_space import StateSpace
 
 
@@ -43,3 +47,16 @@ def test_narrow_terminals_fold_names_and_keep_each_number() -> None:
     assert "…" not in text
     first = "".join(line[1:].split(" ", 1)[0] for line in text.splitlines()[3:])
     assert first.endswith(name)
+
+
+def test_a_file_has_phases_in_radians(tmp_path: Path) -> None:
+    """Of 1/(s + 2): at 2 rad/s it lags by an eighth of a turn."""
+    one = np.ones((1, 1))
+    model = StateSpace(
+        A=-2 * one, B=one, B_rate=0 * one, B_acceleration=0 * one, C=one, D=0 * one, D_rate=0 * one, D_acceleration=0 * one, x=np.zeros(1),
+        y=np.zeros(1), states=("a",), inputs=("u",), outputs=("y",), units={"y": "m", "u": "N"},
+    )  # fmt: skip
+    _, columns = read_table(write_response(model.frequency_response([1 / np.pi]), tmp_path / "response.csv"))
+    assert columns["y/u.gain"] == pytest.approx([1 / np.sqrt(8)])
+    assert columns["y/u.phase"] == pytest.approx([-np.pi / 4])
+    assert "rad" in (tmp_path / "response.units.json").read_text()
