@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from cutjoint.coupling.connections import open_system
+from cutjoint.coupling.connections import connect, open_system
+from cutjoint.coupling.controller import Port
+from cutjoint.coupling.run import _End
+from cutjoint.model.read import read_model_text
 from cutjoint.package.errors import RunError
 from cutjoint.run.results import read_table
 from tests.conftest import needs_cpp
@@ -141,3 +146,20 @@ def test_what_is_no_system_is_reported(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="pass only the system, without --connect"), open_system([tmp_path / "x.ssp"], {"a": "b"},
         "pushed"):
         pass
+
+
+def test_a_controller_reads_outputs_in_its_own_units() -> None:
+    """30 mm of the model are 0.03 m of a port in SI units, as the simulation has them and as the connections say."""
+    model = read_model_text(PUSHED.replace("outputs: [mass.x,", "outputs: [{place: {value: 1000*mass.x, unit: mm}},"), "pushed.yaml")
+    place, force = (Port(name=name, reference=i, causality=way, unit=None, fault="") for i, (name, way) in enumerate((
+        ("where", "input"), ("force", "output"))))  # fmt: skip
+    written: dict[str, float] = {}
+    fmu: Any = SimpleNamespace(
+        path=Path("c.fmu"), ports={"where": place, "force": force},
+        set=lambda ports, values: written.update(zip((port.name for port in ports), values, strict=True)),
+    )  # fmt: skip
+    (connections,) = connect([fmu], model, model.scenes["run"], {"where": "place", "force": "given"})
+    simulation: Any = SimpleNamespace(outputs={"place": 30.0})
+    participant: Any = SimpleNamespace(fmu=fmu, connections=connections, step=0.01)
+    _End(simulation, participant, [])._write_inputs()
+    assert written == {"where": pytest.approx(0.03)}

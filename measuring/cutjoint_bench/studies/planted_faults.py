@@ -120,7 +120,7 @@ FAULTS = (
           "runtime_digest(part=source.driver), *compiler.key, *resolve(flags), *kind.key])\n    return cache_folder()",
           "runtime_digest(part=source.driver), *compiler.key, *kind.key])\n    return cache_folder()",
           "a simulator with other flags is found in the cache",
-          ("tests/toolchain/test_flags.py", "tests/toolchain/test_compiler.py", "tests/toolchain/test_warm.py")),
+          ("tests/toolchain/test_locks.py", "tests/toolchain/test_flags.py", "tests/toolchain/test_warm.py")),
     Fault("fmu_dependencies", f"{_C}export/fmu/variables.py", 'places if rates or direct.has("q:")', 'places if direct.has("q:")',
           "an FMU does not say that outputs by speeds depend on places", ("tests/fmu/test_exchange.py", "tests/fmu/test_archive.py")),
     # Runtime and templates
