@@ -16,6 +16,7 @@ import cutjoint
 from cutjoint.cli import main
 from cutjoint.fits.data import read_data
 from cutjoint.fits.fit import _spread
+from cutjoint.fits.reading import read_fit
 from cutjoint.fits.records import Signal
 from cutjoint.model.read import read_model
 from cutjoint.sweeps.reading import read_study
@@ -115,6 +116,19 @@ def _arm_study(tmp_path: Path, data: str, **signal: Any) -> dict[str, Any]:
             "signals": {"pin.angle": {"column": "encoder", "unit": "deg", "delay": "lag", "bias": "zero", "gain": "scale", **signal}},
         }},
     }  # fmt: skip
+
+
+def test_a_start_of_no_coordinate_is_named_and_bounds_that_hold_are_said(tmp_path: Path) -> None:
+    t, said = np.arange(0.0, 0.5, 0.01), list[str]()
+    data = _write(tmp_path / "d.csv", t, encoder=_scipy_pendulum(t, mass=2.0, inertia=0.08, friction=0.3, angle=0.1, rate=0.0))
+    study = _arm_study(tmp_path, data)
+    study["parameters"] = {"friction": {"to": 0.2}}
+    drop = study["experiments"]["drop"] = {"data": data, "start": {"pin.angel": 0.1}, "signals": {"pin.angle": {"column": "encoder"}}}
+    with pytest.raises(cutjoint.CutjointError, match=r"experiment 'drop': start: no 'pin.angel'; did you mean 'pin.angle'"):
+        cutjoint.fit(study)
+    drop["start"] = {"pin.angle": 0.1, "pin.angle_rate": 0.0}
+    cutjoint.fit(study, note=said.append)
+    assert "friction ends at its bound" in said
 
 
 def test_data_of_another_simulator_with_unknown_start_delay_gain_and_bias(tmp_path: Path) -> None:
@@ -318,6 +332,10 @@ def test_an_empty_study_is_no_model(tmp_path: Path) -> None:
         ({"experiments": {"run": {"data": "none.csv", "signals": {"slider.x": {}}}}}, "none.csv"),
         ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {}}, "validation": True}}}, "for validation"),
         ({"starts": {"count": 3}}, "several starts lie between bounds"),
+        ({"dt": 0}, "a step is above zero"),
+        ({"parameters": {"stiffness": {"size": 0}}}, "a size is above zero"),
+        ({"experiments": {"run": {"data": "d.csv", "signals": {"slider.x": {"unit": "foo"}}}}}, "experiment 'run': unknown unit 'foo'"),
+        ({"experiments": {"run": {"data": "d.csv", "start": {"pin.angle": "3 kg"}, "signals": {"slider.x": {}}}}}, "'3 kg' is in another"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said(tmp_path: Path, change: dict[str, Any], words: str) -> None:
@@ -326,6 +344,33 @@ def test_what_is_wrong_is_said(tmp_path: Path, change: dict[str, Any], words: st
     (tmp_path / "study.yaml").write_text(json.dumps(study))
     with pytest.raises(cutjoint.CutjointError, match=words):
         cutjoint.fit(tmp_path / "study.yaml")
+
+
+@pytest.mark.parametrize(
+    ("times", "values", "words"),
+    [
+        ([0.0, 2.0, 1.0], [1.0, 1.0, 1.0], "the times of column 'torque' do not rise; sort the rows and remove duplicates"),
+        ([0.0, 1.0, 1.0], [1.0, 1.0, 1.0], "the times of column 'torque' do not rise"),
+        ([50.0, 51.0, 52.0], [1.0, 1.0, 1.0], "no samples of it between 0 s and 1 s, where the signals are; see time"),
+        ([0.0, 1.0, 2.0], [np.nan, np.nan, np.nan], "no samples of it between 0 s and 1 s"),
+        ([np.nan, 0.5, 0.8], [1.0, np.nan, 1.0], None),
+    ],
+)  # fmt: skip
+def test_inputs_are_of_the_time_of_the_run(tmp_path: Path, times: list[float], values: list[float], words: str | None) -> None:
+    """The signals begin where the first row has no time, too."""
+    (tmp_path / "arm.yaml").write_text(_PENDULUM.replace("parameters: {", "parameters: {push: {value: 0, unit: N*m, binding: input}, "))
+    _write(tmp_path / "d.csv", [np.nan, 0.0, 0.5, 1.0], pin_angle=[9.0, 1.0, 2.0, 3.0])
+    _write(tmp_path / "torque.csv", times, torque=values)
+    run = {"data": "d.csv", "inputs": {"push": {"data": "torque.csv", "column": "torque"}}, "signals": {"pin.angle": {}}}
+    study = {"cutjoint_fit": 1, "model": "arm.yaml", "dt": "1 ms", "parameters": {"friction": {}}, "experiments": {"a": run}}
+    (tmp_path / "study.json").write_text(json.dumps(study))
+    if words is not None:
+        with pytest.raises(cutjoint.CutjointError, match=words):
+            read_fit(tmp_path / "study.json")
+    else:
+        (read,) = read_fit(tmp_path / "study.json").experiments
+        assert read.signals[0].times.tolist() == [0, 0.5, 1]
+        assert read.inputs["push"]["t"].tolist() == [0.8]
 
 
 def test_an_interrupted_fit_says_what_it_has(tmp_path: Path) -> None:

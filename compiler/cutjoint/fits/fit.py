@@ -208,6 +208,8 @@ class Solver:
             self._estimate(best.x)
             best = self.least_squares(best.x)
             self._estimate(best.x)
+        for name in np.array(self.names)[best.active_mask != 0]:
+            self.note(f"{name} ends at its bound")
         jacobian = self.residuals(best.x)[1]
         after = identify(jacobian, self.names, self.sizes, samples)
         deviations, correlations = self._covariance(jacobian)

@@ -24,7 +24,7 @@ from cutjoint.model.errors import ModelError, Problems, nearest
 from cutjoint.model.expressions.operations import ExpressionError, Term
 from cutjoint.model.expressions.parse import Names, symbols_of
 from cutjoint.model.expressions.scope import Directory, Element, Scope
-from cutjoint.model.expressions.units import TIME, Dimension, fault_of_hertz, measure
+from cutjoint.model.expressions.units import TIME, Dimension, UnitError, fault_of_hertz, measure
 from cutjoint.model.records import Binding, Model, Scalar, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
@@ -168,6 +168,8 @@ class _Reading:
                 self._fail((*keys, "prior", "deviation"), "a standard deviation is above zero")
         usual = abs(start) or (high - low if isfinite(high - low) else deviation if isfinite(deviation) else 1.0)
         size = number(part.size, ("size",), usual)
+        if part.size is not None and not size > 0:
+            self._fail((*keys, "size"), "a size is above zero")
         symbol = sympy.Symbol(name, real=True)
         self.terms[name] = Term(symbol, dimension)
         unit = own.unit if own is not None else "" if dimension is None else str(dimension)
@@ -211,18 +213,16 @@ class _Reading:
             (default if value is None else self.where.number(value, TIME, (*keys, key)))
             for key, value, default in (("from", part.from_, nan), ("to", part.to, inf))
         )  # fmt: skip
-        taken = {text: self._column(data, str(m.column or text), seconds) for text, m in part.signals.items()}
+        taken = {text: self._column((*keys, "signals", text), data, str(m.column or text), seconds) for text, m in part.signals.items()}
         if isnan(begin):
             begin = min(float(t[0]) if len(t) else 0.0 for t, _ in taken.values())
         signals = []
         for text, measured in part.signals.items():
             t, values = taken[text]
             inside = (t >= begin - 1e-9) & (t <= until + 1e-9)
-            whole = inside & np.isfinite(values) & np.isfinite(t)
+            whole = inside & np.isfinite(values)
             if not whole.any():
-                self._fail((*keys, "signals", text), "there are no samples in the window of time", "see from and to")
-            elif not part.poses and (np.diff(t[whole]) <= 0).any():
-                self._fail((*keys, "signals", text), f"the times of {part.data} do not rise", "sort the rows and remove duplicates")
+                self._stop((*keys, "signals", text), "there are no samples in the window of time", "see from and to")
             missing = int(inside.sum() - whole.sum())
             signals.append(self._signal((*keys, "signals", text), text, measured, reader, (t[whole] - begin, values[whole], missing)))
             if part.poses and missing:
@@ -230,10 +230,11 @@ class _Reading:
         named = {n: Term(sympy.Symbol(f"[{n}]", real=True)) for text in part.start.values() for n in symbols_of(text) - self.terms.keys()}
         columns = {}
         for n, term in named.items():
-            t, values = self._column(data, n, seconds)
+            t, values = self._column((*keys, "start"), data, n, seconds)
             columns[term.value] = values if part.poses else values[np.isfinite(values) & (t >= begin - 1e-9)][:1]
-        starts = {c: self._expression(v, (*keys, "start", c), None, named) for c, v in part.start.items()}
-        inputs = {n: self._input((*keys, "inputs", n), n, d, part, model, begin) for n, d in part.inputs.items()}
+        starts = {c: self._expression(v, (*keys, "start", c), _dimension(model, c), named) for c, v in part.start.items()}
+        window = begin, begin + max(float(g.times[-1]) for g in signals)
+        inputs = {n: self._input((*keys, "inputs", n), n, d, part, model, window) for n, d in part.inputs.items()}
         notes = self._motions(keys, part, followed, inputs, begin) if followed is not None else ()
         asked = self.document.design
         asked = None if asked is None or asked.experiment != name or part.poses or part.validation else asked
@@ -271,7 +272,8 @@ class _Reading:
     def _step(self, scene: Scene, signals: Sequence[Signal]) -> float:
         """The step of the runs: of adaptive integrators the interval between samples, of others the scene's, if they are not given."""
         if self.document.dt is not None:
-            return self.where.number(self.document.dt, TIME, ("dt",))
+            dt = self.where.number(self.document.dt, TIME, ("dt",))
+            return dt if dt > 0 else self._stop(("dt",), "a step is above zero")
         chosen, own = self.document.integrator, scene.numerics.of_method(self.document.method).dt
         if own is not None and (chosen is None or not INTEGRATORS[chosen].adaptive):
             return own
@@ -299,16 +301,23 @@ class _Reading:
         return Signal(text=text, unit=unit or ("" if dimension is None else str(dimension)), value=sympy.sympify(value), times=times,
             values=values * factor, deviation=deviation, gain=gain, bias=bias, delay=delay, missing=missing)  # fmt: skip
 
-    def _input(self, keys: Keys, name: str, part: parts.Driven, of: parts.Experiment, model: Model, begin: float) -> dict[str, object]:
+    def _input(
+        self, keys: Keys, name: str, part: parts.Driven, of: parts.Experiment, model: Model, window: tuple[float, float]
+    ) -> dict[str, object]:  # fmt: skip
         own = {p.name: p for p in input_parameters(model)}
         if name not in own:
             self._fail(keys, f"the model has no input '{name}'", nearest(name, own, "it has"), at_key=True)
             return {}
         seconds = self._factor(of.time_unit, ("experiments",), TIME)
-        t, values = self._column(self._data(part.data or of.data, str(part.time or of.time)), str(part.column or name), seconds)
-        whole = np.isfinite(values)
+        file = part.data or of.data
+        t, values = self._column(keys, self._data(file, str(part.time or of.time)), str(part.column or name), seconds)
+        t, values = t[np.isfinite(values)], values[np.isfinite(values)]
+        if name in self.document.parameters:
+            self._fail(keys, "it is a parameter of the fit, too", "remove one of them", at_key=True)
+        if not len(t) or t[0] > window[1] or t[-1] < window[0]:
+            self._stop(keys, f"{file} has no samples of it between {window[0]:g} s and {window[1]:g} s, where the signals are", "see time")
         factor = self._factor(part.unit, (*keys, "unit"), dimension_of(own[name].unit) if own[name].unit else None, own[name].unit)
-        return {"t": t[whole] - begin, "value": values[whole] * factor, "interpolation": part.interpolation}
+        return {"t": t - window[0], "value": values * factor, "interpolation": part.interpolation}
 
     def _motions(self, keys: Keys, part: parts.Experiment, followed: Followed, inputs: dict[str, Any], begin: float) -> tuple[str, ...]:
         """Add the tables of joints that follow columns to inputs; returns what was smoothed, in words."""
@@ -320,8 +329,9 @@ class _Reading:
         for name, moved in part.motion.items():
             own = followed.inputs[name]
             factor = self._factor(moved.unit, (*keys, "motion", name, "unit"), dimension_of(own.unit))
-            t, values = self._column(data, str(moved.column or f"{name}.{coordinates[name][0]}"), seconds)
-            rates = None if moved.rate is None else self._column(data, str(moved.rate), seconds)[1] * factor
+            at: Keys = (*keys, "motion", name)
+            t, values = self._column(at, data, str(moved.column or f"{name}.{coordinates[name][0]}"), seconds)
+            rates = None if moved.rate is None else self._column(at, data, str(moved.rate), seconds)[1] * factor
             spline, noise = smooth(t - begin, values * factor, rates, 0.5 / band)
             times = np.concatenate([[0.0], spline.t[(spline.t > 0) & (spline.t <= spline.t[-4])]])
             inputs[own.name] = {"t": times, "value": spline(times), "rate": spline(times, 1), "interpolation": "cubic"}
@@ -334,19 +344,33 @@ class _Reading:
             self.data[file, time] = read_data(self.folder / file, time)
         return self.data[file, time]
 
-    def _column(self, data: Columns, name: str, seconds: float) -> tuple[Array, Array]:
+    def _column(self, keys: Keys, data: Columns, name: str, seconds: float) -> tuple[Array, Array]:
+        """Times and values of a column where there is a time; the times of samples rise."""
         t, values = data(name)
-        return t * seconds, values
+        t, values = t[np.isfinite(t)] * seconds, values[np.isfinite(t)]
+        if (np.diff(t[np.isfinite(values)]) <= 0).any():
+            self._stop(keys, f"the times of column '{name}' do not rise", "sort the rows and remove duplicates")
+        return t, values
 
     def _factor(self, unit: str | None, keys: Keys, dimension: Dimension | None, own: str = "") -> float:
         if unit is None:
             return 1.0
-        one = measure(1.0, unit)
+        try:
+            one = measure(1.0, unit)
+        except UnitError as error:
+            self._stop(keys, str(error))
         if dimension not in (None, one.dimension):
             self._fail(keys, f"unit {unit} does not fit what is measured, in {dimension}", "write a unit of that")
         elif fault := fault_of_hertz(unit, own):
             self._fail(keys, fault)
         return one.value
+
+
+def _dimension(model: Model, coordinate: str) -> Dimension | None:
+    try:
+        return Reader(model).read(coordinate, model.span)[2]
+    except ExpressionError:
+        return None  # `Simulation.choose_independent` says what there is
 
 
 def _read_tunable(path: Path, names: Sequence[str], whole: Sequence[str]) -> Model:

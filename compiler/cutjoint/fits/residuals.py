@@ -146,7 +146,9 @@ class _Case:
             return np.zeros((len(sim.states), 0)), by_start
         found = sim.equilibrium_sensitivities if self.experiment.at_rest else sim.initial_state_sensitivities
         self._choose()
-        states = np.hstack([found([], self.names).states, np.zeros((len(sim.states), len(self.coordinates)))])
+        states = np.zeros((len(sim.states), len(self.names) + len(self.coordinates)))
+        if len(self.coordinates) < len(sim.states):  # else all of the start is given
+            states[:, : len(self.names)] = found([], self.names).states
         if self.coordinates:
             x = sim.states.array.copy()
             places = [sim.states.place(name) for name in self.coordinates]
@@ -161,7 +163,9 @@ class _Case:
         if any(name not in sim.states for name in self.coordinates):
             rates = [name for name in self.coordinates if name in sim.speeds]
             try:
+                [sim.states.place(name) for name in self.coordinates if name not in sim.coordinates and name not in sim.speeds]
                 sim.choose_independent(rates)
+                [sim.states.place(name) for name in self.coordinates]
             except (ValueError, KeyError) as error:
                 words = f"{self.experiment.span}: experiment '{self.experiment.name}': start: {error.args[0]}"
                 raise RunError(f"{words}; give the starts of as many coordinates and their rates, or of {', '.join(sim.states)}") from None

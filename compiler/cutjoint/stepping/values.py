@@ -58,6 +58,9 @@ class Values(MutableMapping[str, float]):
     def __iter__(self) -> Iterator[str]:
         return iter(self._places)
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._places  # else by the KeyError, which looks for similar names
+
     def __len__(self) -> int:
         return len(self._places)
 

@@ -102,14 +102,24 @@ def _timed(repetitions: int, prepare: Callable[[], Any], function: Callable[[], 
     return min(times), found
 
 
-def _ours(repetitions: int, study: dict[str, Any]) -> tuple[float, Any]:
-    exact = Solver(read_fit(study), lambda text: None)
-    return _timed(repetitions, lambda: exact.residuals(0.9 * exact.start), lambda: exact.least_squares(exact.start))  # the last is kept
+class _Ours:
+    """Our fit, which knows the costs of others' parameters."""
 
+    def __init__(self, name: str, repetitions: int, study: dict[str, Any]) -> None:
+        exact = self.exact = Solver(read_fit(study), lambda text: None)
+        self.seconds, found = _timed(repetitions, lambda: exact.residuals(0.9 * exact.start), lambda: exact.least_squares(exact.start))
+        self.values: Array = found.x
+        print(f"{name}: exact sensitivities: {self.seconds:.4g} s, {found.njev} iterations, {found.nfev} runs")
 
-def _beside(name: str, seconds: float, found: Array, cost: float, own: tuple[float, Array, float]) -> None:
-    print(f"{name}: {seconds:.4g} s, {seconds / own[0]:.3g} times ours; cost {cost:.7g}, ours {own[2]:.7g}; "
-          f"largest difference of parameters {np.abs(found / own[1] - 1).max():.2g} of their values")  # fmt: skip
+    def cost(self, values: Array) -> float:
+        """The mean of squared residuals."""
+        return float(np.mean(self.exact.residuals(values)[0] ** 2))
+
+    def print(self, name: str, seconds: float, values: Array) -> None:
+        """A row of another way."""
+        apart = np.abs(values / self.values - 1).max()
+        print(f"{name}: {seconds:.4g} s, {seconds / self.seconds:.3g} times ours; cost {self.cost(values):.9g}, "
+              f"ours {self.cost(self.values):.9g}; parameters differ by {apart:.2g} of their values")  # fmt: skip
 
 
 def _loop(repetitions: int) -> None:
@@ -128,12 +138,11 @@ def _loop(repetitions: int) -> None:
     with TemporaryDirectory() as folder:
         path, t = Path(folder) / "data.csv", np.arange(len(data)) * _EVERY * _DT
         np.savetxt(path, np.column_stack([t, data]), delimiter=",", header=",".join(["t", *_SIGNALS]), comments="", fmt="%.17g")
-        seconds, found = _ours(repetitions, {
+        ours = _Ours("loop", repetitions, {
             "cutjoint_fit": 1, "model": str(_MODEL), "integrator": "rk4", "dt": _DT, "parameters": {name: {} for name in names},
             "experiments": {"run": {"data": str(path), "signals": {
                 name: {"deviation": float(s)} for name, s in zip(_SIGNALS, noise, strict=True)}}},
         })  # fmt: skip
-    print(f"loop: exact sensitivities: {seconds:.4g} s, {found.njev} iterations")
     sizes = np.abs(start)
 
     def difference(z: Array) -> Array:
@@ -142,7 +151,7 @@ def _loop(repetitions: int) -> None:
     other, beside = _timed(repetitions, lambda: None, lambda: least_squares(
         difference, np.ones(len(names)), jac="2-point", xtol=1e-10, ftol=1e-8, gtol=1e-14))  # fmt: skip
     print(f"differences: {beside.nfev} and {beside.njev} times {len(names)} runs")
-    _beside("differences", other, beside.x * sizes, 2 * beside.cost / data.size, (seconds, found.x, 2 * found.cost / data.size))
+    ours.print("differences", other, beside.x * sizes)
 
 
 def _tree(repetitions: int) -> None:
@@ -179,7 +188,7 @@ def _tree(repetitions: int) -> None:
         (Path(folder) / "arm.yaml").write_text(import_file(Path(folder) / "arm.xml").text)
         header = ",".join(["t", *_JOINTS])
         np.savetxt(Path(folder) / "d.csv", np.column_stack([t, data]), delimiter=",", header=header, comments="", fmt="%.17g")
-        seconds, found = _ours(repetitions, {
+        ours = _Ours("tree", repetitions, {
             "cutjoint_fit": 1, "model": str(Path(folder) / "arm.yaml"), "integrator": "rk4", "dt": _STEP,
             "parameters": {name: {"from": float(0.1 * x), "to": float(5 * x)} for name, x in zip(_NAMES, start, strict=True)},
             "experiments": {"run": {
@@ -188,8 +197,6 @@ def _tree(repetitions: int) -> None:
                 "signals": {f"{j}.angle": {"column": j, "deviation": float(s)} for j, s in zip(_JOINTS, noise, strict=True)},
             }},
         })  # fmt: skip
-    cost = 2 * found.cost / data.size
-    print(f"tree: exact sensitivities: {seconds:.4g} s, {found.njev} iterations, {found.nfev} runs")
     measured = sysid.TimeSeries(t, data, {f"{j}_qpos": (sysid.SignalType.MjStateQPos, np.array([i])) for i, j in enumerate(_JOINTS)})
     control = sysid.TimeSeries(np.arange(_SWING + 1) * _STEP, np.zeros((_SWING + 1, 0)))
     sequences = [sysid.ModelSequences("arm", spec, "swing", initial, control, measured)]
@@ -200,8 +207,7 @@ def _tree(repetitions: int) -> None:
             return sysid.optimize(initial_params=params, residual_fn=residual, optimizer=optimiser, verbose=False)
 
         other, (best, _) = _timed(repetitions, lambda: params.update_from_vector(start), fit)
-        rows = np.concatenate([np.ravel(r) for r in residual(best.as_vector(), best.copy())[0]])
-        _beside(f"mujoco.sysid, {optimiser}", other, best.as_vector(), float(np.mean((rows / 0.01) ** 2)), (seconds, found.x, cost))
+        ours.print(f"mujoco.sysid, {optimiser}", other, best.as_vector())
 
 
 if __name__ == "__main__":
