@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 from cutjoint.cli import main
 from cutjoint.fits.design import design_experiment
@@ -99,3 +100,43 @@ def test_the_command_writes_inputs_that_a_study_takes_and_names_what_none_determ
     again = design_experiment(study, print)
     assert again.before == pytest.approx(after, rel=1e-3)  # as many digits as are printed
     assert again.after >= again.before * 0.999
+
+
+_ARM = """
+cutjoint: 1
+name: arm
+gravity: [0, 0, -9.81]
+parameters: {viscous: {value: 0.1, unit: N*m*s}, dry: {value: 0.2, unit: N*m}}
+bodies: {arm: {mass: 2, centre_of_mass: [0.3, 0, 0], inertia: [0.04, 0.05, 0.05]}}
+joints: {pin: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: [0, 1, 0]}}
+forces: {friction: {kind: joint_force, joint: pin, law: -viscous*rate - dry*tanh(rate/0.1)}}
+"""
+
+
+@pytest.mark.heavy
+def test_a_path_is_designed_for_a_measured_motion(tmp_path: Path) -> None:
+    """The torque and its derivatives by hand, of the path's spline."""
+    (tmp_path / "arm.yaml").write_text(_ARM)
+    t = np.arange(0, 4, 0.02)
+    slow = 0.3 * np.sin(0.5 * t)
+    np.savetxt(tmp_path / "arm.csv", np.column_stack([t, slow, slow]), delimiter=",", header="t,angle,torque", comments="")
+    found = design_experiment({
+        "cutjoint_fit": 1, "model": str(tmp_path / "arm.yaml"),
+        "parameters": {"arm.mass": {}, "arm.inertia.1": {}, "viscous": {}, "dry": {}},
+        "experiments": {"a": {
+            "data": str(tmp_path / "arm.csv"), "motion": {"pin": {"column": "angle"}}, "bandwidth": "5 Hz",
+            "signals": {"pin.drive": {"column": "torque", "deviation": 0.05}},
+        }},
+        "design": {"experiment": "a", "inputs": {"pin": ["-1 rad", "1 rad"]}, "runs": 40,
+                   "limits": {"pin.drive": [-12, 12], "pin.angle_rate": [-3, 3]}},
+    }, print)  # fmt: skip
+    path = CubicSpline(found.table["t"], found.table["pin"])
+    q, v, a = (path(t, order) for order in range(3))
+    columns = np.column_stack([2 * (0.09 * a - 0.3 * 9.81 * np.cos(q)), 0.05 * a, 0.1 * v, 0.2 * np.tanh(v / 0.1)])
+    least = np.linalg.eigvalsh(columns.T @ columns / 0.05**2)[0]
+    assert found.after == pytest.approx(least, rel=0.02)  # accelerations of two splines with knots every 20 ms
+    assert found.after > 1000 * found.before
+    assert np.abs(columns.sum(axis=1)).max() <= 12 * 1.01
+    assert np.abs(v).max() <= 3 * 1.01
+    assert np.abs(q).max() <= 1
+    assert not found.open
