@@ -228,6 +228,14 @@ def test_what_changes_depends_on_what_was_changed(name: str) -> None:
         assert changing <= {v.name for v in unknowns.values() if known in v.following}, variable.name
 
 
+def test_speeds_of_a_loop_depend_on_its_places() -> None:
+    """A slider's speed is that of the crank by a ratio that the crank's angle decides; nothing is compiled."""
+    variables = fmu_of("press", 3, kind="both").interface.variables
+    places, speeds = ({i for i, v in enumerate(variables) if v.name == f"state[{k}]"} for k in (1, 2))
+    (following,) = (set(v.following) for v in variables if v.name == "slider.vx")
+    assert following == places | speeds
+
+
 def _inputs(fmu) -> tuple[int, int]:  # type: ignore[no-untyped-def]
     first = next((i for i, v in enumerate(fmu.interface.variables) if v.causality == "input"), 0)
     return first, first + len(fmu.interface.inputs)
