@@ -1,4 +1,4 @@
-"""Constants that become parameters in `inverse` and `kinematics`."""
+"""Constants that become parameters: `--tunable` stands in every command with `--set`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from tests.conftest import ROOT, needs_cpp
+from tests.edges.commands import commands
 
 LIFT = """
 cutjoint: 1
@@ -23,6 +24,23 @@ scenes: {rise: {end: 1, output_step: 0.5}}
 def call(*words: str) -> tuple[int, str]:
     done = CliRunner().invoke(main, words)
     return done.exit_code, done.output
+
+
+def test_every_command_that_sets_parameters_makes_constants_tunable() -> None:
+    options = {name: {switch for p in command.params for switch in p.opts} for name, command in commands().items()}
+    setting = {name for name, switches in options.items() if "--set" in switches}
+    assert {"simulate", "realtime", "reduce", "response", "kinematics"} <= setting
+    assert {name for name in setting if "--tunable" not in options[name]} <= {"bench"}  # which compares models as they are
+
+
+@needs_cpp
+def test_reduce_takes_a_mass_that_becomes_tunable(tmp_path: Path) -> None:
+    (tmp_path / "lift.yaml").write_text(LIFT)
+    code, text = call("reduce", str(tmp_path / "lift.yaml"), "--tunable", "load.mass", "--set", "load.mass=-1")
+    assert code == 1
+    assert "load" in text
+    assert "mass" in text
+    assert "no parameter" not in text
 
 
 @needs_cpp

@@ -22,7 +22,7 @@ def test_rounding_is_shown_as_zero() -> None:
         states=("a", "b"), inputs=("u",), outputs=("far", "near"), units={"far": "m", "near": "m", "u": "N"},
     )  # fmt: skip
     console = Console(width=200, record=True)
-    for table in response_tables(model, model.frequency_response([0.1, 1.0, 10.0]), "rest"):
+    for table in response_tables(model, np.array([0.1, 1.0, 10.0]), "rest"):
         console.print(table)
     text = console.export_text()
     assert "e-" not in text
@@ -41,7 +41,7 @@ def test_narrow_terminals_fold_names_and_keep_each_number() -> None:
         inputs=("an_input_with_a_name",), outputs=(name,), units={name: "m", "an_input_with_a_name": "N"},
     )  # fmt: skip
     console = Console(width=80, record=True)
-    *_, table = response_tables(model, model.frequency_response([0.1, 1.0, 10.0]), "rest")
+    *_, table = response_tables(model, np.array([0.1, 1.0, 10.0]), "rest")
     console.print(table)
     text = console.export_text()
     assert "…" not in text

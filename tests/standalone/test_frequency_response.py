@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import control
 import numpy as np
 import pytest
+import sympy
 from click.testing import CliRunner
 from scipy import linalg, signal
 from scipy.special import k1
@@ -16,11 +18,13 @@ from scipy.special import k1
 import cutjoint
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
-from cutjoint.model.read import read_model_text
+from cutjoint.formulate.inputs import TIME
+from cutjoint.model.expressions.tunable import with_inputs
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.run.simulation import simulate
 from cutjoint.stepping.state_space import SampledStateSpace, StateSpace
 from cutjoint.stepping.vibration import weighting
-from tests.conftest import needs_cpp
+from tests.conftest import MODELS, ROOT, needs_cpp
 
 pytestmark = needs_cpp
 
@@ -165,8 +169,12 @@ def test_rear_wheels_follow_front_wheels_and_tracks_have_the_coherence_of_an_iso
     assert isinstance(near, StateSpace)
     found = cutjoint.random_vibration(near, road=1e-5, speed=15.0, points=7)
     apart = cutjoint.random_vibration(near, road=1e-5, speed=15.0, points=7, places={"front_post": (0, 0.7), "rear_post": (0, -0.7)})
+    M, C, K, B = half_by_hand()
     for f, behind, beside in zip(found.frequencies, found.densities, apart.densities, strict=True):
-        G, n = near.transfer(2j * np.pi * f), f / 15
+        s, n = 2j * np.pi * f, f / 15
+        q = np.linalg.solve(M * s**2 + C * s + K, B)
+        tyres, struts = TYRE * (np.eye(2) - q[2:]), np.array([[1, -FRONT, -1, 0], [1, -REAR, 0, -1]]) @ q
+        G = np.vstack([s**2 * q[0], tyres[0], struts[0], tyres[1], struts[1]])
         height, x = 1e-5 * (n / 0.1) ** -2 / 15, 2 * np.pi * n * 1.4
         by_delay = G @ [1.0, np.exp(-2j * np.pi * f * (FRONT - REAR) / 15)]
         assert behind == pytest.approx(height * np.abs(by_delay) ** 2, rel=1e-9)
@@ -174,7 +182,6 @@ def test_rear_wheels_follow_front_wheels_and_tracks_have_the_coherence_of_an_iso
         assert beside == pytest.approx(height * np.einsum("oi,ij,oj->o", G, coherence, G.conj()).real, rel=1e-9)
     # the acceleration's variance with the delay, by quadrature of the white noise's transfer over all frequencies
     f = np.linspace(1e-3, 4000, 2_000_001)
-    M, C, K, B = half_by_hand()
     s = 2j * np.pi * f
     A = np.block([[np.zeros((4, 4)), np.eye(4)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
     values, vectors = np.linalg.eig(A)
@@ -226,6 +233,90 @@ def test_a_two_mass_drive_has_its_antiresonance_and_margins() -> None:
     by_control = control.stability_margins(control.tf([0.1, 60], [J * L, (J + L) * 0.1, (J + L) * 60, 0]))
     assert [margins.gain, margins.phase] == pytest.approx(by_control[:2], rel=1e-8)
     assert [2 * np.pi * margins.gain_at, 2 * np.pi * margins.phase_at] == pytest.approx(by_control[3:5], rel=1e-8)
+
+
+# An isolator, a drive with backlash, a rotor
+
+ISOLATOR = """
+cutjoint: 1
+name: isolator
+gravity: [0, 0, -9.81]
+parameters: {floor: {value: 0, unit: m, binding: input}}
+bodies: {table: {massless: true}, device: {mass: 12, centre_of_mass: [0, 0, 0.1]}}
+joints:
+  shake: {kind: prismatic, bodies: [ground, table], at: [0, 0, 0], axis: z, guide: floor}
+  rise: {kind: prismatic, bodies: [ground, device], at: [0, 0, 0.1], axis: z}
+states:
+  damper: {start: 0 m, rate: "9000*(mount.travel - 0.1 - damper)/250"}
+forces:
+  mount:
+    {kind: axial_force, bodies: [table, device], origin: [0, 0, 0], point: [0, 0, 0.1], axis: z,
+     law: "3000*(0.1 - travel) - 9000*(travel - 0.1 - damper)"}
+outputs: [device.az, mount.force, damper.value]
+scenes: {stand: {end: 1}}
+"""
+
+
+def test_an_isolator_with_an_elastically_hung_damper_has_its_transmissibility() -> None:
+    """A spring of 3 kN/m beside a damper of 250 N s/m that hangs on 9 kN/m: a state of first order."""
+    near = linear(ISOLATOR)
+    assert isinstance(near, StateSpace)
+    f = np.geomspace(0.05, 200, 80)
+    s = 2j * np.pi * f
+    branch = 9000 * 250 * s / (9000 + 250 * s)
+    device = (3000 + branch) / (12 * s**2 + 3000 + branch)
+    damper = 9000 * (device - 1) / (9000 + 250 * s)
+    expected = np.stack([s**2 * device, -(3000 + branch) * (device - 1), damper], axis=-1)
+    assert np.abs(near.frequency_response(f).values[:, :, 0] / expected - 1).max() < 1e-9
+    poles = np.roots([12 * 250, 12 * 9000, 250 * 12000, 3000 * 9000])  # of the closed form's denominator
+    assert np.sort_complex(near.poles) == pytest.approx(np.sort_complex(poles), rel=1e-9)
+
+
+BACKLASH = """
+cutjoint: 1
+name: drive
+gravity: [0, 0, 0]
+parameters: {torque: {value: 0, unit: N*m, binding: input}}
+bodies:
+  load: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 0.3]}
+  motor: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 0.02]}
+joints:
+  axle: {kind: revolute, bodies: [ground, load], at: [0, 0, 0], axis: z}
+  shaft: {kind: revolute, bodies: [load, motor], at: [0, 0, 0], axis: z}
+forces:
+  teeth: {kind: joint_force, joint: shaft, law: "-60*(max(position - 0.01, 0) + min(position + 0.01, 0)) - 0.1*rate"}
+  spring: {kind: joint_force, joint: axle, law: -5*position}
+  drive: {kind: load, body: motor, torque: [0, 0, torque]}
+outputs: [motor.wz, load.wz]
+scenes: {still: {end: 1}}
+"""
+
+
+@pytest.mark.parametrize(("moment", "stiffness", "torque"), [(None, 60.0, 2.0), (None, 60.0, -2.0), (0.0, 0.0, 0.0)])
+def test_a_drive_with_backlash_is_linearised_on_its_flank_or_between_them(moment: float | None, stiffness: float, torque: float) -> None:
+    """Wound up by 2 N m the teeth touch on one flank; at the start of a run without torque they do not."""
+    near = linear(BACKLASH.replace("value: 0, unit: N*m", f"value: {torque}, unit: N*m"), at=moment)
+    s = 2j * np.pi * np.geomspace(0.05, 100, 50)
+    shaft, J, L, spring = stiffness + 0.1 * s, 0.02, 0.3, 5.0
+    D = (J * s**2 + shaft) * (L * s**2 + shaft + spring) - shaft**2
+    expected = np.stack([s * (L * s**2 + shaft + spring) / D, s * shaft / D], axis=-1)
+    assert np.abs(near.evaluate(s)[:, :, 0] / expected - 1).max() < 1e-9
+
+
+def test_a_rotor_in_anisotropic_bearings_responds_as_its_gyroscopic_matrices_say() -> None:
+    """A torque about x tilts the disc of the page about x and, by its spin, about y."""
+    page = (ROOT / "docs/how-to/rotating-machines.md").read_text(encoding="utf-8")
+    model, _, _ = page.partition('title="rotor.yaml"\n')[2].partition("```")
+    near = cutjoint.find_linear_model(
+        read_model_text(model.replace("value: 100, unit: rad/s", "value: 400, unit: rad/s"), "rotor.yaml"), scene="steady",
+        inputs=["disc.wrench.tx", "disc.wrench.fy"], outputs=["rx.angle", "ry.angle", "disc.y"], external_wrenches=["disc"],
+    )  # fmt: skip
+    s = 2j * np.pi * np.geomspace(0.5, 500, 60)
+    for at, found in zip(s, near.evaluate(s), strict=True):
+        whirl = np.array([[0.4 * at**2 + 2 * at + 4e4, 0.7 * 400 * at], [-0.7 * 400 * at, 0.4 * at**2 + 2 * at + 6e4]])
+        tilt = np.linalg.solve(whirl, [1.0, 0.0])
+        assert found[:2, 0] == pytest.approx(tilt, rel=1e-9)
+        assert found[2, 1] == pytest.approx(1 / (20 * at**2 + 200 * at + 2e6), rel=1e-9)
 
 
 CART, POLE, LENGTH, PERIOD = 1.0, 0.2, 0.5, 0.02
@@ -318,6 +409,24 @@ def test_the_response_of_a_loop_of_two_rates_is_the_fourier_coefficient_of_a_lon
     found = near.frequency_response([1.75]).values[0, :, 0]
     for i, name in enumerate(near.outputs[:1]):
         assert abs(1j * (run.columns[name][last] @ wave) / 0.1 / found[i] - 1) < 1e-6
+
+
+@pytest.mark.heavy
+def test_the_iltis_on_four_posts_responds_as_the_fourier_coefficients_of_a_long_run() -> None:
+    """Each wheel's ground at an odd frequency, 3 um: products of second order are at even ones.  What rolls off sideways is no number."""
+    model = with_inputs(read_model(MODELS / "iltis.yaml"), terrain=["*"])
+    posts = {f"{wheel}.tyre.terrain_height": f for wheel, f in (("front_left", 1), ("front_right", 3), ("rear_left", 5), ("rear_right", 7))}
+    scene = model.scenes["iavsd_equilibrium"]
+    waves = {name: 3e-6 * sympy.sin(2 * sympy.pi * f * TIME) for name, f in posts.items()}
+    moved = replace(scene, end=8.0, output_step=1 / 400, inputs={**scene.inputs, **waves})
+    run = simulate(compile_interpreted(model, moved), integrator="dop853", tolerance=1e-13, error=False)
+    near, last = cutjoint.find_linear_model(model, scene="iavsd_equilibrium", inputs=list(posts)), slice(-801, -1)
+    compared = [name for name in near.outputs if not name.endswith(("yaw", "Fy", "slip"))]
+    for j, f in enumerate(posts.values()):
+        expected = near.frequency_response([f]).values[0, :, j]
+        wave = 1j * np.exp(-2j * np.pi * f * run.t[last]) * 2 / 800 / 3e-6
+        for name in compared:
+            assert abs(run.columns[name][last] @ wave / expected[near.outputs.index(name)] - 1) < 1e-6, (name, f)
 
 
 def test_the_command_writes_tables_plots_and_errors(tmp_path: Path) -> None:

@@ -1,9 +1,11 @@
 """`cutjoint inverse`."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from cutjoint.commands import options, table
 from cutjoint.report.tasks import drive_table, write_drives
+from cutjoint.run.display import in_units, read_units
 from cutjoint.run.outputs import require_apart
 from cutjoint.tasks.inverse import inverse_dynamics
 from cutjoint.topology.reading import read_model
@@ -12,17 +14,19 @@ from cutjoint.topology.reading import read_model
 @table.command("inverse")
 def command(
     model: Path, scene: str | None, drives: str | None, end: float | None, tunable: tuple[str, ...], changes: tuple[str, ...],
-    out: Path | None,
+    display: tuple[str, ...], out: Path | None,
 ) -> None:  # fmt: skip
     """Find the forces with which drives move MODEL as a scene prescribes, and print the largest."""
     require_apart({"the model": model}, tables={"--out": out})
+    read_units(display)
     checked = read_model(model, tunable=tunable)
     with options.progress_bar(f"compiling {model.name}"):
         found = inverse_dynamics(
             checked, scene=scene, drives=(drives or "").split(",") if drives else (), parameters=options.read_parameters(changes), end=end
         )
     console = options.message_console(out)
-    console.print(drive_table(found))
+    forces, units = in_units(found.forces, found.units, display or checked.display)
+    console.print(drive_table(replace(found, forces=forces, units=units)))
     if found.redundant:
         console.print("more drives than degrees of freedom: the forces of minimum norm are given")
     if out is not None:

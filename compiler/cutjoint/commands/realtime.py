@@ -15,12 +15,13 @@ from cutjoint.topology.reading import read_model
 @table.command("realtime")
 def command(
     model: Path, scene: str | None, method: str | None, dt: float | None, end: float | None, iterations: int | None,
-    changes: tuple[str, ...], priority: int | None, processor: int | None, out: Path | None, functions: Path | None,
+    tunable: tuple[str, ...], changes: tuple[str, ...], priority: int | None, processor: int | None, out: Path | None,
+    functions: Path | None,
 ) -> None:  # fmt: skip
     """Run one scene of MODEL by the trapezoidal rule against the wall clock: how long steps take, and how many miss their deadline."""
     require_apart({"the model": model}, tables={"--out": out})
     parameters = options.read_parameters(changes)
-    read = read_model(model, functions=functions)
+    read = read_model(model, functions=functions, tunable=tunable)
     parameter_values(read, parameters)
     with options.progress_bar(f"compiling {model.name}"):
         artifact = compile_model(read, scene=scene, **({"method": method} if method else {}))

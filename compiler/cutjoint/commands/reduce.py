@@ -15,11 +15,12 @@ from cutjoint.topology.reading import read_model
 
 @table.command("reduce")
 def command(
-    model: Path, scene: str | None, method: str | None, approximate: bool, dt: float | None, changes: tuple[str, ...], view: Path | None
+    model: Path, scene: str | None, method: str | None, approximate: bool, dt: float | None, tunable: tuple[str, ...],
+    changes: tuple[str, ...], view: Path | None,
 ) -> None:  # fmt: skip
     """Reduce MODEL to what a scene needs; print what each pass did, and operations, error and speed of each reduced model."""
     require_apart({"the model": model}, documents=[("--view", view)])
-    checked = read_model(model)
+    checked = read_model(model, tunable=tunable)
     with options.progress_bar(f"reducing {model.name}"):
         checked, chosen = find_case(checked, scene)
         driven, parameters = with_constant_inputs(checked, chosen, options.read_parameters(changes))

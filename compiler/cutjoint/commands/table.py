@@ -379,7 +379,7 @@ OPTIONS: Mapping[str, Row] = {
     "plots": click.option("--plots", type=_FOLDER, help="Folder for plots: those that the scene names, else one for each unit."),
     "compare": click.option("--compare", type=_READ, multiple=True, help="Table of an earlier run, drawn in the same plots."),
     "display": click.option("--display", metavar="UNIT", multiple=True,
-        help="Unit for plots and pages, such as deg, mm or rpm, in place of the model's 'display'; result files keep theirs."),
+        help="Unit for plots, pages and tables, such as deg, mm or rpm, in place of the model's 'display'; result files keep theirs."),
     "simulate.view": _page("that replays the run in a browser"),
     "check.proof": click.option("--proof", type=_JSON,
         help="Prove error bounds of embedded loops, embedding them if the scene does not, and write this certificate (JSON)."),

@@ -688,7 +688,7 @@ class Model:
     * ``guards``: forces that a pass removed; a run stops where one would act; ``embedded_loops``: loops replaced by functions
     * ``written``: joints as in the file where those of a scene differ; ``functions``, ``code``: supplied by the user, in C++
     * ``text``, ``files``: of the model file and of those that it names; ``notes``: warnings; ``choices``: declared by submodels, by
-      instance; ``display``: units of plots and pages
+      instance; ``display``: units of plots, pages and tables
     """
 
     name: str

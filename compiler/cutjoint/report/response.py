@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from rich.table import Table
 
 from cutjoint.report.tables import facts, table
+from cutjoint.run.display import in_units
 from cutjoint.run.result_files import write_table, write_whole
 from cutjoint.stepping.state_space import FrequencyResponse, LinearModel, SampledStateSpace
+from cutjoint.stepping.values import Array
 from cutjoint.stepping.vibration import RandomVibration
 
 #: The largest numbers of poles and zeros in a table.
@@ -20,7 +23,7 @@ _POLES, _ZEROS = 40, 3
 _ROUNDING = 1e-14
 
 
-def response_tables(model: LinearModel, response: FrequencyResponse, about: str) -> Iterator[Table]:
+def response_tables(model: LinearModel, frequencies: Array | None, about: str) -> Iterator[Table]:
     """The state that the model is ``about``, its poles, and a row for each input and output with peak, margins and zeros."""
     yield facts("linear model", _about(model, about))
     sampled = isinstance(model, SampledStateSpace)
@@ -36,10 +39,10 @@ def response_tables(model: LinearModel, response: FrequencyResponse, about: str)
     figures = ("peak gain", "at\nHz", "gain\nmargin", "at\nHz", "phase\nmargin deg", "at\nHz")
     responses = table("responses, in SI units", ("output", "input", *figures), numbers=figures, no_wrap=True)
     responses.add_column("zeros\nz" if sampled else "zeros\n1/s", overflow="fold")
-    peaks = {(o, i): model.peak(o, i, response.frequencies) for o in model.outputs for i in model.inputs}
+    peaks = {(o, i): model.peak(o, i, frequencies) for o in model.outputs for i in model.inputs}
     for output in model.outputs:
         for name in model.inputs:
-            peak, margins = peaks[output, name], model.margins(output, name, response.frequencies)
+            peak, margins = peaks[output, name], model.margins(output, name, frequencies)
             alike = max(p.gain for (other, _), p in peaks.items() if model.units.get(other) == model.units.get(output))
             if peak.gain <= _ROUNDING * alike:
                 responses.add_row(output, name, "0", *"------")
@@ -77,6 +80,14 @@ def _complex(value: complex, largest: float) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.4g}" if np.isfinite(value) else "-"
+
+
+def in_display_units(found: RandomVibration, display: Sequence[str]) -> RandomVibration:
+    """Random vibration in the units for display of its outputs."""
+    scales, units = in_units(dict.fromkeys(found.outputs, 1.0), {n: found.units.get(n, "") for n in found.outputs}, display)
+    by = np.array(list(scales.values()))
+    return replace(found, densities=found.densities * by**2, rms=found.rms * by, white=found.white * by, weighted=found.weighted * by,
+        units=units)  # fmt: skip
 
 
 def vibration_table(found: RandomVibration, title: str, weight: str) -> Table:

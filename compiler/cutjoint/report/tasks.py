@@ -52,7 +52,8 @@ def pose_table(state: MechanismState) -> Table:
     """The pose of each body, a row each."""
     bodies = _posed(state)
     columns = [_decimals([state.values[f"{body}.{quantity}"] for body in bodies]) for quantity in POSE]
-    made = table("poses, m and rad", ("body", *POSE), zip(bodies, *columns, strict=True), numbers=POSE)
+    units = dict.fromkeys(state.units[f"{bodies[0]}.{quantity}"] if bodies else unit for quantity, unit in POSE.items())
+    made = table(f"poses, {' and '.join(units)}", ("body", *POSE), zip(bodies, *columns, strict=True), numbers=POSE)
     made.pad_edge, made.collapse_padding = False, True
     return made
 

@@ -1,12 +1,12 @@
-"""Results in units for display, in plots and pages; result files keep the units of the model."""
+"""Results in units for display, in plots, pages and printed tables; result files keep the units of the model."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from cutjoint.model.expressions.units import Measure, UnitError, display_units, kind_of_unit, measure
 from cutjoint.package.errors import RunError
-from cutjoint.run.results import Array
 
 #: Euler angles of bodies, which jump by a turn.
 _WRAPPED = (".yaw", ".roll")
@@ -21,12 +21,12 @@ def read_units(wanted: Sequence[str]) -> Mapping[str, Measure]:
         raise RunError(f"--display: {error}") from None
 
 
-def in_units(columns: Mapping[str, Array], units: Mapping[str, str], wanted: Sequence[str]) -> tuple[dict[str, Array], dict[str, str]]:
-    """Columns (samples,) and their units, converted to the ``wanted`` units of their quantities; attitudes of bodies are continuous.
+def in_units(columns: Mapping[str, Any], units: Mapping[str, str], wanted: Sequence[str]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Columns (samples,) or numbers and their units, converted to ``wanted`` units of their quantities; attitudes of bodies are continuous.
     Raises RunError: as for `read_units`."""
     found, converted, names = read_units(wanted), dict(columns), dict(units)
     for name, unit in units.items():
-        if unit == "rad" and name.endswith(_WRAPPED):
+        if unit == "rad" and name.endswith(_WRAPPED) and np.ndim(converted[name]):
             converted[name] = np.unwrap(converted[name])
         for other, one in found.items():
             if _fits(one, other, unit):

@@ -82,15 +82,12 @@ class LinearModel:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: Mapping[str, str]
+    poles: ComplexArray
 
     evaluate: Callable[[ComplexArray], ComplexArray]
     realise: Callable[..., tuple[Array, Array, Array, Array]]
     _alone: Callable[[str, str], tuple[int, tuple[Array, Array, Array, Array]]]
     _dt: float | None = None
-
-    @property
-    def poles(self) -> ComplexArray:
-        raise NotImplementedError
 
     @property
     def rates(self) -> ComplexArray:
@@ -105,7 +102,7 @@ class LinearModel:
     @property
     def _highest(self) -> float:
         """The upper end of the default range of frequencies, Hz."""
-        return 10 * float(np.abs(self.rates).max(initial=0.1)) / (2 * np.pi)
+        return 10 * float(np.abs(self.rates).max(initial=0.2)) / (2 * np.pi)
 
     def frequencies(self, points: int = 400, from_: float | None = None, to: float | None = None) -> Array:
         """Frequencies (points,) in Hz at equal ratios, by default over a range that covers the poles.
@@ -125,7 +122,7 @@ class LinearModel:
         """Frequency response at ``frequencies`` (Hz), by default over a range that covers the poles.
 
         Raises:
-            MissingPackageError: SciPy is not installed.
+            MissingPackageError: of a sampled loop: SciPy is not installed.
         """
         at = self.frequencies() if frequencies is None else np.asarray(frequencies, dtype=np.float64)
         values = self.evaluate(np.asarray(2j * np.pi * at, dtype=np.complex128))
@@ -137,20 +134,26 @@ class LinearModel:
         linalg, n = need("scipy.linalg"), len(A)
         _, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
         A, row, column = A * scale / scale[:, None], row * scale, column / scale[:, None]
+        out, into = (np.abs(of).max(initial=0.0) or 1.0 for of in (row, column))
+        row, column, D = row / out, column / into, D / (out * into)
         found = linalg.eigvals(np.block([[A, column], [row, D]]), np.diag([1.0] * n + [0.0]))
         found, sizes = found[np.isfinite(found)], np.abs(np.linalg.eigvals(A))
         least = sizes[sizes > _NOUGHT * sizes.max(initial=0.0)].min(initial=1.0 if not sizes.any() else np.inf)
 
-        def gain(at: complex) -> float:
-            return float(np.abs(at**order * (row @ np.linalg.solve(at * np.eye(n) - A, column) + D))[0, 0])
+        def values(by: float) -> ComplexArray:
+            return np.array([(z**order * (row @ np.linalg.solve(z * np.eye(n) - A, column) + D))[0, 0] for z in found + by * ways])
 
-        ways = [max(abs(z), least) for z in found]  # towards a zero gains fall, not so towards infinite ones and those that poles cancel
-        kept = [gain(z + 1e-6 * way) < 1e-3 * gain(z + 1e-2 * way) for z, way in zip(found, ways, strict=True)]
+        ways = np.maximum(np.abs(found), least)  # towards a zero gains fall, not so towards infinite ones and those that poles cancel
+        for _ in range(5):  # Newton's iteration: eigenvalues are accurate to the norm of the pencil
+            with np.errstate(divide="ignore", invalid="ignore"):
+                steps = 1e-7 * ways - 1e-6 * ways * values(1e-7) / (values(1.1e-6) - values(1e-7))
+            found = np.where(np.abs(steps) < 1e-2 * ways, found + steps, found)
+        kept = np.abs(values(1e-6)) < 1e-3 * np.abs(values(1e-2))
         return np.sort_complex(np.where(np.abs(found) < 1e-6 * least, 0.0, found)[kept].astype(np.complex128))
 
     def peak(self, output: str, input: str, frequencies: Array | None = None) -> Peak:
-        """Largest gain from an input to an output; the H-infinity norm if stable and the range covers the poles."""
-        nodes = self.frequencies() if frequencies is None else np.asarray(frequencies)
+        """Largest gain from an input to an output, by default over a range from 0 that covers the poles: the H-infinity norm if stable."""
+        nodes = self._usual if frequencies is None else np.asarray(frequencies)
         own = np.concatenate([np.abs(self.rates), np.abs(self.rates.imag)]) / (2 * np.pi)
         grid = np.union1d(nodes, own[(own > nodes[0]) & (own < nodes[-1])])
         gain = self._gain(output, input)
@@ -161,12 +164,12 @@ class LinearModel:
             low, high = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
             refined = need("scipy.optimize").minimize_scalar(lambda f: -abs(gain(np.array([f]))[0]), bounds=(low, high), method="bounded",
                 options={"xatol": 1e-10 * high})
-            found = max(found, Peak(-float(refined.fun), float(refined.x)))
+            found = Peak(-float(refined.fun), float(refined.x)) if -refined.fun > found.gain * (1 + 1e-12) else found
         return found
 
     def bandwidth(self, output: str, input: str, frequencies: Array | None = None) -> float:
-        """Lowest frequency (Hz) at which the gain is 3 dB below that at the first one; infinity if it never is."""
-        grid, gain = self.frequencies() if frequencies is None else np.asarray(frequencies), self._gain(output, input)
+        """Lowest frequency (Hz) at which the gain is 3 dB below that at the first one, by default 0; infinity if it never is."""
+        grid, gain = self._usual if frequencies is None else np.asarray(frequencies), self._gain(output, input)
         below = np.abs(gain(grid)) ** 2 * 2 - np.abs(gain(grid[:1])) ** 2
         if not (below < 0.0).any():
             return float("inf")
@@ -175,10 +178,11 @@ class LinearModel:
         return float(found)
 
     def margins(self, output: str, input: str, frequencies: Array | None = None) -> Margins:
-        """Gain and phase margin of the loop that feeds an output back to an input with the factor -1."""
-        grid = self.frequencies() if frequencies is None else np.asarray(frequencies)
+        """Gain and phase margin of the loop that feeds an output back to an input with the factor -1, by default at any frequency."""
         gain, margins = self._gain(output, input), Margins(np.inf, np.nan, np.inf, np.nan)
+        grid = self._towards_unity(gain) if frequencies is None else np.asarray(frequencies)
         values = gain(grid)
+        values = np.where(np.abs(values.imag) > _ROUNDING * np.abs(values), values, values.real)
 
         def crossings(of: Callable[[ComplexArray], Array]) -> list[float]:
             signs = np.sign(of(values))
@@ -195,6 +199,23 @@ class LinearModel:
             if abs(lag) < abs(margins.phase):
                 margins = margins._replace(phase=float(lag), phase_at=f)
         return margins
+
+    @property
+    def _usual(self) -> Array:
+        """The default range of frequencies (Hz), from 0 on if no pole is there."""
+        sizes = np.abs(self.rates[np.isfinite(self.rates)])
+        return np.append([] if (sizes <= _NOUGHT * sizes.max(initial=0.0)).any() else [0.0], self.frequencies())
+
+    def _towards_unity(self, gain: Callable[[Array], ComplexArray]) -> Array:
+        """The default range of frequencies (Hz), extended by the asymptotes at its ends to where they have a gain of 1."""
+        grid = self.frequencies()
+        for end, inner, margin in ((0, 1, 0.5), *(((-1, -2, 2.0),) if self._dt is None else ())):
+            last, before = np.log(np.maximum(np.abs(gain(grid[[end, inner]])), 1e-300))
+            slope = (last - before) / np.log(grid[end] / grid[inner])
+            way = -last / slope if abs(slope) > 0.5 else 0.0
+            if way * (margin - 1.0) > 0.0:
+                grid = np.union1d(grid, np.geomspace(grid[end], grid[end] * margin * np.exp(np.clip(way, -30.0, 30.0)), 60))
+        return grid
 
     def to_scipy(self, by: str = "value") -> Any:
         """The model as ``scipy.signal.StateSpace``, by values, rates or accelerations of all inputs; sampled loops are discrete.
@@ -257,13 +278,8 @@ class StateSpace(LinearModel):
         return f"<StateSpace: states {', '.join(self.states)}, inputs {', '.join(self.inputs) or 'none'}, {len(self.outputs)} outputs>"
 
     def transfer(self, s: complex) -> ComplexArray:
-        """The transfer matrix (outputs, inputs) at a complex frequency s (1/s): y = transfer(s) u for u that goes with exp(s t).
-
-        Raises:
-            numpy.linalg.LinAlgError: s is an eigenvalue of A.
-        """
-        states = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B + s * self.B_rate + s * s * self.B_acceleration)
-        return np.asarray(self.C @ states + self.D + s * self.D_rate + s * s * self.D_acceleration, dtype=np.complex128)
+        """The transfer matrix (outputs, inputs) at a complex frequency s (1/s): y = transfer(s) u for u that goes with exp(s t)."""
+        return np.asarray(self.evaluate(np.array([s], dtype=np.complex128))[0])
 
     def choose(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> "StateSpace":
         """The model with the named inputs and outputs in the order given; None: all.
@@ -279,29 +295,24 @@ class StateSpace(LinearModel):
         return replace(self, **parts, inputs=tuple(self.inputs[j] for j in columns), outputs=tuple(self.outputs[i] for i in rows))
 
     @cached_property
-    def poles(self) -> ComplexArray:
+    def poles(self) -> ComplexArray:  # type: ignore[override]
         """Eigenvalues of A, 1/s."""
         return np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
 
-    @cached_property
-    def _triangular(self) -> tuple[ComplexArray, list[ComplexArray], ComplexArray]:
-        """Schur form of A in balanced coordinates, with the matrices of inputs and of outputs there."""
-        linalg = need("scipy.linalg")
-        balanced, (scale, _) = linalg.matrix_balance(self.A, permute=False, separate=True)
-        T, Q = linalg.schur(balanced, output="complex") if len(self.A) else (np.zeros((0, 0), complex), np.zeros((0, 0)))
-        B = [Q.conj().T @ (of / scale[:, None]) for of in (self.B, self.B_rate, self.B_acceleration)]
-        return np.asarray(T), B, np.asarray((self.C * scale) @ Q)
-
     def evaluate(self, s: ComplexArray) -> ComplexArray:
-        """Transfer matrices (points, outputs, inputs) at complex frequencies s (points,), by substitution in the Schur form of A."""
-        T, B, C = self._triangular
-        at = np.asarray(s, dtype=np.complex128)[None, :, None]
-        X = B[0][:, None, :] + at * B[1][:, None, :] + at * at * B[2][:, None, :]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            for i in reversed(range(len(T))):
-                X[i] = (X[i] + np.einsum("k,kfm->fm", T[i, i + 1 :], X[i + 1 :])) / (at[0] - T[i, i])
-        at = at.transpose(1, 0, 2)  # einsum: threads of a BLAS take longer than these small products
-        return np.asarray(np.einsum("on,nfm->fom", C, X) + self.D + at * self.D_rate + at * at * self.D_acceleration)
+        """Transfer matrices (points, outputs, inputs) at complex frequencies s (points,); infinite at poles."""
+        n, parts = len(self.A), list[ComplexArray]()
+        for part in np.array_split(np.asarray(s, dtype=np.complex128), 1 + len(s) * n * n // 500_000):
+            at = part[:, None, None]
+            M, B = at * np.eye(n) - self.A, self.B + at * self.B_rate + at * at * self.B_acceleration
+            poles = np.zeros(len(part), dtype=bool)
+            try:  # LU: triangular forms of A lose what is small beside its norm
+                X = np.linalg.solve(M, B)
+            except np.linalg.LinAlgError:
+                poles = np.linalg.slogdet(M)[0] == 0.0
+                X = np.linalg.solve(np.where(poles[:, None, None], np.eye(n), M), B)
+            parts.append(np.where(poles[:, None, None], np.inf, self.C @ X + self.D + at * self.D_rate + at * at * self.D_acceleration))
+        return np.concatenate(parts)
 
     def _reduced(self, order: int) -> tuple[list[Array], list[Array]]:
         """Input matrices of values, rates and accelerations in x' and y; states are changed so that x' has no derivative above an order."""
@@ -442,7 +453,7 @@ class SampledStateSpace(LinearModel):
         return 0, (A, B[:, j : j + 1], C[i : i + 1], D[i : i + 1, j : j + 1])
 
     @cached_property
-    def poles(self) -> ComplexArray:
+    def poles(self) -> ComplexArray:  # type: ignore[override]
         """Eigenvalues z of the loop over its period; it is stable if all are below 1 in magnitude."""
         u, y = len(self.inputs), len(self.outputs)
         M, _ = self._over_period(self.plant.B[:, u:], np.hstack([self.plant.C[y:], self.plant.D[y:, u:]]))

@@ -145,7 +145,7 @@ def _response(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
 
     def find(parameters: Mapping[str, float]) -> Result:
         near: LinearModel = find_scene_linear_model(model, scene, at=at, inputs=inputs, outputs=outputs, parameters=parameters)
-        frequencies, units = near.frequencies(from_=band["from_"], to=band["to"]), dict[str, str]()
+        frequencies, units = near.frequencies(from_=band["from_"], to=band["to"]) if any(band.values()) else None, dict[str, str]()
         for output in near.outputs:
             for source in near.inputs:
                 above, below = near.units.get(output, ""), near.units.get(source, "")
@@ -157,7 +157,7 @@ def _response(model: Model, scene: Scene, options: Mapping[str, Any]) -> Task:
     return find
 
 
-def _number_of(near: LinearModel, name: str, frequencies: Array) -> float:
+def _number_of(near: LinearModel, name: str, frequencies: Array | None) -> float:
     """A number of a response, by the name "output/input.number"."""
     output, _, rest = name.partition("/")
     source, _, number = rest.rpartition(".")
